@@ -288,7 +288,7 @@ def _is_below_resolution(base: FittedCandidate, data: DiagnosisData) -> bool:
 
 
 class _Remainder(NamedTuple):
-    """What the best model does not account for.
+    """Remainder of a record that the best model does not account for.
 
     Attributes
     ----------

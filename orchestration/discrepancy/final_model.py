@@ -29,6 +29,7 @@ from orchestration.discrepancy.selection import (
     Selection,
     Step,
     as_reported_models,
+    change_from_nominal,
     interchangeable,
     intersample,
     without_effect,
@@ -115,7 +116,7 @@ class ParameterAssessment:
 
     @property
     def implausible(self) -> bool:
-        """Whether a parameter has a value that no specimen can have."""
+        """True if a parameter has a value that no specimen can have."""
         return bool(self.ratios)
 
 
@@ -207,9 +208,7 @@ def _as_likely_as_base(selection: Selection) -> list[FittedCandidate]:
 
 def _distance_from_nominal(fitted: FittedCandidate) -> float:
     """Return how far a model's parameters are from nominal, in searched coordinates."""
-    problem = fitted.problem
-    physical = [not problem.declared[name].starts for name in problem.names]
-    return float(np.linalg.norm((fitted.fit.q - problem.position(problem.start))[physical]))
+    return float(np.linalg.norm(change_from_nominal(fitted.problem, fitted.fit)))
 
 
 def _only_step(
@@ -243,35 +242,16 @@ def _judged_in_final_model(
 ) -> FinalModel:
     """Assess the final model, and drop the causes that may do nothing in it, one after another.
 
-    What was named first was judged without what came after it. A cause without which the record is
-    much less likely stays, or without which unseen data are surely farther off: its interval is
-    then that of the likelihood ratio, or of how sure that is.
+    What was named first was judged without what came after it.
     """
     outcome = _assess_final_model(search, judged, data)
     ratios = dict[type[Effect], float]()
-    while True:
-        selection = outcome.judged.selection
-        estimates = outcome.parameters.estimates
-        open_effects = undetermined_effects(outcome.model, estimates)
-        effect = next((one for one in open_effects if one not in ratios), None)
-        if effect is None:
-            break
-        shorter = without_effect(search, selection, effect)
-        reported = as_reported_models(search, shorter)
-        fall = selection.best.delta_bic(reported.best, selection.tried)
-        if fall > ACCEPT:
-            # the model without it may have more parameters of the noise
-            ratio = reported.best.fit.deviance - selection.best.fit.deviance
-            ratios[effect] = max(ratio, fall)
-            continue
-        note = _neutral_note(effect, estimates[effect.neutral])
-        anew = confirm(reported, data.validation, search.trusted)
-        gain = free_run_gain(data.validation, anew.predictions[-1], outcome.judged.predictions[-1])
-        if gain.surely_nearer:
-            ratios[effect] = gain.fall**2
-            continue
-        kept = replace(anew, notes=[*outcome.judged.notes, *anew.notes, note])
-        outcome = _assess_final_model(search, kept, data)
+    while (effect := _undetermined(outcome, ratios)) is not None:
+        held = _held_against_less(search, outcome, effect, data)
+        if isinstance(held, FinalModel):
+            outcome = held
+        else:
+            ratios[effect] = held
     estimates = outcome.parameters.estimates
     needed = {
         effect.neutral: by_likelihood_ratio(estimates[effect.neutral], neutral_value(effect), ratio)
@@ -279,6 +259,44 @@ def _judged_in_final_model(
         if effect.neutral in estimates
     }
     return replace(outcome, parameters=replace(outcome.parameters, estimates=estimates | needed))
+
+
+def _undetermined(outcome: FinalModel, needed: Mapping[type[Effect], float]) -> type[Effect] | None:
+    """Return the next effect of which the interval holds that it does nothing; None if none does.
+
+    Those that are known to be needed are not looked at again.
+    """
+    effects = undetermined_effects(outcome.model, outcome.parameters.estimates)
+    return next((effect for effect in effects if effect not in needed), None)
+
+
+def _held_against_less(
+    search: Search, outcome: FinalModel, effect: type[Effect], data: DiagnosisData
+) -> float | FinalModel:
+    """Hold the final model against the one without an effect.
+
+    A cause without which the record is much less likely stays, or without which unseen data are
+    surely farther off: its interval is then that of the likelihood ratio, or of how sure that is.
+
+    Returns
+    -------
+    float or FinalModel
+        The ratio by which the effect is needed, as a difference of deviance; or the final model
+        without it.
+    """
+    selection = outcome.judged.selection
+    reported = as_reported_models(search, without_effect(search, selection, effect))
+    fall = selection.best.delta_bic(reported.best, selection.tried)
+    if fall > ACCEPT:
+        # the model without it may have more parameters of the noise
+        return max(reported.best.fit.deviance - selection.best.fit.deviance, fall)
+    anew = confirm(reported, data.validation, search.trusted)
+    gain = free_run_gain(data.validation, anew.predictions[-1], outcome.judged.predictions[-1])
+    if gain.surely_nearer:
+        return gain.fall**2
+    note = _neutral_note(effect, outcome.parameters.estimates[effect.neutral])
+    kept = replace(anew, notes=[*outcome.judged.notes, *anew.notes, note])
+    return _assess_final_model(search, kept, data)
 
 
 def _neutral_note(effect: type[Effect], strength: Estimate) -> Note:
@@ -336,12 +354,13 @@ def _assess_parameters(
     """
     starts = final.candidate.cls.layout.start_parameters
     physical = [name for name in data.parameters if name not in starts]
-    by_input_noise = data.input_noise.spread_of(final.problem.names)
-    by_intersample = intersample.spread(data.intersample, final)
-    spread = deviation_beside_fit(final, (by_input_noise, by_intersample), selection, residuals)
+    spreads = (
+        data.input_noise.spread_of(final.problem.names),
+        intersample.spread(data.intersample, final),
+    )
+    spread = deviation_beside_fit(final, spreads, selection, residuals)
     estimates = parameter_estimates(final, spread)
-    effects = final.candidate.effects
-    slopes = straight_parts(effects, selection.base.candidate.cls, physical)
+    slopes = straight_parts(final.candidate.effects, selection.base.candidate.cls, physical)
     apart = [name for name in physical if not any(name in names for names in slopes.values())]
     changed = significantly_changed(final, apart, spread) if data.informative else []
     ratios = implausible(estimates, physical)

@@ -52,12 +52,12 @@ class Moment:
 
 @dataclass(frozen=True)
 class RigEnd:
-    """What a proxy is told of its rig.
+    """Address of a rig, and the keys for it, as the parameters of a proxy have them.
 
     Attributes
     ----------
     endpoint, credentials : str
-        As the parameters of the proxy have them.
+        Address like ``tcp://HOST:PORT``, and key file; empty without.
     """
 
     endpoint: str

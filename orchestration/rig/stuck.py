@@ -96,7 +96,7 @@ class StuckMonitor:
 
 
 class _Sensor:
-    """What a sensor shows, and what it was seen to do.
+    """Record of what a sensor shows, and of what it was seen to follow.
 
     Parameters
     ----------

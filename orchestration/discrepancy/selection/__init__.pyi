@@ -10,6 +10,7 @@ from .input_noise import simulated as simulated
 from .input_noise import unfollowed_noise as unfollowed_noise
 from .input_noise import with_more_noise as with_more_noise
 from .intersample import Intersample as Intersample
+from .misfit import change_from_nominal as change_from_nominal
 from .misfit import free_run_error as free_run_error
 from .misfit import pooled as pooled
 from .mixed_up import mixed_up_columns as mixed_up_columns

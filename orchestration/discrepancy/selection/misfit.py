@@ -58,6 +58,12 @@ def pooled(shares: list[float]) -> float:
     return float(np.mean(known or [0.0])) ** 0.5
 
 
+def change_from_nominal(problem: Problem, fit: FitResult) -> Array:
+    """Return how far each parameter but starts is from nominal, in searched coordinates (k,)."""
+    physical = [not problem.declared[name].starts for name in problem.names]
+    return (fit.q - problem.position(problem.start))[physical]
+
+
 def refitted_error(search: Search, data: Dataset, each: Sequence[str] = ()) -> float:
     """Return the relative error of the model without effects fitted to other data.
 

@@ -23,6 +23,7 @@ from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.parallel import parallel_map
 from orchestration.discrepancy.selection.misfit import (
     MUCH_NEARER,
+    change_from_nominal,
     nominal_outputs,
     pooled,
     share_of_power,
@@ -283,6 +284,5 @@ def _worth(problem: Problem, fit: FitResult, reading: _Reading | None = None) ->
             measured = np.abs(deviation)
             residual = measured - np.abs(deviation - residual)
         shares.append(share_of_power(np.diff(measured, order), np.diff(residual, order)))
-    change = np.abs(fit.q - problem.position(problem.start))
-    physical = [not problem.declared[name].starts for name in problem.names]
-    return _Worth(pooled(shares), float(np.max(change[physical], initial=0.0)))
+    change = np.abs(change_from_nominal(problem, fit))
+    return _Worth(pooled(shares), float(np.max(change, initial=0.0)))

@@ -1,2 +1,2 @@
-from .check import Verdict as Verdict
+from .check import RuleVerdict as RuleVerdict
 from .check import check_server as check_server

@@ -10,8 +10,8 @@ from orchestration.rig.conformance.rules import RULES
 from orchestration.rig.endpoint import Endpoint
 
 
-class Verdict(NamedTuple):
-    """What was found of a rule.
+class RuleVerdict(NamedTuple):
+    """RuleVerdict on a rule.
 
     Attributes
     ----------
@@ -34,8 +34,8 @@ class Verdict(NamedTuple):
 
 
 def check_server(
-    remote: Endpoint, beyond_limits: bool = False, tell: Callable[[Verdict], None] = print
-) -> list[Verdict]:
+    remote: Endpoint, beyond_limits: bool = False, tell: Callable[[RuleVerdict], None] = print
+) -> list[RuleVerdict]:
     """Check a server against the rules of the protocol.
 
     The rig is commanded to zero, stopped and released again and again.
@@ -50,7 +50,7 @@ def check_server(
 
     Returns
     -------
-    list of Verdict
+    list of RuleVerdict
 
     Raises
     ------
@@ -69,11 +69,11 @@ def check_server(
                 holds, seen = None, str(reason)
             except BrokenError as broken:
                 holds, seen = False, str(broken)
-            verdicts.append(Verdict(rule.text, holds, seen))
+            verdicts.append(RuleVerdict(rule.text, holds, seen))
             tell(verdicts[-1])
             probe.settle()
     except BrokenError as broken:
-        verdicts.append(Verdict("a rig can be stopped and released", False, str(broken)))
+        verdicts.append(RuleVerdict("a rig can be stopped and released", False, str(broken)))
         tell(verdicts[-1])
     finally:
         probe.close()

@@ -21,7 +21,7 @@ from typing import Any
 from orchestration.rig.backends import backend_class, open_backend
 from orchestration.rig.server import device
 from orchestration.rig.server.calls import BackendError, call, deadline, leave
-from orchestration.rig.server.processes import Peer, detach, undisturbed
+from orchestration.rig.server.processes import OtherProcess, detach, undisturbed
 from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
@@ -268,7 +268,7 @@ class Guard:
         self._tell(RESCUING)
         beat = self._shared.beat.read()
         if beat is not None:
-            device = Peer(beat.process)
+            device = OtherProcess(beat.process)
             device.join(_ORPHAN * self._settings.watchdog)
             if not self._has_ended():
                 device.kill()

@@ -63,7 +63,7 @@ def _there() -> list[signal.Signals]:
     return [getattr(signal, name) for name in _NOT_MEANT if hasattr(signal, name)]
 
 
-class Peer:
+class OtherProcess:
     """A process of the server that another process started.
 
     No other process that has its number later is taken for it.

@@ -23,8 +23,8 @@ from orchestration.rig.server.shared_memory import (
     SERVING,
     Alarm,
     Command,
-    Pulse,
     SharedMemory,
+    SignOfLife,
     Slot,
     Trip,
     Watch,
@@ -133,7 +133,7 @@ class RealTimeRig:
 
     def beat(self) -> None:
         """Show device and guards that the front is alive."""
-        self._shared.front.write(Pulse(monotonic(), os.getpid()))
+        self._shared.front.write(SignOfLife(monotonic(), os.getpid()))
 
     def apply(self, values: Sequence[float], now: float) -> None:
         """Command every input.

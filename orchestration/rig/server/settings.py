@@ -100,7 +100,7 @@ class ServerSettings:
 
     @property
     def silence(self) -> float:
-        """How long a process may show no sign of life before the others hold it to hang, in s."""
+        """Longest time without a sign of life of a process before it is held to hang, in s."""
         return _SHARE * self.watchdog
 
 

@@ -43,7 +43,7 @@ class Command(NamedTuple):
     number: int = 0
 
 
-class Pulse(NamedTuple):
+class SignOfLife(NamedTuple):
     """A sign of life of a process, written by the front and by the guard that stands by."""
 
     time: float
@@ -128,7 +128,7 @@ class Description(NamedTuple):
 Record = TypeVar("Record", bound=tuple[Any, ...])
 _LAYOUTS: dict[type, str] = {
     Command: "<BQd" + _NUMBERS + "Q",
-    Pulse: "<dQ",
+    SignOfLife: "<dQ",
     Beat: "<dQ?d16sQ",
     Sample: "<QdQ" + 4 * _NUMBERS,
     Trip: f"<d??{_TEXT}s",
@@ -228,11 +228,11 @@ class SharedMemory:
 
     Attributes
     ----------
-    command, front : Slot of Command, Slot of Pulse
+    command, front : Slot of Command, Slot of SignOfLife
         Written by the front.
     watch, rescue : Slot of Watch, Slot of Trip
         Written by the guard on duty.
-    standby : Slot of Pulse
+    standby : Slot of SignOfLife
         Written by the guard that stands by.
     beat, sample, trip, alarm, description
         Written by the device.
@@ -242,10 +242,10 @@ class SharedMemory:
         view = memoryview(memory).cast("B")
         starts = iter(_starts())
         self.command = Slot(view, next(starts), Command)
-        self.front = Slot(view, next(starts), Pulse)
+        self.front = Slot(view, next(starts), SignOfLife)
         self.watch = Slot(view, next(starts), Watch)
         self.rescue = Slot(view, next(starts), Trip)
-        self.standby = Slot(view, next(starts), Pulse)
+        self.standby = Slot(view, next(starts), SignOfLife)
         self.beat = Slot(view, next(starts), Beat)
         self.sample = Slot(view, next(starts), Sample)
         self.trip = Slot(view, next(starts), Trip)
@@ -254,7 +254,7 @@ class SharedMemory:
 
 
 # in the order of the slots
-_KINDS = (Command, Pulse, Watch, Trip, Pulse, Beat, Sample, Trip, Alarm, Description)
+_KINDS = (Command, SignOfLife, Watch, Trip, SignOfLife, Beat, Sample, Trip, Alarm, Description)
 
 
 def _starts() -> list[int]:

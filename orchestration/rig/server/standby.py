@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 from time import monotonic
 
-from orchestration.rig.server.processes import Peer
+from orchestration.rig.server.processes import OtherProcess
 from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.shared_memory import (
     OPENING,
     RESCUING,
     RETIRED,
-    Pulse,
     SharedMemory,
+    SignOfLife,
     Watch,
 )
 
@@ -33,7 +33,7 @@ class Standby:
     def __init__(self, settings: ServerSettings, shared: SharedMemory) -> None:
         self._settings = settings
         self._shared = shared
-        self._guard: Peer | None = None
+        self._guard: OtherProcess | None = None
 
     def is_idle(self) -> bool:
         """Return True if there is no guard on duty, or it left the rig in its safe state."""
@@ -48,13 +48,13 @@ class Standby:
         str
             Why the guard on duty, which has ended now, cannot go on; empty if it can.
         """
-        self._shared.standby.write(Pulse(monotonic(), os.getpid()))
+        self._shared.standby.write(SignOfLife(monotonic(), os.getpid()))
         watch = self._shared.watch.read()
         return "" if watch is None else self._fault_of(watch)
 
     def _fault_of(self, watch: Watch) -> str:
         if self._guard is None or self._guard.number != watch.process:
-            self._guard = Peer(watch.process)
+            self._guard = OtherProcess(watch.process)
         if not self._guard.is_alive():
             return "the guard process has ended"
         silent = monotonic() - watch.time

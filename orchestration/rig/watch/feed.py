@@ -41,7 +41,7 @@ _LONGEST_END = 5.0  # s that the listening thread has to end
 
 
 class Update(NamedTuple):
-    """What a page does not have yet.
+    """Items that a page does not have yet.
 
     Attributes
     ----------

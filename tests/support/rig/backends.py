@@ -53,7 +53,7 @@ class Logged(Backend):
 
     @property
     def _commands(self) -> dict[str, float]:
-        """What the hardware holds."""
+        """Values that the hardware holds."""
         return dict(zip(self.inputs, _HELD.unpack_from(self._hardware), strict=True))
 
     def _hold(self, values: Mapping[str, float]) -> None:
@@ -63,7 +63,7 @@ class Logged(Backend):
         os.write(self._log, f"{time.monotonic()!r} {os.getpid()} {what}\n".encode())
 
     def measured(self, commands: Mapping[str, float]) -> dict[str, float]:
-        """What is measured while something is commanded."""
+        """Values that are measured while something is commanded."""
         return {
             "voltage": GAIN["voltage"] * commands["current"],
             "displacement": GAIN["displacement"] * commands["force"],
@@ -201,7 +201,7 @@ class Threaded(Logged):
 
 
 class Actuator(Faulty):
-    """What the system hil_bench drives: an actuator that is a spring, whose length is commanded."""
+    """Actuator of the system hil_bench: a spring, whose length is commanded."""
 
     STIFFNESS, RESISTANCE = 200.0, 0.5  # N/m, ohm; soft: a loop over a bad cable stays stable
 

@@ -133,7 +133,7 @@ def flooded(kind: str, port: int, server_key: str = "") -> Iterator[None]:
 
 
 def stop_times(remote: Endpoint, number: int) -> list[float]:
-    """How long each of some stops takes until its answer, s, on a connection of its own."""
+    """Return the times that stops take until their answers, s, each on a connection of its own."""
     times = []
     for k in range(number):
         begun = time.monotonic()

@@ -61,7 +61,7 @@ def smuggled(body: bytes) -> list[bytes]:
 
 
 def post(body: bytes) -> bytes:
-    """What a browser sends for a request of a page, however the page tries."""
+    """Return the bytes that a browser sends for a request of a page, however the page tries."""
     head = f"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: {len(body)}\r\n\r\n"
     return head.encode() + body
 
@@ -155,7 +155,7 @@ class RawPeer:
         return self.receive()
 
     def is_closed(self, patience: float = PATIENCE) -> bool:
-        """Whether the server closes the connection, while nothing is answered."""
+        """Return True if the server closes the connection without an answer."""
         self._socket.settimeout(patience)
         try:
             while self._socket.recv(4096):

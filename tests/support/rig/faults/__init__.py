@@ -1,4 +1,4 @@
-"""What can go wrong between a client and its rig: a table of kinds, each with what is promised of
+"""Faults between a client and its rig: a table of kinds, each with what is promised of
 it.
 
 A kind is a function that is handed a :class:`~.bench.Bench` and raises `AssertionError` when the

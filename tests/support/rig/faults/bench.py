@@ -138,7 +138,7 @@ class Bench:
         return now
 
     def last_fresh(self, before: float) -> float:
-        """When the last fresh command was handed to the server before a time."""
+        """Return the time at which the last fresh command before another reached the server."""
         return max(when for when in self.link.fresh if when < before)
 
     def safe_after(self, since: float, timeout: float = 15.0) -> Call:
@@ -201,7 +201,7 @@ class Bench:
         driver.stop()
 
     def status(self) -> dict[str, Any]:
-        """How the server says it is."""
+        """Return the status of the server."""
         return operator.ask(read_endpoint(self.server.endpoint), "status", 5.0)
 
     def wait_status(self, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
@@ -243,7 +243,7 @@ def _lives(pid: int) -> bool:
 
 @dataclass(frozen=True)
 class Row:
-    """What came of a fault.
+    """Result of a fault.
 
     Attributes
     ----------

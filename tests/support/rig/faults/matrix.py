@@ -55,7 +55,7 @@ Faults = tuple[tuple[str, str], ...]  # process and treatment
 
 @dataclass(frozen=True)
 class Combination:
-    """What happens at about the same time.
+    """Events at about the same time.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Combination:
 
     @property
     def kind(self) -> str:
-        """What it is counted with."""
+        """Group that it is counted in."""
         processes = " and ".join(process for process, _ in self.faults)
         if self.is_for_hardware:
             return "all processes"
@@ -96,7 +96,7 @@ class Combination:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a combination.
+    """Result of a combination.
 
     Attributes
     ----------
@@ -252,7 +252,7 @@ class _Trial:
         return self._judged(noticed)
 
     def _acts(self) -> list[tuple[bool, Callable[[], object]]]:
-        """What to do, and whether it demands the safe state."""
+        """Return acts, each with whether it demands the safe state."""
         faults = self._combination.faults
         acts = [(_demands(fault), self._act(*fault)) for fault in faults]
         name = self._combination.signal
@@ -274,7 +274,7 @@ class _Trial:
         time.sleep(_SETTLING)
 
     def _is_serving(self) -> bool:
-        """Whether nothing had to come of what happened, and commands are carried out."""
+        """Return True if nothing had to come of the events, and commands are carried out."""
         if self._combination.demands:
             return False
         written = _last_command(self._server.calls())
@@ -308,7 +308,7 @@ class _Trial:
         return self._held(noticed, f"safe after {took:.3f} s")
 
     def _begun(self, calls: list[Call]) -> list[float]:
-        """When things happened; a call that never returns hangs from when it was called."""
+        """Return the times of events; a call that never returns hangs from when it was called."""
         return [*self._events, *(call.time for call in calls if call.what.startswith("fault"))]
 
     def _held(self, noticed: float | None, remark: str) -> Outcome:
@@ -327,12 +327,12 @@ class _Trial:
 
 
 def _demands(fault: tuple[str, str]) -> bool:
-    """Whether a fault of a process demands the safe state."""
+    """Return True if a fault of a process demands the safe state."""
     return fault[0] != "standby"
 
 
 def _last_command(calls: list[Call]) -> float | None:
-    """When the output was last given something else than zero; None if never."""
+    """Return the time at which the output was last given something else than zero, or None."""
     times = [
         call.time
         for call in calls
@@ -363,7 +363,7 @@ class _Idle:
         """End without a word."""
 
     def noticed(self, since: float) -> float | None:
-        """When it learnt after a time that the rig is not there; None if it did not."""
+        """Return the time after another at which it learnt that the rig is not there, or None."""
         return None
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""How long a command may be held, from when its client sent it: end to end."""
+"""Longest time that a command is held, from when its client sent it: end to end."""
 
 from __future__ import annotations
 

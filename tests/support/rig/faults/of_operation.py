@@ -1,4 +1,4 @@
-"""What operators and the system around the server do."""
+"""Faults by operators and by the system around the server."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ _NUMBERS = ("charge", "charge_age", "round_trip_time")
 
 @dataclass(frozen=True)
 class Row:
-    """What a master had after a step.
+    """Values of a master after a step.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Observed:
-    """What became of a run.
+    """Result of a run.
 
     Attributes
     ----------

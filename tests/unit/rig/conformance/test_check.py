@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from orchestration.rig.conformance import Verdict, check_server
+from orchestration.rig.conformance import RuleVerdict, check_server
 from orchestration.rig.conformance.rules import RULES
 from tests.support.command import here
 from tests.support.rig.process import Server
@@ -42,6 +42,6 @@ def test_a_server_written_without_care_is_told_rule_by_rule(tmp_path):
 
 
 def test_a_verdict_is_a_line():
-    assert str(Verdict("a rule", True, "")) == "holds      a rule"
-    assert str(Verdict("a rule", None, "why")) == "not tried  a rule: why"
-    assert str(Verdict("a rule", False, "why")) == "BROKEN     a rule: why"
+    assert str(RuleVerdict("a rule", True, "")) == "holds      a rule"
+    assert str(RuleVerdict("a rule", None, "why")) == "not tried  a rule: why"
+    assert str(RuleVerdict("a rule", False, "why")) == "BROKEN     a rule: why"

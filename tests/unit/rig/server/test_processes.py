@@ -11,7 +11,7 @@ import time
 
 import pytest
 
-from orchestration.rig.server.processes import Peer, undisturbed
+from orchestration.rig.server.processes import OtherProcess, undisturbed
 from tests.support.command import posix
 
 pytestmark = [posix, pytest.mark.real_time]
@@ -79,7 +79,7 @@ def test_a_signal_that_comes_meanwhile_is_not_lost():
 
 def test_a_peer_is_alive_until_it_ends_even_if_it_is_stopped_or_nobody_has_waited_for_it():
     process = started(SLEEPER)
-    peer = Peer(process.pid)
+    peer = OtherProcess(process.pid)
     process.send_signal(signal.SIGSTOP)
     assert peer.is_alive()
     peer.kill()
@@ -95,6 +95,6 @@ def test_a_peer_that_never_was_is_not_alive():
     process = started("pass")
     process.wait()
     process.stdout.close()
-    peer = Peer(process.pid)
+    peer = OtherProcess(process.pid)
     assert not peer.is_alive()
     peer.join(60.0)

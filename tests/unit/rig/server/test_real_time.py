@@ -27,8 +27,8 @@ from orchestration.rig.server.shared_memory import (
     Alarm,
     Beat,
     Command,
-    Pulse,
     Sample,
+    SignOfLife,
     Trip,
     Watch,
     pack,
@@ -73,7 +73,7 @@ def started(monkeypatch):
     def serve(rig, rescue, *, stands_by=False):
         start(rig, reasons, rescue, stands_by)
         on_duty(rig)
-        rig._shared.standby.write(Pulse(1.0, 2))
+        rig._shared.standby.write(SignOfLife(1.0, 2))
         rig._shared.description.write(SIGNALS.to_record()._replace(opening=0.25))
 
     monkeypatch.setattr(RealTimeRig, "_start_guard", serve)

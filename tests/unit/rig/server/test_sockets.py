@@ -125,7 +125,7 @@ def test_a_message_that_is_much_too_large_ends_its_connection(offset, most):
 
 
 def counted(sockets, least: int = 4) -> int:
-    """How many were turned away, as soon as there are enough."""
+    """Return the number of those turned away, as soon as there are enough."""
     number, until = 0, time.monotonic() + PATIENCE / 1000
     while number < least and time.monotonic() < until:
         number += sockets.turned_away()

@@ -39,7 +39,7 @@ def made():
 
 
 def hears(telemetry, watcher):
-    """Whether what is published arrives."""
+    """Return True if a published message arrives."""
     until = time.monotonic() + PATIENCE
     while time.monotonic() < until:
         telemetry.publish(b"news")

@@ -52,7 +52,7 @@ def of_kind(items, kind):
 
 
 def everything(feed):
-    """What a page gets that was just opened."""
+    """Return the items that a page gets that was just opened."""
     update = feed.since(-1)
     assert update.first
     return update.items
