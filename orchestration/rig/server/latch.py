@@ -177,7 +177,9 @@ class Latch:
             if self.state != SAFE:
                 self.state = SAFE
                 self.reached = max(0.0, since - self._closed)
-                self._log.tell(f"safe, reached after {_duration(self.reached)}", "safe")
+                self._log.tell(
+                    f"safe, reached after {_duration(self.reached)}", "safe state confirmed"
+                )
         elif now - self._lacking <= self._rig.bound:
             self.state = STOPPING
         elif self.state != NOT_REACHED:
