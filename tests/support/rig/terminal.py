@@ -74,6 +74,8 @@ class Terminal:
 
 def _work_as_shell(terminal: str, command: Sequence[str]) -> int:
     """Run a command in the foreground until it ends; take the terminal back if it is stopped."""
+    for number in (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT):
+        signal.signal(number, signal.SIG_DFL)  # whoever tests may have been started to ignore them
     screen = os.open(terminal, os.O_RDWR)
     fcntl.ioctl(screen, termios.TIOCSCTTY, 0)
     job = subprocess.Popen(command, process_group=0)
