@@ -1,6 +1,7 @@
 from . import console as console
 from . import pictures as pictures
 from .background import BackgroundWriter as BackgroundWriter
+from .console import alarm as alarm
 from .console import detail as detail
 from .console import err as err
 from .console import note as note

@@ -82,6 +82,13 @@ def warn(text: str) -> None:
     err.print(f"warning: {text}", soft_wrap=True)
 
 
+def alarm(text: str) -> None:
+    """Tell what an operator has to see to at once; it is told though the console be quiet."""
+    before, err.quiet = err.quiet, False
+    err.print(f"ALARM: {text}", soft_wrap=True, style="bold red")
+    err.quiet = before
+
+
 def note(text: str) -> None:
     """Tell what is worth knowing."""
     err.print(f"noted: {text}", soft_wrap=True)

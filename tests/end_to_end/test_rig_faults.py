@@ -21,8 +21,8 @@ WATCHDOG, ALLOWANCE = 0.5, 0.2  # s
 KINDS = table()
 # Promises that the page shows as missed, each of them an open fault of the server or of the page's
 # measurement; whoever mends one takes it out.
-OPEN = {"the front has no descriptors left"}
-OPEN_COMBINATIONS = {"all processes"}
+OPEN: set[str] = set()
+OPEN_COMBINATIONS: set[str] = set()
 COMBINATIONS = [
     Combination((), "HUP", "commanding"),
     Combination((), "TSTP", "commanding"),

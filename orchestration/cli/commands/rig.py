@@ -178,9 +178,9 @@ def _drive(
 
     from fmus.rig_proxy import Link
     from orchestration.master import deferred, realtime_priority
-    from orchestration.reporting import err, note
+    from orchestration.reporting import alarm, err, note
     from orchestration.rig import on_termination
-    from orchestration.rig.record import dataset, drive
+    from orchestration.rig.record import RecordingObserver, dataset, drive
 
     with ExitStack() as opened:
         link = Link(remote.requests, planned.inputs, planned.outputs, credentials, "ppy rig record")
@@ -195,7 +195,8 @@ def _drive(
         interrupt = opened.enter_context(deferred())
         opened.enter_context(on_termination(lambda: setattr(interrupt, "pressed", True)))
         opened.enter_context(realtime_priority())
-        recorded = drive(link, planned, interrupt, journal.add, telling.look, lambda: journal.error)
+        observer = RecordingObserver(journal.add, telling.look, lambda: journal.error, alarm)
+        recorded = drive(link, planned, interrupt, observer)
     if not len(recorded.inputs):
         if recorded.failure:
             raise UserError(f"{recorded.failure}; nothing was recorded")

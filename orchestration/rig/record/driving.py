@@ -22,6 +22,7 @@ from orchestration.master import Interrupt, Pacer, Pacing, RealTime
 from orchestration.rig.record.planning import RecordingPlan
 
 Rows = Callable[[float, list[float]], None]
+_ALARM = 0.4  # s without an answer, after which somebody has to look
 _SILENCE = 1.0  # s without an answer, at least, after which the link is lost
 _LEAST_WAIT = 0.002  # s for an answer
 _WAITING = 0.9  # of an interval, for an answer
@@ -50,6 +51,28 @@ class RecordedRun:
     ages: Array
     failure: str
     pacing: Pacing
+
+
+@dataclass(frozen=True)
+class RecordingObserver:
+    """The one who follows a recording.
+
+    Attributes
+    ----------
+    add : callable
+        Called with time and cells of every row when it is complete.
+    look : callable
+        Called at every row.
+    trouble : callable
+        Returns a remark for `look`.
+    alarm : callable
+        Called with what an operator has to see to, at the beginning of every silence of the rig.
+    """
+
+    add: Rows
+    look: Callable[[Moment], None]
+    trouble: Callable[[], str]
+    alarm: Callable[[str], None]
 
 
 class _Row:
@@ -100,9 +123,7 @@ def drive(
     link: Link,
     planned: RecordingPlan,
     interrupt: Interrupt,
-    add: Rows,
-    look: Callable[[Moment], None],
-    trouble: Callable[[], str],
+    observer: RecordingObserver,
 ) -> RecordedRun:
     """Drive a rig, and leave it at rest.
 
@@ -113,12 +134,7 @@ def drive(
     planned : RecordingPlan
     interrupt : Interrupt
         Ends the run.
-    add : callable
-        Called with time and cells of every row when it is complete.
-    look : callable
-        Called at every row.
-    trouble : callable
-        Returns a remark for `look`.
+    observer : RecordingObserver
 
     Returns
     -------
@@ -129,7 +145,7 @@ def drive(
     UserError
         If the server does not accept the session.
     """
-    driving = _Drive(link, planned, interrupt, add, look, trouble)
+    driving = _Drive(link, planned, interrupt, observer)
     try:
         accepted = link.connect(0.0, _OPENING)
         sleep(_between_samples(accepted))
@@ -159,16 +175,12 @@ class _Drive:
         link: Link,
         planned: RecordingPlan,
         interrupt: Interrupt,
-        add: Rows,
-        look: Callable[[Moment], None],
-        trouble: Callable[[], str],
+        observer: RecordingObserver,
     ):
         self._link = link
         self._plan = planned
         self._interrupt = interrupt
-        self._add = add
-        self._look = look
-        self._trouble = trouble
+        self._observer = observer
         self._commands = planned.values.tolist()
         # the exchange after the last row fetches what was measured in the step of that row
         exchanges = planned.time.size * planned.exchanges + 1
@@ -177,6 +189,8 @@ class _Drive:
         self._lag = 0.0
         self._missed = 0
         self._skipped = 0
+        self._answered = 0.0  # time of the last answer
+        self._has_alarmed = False
         self._row: _Row | None = None
         self._newest: Mapping[str, Any] | None = None
         self._since = inf  # on the rig's clock, when it first had the present commands
@@ -186,7 +200,7 @@ class _Drive:
         """Exchange until the end; return the reason for an early end."""
         self._pacer.begin(())
         began = perf_counter()
-        answered = monotonic()
+        self._answered = monotonic()
         for number, point in enumerate(self._points):
             if perf_counter() - began > point + self._plan.interval:
                 self._skipped += 1  # the next exchange is due already
@@ -199,21 +213,30 @@ class _Drive:
                 sample = self._exchange(number // self._plan.exchanges, point)
             except LinkError as error:
                 return str(error)
-            if sample is not None:
-                answered = monotonic()
-            failure = self._failure(sample, monotonic() - answered)
+            failure = self._silence() if sample is None else self._failure(sample)
             if failure:
                 return failure
         if self._row is not None and (not self._interrupt.pressed or self._row.is_complete):
             self._finish(self._row)
         return ""
 
-    def _failure(self, sample: Mapping[str, Any] | None, silent: float) -> str:
-        """Return the reason to end after an exchange; empty if there is none."""
-        if sample is None:
-            if silent > max(_SILENCE, self._plan.watchdog):
-                return f"no answer from {self._link.endpoint} for {silent:.1f} s"
-            return ""
+    def _silence(self) -> str:
+        """Raise the alarm where the rig is silent; return the reason to end, or an empty text."""
+        silent = monotonic() - self._answered
+        if silent > _ALARM and not self._has_alarmed:
+            self._has_alarmed = True
+            self._observer.alarm(
+                f"no answer from {self._link.endpoint} for {silent:.1f} s: it should be in its safe"
+                " state by itself; see that it is"
+            )
+        if silent > max(_SILENCE, self._plan.watchdog):
+            return f"no answer from {self._link.endpoint} for {silent:.1f} s"
+        return ""
+
+    def _failure(self, sample: Mapping[str, Any]) -> str:
+        """Return the reason to end after an answer; empty if there is none."""
+        self._answered = monotonic()
+        self._has_alarmed = False
         if latch := describe_latch(sample):
             return latch
         if sample["refused"]:
@@ -253,7 +276,7 @@ class _Drive:
             self._finish(_Row(len(self.rows), commands, outputs))
         if k >= len(self._commands):
             return None
-        self._look(self._moment(k))
+        self._observer.look(self._moment(k))
         return _Row(k, commands, outputs)
 
     def _moment(self, k: int) -> Moment:
@@ -264,13 +287,13 @@ class _Drive:
                 link[f"{name}_age"] = nan if age is None else age
         time = self._plan.time
         missed = self._missed + self._skipped
-        return Moment(time[k], time[-1], self._lag, missed, link, self._trouble())
+        return Moment(time[k], time[-1], self._lag, missed, link, self._observer.trouble())
 
     def _finish(self, row: _Row) -> None:
         if self._newest is not None and row.accepted is not None:
             row.offer(self._newest, self._plan.max_age, self._since)
         self.rows.append(row.cells())
-        self._add(float(self._plan.time[row.k]), self.rows[-1])
+        self._observer.add(float(self._plan.time[row.k]), self.rows[-1])
 
     def _watch(self, number: int, values: Sequence[float], lag: float, missed: int) -> None:
         self._lag = lag

@@ -255,7 +255,11 @@ class Front:
 
     def _watch_memory(self) -> None:
         """End the server, latched, before a peer has filled the memory of the machine."""
-        if self._process.memory_info().rss > self._most_memory:
+        try:
+            taken = self._process.memory_info().rss
+        except OSError:  # no descriptor is left to look with; the rig is served without
+            return
+        if taken > self._most_memory:
             self._signals.ending = f"a peer filled {_MOST_MEMORY / 2**20:.0f} MiB of memory"
             self._handler.stop(self._signals.ending)
 

@@ -94,6 +94,13 @@ def test_quiet_says_nothing_and_ends(told, tmp_path):
     assert told() == ["warning: again"]
 
 
+def test_an_alarm_is_told_though_all_else_is_quiet(capsys):
+    with console.verbosity(quiet=True):
+        console.alarm("see to it")
+        console.warn("never mind")
+    assert capsys.readouterr().err == "ALARM: see to it\n"
+
+
 def test_verbose_tells_times_and_details(told):
     console.detail("not wanted")
     with console.verbosity(verbose=True), console.progress() as tell:

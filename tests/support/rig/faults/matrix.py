@@ -428,7 +428,11 @@ class _Recording(_Idle):
         self._process.kill()
 
     def noticed(self, since: float) -> float | None:
-        alarms = (when for when, line in self._lines if when > since and "error" in line)
+        alarms = (
+            when
+            for when, line in self._lines
+            if when > since and line.startswith(("ALARM: ", "error: "))
+        )
         return next(alarms, None)
 
     def close(self) -> None:

@@ -323,6 +323,7 @@ def test_a_lost_link_ends_it(tmp_path, experiment):
         assert (
             time.monotonic() - began < 15.0
         )  # 0.6 s, the second of silence, and what a loaded machine needs besides
+    assert done.stderr.count("ALARM: no answer from tcp://") == 1  # before the end, and once
     data = incomplete(done, tmp_path, "no answer from tcp://")
     assert np.isnan(data.voltage.values[-3:]).all()
     assert np.isnan(data.current.values[-3:]).all()  # nobody knows what was applied
