@@ -1,6 +1,6 @@
-"""Latency of a rig's server beside a bare ZeroMQ echo: ``python -m benchmarks.rig_latency``.
+"""Latency of a rig's server: ``python -m benchmarks.rig_latency``.
 
-A client sends at fixed times, to the server and to an echo in a process of its own, in turns whose
+Of exchanges beside a bare ZeroMQ echo, and of a stop beside floods. A client sends at fixed times, to the server and to an echo in a process of its own, in turns whose
 order changes from one time to the next, so that both meet the same machine, which is quiet or has
 other processes to run. A message is timed from sending it to having its answer.
 """
@@ -13,6 +13,7 @@ import multiprocessing
 import subprocess
 import sys
 import tempfile
+import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -23,9 +24,12 @@ import numpy as np
 import zmq
 from numpy.typing import NDArray
 
-from fmus.rig_proxy.protocol import REPLIES, decode, encode
+from fmus.rig_proxy.protocol import OPERATOR, REPLIES, decode, encode
+from orchestration.rig import read_endpoint
+from orchestration.rig.keys import make_keys
 from orchestration.rig.server.scheduling import Deadlines
 from tests.support.rig.driver import INPUTS, OUTPUTS
+from tests.support.rig.floods import FLOODS, flooded, stop_times
 from tests.support.rig.process import Server
 
 from . import machine
@@ -79,6 +83,57 @@ def measure(
             Table(columns, rows),
         ],
     )
+
+
+def measure_stops(number: int = 200) -> Topic:
+    """Measure how long a stop takes beside floods of hostile peers.
+
+    Parameters
+    ----------
+    number : int
+        Stops beside each flood, every one on a connection of its own.
+
+    Returns
+    -------
+    Topic
+    """
+    rows = [["none", "", *_stops("", 0, number)]]
+    for offset, port in ((0, "clients'"), (OPERATOR, "operators'")):
+        rows += [
+            [kind, port, *_stops(kind, offset, number)]
+            for kind in FLOODS
+            if (kind, offset) != ("large", OPERATOR)  # the first message ends its connection
+        ]
+    columns = ["flood", "at the port", *(f"p{p:g}, ms" for p in _PERCENTILES), "longest, ms"]
+    return Topic(
+        "A stop beside a flood",
+        [
+            (
+                f"{number} stops beside each kind of flood of `tests/support/rig/floods.py`, which"
+                " takes what it can get of the same cores; from the first byte of a stop's own"
+                " connection to the answer. The aim is 50 ms."
+            ),
+            Table(columns, rows),
+        ],
+    )
+
+
+def _stops(kind: str, offset: int, number: int) -> list[Cell]:
+    """Return percentiles of the times of stops, and the longest, in ms."""
+    with ExitStack() as opened:
+        folder = Path(opened.enter_context(tempfile.TemporaryDirectory()))
+        keys, client = make_keys(folder / "keys")
+        has_keys = kind == "strangers"
+        server = opened.enter_context(
+            Server(folder, "Logged", *(("--keys", keys) if has_keys else ()))
+        )
+        port = int(server.wait_ready().rpartition(":")[2]) + offset
+        remote = read_endpoint(server.endpoint, client if has_keys else None)
+        if kind:
+            key = tomllib.loads(keys.read_text())["public_key"] if has_keys else ""
+            opened.enter_context(flooded(kind, port, key))
+        times = 1e3 * np.array(stop_times(remote, number))
+    return [*map(float, np.percentile(times, _PERCENTILES)), float(times[-1])]
 
 
 @contextmanager
@@ -242,6 +297,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "# Latency of the rig's server\n\nWritten by `python -m benchmarks.rig_latency`.",
         str(machine.describe()),
         str(measure(chosen.seconds)),
+        str(measure_stops(max(20, round(200 * chosen.seconds / 60.0)))),
     ]
     print("\n\n".join(parts[1:]))
     page = chosen.out or (PAGE if chosen.seconds >= 60.0 else None)
