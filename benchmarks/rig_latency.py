@@ -1,8 +1,9 @@
 """Latency of a rig's server: ``python -m benchmarks.rig_latency``.
 
-Of exchanges beside a bare ZeroMQ echo, and of a stop beside floods. A client sends at fixed times, to the server and to an echo in a process of its own, in turns whose
-order changes from one time to the next, so that both meet the same machine, which is quiet or has
-other processes to run. A message is timed from sending it to having its answer.
+Of exchanges beside a bare ZeroMQ echo, and of a stop beside floods. A client sends at fixed times,
+to the server and to an echo in a process of its own, in turns whose order changes from one time to
+the next, so that both meet the same machine, which is quiet or has other processes to run. A
+message is timed from sending it to having its answer.
 """
 
 from __future__ import annotations
