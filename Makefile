@@ -102,7 +102,7 @@ benchmark: $(VENV)/installed-dev
 # The report is looked at in a real browser; without the rights to install one, that test says why it is skipped.
 chromium:
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
-	  { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && apt-get update -qq && apt-get install -y -qq chromium; } || \
+	  { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium fonts-liberation; } || \
 	  echo "no chromium here: the browser test will be skipped"
 
 $(VENV)/bin/python:

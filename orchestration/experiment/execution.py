@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.experiment import results
-from orchestration.experiment.live import Follower, Live, admitted, link_outputs
+from orchestration.experiment.live import Follower, Live, admitted, link_outputs, opening
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation, prepare
 from orchestration.experiment.subjects import Subject, subject
@@ -60,8 +61,7 @@ def run(
         Called, before anything is computed, with a first point of the results without values; it
         may refuse them.
     live : Live, optional
-        Run in real time, and what to do meanwhile. Outputs about the links of proxies are recorded
-        in any case then.
+        Run in real time, and what to do meanwhile.
     isolation : callable
         Told whether an FMU is not one of ours, gives the limits of a process beside this one for
         the run, if any.
@@ -72,8 +72,9 @@ def run(
         Inputs and recorded outputs over time in the FMU's units, with all that it takes to make the
         experiment again. Of each mechanical coupling of a system the energy that it made, the
         running sign of coupling error. After an interrupt, what was computed, with the attribute
-        ``complete`` 0; also when an FMU fails on its way or the run does not keep pace with real
-        time, with the reason in the attribute ``failure``.
+        ``complete`` 0; also when an FMU fails on its way, a rig refuses a command or is lost, or
+        the run does not keep pace with real time, with the reason in the attribute ``failure``.
+        Outputs about the links of proxies are recorded in any case.
 
     Raises
     ------
@@ -85,7 +86,8 @@ def run(
     """
     with subject(experiment, where) as on:
         if live is not None:
-            experiment = _with_links_recorded(experiment, on, where)
+            _refuse_fused(experiment, where)
+        experiment = _with_links_recorded(experiment, on)
         prepared = prepare(experiment, on, where, note)
         fits(_first_point(prepared))
         if live is not None:
@@ -129,23 +131,36 @@ def _run_prepared(
     finally:
         if follower is not None:
             follower.close()
-    return ran, ""
+    return _until_opening(ran)
 
 
-def _with_links_recorded(experiment: Experiment, on: Subject, where: str) -> Experiment:
-    """Return the experiment with outputs about the links of proxies recorded, too.
+def _until_opening(ran: Run) -> tuple[Run, str]:
+    """Return a run as far as its rigs were in the loop, and why not farther; empty if to the end.
 
-    A run in real time needs them.
-
-    Raises
-    ------
-    UserError
-        If the system is fused, for then there are no steps to pace.
+    In real time it was stopped there; one that waits for its rigs knows only afterwards.
     """
+    opened = opening(ran.time.tolist(), ran.signals)
+    if opened is None:
+        return ran, ""
+    place, reason = opened
+    kept = slice(place + 1)
+    signals = {name: values[kept] for name, values in ran.signals.items()}
+    return replace(ran, time=ran.time[kept], signals=signals, complete=False), reason
+
+
+def _refuse_fused(experiment: Experiment, where: str) -> None:
+    """Raise UserError if the system is fused, for then there are no steps to pace."""
     if experiment.master is not None and experiment.master.method == "fused":
         raise UserError(
             f"{where}: a fused system is computed at once and cannot be run in real time"
         )
+
+
+def _with_links_recorded(experiment: Experiment, on: Subject) -> Experiment:
+    """Return the experiment with outputs about the links of proxies recorded, too.
+
+    They say whether what was recorded is of the rig.
+    """
     record = on.recorded_by_default if experiment.record is None else experiment.record
     return experiment.model_copy(
         update={"record": list(dict.fromkeys([*record, *link_outputs(on.outputs)]))}

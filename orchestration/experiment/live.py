@@ -6,7 +6,10 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from fmus.rig_proxy import LOST, REFUSED
 from orchestration.experiment.preparation import Preparation
 from orchestration.master import RealTime
@@ -120,6 +123,40 @@ def admitted(live: Live, prepared: Preparation) -> Live:
     return replace(live, pace=live.admit(live.pace, rig_ends(prepared), step))
 
 
+def opening(time: Sequence[float], signals: Mapping[str, Array]) -> tuple[int, str] | None:
+    """Find the first point at which the loop over a rig was open.
+
+    From there on its models go on without it.
+
+    Parameters
+    ----------
+    time : sequence of float
+        Of n points, in s.
+    signals : Mapping of str to ndarray, shape (n,)
+        Outputs; of those, links of proxies are looked at.
+
+    Returns
+    -------
+    tuple of int and str, or None
+        Index of the point, and the reason; None if no loop was open.
+    """
+    openings = [
+        (int(np.argmax(is_open)), name, int(state))
+        for name, values in signals.items()
+        if name.rpartition(".")[2] == _LINK[0]
+        for state in _OPEN
+        if (is_open := values == state).any()
+    ]
+    if not openings:
+        return None
+    first, name, state = min(openings)
+    return first, _reason(name, time[first], state)
+
+
+def _reason(name: str, time: float, state: int) -> str:
+    return f"{name} at {time:.10g} s: {_OPEN[state]}"
+
+
 class Follower:
     """Follows a run that has been prepared.
 
@@ -164,7 +201,7 @@ class Follower:
         self._look(Moment(self._time[k], self._time[-1], lag, missed, link, trouble))
         for name, value in link.items():
             if name.endswith(_LINK[0]) and value in _OPEN:
-                raise UserError(f"{name} at {self._time[k]:.10g} s: {_OPEN[int(value)]}")
+                raise UserError(_reason(name, self._time[k], int(value)))
 
     def close(self) -> None:
         """Bring what is in the journal to the disk."""

@@ -111,8 +111,8 @@ def check_response_times(measured: ResponseTimes, endpoint: str) -> None:
     raise UserError(
         f"this machine does not hold {1.0 / measured.step:.4g} Hz with the rig at {endpoint}:"
         f" answers come {measured} after they are due; {held or 'it holds no rate'}. Take a longer"
-        " step if the loop is stable with it, --priority, --device-priority of ppy rig serve, or"
-        " give the machine less to do"
+        " step if the loop is stable with it (ppy rig serve --lockstep shows it for an emulated"
+        " rig), --priority, --device-priority of ppy rig serve, or give the machine less to do"
     )
 
 

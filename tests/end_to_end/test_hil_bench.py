@@ -236,6 +236,20 @@ def test_a_pause_longer_than_promised_opens_the_loop_and_keeps_the_record(rig, t
     assert set(rig.applied[-1][1].values()) == {0.0}
 
 
+@pytest.mark.parametrize("rig", ["lockstep"], indirect=True)
+def test_a_rig_that_refuses_in_lockstep_ends_the_result_there(rig, tmp_path):
+    """What the models computed without their actuator is no result."""
+    rig.limits = {"length_change": {"min": -1e-5, "max": 1e-5, "rate": None}}
+    done = run(rig, tmp_path, duration=1.0)
+    assert done.returncode == 1, done.stderr
+    last = done.stderr.splitlines()[-1]
+    assert re.search(r"error: proxy\.link_state at .* s: the rig refuses a command", last)
+    data = results.read(tmp_path / "run.nc")
+    assert data.attrs["complete"] == 0
+    assert 0.5 < data.time.values[-1] < 1.0  # the ramp begins at 0.5 s
+    assert float(data["proxy.tension"].max()) <= 1.01e-5 * STIFFNESS
+
+
 @pytest.mark.parametrize("rig", ["real-time"], indirect=True)
 def test_a_rig_that_refuses_opens_the_loop(rig, tmp_path):
     """The bench would go on without its actuator."""

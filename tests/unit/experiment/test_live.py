@@ -14,6 +14,7 @@ from orchestration.experiment.live import (
     RigEnd,
     admitted,
     link_outputs,
+    opening,
     rig_ends,
 )
 from orchestration.fmu import Signal
@@ -71,6 +72,20 @@ def test_a_loop_that_is_open_over_a_rig_ends(tmp_path, state, said):
 
 def signal(name: str, text: str = "") -> Signal:
     return Signal(name, "string", "1", "1", 0.0, -np.inf, np.inf, text=text)
+
+
+def test_the_first_opening_of_a_loop_counts():
+    time = [0.0, 0.5, 1.0, 1.5]
+    signals = {
+        "voltage": np.array([1.0, 1.0, 1.0, 1.0]),  # the number of a refusal, and no link
+        "a.link_state": np.array([0.0, 0.0, 2.0, 3.0]),  # stale, and lost
+        "b.link_state": np.array([0.0, 0.0, 1.0, 0.0]),  # refused
+    }
+    assert opening(time, signals) == (2, "b.link_state at 1 s: the rig refuses a command")
+    del signals["b.link_state"]
+    assert opening(time, signals) == (3, "a.link_state at 1.5 s: the link to the rig is lost")
+    del signals["a.link_state"]
+    assert opening(time, signals) is None
 
 
 def test_whoever_has_a_link_is_admitted_by_what_it_asks():
