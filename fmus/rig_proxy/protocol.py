@@ -133,6 +133,7 @@ REPLIES = {
         "read_back": _is_mapping,
         "outputs": _is_mapping,
         "ages": _is_mapping,
+        "command_age": _is_number_or_null,
         "refused": _is_texts,
     },
 }
