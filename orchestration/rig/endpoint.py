@@ -1,4 +1,4 @@
-"""Endpoint of a rig's server: its two addresses, and the keys that a client connects with."""
+"""Endpoint of a rig's server: its three addresses, and the keys that a client connects with."""
 
 from __future__ import annotations
 
