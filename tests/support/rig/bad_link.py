@@ -1,5 +1,4 @@
-"""Faults of messages: a cable that loses, delays, doubles, swaps and damages them, repeatably by
-its seed.
+"""Faults of messages: a cable that loses, delays, doubles, swaps and damages them, repeatably.
 
 It also writes down when it handed a fresh command to the server: what the time to the safe state is
 measured from. Faults of the bytes below are in :mod:`tests.support.rig.relay`.
@@ -72,14 +71,13 @@ class BadLink:
     def __init__(
         self,
         server: str,
-        seed: int = 0,
         watchdog: float = 0.2,
         limits: Sequence[tuple[float, float]] = LIMITS,
     ) -> None:
         self.treatment: Treatment = clean
         self.fresh: list[float] = []
         self.carried = 0
-        self._server, self._chance = server, random.Random(seed)
+        self._server, self._chance = server, random.Random(0)
         self._watchdog = watchdog
         self._limits = limits
         self._sequences: dict[str, int] = {}

@@ -27,7 +27,7 @@ BACKENDS = Path(__file__).with_name("backends.py")
 ROOT = Path(__file__).parents[3]
 _MARK = "PPY_TEST_SERVER"  # in the environment of all processes of a server
 _START = 30.0  # s, on a busy machine
-_END = 30.0
+_END = 30.0  # s, likewise
 
 
 @dataclass(frozen=True)
@@ -204,9 +204,9 @@ class Server:
         else:
             self.terminal.send(number)
 
-    def wait_end(self, timeout: float = _END) -> int:
+    def wait_end(self) -> int:
         """Wait for its exit status."""
-        code = self.process.wait(timeout)
+        code = self.process.wait(_END)
         self._reader.join(5.0)
         return code
 
