@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from itertools import count
 from math import ceil, inf
 from pathlib import Path
 from secrets import token_hex
@@ -21,7 +20,6 @@ from .credentials import read_client_keys
 
 FAREWELL = 0.2  # s, that a disconnect waits for its answer
 NEVER = -1e9  # s, our clock: some thirty years before the computer was switched on
-_connections = count(1)
 _QUEUE = 16  # messages on their way, in either direction
 _MOST = 1000  # messages that are looked at in one call
 _LATCHED = {
@@ -263,10 +261,7 @@ class Link:
         self.asked = min(self.asked, self.answered)
 
     def _open(self) -> None:
-        """Open a socket.
-
-        Each has a name of its own, for a server may keep that of a connection for a while.
-        """
+        """Open the socket, under a new name: a server may keep that of a connection for a while."""
         self._socket = socket = self._context.socket(zmq.DEALER)
         for option in (zmq.SNDHWM, zmq.RCVHWM):
             socket.setsockopt(option, _QUEUE)
@@ -274,7 +269,7 @@ class Link:
         socket.setsockopt(zmq.IPV6, 1)
         socket.setsockopt(zmq.MAXMSGSIZE, protocol.MAX_FRAME)
         socket.setsockopt(zmq.RECONNECT_IVL, 20)
-        socket.routing_id = f"ppy-{self._instance}-{next(_connections)}".encode()
+        socket.routing_id = protocol.new_name()
         if self._keys is not None:
             self._keys.unlock(socket)
         try:

@@ -79,6 +79,12 @@ def test_what_is_encoded_is_decoded():
     assert b"\n" not in frame
 
 
+def test_a_name_is_that_of_no_other_connection():
+    names = {protocol.new_name() for _ in range(1000)}
+    assert len(names) == 1000
+    assert all(re.fullmatch(rb"ppy-[0-9a-f]{16}", name) for name in names)
+
+
 @pytest.mark.parametrize("number", [float("nan"), float("inf")])
 def test_numbers_that_are_none_are_never_sent(number):
     with pytest.raises(ValueError):

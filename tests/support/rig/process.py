@@ -1,5 +1,5 @@
 """The project's own server as a user starts it, in processes of its own: its log, and what its
-backend was told.
+backend was told; and modules of the tests as processes.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +28,19 @@ ROOT = Path(__file__).parents[3]
 _MARK = "PPY_TEST_SERVER"  # in the environment of all processes of a server
 _START = 30.0  # s, on a busy machine
 _END = 30.0  # s, likewise
+
+
+@contextlib.contextmanager
+def module_process(module: str, *arguments: object) -> Iterator[subprocess.Popen[str]]:
+    """Run a module of the tests in a process, from when it says ``ready`` until it is killed."""
+    command = [sys.executable, "-m", module, *map(str, arguments)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            yield process
+        finally:
+            process.kill()
 
 
 @dataclass(frozen=True)

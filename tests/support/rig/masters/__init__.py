@@ -11,7 +11,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -26,6 +25,7 @@ from fmus.kit import stack
 from fmus.kit.build.building import build
 from fmus.kit.build.toolchain import host_platform
 from tests.support import hosts
+from tests.support.rig.process import module_process
 from tests.support.rig.relay import listening, relay
 from tests.support.rig.small_rig import free_port
 
@@ -110,7 +110,9 @@ def observe(master: str, runtime: str, fault: str, folder: Path) -> Observed:
     """Run a proxy in a master at a rig, and have the rig fail."""
     with ExitStack() as opened:
         port = free_port()
-        server = None if fault == "dead" else opened.enter_context(_rig_process(port))
+        server = None
+        if fault != "dead":
+            server = opened.enter_context(module_process(__name__, "--serve", port))
         endpoint, act = opened.enter_context(_failing(fault, port, server))
         archive = folder / f"{_NAME}.fmu"
         defaults = {
@@ -145,19 +147,6 @@ def observe(master: str, runtime: str, fault: str, folder: Path) -> Observed:
         return Observed(finished.output.strip().splitlines()[-1], [], [])
     refused, rows = finished.result
     return Observed(refused, rows[:GOOD], rows[GOOD:])
-
-
-@contextmanager
-def _rig_process(port: int) -> Iterator[subprocess.Popen[str]]:
-    """Serve the actuator rig in a process of its own."""
-    command = [sys.executable, "-m", __name__, "--serve", str(port)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "ready\n"
-            yield process
-        finally:
-            process.kill()
 
 
 @contextmanager
