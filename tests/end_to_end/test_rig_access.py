@@ -81,7 +81,7 @@ def test_a_page_and_peers_of_other_protocols_reach_nothing(tmp_path):
 
 
 def test_a_page_in_a_browser_stops_and_releases_nothing(tmp_path, browser):
-    """What the page sends arrives: the server turns it away and counts it."""
+    """Its requests arrive: the server turns them away and counts them."""
     with Server(tmp_path) as server, chromium(browser, tmp_path / "profile") as tab:
         remote = read_endpoint(server.wait_ready())
         port = int(server.endpoint.rpartition(":")[2])

@@ -197,7 +197,7 @@ def test_a_measured_value_beyond_its_limit_stands_out(tab):
 
 
 def pixels(tab, signal):
-    """How many pixels of a chart are shaded, and drawn in the colour of the signal."""
+    """Count the pixels of a chart that are shaded, and drawn in the colour of the signal."""
     return tab.run(f"{PIXELS}({signal!r})")
 
 

@@ -34,9 +34,7 @@ anything = st.recursive(
 
 
 def test_every_message_of_the_page_is_one():
-    """The page is the contract for programs of others: what it shows has to be what we read and
-    write.
-    """
+    """The page is the contract for programs of others: its examples have to be messages of ours."""
     shown = [
         line for block in re.findall(r"```json\n(.*?)```", PAGE, re.S) for line in messages(block)
     ]

@@ -1,7 +1,7 @@
 """Faults of messages: a cable that loses, delays, doubles, swaps and damages them, repeatably.
 
-It also writes down when it handed a fresh command to the server: what the time to the safe state is
-measured from. Faults of the bytes below are in :mod:`tests.support.rig.relay`.
+It also writes down when it handed a fresh command to the server, from which the time to the safe
+state is measured. Faults of the bytes below are in :mod:`tests.support.rig.relay`.
 """
 
 from __future__ import annotations
@@ -62,10 +62,10 @@ class BadLink:
     Attributes
     ----------
     treatment : callable
-        What is done to every message in either direction; may be changed at any time.
+        Done to every message in either direction; may be changed at any time.
     fresh : list of float
-        When a command that is new, within its limits and not too long under way was handed to the
-        server, in s of the monotonic clock.
+        Times at which a command that is new, within its limits and not too long under way was
+        handed to the server, in s of the monotonic clock.
     """
 
     def __init__(

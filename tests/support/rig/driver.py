@@ -46,10 +46,10 @@ class Driver:
         Every answer.
     unanswered : int
     silences : list of float
-        When an exchange or a connection was given up, in s of the monotonic clock.
+        Times at which an exchange or a connection was given up, in s of the monotonic clock.
     errors : list of str
     longest : float
-        What the longest call took, in s.
+        Duration of the longest call, in s.
     """
 
     def __init__(
@@ -147,7 +147,7 @@ class Driver:
 
 
 def refusal(endpoint: str, credentials: Path | None = None, timeout: float = 2.0) -> str:
-    """Why one more client is not accepted; empty if it is."""
+    """Return the reason for which one more client is refused; empty if it is accepted."""
     link = Link(endpoint, INPUTS, OUTPUTS, credentials, "another")
     try:
         link.connect(0.0, timeout)

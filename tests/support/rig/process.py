@@ -1,5 +1,5 @@
-"""The project's own server as a user starts it, in processes of its own: its log, and what its
-backend was told; and modules of the tests as processes.
+"""The project's own server as a user starts it, in processes of its own: its log, and the calls of
+its backend. Modules of the tests run as processes as well.
 """
 
 from __future__ import annotations
@@ -67,11 +67,11 @@ class Server:
         Of the backend, beside its log.
     environment : dict, optional
     stdout : int
-        Where else its lines go to; then they are read from its log file.
+        Another place for its lines; then they are read from its log file.
     prefix : sequence of str
-        What runs the command; it must become it.
+        Command that runs this one, and becomes it.
     terminal : Terminal, optional
-        In whose foreground it runs; then its lines are read from its log file.
+        Terminal in whose foreground it runs; then its lines are read from its log file.
     """
 
     def __init__(
@@ -164,7 +164,7 @@ class Server:
         )
 
     def calls(self) -> list[Call]:
-        """What the backend was told so far."""
+        """Return the calls of the backend so far."""
         if not self._calls.exists():
             return []
         lines = self._calls.read_text().splitlines(keepends=True)
@@ -224,7 +224,7 @@ class Server:
         return code
 
     def errors(self) -> str:
-        """What it wrote to standard error; after its end."""
+        """Read standard error, after its end."""
         assert self.process.stderr is not None
         return self.process.stderr.read()
 
@@ -254,5 +254,5 @@ class Server:
 
 
 def _is_spawned(command: list[str]) -> bool:
-    """Whether a process of Python's multiprocessing does our work, and is no helper of its own."""
+    """Return True for a process that does our work, and is no helper of multiprocessing's own."""
     return any("spawn_main" in part for part in command)

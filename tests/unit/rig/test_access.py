@@ -1,4 +1,4 @@
-"""Access to the sockets of a rig: what is not ZMTP 3 is refused, and a sender is known by its key.
+"""Access to the sockets of a rig: other protocols are refused, and a sender is known by its key.
 
 Peers speak by hand (`tests/support/rig/raw_peer.py`).
 """

@@ -1,4 +1,4 @@
-"""What the native engine makes of a frame, beside Python's own reader, on anything that may arrive.
+"""The native engine reads a frame as Python's own reader does, or not at all, whatever may arrive.
 
 Every frame is read by the engine compiled with the sanitizers, from memory of exactly its size.
 """
@@ -261,7 +261,7 @@ EDITS = st.lists(
 
 
 def strict(frame: bytes) -> dict[str, Any] | None:
-    """What Python reads where it is as strict as the standard is: UTF-8, no NaN, no infinity."""
+    """Read a frame in Python, as strictly as the standard is: UTF-8, no NaN, no infinity."""
 
     def refuse(name: str) -> Any:
         raise ValueError(name)

@@ -1,5 +1,5 @@
-"""Proxies in three masters at a rig that fails in the middle of a run: what each master goes on to
-read, and how old that really is.
+"""Proxies in three masters at a rig that fails in the middle of a run: the values that each master
+goes on to read, and their true ages.
 
 The rig's charge is the time at which it was measured, on the clock that all processes of a machine
 share. So the true age of every value that is read is known, whatever the proxy says of it.
@@ -57,9 +57,9 @@ class Row:
     Attributes
     ----------
     clock : float
-        When it was read, s of the clock of all processes.
+        Time of the reading, s of the clock of all processes.
     error : str
-        What the master said of the step; empty if it is content.
+        Message of the master about the step; empty if it is content.
     charge, charge_age, round_trip_time : float
         As read, s; the charge is when the rig measured it.
     link_state : int
@@ -74,7 +74,7 @@ class Row:
 
     @property
     def understated(self) -> float:
-        """By how much the value is older than it says, s."""
+        """Excess of the true age over the stated one, s."""
         return self.clock - self.charge - self.charge_age
 
 
@@ -85,7 +85,7 @@ class Observed:
     Attributes
     ----------
     refused : str
-        Why there was no run; empty if there was one.
+        Reason for which there was no run; empty if there was one.
     before, after : list of Row
         The steps before and after the fault.
     """
