@@ -24,6 +24,7 @@ from .protocol import (
     ProtocolError,
     decode,
     encode,
+    new_name,
 )
 from .proxy import LINK_STATES, LOST, REFUSED
 
@@ -57,6 +58,7 @@ __all__ = [
     "describe_latch",
     "encode",
     "key",
+    "new_name",
     "protocol",
     "read_client_keys",
     "read_table",

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from itertools import count
 from math import ceil, inf
 from pathlib import Path
 from secrets import token_hex
@@ -21,11 +20,8 @@ from .credentials import read_client_keys
 
 FAREWELL = 0.2  # s, that a disconnect waits for its answer
 NEVER = -1e9  # s, our clock: some thirty years before the computer was switched on
-_connections = count(1)
 _QUEUE = 16  # messages on their way, in either direction
 _MOST = 1000  # messages that are looked at in one call
-
-
 _LATCHED = {
     protocol.STOPPING: "is on the way to its safe state",
     protocol.SAFE: "is in its safe state",
@@ -44,7 +40,7 @@ class LinkError(UserError):
 
 
 class Link:
-    """A session with a rig's server. One that is over is not begun again unless by `connect`.
+    """A session with a rig's server. One that is over is not begun again: the next one is another.
 
     Parameters
     ----------
@@ -101,7 +97,6 @@ class Link:
         self._sequence, self._newest, self._seen = 0, 0, 0.0
         self._context = zmq.Context()
         self._socket: Any = None
-        self._used = False
         try:
             self._open()
         except BaseException:
@@ -124,7 +119,7 @@ class Link:
         return max(self.trip, monotonic() - self.asked)
 
     def connect(self, time: float, timeout: float) -> Mapping[str, Any]:
-        """Begin a session.
+        """Begin the session.
 
         Parameters
         ----------
@@ -143,9 +138,6 @@ class Link:
         LinkError
             If nobody answers, or the server refuses.
         """
-        self._leave()
-        if self._used:
-            self._open()
         sent = monotonic()
         self._send(
             "connect",
@@ -160,7 +152,6 @@ class Link:
                 raise LinkError(f"the rig at {self.endpoint} refuses: {message['reason']}")
             if message["type"] == "accepted" and self._has_all(message):
                 self.accepted = message
-                self._sequence = self._newest = 0
                 self._seen = message["clock"]
                 self.answered = monotonic()
                 self.asked = inf
@@ -270,12 +261,7 @@ class Link:
         self.asked = min(self.asked, self.answered)
 
     def _open(self) -> None:
-        """Open a new socket: nothing that was under way on an old one can reach it.
-
-        Each has a name of its own, for a server may keep that of a connection for a while.
-        """
-        if self._socket is not None:
-            self._socket.close(linger=0)
+        """Open the socket, under a new name: a server may keep that of a connection for a while."""
         self._socket = socket = self._context.socket(zmq.DEALER)
         for option in (zmq.SNDHWM, zmq.RCVHWM):
             socket.setsockopt(option, _QUEUE)
@@ -283,7 +269,7 @@ class Link:
         socket.setsockopt(zmq.IPV6, 1)
         socket.setsockopt(zmq.MAXMSGSIZE, protocol.MAX_FRAME)
         socket.setsockopt(zmq.RECONNECT_IVL, 20)
-        socket.routing_id = f"ppy-{self._instance}-{next(_connections)}".encode()
+        socket.routing_id = protocol.new_name()
         if self._keys is not None:
             self._keys.unlock(socket)
         try:
@@ -294,7 +280,6 @@ class Link:
             ) from error
 
     def _send(self, kind: str, **fields: Any) -> None:
-        self._used = True
         with suppress(zmq.Again):  # the other side takes nothing: no answer will come either
             self._socket.send(protocol.encode(kind, **fields), zmq.DONTWAIT)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
+from secrets import token_hex
 from typing import Any
 
 from ..kit import UserError
@@ -133,9 +134,15 @@ REPLIES = {
         "read_back": _is_mapping,
         "outputs": _is_mapping,
         "ages": _is_mapping,
+        "command_age": _is_number_or_null,
         "refused": _is_texts,
     },
 }
+
+
+def new_name() -> bytes:
+    """Return a name for a connection, which a server demands, and which no other one has."""
+    return f"ppy-{token_hex(8)}".encode()
 
 
 def encode(kind: str, **fields: Any) -> bytes:

@@ -211,7 +211,9 @@ class RealTimeOptions(TypedDict, total=False):
     lag: Annotated[
         float | None,
         Option(
-            "Lag beyond which the run stops in any case; default 1 s.", metavar="TIME", form=TIME
+            "Lag beyond which the run stops; default 1 s, with a rig half its watchdog.",
+            metavar="TIME",
+            form=TIME,
         ),
     ]
     processor: Annotated[

@@ -1,4 +1,4 @@
-"""Endpoint of a rig's server: its two addresses, and the keys that a client connects with."""
+"""Endpoint of a rig's server: its three addresses, and the keys that a client connects with."""
 
 from __future__ import annotations
 
@@ -6,11 +6,17 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from secrets import token_hex
 from typing import Any
 
 from fmus.kit import UserError
-from fmus.rig_proxy import MAX_FRAME, OPERATOR, TELEMETRY, ClientKeys, read_client_keys
+from fmus.rig_proxy import (
+    MAX_FRAME,
+    OPERATOR,
+    TELEMETRY,
+    ClientKeys,
+    new_name,
+    read_client_keys,
+)
 
 _ADDRESS = re.compile(r"tcp://(?P<host>\[[0-9A-Fa-f:.%\w]+\]|[\w.*-]+):(?P<port>\d{1,5})")
 _LONGEST_QUEUE = 16  # messages: what a socket may hold for a peer that does not take them
@@ -58,11 +64,6 @@ class Endpoint:
         if self.keys is not None:
             self.keys.unlock(socket)
         socket.connect(address)
-
-
-def new_name() -> bytes:
-    """Return a name for a connection, which a server demands, and which no other one has."""
-    return f"ppy-{token_hex(8)}".encode()
 
 
 def bound_queues(socket: Any) -> None:

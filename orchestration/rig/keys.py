@@ -15,18 +15,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmus.kit import UserError
-from fmus.rig_proxy import ClientKeys, checked, key, read_client_keys, read_table
+from fmus.rig_proxy import checked, key, read_table
 
-__all__ = [
-    "ROLES",
-    "ClientKeys",
-    "KeyHolder",
-    "ServerKeys",
-    "add_client",
-    "make_keys",
-    "read_client_keys",
-    "read_server_keys",
-]
 SERVER_FILE = "rig-server.toml"
 CLIENT_FILE = "rig-client.toml"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")

@@ -9,7 +9,7 @@ from math import inf
 from fmus.kit import UserError, suggestion
 
 RIG_COMPONENT = "ppy_actuator"
-"""Component that models what is on the rig. The only rig so far is the emulated one."""
+"""Component that models the actuator on the rig."""
 INPUT_RANGES = {"current": (-1.3, 1.3), "force": (0.0, 3.0)}
 """Range of each input, SI: currents of the galvanostat, and forces that a film bears."""
 LOOP_BANDWIDTH = 30.0

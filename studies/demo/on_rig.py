@@ -85,17 +85,34 @@ def run(out: Path, seed: int) -> Path:
     record = out / "record.nc"
     with _served(out, options) as endpoint:
         _record(record, endpoint)
+    diagnosed, extended = _diagnose(record)
+    print(diagnosed)
+    with _served(out, options) as endpoint:
+        beside = _run_beside(endpoint, extended, seed)
+    hidden = Emulator(**options).tell()
+    found = RigDemoResults(diagnosed, beside, errors(beside), hidden, perf_counter() - begin)
+    _summarise(found)
+    page = demonstration_page.write(out, found)
+    print(f"report: {page}")
+    return page
+
+
+def _diagnose(record: Path) -> tuple[DiagnosisResult, Path]:
+    """Diagnose a record, and build the extended model beside it; return both."""
     with screen.progress() as tell:
         diagnosed = diagnose(record, MODEL, progress=tell)
-        diagnosed.report(
-            out / "diagnosis.html", f"ppy diagnose {record.name} --report diagnosis.html"
-        )
-        extended, *_ = diagnosed.fmu(out / "extended.fmu")
-    print(diagnosed)
-    with _served(out, options) as endpoint, screen.progress() as tell:
+        report = record.with_name("diagnosis.html")
+        diagnosed.report(report, f"ppy diagnose {record.name} --report {report.name}")
+        extended, *_ = diagnosed.fmu(record.with_name("extended.fmu"))
+    return diagnosed, extended
+
+
+def _run_beside(endpoint: str, extended: Path, seed: int) -> Run:
+    """Run the nominal and the extended model beside the rig, in real time."""
+    time = np.arange(round(_BESIDE * _RATE) + 1) / _RATE
+    with screen.progress() as tell:
         tell(f"the same rig, rested; the extended model runs beside it for {_BESIDE:g} s")
-        time = np.arange(round(_BESIDE * _RATE) + 1) / _RATE
-        beside = run_system(
+        return run_system(
             side_by_side(endpoint, extended),
             time,
             _inputs(time, seed),
@@ -103,19 +120,18 @@ def run(out: Path, seed: int) -> Path:
             feedthrough=False,  # all are read at the end of a step, as the rig can only be
             progress=lambda done: tell.done(done, time.size),
         )
-    hidden = Emulator(**options).tell()
-    results = RigDemoResults(diagnosed, beside, errors(beside), hidden, perf_counter() - begin)
+
+
+def _summarise(found: RigDemoResults) -> None:
+    """Print how far both models were from the rig, and what that hides."""
     for name in OUTPUTS:
-        before = 100.0 * results.errors["nominal"][name]
-        after = 100.0 * results.errors["extended"][name]
+        before = 100.0 * found.errors["nominal"][name]
+        after = 100.0 * found.errors["extended"][name]
         print(
             f"beside the rig, in real time: error of {name} {before:.1f} % nominal -> {after:.1f} %"
             " extended"
         )
-    print(f"what the rig hides: {hidden}")
-    page = demonstration_page.write(out, results)
-    print(f"report: {page}")
-    return page
+    print(f"what the rig hides: {found.hidden}")
 
 
 def side_by_side(endpoint: str, extended: Path) -> System:

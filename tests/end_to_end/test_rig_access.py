@@ -13,14 +13,12 @@ from pathlib import Path
 import pytest
 import zmq
 
-from fmus.rig_proxy import LinkError, read_client_keys
-from fmus.rig_proxy.link import Link
 from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.keys import add_client, make_keys
 from orchestration.rig.operator import acknowledge, ask, stop
 from tests.support.browser import chromium
 from tests.support.command import here
-from tests.support.rig.driver import INPUTS, OUTPUTS, Driver
+from tests.support.rig.driver import INPUTS, OUTPUTS, Driver, refusal
 from tests.support.rig.process import Server
 from tests.support.rig.raw_peer import (
     RawPeer,
@@ -83,7 +81,7 @@ def test_a_page_and_peers_of_other_protocols_reach_nothing(tmp_path):
 
 
 def test_a_page_in_a_browser_stops_and_releases_nothing(tmp_path, browser):
-    """What the page sends arrives: the server turns it away and counts it."""
+    """Its requests arrive: the server turns them away and counts them."""
     with Server(tmp_path) as server, chromium(browser, tmp_path / "profile") as tab:
         remote = read_endpoint(server.wait_ready())
         port = int(server.endpoint.rpartition(":")[2])
@@ -116,43 +114,49 @@ def test_a_page_in_a_browser_stops_and_releases_nothing(tmp_path, browser):
         driver.stop()
 
 
-def test_a_key_is_for_what_its_role_says_and_the_log_says_whose_it_was(tmp_path):
+@pytest.fixture
+def keys(tmp_path):
+    """Return the key file of a server, and those of a client in each role, by role."""
     folder = tmp_path / "keys"
-    server_file, boss = make_keys(folder)
+    server, boss = make_keys(folder)
     lab = add_client(folder, "lab", "command")
     page = add_client(folder, "page", "watch")
-    with Server(tmp_path, "Logged", "--keys", server_file) as server:
+    return {"server": server, "acknowledge": boss, "command": lab, "watch": page}
+
+
+def published(remote):
+    """Return a message of telemetry."""
+    with zmq.Context() as context, context.socket(zmq.SUB) as watcher:
+        remote.connect(watcher, remote.telemetry)
+        watcher.subscribe(b"")
+        assert watcher.poll(5000)
+        return json.loads(watcher.recv())
+
+
+def test_a_key_is_for_what_its_role_says_and_the_log_says_whose_it_was(tmp_path, keys):
+    with Server(tmp_path, "Logged", "--keys", keys["server"]) as server:
         endpoint = server.wait_ready()
-        watcher = Link(endpoint, INPUTS, OUTPUTS, page, "curious")
-        with pytest.raises(LinkError, match="the key of page is for watch, not for connect"):
-            watcher.connect(0.0, 5.0)
-        watcher.close()
-        driver = Driver(endpoint, credentials=lab).start()
+        not_to_connect = "the key of page is for watch, not for connect"
+        assert not_to_connect in refusal(endpoint, keys["watch"], 5.0)
+        driver = Driver(endpoint, credentials=keys["command"]).start()
         server.wait_line("client connected: driver, lab (command) at 127.0.0.1")
-        remotes = {file: read_endpoint(endpoint, file) for file in (boss, lab, page)}
-        assert ask(remotes[page], "status")["state"] == "running"
-        with zmq.Context() as context, context.socket(zmq.SUB) as watcher:
-            remotes[page].connect(watcher, remotes[page].telemetry)
-            watcher.subscribe(b"")
-            assert watcher.poll(5000)
-            assert json.loads(watcher.recv())["client"] == "driver"
-        latch = stop(remotes[page], "smoke")["latch"]
+        watching = read_endpoint(endpoint, keys["watch"])
+        assert ask(watching, "status")["state"] == "running"
+        assert published(watching)["client"] == "driver"
+        latch = stop(watching, "smoke")["latch"]
         server.wait_line("SAFE STATE: stopped: smoke (by page (watch) at 127.0.0.1)")
-        for file, name in ((page, "page"), (lab, "lab")):
-            done = here(
-                "rig", "acknowledge", "--endpoint", endpoint, "--credentials", file, cwd=tmp_path
-            )
+        for role, name in (("watch", "page"), ("command", "lab")):
+            access = ("--endpoint", endpoint, "--credentials", keys[role])
+            done = here("rig", "acknowledge", *access, cwd=tmp_path)
             assert done.returncode == 2
             assert f"the key of {name} is for" in done.stderr
-        assert acknowledge(remotes[boss], latch)["state"] == "idle"
+        boss = read_endpoint(endpoint, keys["acknowledge"])
+        assert acknowledge(boss, latch)["state"] == "idle"
         server.wait_line(f"latch {latch} acknowledged by first-client (acknowledge) at 127.0.0.1")
         driver.stop()
-        # the same peer without a key, or with one of another server
-        assert read_client_keys(boss).server_key
-        port = int(endpoint.rpartition(":")[2])
-        for offset in (0, 2):
+        for offset in (0, 2):  # who has no key
             with pytest.raises((OSError, AssertionError)):
-                RawPeer(port + offset)
+                RawPeer(int(endpoint.rpartition(":")[2]) + offset)
 
 
 def test_the_log_is_opened_to_be_added_to(tmp_path):

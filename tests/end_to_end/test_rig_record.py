@@ -18,7 +18,7 @@ from orchestration.rig.keys import make_keys
 from studies.emulator.bench import NOISE
 from studies.emulator.hidden_coupling import SaturatingStrain
 from studies.emulator.physics import RigParameters
-from tests.support.command import works
+from tests.support.command import recording, works
 from tests.support.rig.small_rig import SmallRig, free_port
 
 pytestmark = pytest.mark.real_time
@@ -125,14 +125,7 @@ def test_what_is_hidden_is_named(tmp_path):
             bridged(rig.port, client_file) as endpoint,
         ):
             works(
-                "rig",
-                "record",
-                "--stimulus",
-                "experiment.toml",
-                "--out",
-                "run.nc",
-                "--endpoint",
-                endpoint,
+                *recording(endpoint, "experiment.toml"),
                 cwd=tmp_path,
                 environment={},  # a process of its own: the rig is a thread of this one
             )

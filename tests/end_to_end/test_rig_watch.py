@@ -10,8 +10,6 @@ import os
 import re
 import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -20,7 +18,7 @@ import pytest
 
 from orchestration.rig.keys import make_keys
 from tests.support.browser import chromium
-from tests.support.command import posix, refused
+from tests.support.command import posix, recording, refused, running
 from tests.support.rig.driver import PERIOD, Driver
 from tests.support.rig.process import ROOT, Server
 from tests.support.rig.small_rig import SmallRig, free_port, small_rig_process
@@ -73,20 +71,13 @@ BOX = (
 @contextmanager
 def watching(rig_port, *more):
     """The command in a process of its own; its address."""
-    command = [
-        sys.executable,
-        "-m",
-        "orchestration.cli",
-        "rig",
-        "watch",
-        "--no-browser",
-        "--port",
-        "0",
-    ]
-    command += ["--endpoint", f"tcp://127.0.0.1:{rig_port}", *map(str, more)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    endpoint = f"tcp://127.0.0.1:{rig_port}"
+    page = ("rig", "watch", "--no-browser", "--port", "0")
+    process = running(*page, "--endpoint", endpoint, *more, cwd=ROOT)
     try:
-        process.address = re.search(r"at (http://127\.0\.0\.1:\d+/)", process.stdout.readline())[1]
+        found = re.search(r"at (http://127\.0\.0\.1:(\d+)/)", process.stdout.readline())
+        process.address = found[1]
+        process.port = int(found[2])
         yield process
     finally:
         process.kill()
@@ -114,6 +105,15 @@ def until(condition, within=PATIENCE):
     return time.monotonic() - began, found
 
 
+@contextmanager
+def idle_page(tab, rig_port, *more, width=1280):
+    """The page of a rig at rest, open in a tab; the command that serves it."""
+    with watching(rig_port, *more) as watch:
+        tab.open(watch.address, width)
+        until(lambda: text(tab, "state") == "idle")
+        yield watch
+
+
 def is_safe(tab):
     return text(tab, "word") == "safe"
 
@@ -130,9 +130,7 @@ def is_lost(tab):
 
 
 def test_every_signal_with_unit_limits_and_age(tab):
-    with SmallRig() as rig, watching(rig.port) as watch:
-        tab.open(watch.address, 1280)
-        until(lambda: text(tab, "state") == "idle")
+    with SmallRig() as rig, idle_page(tab, rig.port) as watch:
         assert (text(tab, "client"), text(tab, "name")) == ("none", rig.endpoint)
         with Driver(rig.endpoint, lambda number: (0.5, 2.0), client="bench PC"):
             until(lambda: text(tab, "state") == "running")
@@ -199,7 +197,7 @@ def test_a_measured_value_beyond_its_limit_stands_out(tab):
 
 
 def pixels(tab, signal):
-    """How many pixels of a chart are shaded, and drawn in the colour of the signal."""
+    """Count the pixels of a chart that are shaded, and drawn in the colour of the signal."""
     return tab.run(f"{PIXELS}({signal!r})")
 
 
@@ -231,9 +229,7 @@ def test_an_old_value_never_looks_fresh(tab):
 
 
 def test_state_and_reason_and_events(tab):
-    with SmallRig() as rig, watching(rig.port) as watch:
-        tab.open(watch.address, 1280)
-        until(lambda: text(tab, "state") == "idle")
+    with SmallRig() as rig, idle_page(tab, rig.port):
         rig.safe("no command for 0.2 s")
         until(lambda: is_safe(tab))
         until(lambda: "no command for 0.2 s" in text(tab, "reason"))
@@ -277,9 +273,7 @@ def test_what_the_rig_says_is_text(tab):
 
 def test_a_server_that_is_killed_is_missed_within_a_second_and_found_again(tab):
     port = free_port()
-    with small_rig_process(port) as server, watching(port) as watch:
-        tab.open(watch.address, 1280)
-        until(lambda: text(tab, "state") == "idle")
+    with small_rig_process(port) as server, idle_page(tab, port):
         server.kill()
         server.wait()
         took, _ = until(lambda: is_lost(tab), PROMISED + ALLOWANCE)
@@ -295,9 +289,7 @@ def test_a_server_that_is_killed_is_missed_within_a_second_and_found_again(tab):
 
 
 def test_a_server_that_hangs_is_missed_too(tab):
-    with SmallRig() as rig, watching(rig.port) as watch:
-        tab.open(watch.address, 1280)
-        until(lambda: text(tab, "state") == "idle")
+    with SmallRig() as rig, idle_page(tab, rig.port):
         rig.answers = rig.publishes = False
         until(lambda: is_lost(tab), PROMISED + ALLOWANCE)
         rig.answers = rig.publishes = True
@@ -305,9 +297,7 @@ def test_a_server_that_hangs_is_missed_too(tab):
 
 
 def test_a_server_that_answers_and_publishes_nothing(tab):
-    with SmallRig() as rig, watching(rig.port) as watch:
-        tab.open(watch.address, 1280)
-        until(lambda: text(tab, "state") == "idle")
+    with SmallRig() as rig, idle_page(tab, rig.port):
         rig.publishes = False
         until(lambda: is_lost(tab), PROMISED + ALLOWANCE)
         assert "No samples arrive" in text(tab, "alarm")
@@ -326,9 +316,7 @@ def lost_share(tab):
 
 @pytest.mark.slow
 def test_slow_samples_and_lockstep_are_no_lost_link(tab):
-    with SmallRig(period=1.0) as slow, watching(slow.port) as watch:
-        tab.open(watch.address, 1280)
-        until(lambda: text(tab, "state") == "idle")
+    with SmallRig(period=1.0) as slow, idle_page(tab, slow.port):
         assert lost_share(tab) < _STALLS
     with SmallRig(mode="lockstep") as waiting, watching(waiting.port) as watch:
         waiting.publishes = False
@@ -347,9 +335,7 @@ def test_no_server_at_all(tab):
 @posix
 @pytest.mark.parametrize("number", ["SIGKILL", "SIGSTOP"])
 def test_the_page_misses_the_program_that_serves_it(tab, number):
-    with SmallRig() as rig, watching(rig.port) as watch:
-        tab.open(watch.address, 1280)
-        until(lambda: text(tab, "state") == "idle")
+    with SmallRig() as rig, idle_page(tab, rig.port) as watch:
         watch.send_signal(getattr(signal, number))
         until(lambda: is_lost(tab), PROMISED + ALLOWANCE)
         assert "ppy rig watch does not answer" in text(tab, "alarm")
@@ -365,10 +351,9 @@ def test_the_page_misses_the_program_that_serves_it(tab, number):
 def test_stop_pressed_by_mouse_stops_the_rig(tab):
     with (
         SmallRig() as rig,
-        watching(rig.port) as watch,
+        idle_page(tab, rig.port),
         Driver(rig.endpoint, lambda number: (0.5, 1.0)),
     ):
-        tab.open(watch.address, 1280)
         until(lambda: text(tab, "state") == "running")
         left, top, width, height = tab.run(BOX)
         x, y = left + width / 2, top + height / 2
@@ -383,12 +368,15 @@ def test_stop_pressed_by_mouse_stops_the_rig(tab):
         assert {m["type"] for m in rig.heard} == {"connect", "exchange", "status", "stop"}
 
 
+def left_page(tab, rig_port):
+    """Open the page of a rig at rest, and end the command that serves it; return its port."""
+    with idle_page(tab, rig_port) as watch:
+        return watch.port
+
+
 def test_a_page_that_outlives_its_program_can_stop_again_with_the_next_one(tab):
     with SmallRig() as rig:
-        with watching(rig.port) as watch:
-            port = watch.address.rstrip("/").rsplit(":", 1)[1]
-            tab.open(watch.address, 1280)
-            until(lambda: text(tab, "state") == "idle")
+        port = left_page(tab, rig.port)
         until(lambda: is_lost(tab))
         with watching(rig.port, "--port", port):
             until(lambda: not is_lost(tab) and text(tab, "state") == "idle")
@@ -400,10 +388,7 @@ def test_a_page_that_outlives_its_program_can_stop_again_with_the_next_one(tab):
 
 def test_a_page_of_an_earlier_program_whose_stop_was_pressed_says_what_it_is(tab):
     with SmallRig() as rig:
-        with watching(rig.port) as watch:
-            port = watch.address.rstrip("/").rsplit(":", 1)[1]
-            tab.open(watch.address, 1280)
-            until(lambda: text(tab, "state") == "idle")
+        port = left_page(tab, rig.port)
         press_stop(tab)
         until(lambda: text(tab, "pressed").startswith("NOT CONFIRMED"))
         with watching(rig.port, "--port", port):
@@ -427,21 +412,8 @@ def test_the_emulated_rig_behind_its_own_server(tab, tmp_path):
     (tmp_path / "experiment.toml").write_text(EXPERIMENT)
     with Server(tmp_path, "emulator") as server:
         port = server.wait_ready().rsplit(":", 1)[1]
-        command = [
-            sys.executable,
-            "-m",
-            "orchestration.cli",
-            "rig",
-            "record",
-            "--stimulus",
-            "experiment.toml",
-        ]
-        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-        command += ["--out", "run.csv", "--endpoint", server.endpoint]
-        pipe = subprocess.PIPE
-        recording = subprocess.Popen(
-            command, cwd=tmp_path, env=environment, stdout=pipe, stderr=pipe, text=True
-        )
+        arguments = recording(server.endpoint, "experiment.toml", out="run.csv")
+        driving = running(*arguments, cwd=tmp_path)
         with watching(port) as watch:
             tab.open(watch.address, 1280)
             until(lambda: text(tab, "client") == "ppy rig record")
@@ -455,11 +427,11 @@ def test_the_emulated_rig_behind_its_own_server(tab, tmp_path):
             assert re.fullmatch(r"Safe: reached after \d+ ms\.", text(tab, "pressed"))
             assert "stop button of ppy rig watch" in text(tab, "reason")
             until(lambda: tab.run(SHOWN)["force"]["value"] == "0.000")
-            _, complaint = recording.communicate(timeout=60)
+            _, complaint = driving.communicate(timeout=60)
             server.process.kill()
             until(lambda: is_lost(tab), PROMISED + ALLOWANCE)
         assert tab.complaints == []
-    assert recording.returncode == 1, complaint
+    assert driving.returncode == 1, complaint
     assert "safe state" in complaint.splitlines()[-1]
     assert "run.csv holds" in complaint.splitlines()[-1]
     assert len((tmp_path / "run.csv").read_text().splitlines()) > 5
@@ -467,9 +439,7 @@ def test_the_emulated_rig_behind_its_own_server(tab, tmp_path):
 
 @pytest.mark.parametrize("width", [1280, 400])
 def test_stop_is_the_first_that_the_keyboard_reaches(tab, width):
-    with SmallRig() as rig, watching(rig.port) as watch:
-        tab.open(watch.address, width)
-        until(lambda: text(tab, "state") == "idle")
+    with SmallRig() as rig, idle_page(tab, rig.port, width=width):
         press(tab, "Tab", 9)
         assert tab.run("document.activeElement.id") == "stop"
         press(tab, "Enter", 13, "\r")
@@ -489,9 +459,7 @@ def press(tab, key, code, character=None):
 
 
 def test_a_stop_that_nobody_confirms_says_so_and_one_whose_answer_is_lost_does_not(tab):
-    with SmallRig() as rig, watching(rig.port) as watch:
-        tab.open(watch.address, 1280)
-        until(lambda: text(tab, "state") == "idle")
+    with SmallRig() as rig, idle_page(tab, rig.port):
         rig.answers = rig.publishes = False
         press_stop(tab)
         until(lambda: text(tab, "pressed").startswith("NOT CONFIRMED"))
@@ -519,11 +487,10 @@ def test_safe_is_said_when_the_rig_is_and_not_before(tab):
     """The safe state takes 600 ms, and the rig says so; no word of the page is earlier."""
     with (
         SmallRig() as rig,
-        watching(rig.port) as watch,
+        idle_page(tab, rig.port),
         Driver(rig.endpoint, lambda number: (0.5, 1.0)),
     ):
         rig.settling, rig.bound = 0.6, 5.0
-        tab.open(watch.address, 1280)
         until(lambda: text(tab, "state") == "running")
         tab.run(KEEP)
         press_stop(tab)
@@ -568,9 +535,7 @@ def test_a_safe_state_that_is_not_reached_is_an_alarm_until_it_is_acknowledged(t
 
 
 def test_an_alarm_is_shown_in_every_state_and_beside_a_lost_contact(tab):
-    with SmallRig() as rig, watching(rig.port) as watch:
-        tab.open(watch.address, 1280)
-        until(lambda: text(tab, "state") == "idle")
+    with SmallRig() as rig, idle_page(tab, rig.port):
         rig.alarm = "voltage has not moved for 200 samples"
         until(lambda: rig.alarm in text(tab, "alarm"))
         assert text(tab, "state") == "idle"
@@ -829,8 +794,7 @@ def luminance(colour):
 
 
 def ask(watch, method, path, headers=None, body=None):
-    host, port = watch.address.removeprefix("http://").rstrip("/").split(":")
-    connection = http.client.HTTPConnection(host, int(port), timeout=PATIENCE)
+    connection = http.client.HTTPConnection("127.0.0.1", watch.port, timeout=PATIENCE)
     try:
         connection.request(method, path, body, headers or {})
         answer = connection.getresponse()
@@ -949,7 +913,7 @@ def test_a_page_of_another_site_gets_nothing(tab, kind, tmp_path):
 
 def test_rubbish_and_silence_do_not_hold_it_up():
     with SmallRig() as rig, watching(rig.port) as watch:
-        port = int(watch.address.rstrip("/").rsplit(":", 1)[1])
+        port = watch.port
         held = [socket.create_connection(("127.0.0.1", port)) for _ in range(20)]
         for number, connection in enumerate(held):
             connection.sendall(os.urandom(100) + b"\n" if number % 2 else b"GET / HT")
@@ -969,9 +933,7 @@ def test_rubbish_and_silence_do_not_hold_it_up():
 def test_keys_are_used(tab, tmp_path):
     server_file, client_file = make_keys(tmp_path)
     with SmallRig(keys=server_file) as rig:
-        with watching(rig.port, "--credentials", client_file) as watch:
-            tab.open(watch.address, 1280)
-            until(lambda: text(tab, "state") == "idle")
+        with idle_page(tab, rig.port, "--credentials", client_file):
             tab.run("document.getElementById('stop').click()")
             until(lambda: is_safe(tab))
         before = len(rig.heard)
@@ -988,9 +950,7 @@ def test_keys_are_used(tab, tmp_path):
 @posix
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_ends_at_once_even_with_a_page_open(tab, number):
-    with SmallRig() as rig, watching(rig.port) as watch:
-        tab.open(watch.address, 1280)
-        until(lambda: text(tab, "state") == "idle")
+    with SmallRig() as rig, idle_page(tab, rig.port) as watch:
         began = time.monotonic()
         watch.send_signal(number)
         assert watch.wait(PATIENCE) == 0

@@ -12,7 +12,7 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -44,6 +44,27 @@ def ppy(
         stdin=subprocess.DEVNULL,
         timeout=240,
         env={**os.environ, "COLUMNS": "100", **(environment or {})},
+    )
+
+
+def recording(
+    endpoint: str, stimulus: object, *more: object, out: str = "run.nc"
+) -> tuple[object, ...]:
+    """Return the arguments that record what a rig does."""
+    return ("rig", "record", "--stimulus", stimulus, "--out", out, "--endpoint", endpoint, *more)
+
+
+def running(
+    *arguments: object, cwd: Path, before: Callable[[], None] | None = None
+) -> subprocess.Popen[str]:
+    """Start the command line in a process of its own, in which `before` is called first."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "orchestration.cli", *map(str, arguments)],
+        cwd=cwd,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=before,
     )
 
 

@@ -11,7 +11,7 @@ from orchestration.rig.endpoint import Endpoint
 
 
 class RuleVerdict(NamedTuple):
-    """RuleVerdict on a rule.
+    """Verdict on a rule.
 
     Attributes
     ----------

@@ -138,10 +138,10 @@ class Probe:
         self._peers.append(made)
         return made
 
-    def raw(self, address: str, data: bytes, patience: float = PATIENCE) -> bool:
+    def raw(self, address: str, data: bytes) -> bool:
         """Send bytes that are no ZMTP 3, and return whether the server closes the connection."""
         host, port = parse_address(address)
-        with socket.create_connection((host.strip("[]"), port), patience) as connection:
+        with socket.create_connection((host.strip("[]"), port), PATIENCE) as connection:
             try:
                 connection.sendall(data)
                 while connection.recv(4096):

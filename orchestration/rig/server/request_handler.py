@@ -172,7 +172,7 @@ class RequestHandler:
         if session is None or message["session"] != session.key:
             return encode(
                 "refused",
-                reason="this session is over, or of a server before this one; connect again",
+                reason="this session is over, or of a server before this one",
             )
         if session.repeats(message, self.counts):
             return None

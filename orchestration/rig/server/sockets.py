@@ -37,17 +37,14 @@ class Handshakes:
     Parameters
     ----------
     socket : zmq.Socket
-    clock : callable
-        Time in s that never jumps.
     """
 
-    def __init__(self, socket: zmq.Socket[bytes], clock: Callable[[], float] = monotonic) -> None:
+    def __init__(self, socket: zmq.Socket[bytes]) -> None:
         self._monitor = socket.get_monitor_socket(_HANDSHAKES)
-        self._clock = clock
         self._accepted = 0
         self._succeeded = 0
         self._finished = 0  # of those accepted, whose handshake is over by now
-        self._looked = clock()
+        self._looked = monotonic()
         self._reported = 0
 
     def failed(self) -> int:
@@ -56,7 +53,7 @@ class Handshakes:
             event = parse_monitor_message(self._monitor.recv_multipart())["event"]
             self._accepted += event == zmq.EVENT_ACCEPTED
             self._succeeded += event == zmq.EVENT_HANDSHAKE_SUCCEEDED
-        now = self._clock()
+        now = monotonic()
         if now - self._looked <= 2 * HANDSHAKE / 1000:
             return 0
         failed = max(0, self._finished - self._succeeded - self._reported)

@@ -115,7 +115,7 @@ class Feed:
             "read_back": _numbers(message["read_back"]),
             "outputs": _numbers(message["outputs"]),
             "ages": _numbers(message["ages"]),
-            "command_age": _number(message.get("command_age")),
+            "command_age": _number(message["command_age"]),
         }
         with self._lock:
             self._heard = now

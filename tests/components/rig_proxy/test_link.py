@@ -28,6 +28,14 @@ def closing():
 
 
 @pytest.fixture
+def router():
+    """Return a ROUTER that answers as a test wants it to."""
+    context = zmq.Context()
+    yield context.socket(zmq.ROUTER)
+    context.destroy(linger=0)
+
+
+@pytest.fixture
 def linked(closing):
     def make(endpoint, *more, **named) -> Link:
         closing.append(Link(endpoint, INPUTS, OUTPUTS, *more, **named))
@@ -77,7 +85,7 @@ def test_a_key_file_that_is_none_is_told(linked, tmp_path):
         linked("tcp://127.0.0.1:5570", tmp_path / "missing.toml")
 
 
-def test_garbage_from_the_other_side_is_passed_over(linked):
+def test_garbage_from_the_other_side_is_passed_over(linked, router):
     """A peer that sends everything but what is asked for; in the end it answers."""
     junk = [
         b"",
@@ -90,8 +98,6 @@ def test_garbage_from_the_other_side_is_passed_over(linked):
         b'{"ppy":2,"type":"accepted","session":1}',
         b"[" * 50_000,
     ]
-    context = zmq.Context()
-    router = context.socket(zmq.ROUTER)
     port = router.bind_to_random_port("tcp://127.0.0.1")
     good = {
         "session": "s",
@@ -118,12 +124,9 @@ def test_garbage_from_the_other_side_is_passed_over(linked):
         assert linked(f"tcp://127.0.0.1:{port}").connect(0.0, 2.0)["values"] == [1.0, 2.0]
     finally:
         thread.join()
-        context.destroy(linger=0)
 
 
-def test_a_peer_that_floods_does_not_hold_us(linked):
-    context = zmq.Context()
-    router = context.socket(zmq.ROUTER)
+def test_a_peer_that_floods_does_not_hold_us(linked, router):
     port = router.bind_to_random_port("tcp://127.0.0.1")
     ends = threading.Event()
 
@@ -145,12 +148,9 @@ def test_a_peer_that_floods_does_not_hold_us(linked):
     finally:
         ends.set()
         thread.join()
-        context.destroy(linger=0)
 
 
-def test_a_late_answer_is_found_later_and_never_taken_for_a_new_one(linked):
-    context = zmq.Context()
-    router = context.socket(zmq.ROUTER)
+def test_a_late_answer_is_found_later_and_never_taken_for_a_new_one(linked, router):
     port = router.bind_to_random_port("tcp://127.0.0.1")
     link = linked(f"tcp://127.0.0.1:{port}")
     sample = {
@@ -161,39 +161,36 @@ def test_a_late_answer_is_found_later_and_never_taken_for_a_new_one(linked):
         "reason": "",
         "refused": [],
     }
-    try:
-        link.accepted = {"session": "s", "clock": 1.0}
-        assert link.exchange([0.0, 0.0], 0.0, 0.1, 0.01) is None
-        identity, _ = router.recv_multipart()
-        sent = time.monotonic() - 0.5
+    link.accepted = {"session": "s", "clock": 1.0}
+    assert link.exchange([0.0, 0.0], 0.0, 0.1, 0.01) is None
+    identity, _ = router.recv_multipart()
+    sent = time.monotonic() - 0.5
 
-        def answer(sequence: int, value: float) -> None:
-            reply = protocol.encode(
-                "sample", **sample, sequence=sequence, sent=sent, values=[value, 0.0]
-            )
-            router.send_multipart([identity, reply])
+    def answer(sequence: int, value: float) -> None:
+        reply = protocol.encode(
+            "sample", **sample, sequence=sequence, sent=sent, values=[value, 0.0]
+        )
+        router.send_multipart([identity, reply])
 
-        answer(1, 1.0)
-        time.sleep(0.05)
-        assert link.late()["values"][0] == 1.0
-        assert link.round_trip_time == pytest.approx(0.55, abs=0.2)
-        time.sleep(0.2)
-        assert link.round_trip_time == pytest.approx(0.55, abs=0.2), "all is answered"
-        assert link.exchange([0.0, 0.0], 0.1, 0.1, 0.01) is None
-        answer(1, 9.0)  # once more, after a newer one was asked for
-        answer(7, 9.0)  # nobody has asked for that
-        time.sleep(0.05)
-        assert link.late() is None
-        time.sleep(0.8)
-        assert link.round_trip_time > 0.8, "no answer is no fast one"
-        timer = threading.Timer(0.05, answer, (2, 2.0))
-        timer.start()
-        assert link.exchange([0.0, 0.0], 0.2, 0.1, 0.3) is None
-        timer.join()
-        assert link.late()["values"][0] == 2.0, "though it came while another was waited for"
-        assert link.late() is None
-    finally:
-        context.destroy(linger=0)
+    answer(1, 1.0)
+    time.sleep(0.05)
+    assert link.late()["values"][0] == 1.0
+    assert link.round_trip_time == pytest.approx(0.55, abs=0.2)
+    time.sleep(0.2)
+    assert link.round_trip_time == pytest.approx(0.55, abs=0.2), "all is answered"
+    assert link.exchange([0.0, 0.0], 0.1, 0.1, 0.01) is None
+    answer(1, 9.0)  # once more, after a newer one was asked for
+    answer(7, 9.0)  # nobody has asked for that
+    time.sleep(0.05)
+    assert link.late() is None
+    time.sleep(0.8)
+    assert link.round_trip_time > 0.8, "no answer is no fast one"
+    timer = threading.Timer(0.05, answer, (2, 2.0))
+    timer.start()
+    assert link.exchange([0.0, 0.0], 0.2, 0.1, 0.3) is None
+    timer.join()
+    assert link.late()["values"][0] == 2.0, "though it came while another was waited for"
+    assert link.late() is None
 
 
 def test_nobody_there(linked):

@@ -34,9 +34,7 @@ anything = st.recursive(
 
 
 def test_every_message_of_the_page_is_one():
-    """The page is the contract for programs of others: what it shows has to be what we read and
-    write.
-    """
+    """The page is the contract for programs of others: its examples have to be messages of ours."""
     shown = [
         line for block in re.findall(r"```json\n(.*?)```", PAGE, re.S) for line in messages(block)
     ]
@@ -77,6 +75,12 @@ def test_what_is_encoded_is_decoded():
     frame = protocol.encode("sample", **SAMPLE)
     assert protocol.decode(frame, protocol.REPLIES) == {"ppy": 2, "type": "sample", **SAMPLE}
     assert b"\n" not in frame
+
+
+def test_a_name_is_that_of_no_other_connection():
+    names = {protocol.new_name() for _ in range(1000)}
+    assert len(names) == 1000
+    assert all(re.fullmatch(rb"ppy-[0-9a-f]{16}", name) for name in names)
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf")])

@@ -1,8 +1,8 @@
 """Backends that write down with monotonic times what they are told, and fail when a test asks for
 it.
 
-They stand for hardware that cannot exist here, of the dangerous kind: what it was given last it
-holds, whichever process ends. A fault happens in every call from when the file `trigger` exists.
+They stand for hardware that cannot exist here, of the dangerous kind: it holds its last command,
+whichever process ends. A fault happens in every call from when the file `trigger` exists.
 """
 
 from __future__ import annotations
@@ -119,10 +119,10 @@ class Faulty(Logged):
         Files.
     where : {"open", "read", "write", "safe", "close"}
     how : str
-        What happens there: `raise`, `refuse`, `exit`, `hang`, `die`, `slow`, `nan`, `alternate`,
-        `beyond`, `nothing`.
+        Its fault: `raise`, `refuse`, `exit`, `hang`, `die`, `slow`, `nan`, `alternate`, `beyond`,
+        `nothing`.
     times : str
-        How often at most, over all processes: the log is counted.
+        Largest number of faults, over all processes: the log is counted.
     """
 
     _reads = 0

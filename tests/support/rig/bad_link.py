@@ -1,8 +1,7 @@
-"""Faults of messages: a cable that loses, delays, doubles, swaps and damages them, repeatably by
-its seed.
+"""Faults of messages: a cable that loses, delays, doubles, swaps and damages them, repeatably.
 
-It also writes down when it handed a fresh command to the server: what the time to the safe state is
-measured from. Faults of the bytes below are in :mod:`tests.support.rig.relay`.
+It also writes down when it handed a fresh command to the server, from which the time to the safe
+state is measured. Faults of the bytes below are in :mod:`tests.support.rig.relay`.
 """
 
 from __future__ import annotations
@@ -63,26 +62,29 @@ class BadLink:
     Attributes
     ----------
     treatment : callable
-        What is done to every message in either direction; may be changed at any time.
+        Done to every message in either direction; may be changed at any time.
     fresh : list of float
-        When a command that is new, within its limits and not too long under way was handed to the
-        server, in s of the monotonic clock.
+        Times at which a command that is new, within its limits and not too long under way was
+        handed to the server, in s of the monotonic clock.
     """
 
     def __init__(
         self,
         server: str,
-        seed: int = 0,
         watchdog: float = 0.2,
         limits: Sequence[tuple[float, float]] = LIMITS,
     ) -> None:
         self.treatment: Treatment = clean
         self.fresh: list[float] = []
         self.carried = 0
-        self._server, self._chance = server, random.Random(seed)
+        self._server, self._chance = server, random.Random(0)
         self._watchdog = watchdog
         self._limits = limits
         self._sequences: dict[str, int] = {}
+        self._backs: dict[bytes, Any] = {}  # connections to the server, by client
+        # messages under way: when each is due, its number, whose it is, and where it goes
+        self._waiting: list[tuple[float, int, bytes, bytes, bool, bool]] = []
+        self._numbers = itertools.count()
         self._context = zmq.Context()
         self._front = self._context.socket(zmq.ROUTER)
         self._front.linger = 0
@@ -94,38 +96,46 @@ class BadLink:
         self._thread.start()
 
     def _run(self) -> None:
-        poller, backs = zmq.Poller(), {}
+        poller = zmq.Poller()
         poller.register(self._front, zmq.POLLIN)
-        waiting: list[tuple[float, int, bytes, bytes, bool, bool]] = []
-        count = itertools.count()
         while not self._ending.is_set():
-            left = min(waiting[0][0] - time.monotonic(), 0.02) if waiting else 0.02
-            ready = dict(poller.poll(max(0, math.ceil(1000 * left))))
-            for socket in ready:
+            left = min(self._waiting[0][0] - time.monotonic(), 0.02) if self._waiting else 0.02
+            for socket, _ in poller.poll(max(0, math.ceil(1000 * left))):
                 if socket is self._front:
-                    peer, frame = self._front.recv_multipart()
-                    if peer not in backs:
-                        backs[peer] = back = self._context.socket(zmq.DEALER)
-                        back.linger = 0
-                        back.routing_id = b"link-" + peer.hex().encode()
-                        back.connect(self._server)
-                        poller.register(back, zmq.POLLIN)
-                    upward = True
+                    self._take_from_client(poller)
                 else:
-                    peer = next(name for name, back in backs.items() if back is socket)
-                    frame, upward = socket.recv(), False
-                for delay, changed in self.treatment(frame, self._chance):
-                    due, counts = time.monotonic() + delay, upward and changed == frame
-                    heapq.heappush(waiting, (due, next(count), peer, changed, upward, counts))
-            while waiting and waiting[0][0] <= time.monotonic():
-                _, _, peer, frame, upward, counts = heapq.heappop(waiting)
-                self._hand_on(
-                    backs[peer] if upward else self._front,
-                    [frame] if upward else [peer, frame],
-                    counts,
-                )
-        for back in backs.values():
+                    self._take_from_server(socket)
+            self._hand_on_what_is_due()
+        for back in self._backs.values():
             back.close(linger=0)
+
+    def _take_from_client(self, poller: zmq.Poller) -> None:
+        peer, frame = self._front.recv_multipart()
+        if peer not in self._backs:
+            self._backs[peer] = back = self._context.socket(zmq.DEALER)
+            back.linger = 0
+            back.routing_id = b"link-" + peer.hex().encode()
+            back.connect(self._server)
+            poller.register(back, zmq.POLLIN)
+        self._delay(peer, frame, upward=True)
+
+    def _take_from_server(self, socket: Any) -> None:
+        peer = next(name for name, back in self._backs.items() if back is socket)
+        self._delay(peer, socket.recv(), upward=False)
+
+    def _delay(self, peer: bytes, frame: bytes, *, upward: bool) -> None:
+        for delay, changed in self.treatment(frame, self._chance):
+            due, counts = time.monotonic() + delay, upward and changed == frame
+            message = (due, next(self._numbers), peer, changed, upward, counts)
+            heapq.heappush(self._waiting, message)
+
+    def _hand_on_what_is_due(self) -> None:
+        while self._waiting and self._waiting[0][0] <= time.monotonic():
+            _, _, peer, frame, upward, counts = heapq.heappop(self._waiting)
+            if upward:
+                self._hand_on(self._backs[peer], [frame], counts)
+            else:
+                self._hand_on(self._front, [peer, frame], counts)
 
     def _hand_on(self, socket: Any, frames: list[bytes], counts: bool) -> None:
         self.carried += 1

@@ -44,7 +44,7 @@ from nidaqmx.utils import unflatten_channel_string
 
 @dataclass
 class Job:
-    """What the driver calls a task."""
+    """A task of the driver."""
 
     kind: str = ""
     channels: list[str] = field(default_factory=list)

@@ -8,8 +8,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from math import sin
 from pathlib import Path
+from secrets import token_hex
 from typing import Any
 
 from fmus.rig_proxy.link import Link, LinkError
@@ -36,7 +38,7 @@ class Driver:
     timeout : float
         Of an exchange, in s.
     reconnect : bool
-        Connect again when the session is over.
+        Begin another session when one is over.
 
     Attributes
     ----------
@@ -44,10 +46,10 @@ class Driver:
         Every answer.
     unanswered : int
     silences : list of float
-        When an exchange or a connection was given up, in s of the monotonic clock.
+        Times at which an exchange or a connection was given up, in s of the monotonic clock.
     errors : list of str
     longest : float
-        What the longest call took, in s.
+        Duration of the longest call, in s.
     """
 
     def __init__(
@@ -63,8 +65,9 @@ class Driver:
         self.samples: list[Mapping[str, Any]] = []
         self.errors: list[str] = []
         self.silences: list[float] = []
-        self.unanswered, self.longest, self.sessions = 0, 0.0, 0
-        self._link = Link(endpoint, INPUTS, OUTPUTS, credentials, client)
+        self.unanswered, self.longest = 0, 0.0
+        self._new_link = partial(Link, endpoint, INPUTS, OUTPUTS, credentials, client, token_hex(8))
+        self._link = self._new_link()
         self._ending, self._thread = (
             threading.Event(),
             threading.Thread(target=self._run, daemon=True),
@@ -88,18 +91,20 @@ class Driver:
 
     def _run(self) -> None:
         try:
-            while not self._ending.is_set() and self._connected() and self._reconnect:
-                time.sleep(0.05)
+            self._drive()
+            while self._reconnect and not self._ending.wait(0.05):
+                self._link.close()
+                self._link = self._new_link()
+                self._drive()
             if self._orderly:
                 self._link.disconnect()
         finally:
             self._link.close()
 
-    def _connected(self) -> bool:
-        """Exchange as long as the session lasts; whether another one should be tried."""
+    def _drive(self) -> None:
+        """Exchange as long as the session lasts."""
         try:
             self._link.connect(0.0, 0.5)
-            self.sessions += 1
             number, due = 0, time.monotonic()
             while not self._ending.is_set():
                 begun = time.monotonic()
@@ -117,7 +122,6 @@ class Driver:
         except LinkError as error:
             self.errors.append(str(error))
             self.silences.append(time.monotonic())
-        return True
 
     def hang(self) -> None:
         """Say nothing any more, with the connection open."""
@@ -143,7 +147,7 @@ class Driver:
 
 
 def refusal(endpoint: str, credentials: Path | None = None, timeout: float = 2.0) -> str:
-    """Why one more client is not accepted; empty if it is."""
+    """Return the reason for which one more client is refused; empty if it is accepted."""
     link = Link(endpoint, INPUTS, OUTPUTS, credentials, "another")
     try:
         link.connect(0.0, timeout)

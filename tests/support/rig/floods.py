@@ -8,7 +8,6 @@ beside them.
 from __future__ import annotations
 
 import socket
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -19,6 +18,7 @@ import zmq
 
 from orchestration.rig.endpoint import Endpoint
 from orchestration.rig.operator import ask
+from tests.support.rig.process import module_process
 from tests.support.rig.raw_peer import RawPeer, frame, message
 
 LONGEST = 60.0  # s that a flood lasts
@@ -34,7 +34,7 @@ def idle(port: int, until: float) -> None:
         while len(held) < CONNECTIONS:
             held.append(socket.create_connection(("127.0.0.1", port)))
             held[-1].setblocking(False)
-        _started()
+        _tell_ready()
         time.sleep(0.05)
         for connection in list(held):
             with suppress(BlockingIOError, OSError):
@@ -51,7 +51,7 @@ def silent(port: int, until: float) -> None:
     for k in range(CONNECTIONS):
         with suppress(OSError):
             held.append(RawPeer(port, b"silent-%d" % k))
-    _started()
+    _tell_ready()
     time.sleep(max(0.0, until - time.monotonic()))
 
 
@@ -73,7 +73,7 @@ def strangers(port: int, until: float) -> None:
             if len(sockets) > STRANGERS // 2:
                 sockets.pop(0).close()
             if k == 20:
-                _started()
+                _tell_ready()
             time.sleep(1 / STRANGERS)
         context.destroy(linger=0)
 
@@ -85,7 +85,7 @@ def _sent(bodies: Callable[[int], bytes]) -> Callable[[int, float], None]:
         waiting = [b""] * PEERS
         for peer in peers:
             peer._socket.setblocking(False)
-        _started()
+        _tell_ready()
         while time.monotonic() < until:
             for k, peer in enumerate(peers):
                 waiting[k] = waiting[k] or chunks[k]
@@ -111,25 +111,17 @@ FLOODS: dict[str, Callable[[int, float], None]] = {
 }
 
 
-def _started() -> None:
+def _tell_ready() -> None:
     with suppress(BrokenPipeError):
-        print("started", flush=True)
+        print("ready", flush=True)
 
 
 @contextmanager
 def flooded(kind: str, port: int, server_key: str = "") -> Iterator[None]:
     """Flood a port while the context lasts."""
-    command = [sys.executable, "-m", "tests.support.rig.floods", kind, str(port)]
-    if server_key:
-        command.append(server_key)
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "started\n"
-            yield
-            assert process.poll() is None, "the flood has ended"
-        finally:
-            process.kill()
+    with module_process(__name__, kind, port, server_key) as process:
+        yield
+        assert process.poll() is None, "the flood has ended"
 
 
 def stop_times(remote: Endpoint, number: int) -> list[float]:

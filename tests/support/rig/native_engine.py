@@ -60,7 +60,7 @@ def own_sources() -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a call of the engine came to; `outputs` by name."""
+    """The result of a call of the engine; `outputs` by name."""
 
     ok: bool
     message: str

@@ -16,7 +16,7 @@ INPUTS, OUTPUTS = Logged.inputs, Logged.outputs
 
 
 def operators(endpoint: str) -> str:
-    """Where a server that has its requests at an endpoint hears operators."""
+    """Return the endpoint of operators at a server that has its requests at another one."""
     place, _, port = endpoint.rpartition(":")
     return f"{place}:{int(port) + OPERATOR}"
 

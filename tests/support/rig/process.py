@@ -1,5 +1,5 @@
-"""The project's own server as a user starts it, in processes of its own: its log, and what its
-backend was told.
+"""The project's own server as a user starts it, in processes of its own: its log, and the calls of
+its backend. Modules of the tests run as processes as well.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,20 @@ BACKENDS = Path(__file__).with_name("backends.py")
 ROOT = Path(__file__).parents[3]
 _MARK = "PPY_TEST_SERVER"  # in the environment of all processes of a server
 _START = 30.0  # s, on a busy machine
-_END = 30.0
+_END = 30.0  # s, likewise
+
+
+@contextlib.contextmanager
+def module_process(module: str, *arguments: object) -> Iterator[subprocess.Popen[str]]:
+    """Run a module of the tests in a process, from when it says ``ready`` until it is killed."""
+    command = [sys.executable, "-m", module, *map(str, arguments)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            yield process
+        finally:
+            process.kill()
 
 
 @dataclass(frozen=True)
@@ -54,11 +67,11 @@ class Server:
         Of the backend, beside its log.
     environment : dict, optional
     stdout : int
-        Where else its lines go to; then they are read from its log file.
+        Another place for its lines; then they are read from its log file.
     prefix : sequence of str
-        What runs the command; it must become it.
+        Command that runs this one, and becomes it.
     terminal : Terminal, optional
-        In whose foreground it runs; then its lines are read from its log file.
+        Terminal in whose foreground it runs; then its lines are read from its log file.
     """
 
     def __init__(
@@ -151,7 +164,7 @@ class Server:
         )
 
     def calls(self) -> list[Call]:
-        """What the backend was told so far."""
+        """Return the calls of the backend so far."""
         if not self._calls.exists():
             return []
         lines = self._calls.read_text().splitlines(keepends=True)
@@ -204,14 +217,14 @@ class Server:
         else:
             self.terminal.send(number)
 
-    def wait_end(self, timeout: float = _END) -> int:
+    def wait_end(self) -> int:
         """Wait for its exit status."""
-        code = self.process.wait(timeout)
+        code = self.process.wait(_END)
         self._reader.join(5.0)
         return code
 
     def errors(self) -> str:
-        """What it wrote to standard error; after its end."""
+        """Read standard error, after its end."""
         assert self.process.stderr is not None
         return self.process.stderr.read()
 
@@ -241,5 +254,5 @@ class Server:
 
 
 def _is_spawned(command: list[str]) -> bool:
-    """Whether a process of Python's multiprocessing does our work, and is no helper of its own."""
+    """Return True for a process that does our work, and is no helper of multiprocessing's own."""
     return any("spawn_main" in part for part in command)

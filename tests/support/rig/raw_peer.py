@@ -9,14 +9,13 @@ import socket
 import time
 from typing import Any
 
-NULL = b"NULL".ljust(20, b"\0")
 PATIENCE = 5.0  # s, for what takes milliseconds
 
 
-def greeting(major: int = 3, minor: int = 1, mechanism: bytes = NULL) -> bytes:
-    """Greeting of ZMTP 3."""
+def greeting(minor: int) -> bytes:
+    """Return the greeting of ZMTP 3 with the mechanism NULL."""
     signature = b"\xff" + 8 * b"\0" + b"\x7f"
-    return signature + bytes([major, minor]) + mechanism + b"\0" + 31 * b"\0"
+    return signature + bytes([3, minor]) + b"NULL".ljust(20, b"\0") + 32 * b"\0"
 
 
 def ready(name: bytes, **properties: bytes) -> bytes:
@@ -66,10 +65,10 @@ def post(body: bytes) -> bytes:
     return head.encode() + body
 
 
-def say(port: int, data: bytes, patience: float = PATIENCE) -> bytes:
+def say(port: int, data: bytes) -> bytes:
     """Send something, and return all that comes back until the other side closes."""
     answer = b""
-    with socket.create_connection(("127.0.0.1", port), patience) as connection:
+    with socket.create_connection(("127.0.0.1", port), PATIENCE) as connection:
         try:
             connection.sendall(data)
             while more := connection.recv(4096):
@@ -104,7 +103,7 @@ class RawPeer:
             raise
 
     def _shake_hands(self, name: bytes, minor: int, properties: dict[str, bytes]) -> None:
-        self._socket.sendall(greeting(minor=minor))
+        self._socket.sendall(greeting(minor))
         theirs = self._take(64)
         assert theirs[0] == 0xFF
         assert theirs[10] == 3

@@ -13,9 +13,9 @@ from contextlib import contextmanager, suppress
 
 
 @contextmanager
-def listening(behave: Callable[[socket.socket], None], port: int = 0) -> Iterator[str]:
+def listening(behave: Callable[[socket.socket], None]) -> Iterator[str]:
     """Listen on TCP and do something to every connection, in threads; gives the endpoint."""
-    listener = socket.create_server(("127.0.0.1", port))
+    listener = socket.create_server(("127.0.0.1", 0))
     listener.setsockopt(
         socket.SOL_SOCKET, socket.SO_RCVBUF, 4096
     )  # soon full, where a test stops reading

@@ -30,7 +30,7 @@ class ScriptedRig:
     requests : list of dict
         All that came in.
     peers : set of bytes
-        What those that sent them call themselves.
+        Names of the connections that they came by.
     answer, exchanged : callable
         Any request to replies, and an exchange of the present session; replaced by tests.
     """
@@ -101,7 +101,7 @@ class ScriptedRig:
         return [request for request in self.requests if request["type"] == "exchange"]
 
     def said(self, kind: str) -> bool:
-        """Whether a request of that type came in."""
+        """Return True if a request of that type came in."""
         return any(request["type"] == kind for request in self.requests)
 
 

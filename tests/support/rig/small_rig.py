@@ -17,13 +17,15 @@ import threading
 import time
 import tomllib
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 import zmq
 from zmq.auth.thread import ThreadAuthenticator
+
+from tests.support.rig.process import module_process
 
 INPUTS, OUTPUTS = {"current": "A", "force": "N"}, {"voltage": "V", "displacement": "m"}
 LIMITS = {
@@ -31,6 +33,19 @@ LIMITS = {
     "force": {"min": 0.0, "max": 3.0, "rate": None},
     "voltage": {"min": -1.0, "max": 1.0, "rate": None},
 }
+
+STATUS = {
+    "mode": "real-time",
+    "state": "idle",
+    "reason": "",
+    "client": "",
+    "inputs": INPUTS,
+    "outputs": OUTPUTS,
+    "limits": LIMITS,
+    "period": 0.05,
+    "watchdog": 1.0,
+}
+"""Of a rig at rest, as far as a recording needs it."""
 
 OPERATORS = ("stop", "acknowledge", "status")  # what an operator may send
 ALL = ("connect", "exchange", "disconnect", "stop", "status")  # and a client
@@ -348,23 +363,9 @@ class _Allowed:
         return key in self._clients  # as Z85
 
 
-@contextmanager
-def small_rig_process(port: int, keys: Path | None = None) -> Iterator[subprocess.Popen[str]]:
+def small_rig_process(port: int, *keys: Path) -> AbstractContextManager[subprocess.Popen[str]]:
     """Serve in a process of its own, for a test to kill."""
-    command = [
-        sys.executable,
-        "-m",
-        "tests.support.rig.small_rig",
-        str(port),
-        *([str(keys)] if keys else []),
-    ]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "ready\n"
-            yield process
-        finally:
-            process.kill()
+    return module_process(__name__, port, *keys)
 
 
 def main() -> None:

@@ -37,6 +37,34 @@ def test_all_that_was_measured_is_fitted_to_at_the_end(diagnosis):
     assert stays.final is diagnosis.selection.best
 
 
+def asymmetric_record():
+    """A record of an asymmetric part: linear regression does not know the sign of a cubic one."""
+    rng = np.random.default_rng(3)
+    signal = rng.standard_normal(900)
+    shown = 2.0 * signal + 0.5 * np.abs(signal) + 0.1 * rng.standard_normal(900)
+    table = np.column_stack([signal, np.abs(signal), signal**3])
+    least, (left,) = np.linalg.lstsq(table, shown)[:2]
+    error = np.sqrt(left / 900 * np.linalg.inv(table.T @ table)[2, 2])
+    assert abs(least[2]) < 1.96 * error
+    return Dataset(STEP * np.arange(900), {"signal": signal}, {"shown": shown})
+
+
+def selected_after(found, earlier, cause):
+    """Return the selection that would have been if another effect were selected before a cause."""
+    search = search_of(found)
+    (step,) = found.selection.steps
+    first = search.fit_from(found.selection.base.candidate.with_effect(earlier), step.chosen)
+    both = search.fit_from(first.candidate.with_effect(cause), step.chosen)
+    steps = [replace(step, chosen=first, gains={earlier.id: 1.0}), replace(step, chosen=both)]
+    fits = (found.selection.base, first, both)
+    return ConfirmedSelection(
+        replace(found.selection, steps=steps),
+        [predict(found.validation, one) for one in fits],
+        {},
+        [],
+    )
+
+
 @pytest.mark.parametrize(("fall", "stays"), [(4.0, True), (1.0, False)])
 def test_a_cause_that_may_do_nothing_in_the_final_model_is_named_only_if_unseen_data_need_it(
     monkeypatch, fall, stays
@@ -46,28 +74,9 @@ def test_a_cause_that_may_do_nothing_in_the_final_model_is_named_only_if_unseen_
     Its interval is then as wide as the free runs are sure: half a width of 1.96 / 4 of its value.
     """
     monkeypatch.setattr(final_model, "free_run_gain", lambda *_: FreeRunGain(0.5, fall))
-    rng = np.random.default_rng(3)
-    signal = rng.standard_normal(900)
-    shown = 2.0 * signal + 0.5 * np.abs(signal) + 0.1 * rng.standard_normal(900)
-    table = np.column_stack([signal, np.abs(signal), signal**3])
-    least, (left,) = np.linalg.lstsq(table, shown)[:2]
-    error = np.sqrt(left / 900 * np.linalg.inv(table.T @ table)[2, 2])
-    assert abs(least[2]) < 1.96 * error
-    data = Dataset(STEP * np.arange(900), {"signal": signal}, {"shown": shown})
     asymmetric, cubic = OTHERS[1:]
-    found = diagnose(Amplifier, data, [asymmetric])
-    search = search_of(found)
-    (step,) = found.selection.steps
-    first = search.fit_from(found.selection.base.candidate.with_effect(cubic), step.chosen)
-    both = search.fit_from(first.candidate.with_effect(asymmetric), step.chosen)
-    steps = [replace(step, chosen=first, gains={cubic.id: 1.0}), replace(step, chosen=both)]
-    judged = ConfirmedSelection(
-        replace(found.selection, steps=steps),
-        [predict(found.validation, one) for one in (found.selection.base, first, both)],
-        {},
-        [],
-    )
-    anew = conclude_judged(found, judged)
+    found = diagnose(Amplifier, asymmetric_record(), [asymmetric])
+    anew = conclude_judged(found, selected_after(found, cubic, asymmetric))
     if stays:
         assert anew.selection.best.candidate.effects == (cubic, asymmetric)
         strength = anew.estimates[cubic.neutral]

@@ -1,12 +1,10 @@
 """Endpoints, as a server and as a client understand them."""
 
-import re
-
 import pytest
 import zmq
 
 from fmus.kit.errors import UserError
-from orchestration.rig.endpoint import new_name, parse_address, read_endpoint
+from orchestration.rig.endpoint import parse_address, read_endpoint
 
 
 @pytest.mark.parametrize(
@@ -42,10 +40,7 @@ def test_telemetry_and_operators_have_the_next_ports():
     assert endpoint.operators == "tcp://[fe80::1%eth0]:5572"
 
 
-def test_a_connection_has_a_name_that_no_other_one_has():
-    names = {new_name() for _ in range(1000)}
-    assert len(names) == 1000
-    assert all(re.fullmatch(rb"ppy-[0-9a-f]{16}", name) for name in names)
+def test_a_connection_has_a_name():
     with zmq.Context() as context, context.socket(zmq.DEALER) as socket:
         endpoint = read_endpoint("tcp://127.0.0.1:5999")
         endpoint.connect(socket, endpoint.requests)

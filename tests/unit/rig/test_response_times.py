@@ -1,5 +1,5 @@
-"""Claims: what a machine holds with a rig is measured by what the rig answers, and too little is
-refused in one line that says what would do.
+"""Claims: the rate that a machine holds with a rig is measured by the rig's answers, and a run that
+wants more is refused in one line that says which rate would do.
 """
 
 from __future__ import annotations

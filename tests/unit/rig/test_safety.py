@@ -63,8 +63,9 @@ def test_a_ramp_close_to_the_limit_is_not_refused_for_jitter(seed, pause):
 
 
 def test_sessions_that_follow_each_other_are_no_way_around_a_rate():
-    """Again and again from zero as far as it goes: what is applied keeps to the limit all the time,
-    by the differences between one write and the next."""
+    """Again and again from zero as far as it goes: the output keeps to the limit all the time, by
+    the differences between one write and the next.
+    """
     limits = {"current": Limit(-1.3, 1.3, rate=2.0)}
     commands = CommandFilter({"current": "A"}, limits)
     slew = SlewLimiter(["current"], limits, 0.0)

@@ -1,4 +1,4 @@
-"""Values given for signals and options: what is allowed passes, all else is refused in a line."""
+"""Values given for signals and options: those allowed pass, all others are refused in a line."""
 
 from __future__ import annotations
 

@@ -165,8 +165,8 @@ ACCEPTED = json.dumps(ScriptedRig(COUNT).accepted()).encode()
 
 @pytest.mark.real_time(limit=0.01)  # half of the time in which an answer must come
 def test_random_streams_are_survived(engine):
-    """What a server could say, with a few bytes changed, cut or repeated: any end is right but a
-    crash or a hang.
+    """A server's stream has a few bytes changed, cut or repeated: any end is right but a crash or a
+    hang.
     """
     rng = random.Random(5)
     stream = (

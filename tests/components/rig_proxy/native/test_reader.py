@@ -1,4 +1,4 @@
-"""What the native engine makes of a frame, beside Python's own reader, on anything that may arrive.
+"""The native engine reads a frame as Python's own reader does, or not at all, whatever may arrive.
 
 Every frame is read by the engine compiled with the sanitizers, from memory of exactly its size.
 """
@@ -21,6 +21,30 @@ from tests.support.rig.native_engine import MEASURED, NativeEngine
 COUNT = len(MEASURED)
 STATES = ("running", "stopping", "safe", "not reached")
 KINDS = ("none", "accepted", "refused", "sample", "disconnected", "foreign")
+# what the driver prints of a frame, in order
+COLUMNS = (
+    "type",
+    "session",
+    "sequence",
+    "numbers",
+    "lockstep",
+    "state",
+    "reason",
+    "refusals",
+    "refusal",
+    "values",
+    "ages",
+)
+NUMBERS = ("sent", "clock", "period", "watchdog")
+OF_KIND = {
+    "accepted": ("type", "session", "clock", "period", "watchdog", "lockstep", "values", "ages"),
+    "sample": (
+        *("type", "session", "sequence", "sent", "clock", "values", "ages"),
+        *("state", "reason", "refusals", "refusal"),
+    ),
+    "refused": ("type", "reason"),
+    "disconnected": ("type",),
+}
 
 
 @pytest.fixture(scope="module")
@@ -31,44 +55,25 @@ def reader(driver: Path) -> Iterator[NativeEngine]:
 
 
 def read(reader: NativeEngine, frame: bytes) -> dict[str, Any]:
-    """The fields that the engine has found, or {} if the frame is nothing to it."""
-    fields = reader.line("frame", frame.hex()).split("\t")
-    kind, session, sequence, numbers, lockstep, state, reason, refusals, refusal, values, ages = (
-        fields
-    )
-    sent, clock, period, watchdog = map(float.fromhex, numbers.split(" "))
-    listed = [[float.fromhex(number) for number in text.split(" ")] for text in (values, ages)]
-    match KINDS[int(kind)]:
-        case "accepted":
-            return {
-                "type": "accepted",
-                "session": session,
-                "clock": clock,
-                "period": period,
-                "watchdog": watchdog,
-                "lockstep": lockstep == "1",
-                "values": listed[0],
-                "ages": listed[1],
-            }
-        case "sample":
-            return {
-                "type": "sample",
-                "session": session,
-                "sequence": int(sequence),
-                "sent": sent,
-                "clock": clock,
-                "values": listed[0],
-                "ages": listed[1],
-                "state": STATES[int(state)],
-                "reason": reason,
-                "refusals": int(refusals),
-                "refusal": refusal if refusals != "0" else "",
-            }
-        case "refused":
-            return {"type": "refused", "reason": reason}
-        case "disconnected":
-            return {"type": "disconnected"}
-    return {}
+    """Return the fields that the engine has found, or {} if the frame is nothing to it."""
+    told = dict(zip(COLUMNS, reader.line("frame", frame.hex()).split("\t"), strict=True))
+    fields = {
+        **told,
+        **dict(zip(NUMBERS, floats(told["numbers"]), strict=True)),
+        "type": KINDS[int(told["type"])],
+        "sequence": int(told["sequence"]),
+        "lockstep": told["lockstep"] == "1",
+        "state": STATES[int(told["state"])],
+        "refusals": int(told["refusals"]),
+        "refusal": told["refusal"] if told["refusals"] != "0" else "",
+        "values": floats(told["values"]),
+        "ages": floats(told["ages"]),
+    }
+    return {name: fields[name] for name in OF_KIND.get(fields["type"], ())}
+
+
+def floats(text: str) -> list[float]:
+    return [float.fromhex(number) for number in text.split(" ")]
 
 
 def shown(text: str) -> str:
@@ -118,8 +123,7 @@ def same(found: dict[str, Any], wanted: dict[str, Any]) -> bool:
     def text(fields: dict[str, Any]) -> str:
         return repr({k: fields[k] for k in sorted(fields)} | {"session": fields.get("session")})
 
-    floats = ("clock", "sent", "period", "watchdog")
-    return text(found) == text({k: float(v) if k in floats else v for k, v in wanted.items()})
+    return text(found) == text({k: float(v) if k in NUMBERS else v for k, v in wanted.items()})
 
 
 NUMBER = st.floats(allow_nan=False, allow_infinity=False) | st.integers(-(2**70), 2**70)
@@ -257,7 +261,7 @@ EDITS = st.lists(
 
 
 def strict(frame: bytes) -> dict[str, Any] | None:
-    """What Python reads where it is as strict as the standard is: UTF-8, no NaN, no infinity."""
+    """Read a frame in Python, as strictly as the standard is: UTF-8, no NaN, no infinity."""
 
     def refuse(name: str) -> Any:
         raise ValueError(name)

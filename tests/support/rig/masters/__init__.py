@@ -1,5 +1,5 @@
-"""Proxies in three masters at a rig that fails in the middle of a run: what each master goes on to
-read, and how old that really is.
+"""Proxies in three masters at a rig that fails in the middle of a run: the values that each master
+goes on to read, and their true ages.
 
 The rig's charge is the time at which it was measured, on the clock that all processes of a machine
 share. So the true age of every value that is read is known, whatever the proxy says of it.
@@ -11,7 +11,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -26,6 +25,7 @@ from fmus.kit import stack
 from fmus.kit.build.building import build
 from fmus.kit.build.toolchain import host_platform
 from tests.support import hosts
+from tests.support.rig.process import module_process
 from tests.support.rig.relay import listening, relay
 from tests.support.rig.small_rig import free_port
 
@@ -57,9 +57,9 @@ class Row:
     Attributes
     ----------
     clock : float
-        When it was read, s of the clock of all processes.
+        Time of the reading, s of the clock of all processes.
     error : str
-        What the master said of the step; empty if it is content.
+        Message of the master about the step; empty if it is content.
     charge, charge_age, round_trip_time : float
         As read, s; the charge is when the rig measured it.
     link_state : int
@@ -74,7 +74,7 @@ class Row:
 
     @property
     def understated(self) -> float:
-        """By how much the value is older than it says, s."""
+        """Excess of the true age over the stated one, s."""
         return self.clock - self.charge - self.charge_age
 
 
@@ -85,7 +85,7 @@ class Observed:
     Attributes
     ----------
     refused : str
-        Why there was no run; empty if there was one.
+        Reason for which there was no run; empty if there was one.
     before, after : list of Row
         The steps before and after the fault.
     """
@@ -110,7 +110,9 @@ def observe(master: str, runtime: str, fault: str, folder: Path) -> Observed:
     """Run a proxy in a master at a rig, and have the rig fail."""
     with ExitStack() as opened:
         port = free_port()
-        server = None if fault == "dead" else opened.enter_context(_rig_process(port))
+        server = None
+        if fault != "dead":
+            server = opened.enter_context(module_process(__name__, "--serve", port))
         endpoint, act = opened.enter_context(_failing(fault, port, server))
         archive = folder / f"{_NAME}.fmu"
         defaults = {
@@ -145,19 +147,6 @@ def observe(master: str, runtime: str, fault: str, folder: Path) -> Observed:
         return Observed(finished.output.strip().splitlines()[-1], [], [])
     refused, rows = finished.result
     return Observed(refused, rows[:GOOD], rows[GOOD:])
-
-
-@contextmanager
-def _rig_process(port: int) -> Iterator[subprocess.Popen[str]]:
-    """Serve the actuator rig in a process of its own."""
-    command = [sys.executable, "-m", __name__, "--serve", str(port)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "ready\n"
-            yield process
-        finally:
-            process.kill()
 
 
 @contextmanager

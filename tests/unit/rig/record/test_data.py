@@ -12,19 +12,8 @@ from orchestration.master import Pacing
 from orchestration.rig.record.data import dataset, empty_dataset, units
 from orchestration.rig.record.driving import RecordedRun
 from orchestration.rig.record.planning import plan_recording
-from tests.support.rig.small_rig import INPUTS, LIMITS, OUTPUTS
+from tests.support.rig.small_rig import LIMITS, STATUS
 
-RIG = {
-    "mode": "real-time",
-    "state": "idle",
-    "reason": "",
-    "client": "",
-    "inputs": INPUTS,
-    "outputs": OUTPUTS,
-    "limits": LIMITS,
-    "period": 0.05,
-    "watchdog": 1.0,
-}
 NAMES = ["current", "force", "voltage", "displacement", "voltage_age", "displacement_age"]
 
 
@@ -36,7 +25,7 @@ def planned():
         "step": 0.05,
         "inputs": {"force": 1.0, "current": 0.5},
     }
-    return plan_recording(parse(given, "here"), RIG, "here")
+    return plan_recording(parse(given, "here"), STATUS, "here")
 
 
 def recorded(rows: int, failure: str = "") -> RecordedRun:

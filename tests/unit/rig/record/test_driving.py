@@ -6,14 +6,11 @@ Every row has what belongs together and nothing old, however the run ends.
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +19,7 @@ from pyarrow import parquet
 
 from orchestration.experiment import results
 from orchestration.rig.keys import make_keys
-from tests.support.command import here, posix, refused
+from tests.support.command import here, posix, recording, refused, running
 from tests.support.pace import slow_but
 from tests.support.rig.small_rig import (
     INPUTS,
@@ -41,18 +38,7 @@ SOME = 12  # exchanges, after which something happens: counted, as a loaded mach
 
 
 def record(rig, folder, stimulus, *more, out="run.nc"):
-    return here(
-        "rig",
-        "record",
-        "--stimulus",
-        stimulus,
-        "--out",
-        out,
-        "--endpoint",
-        rig.endpoint,
-        *more,
-        cwd=folder,
-    )
+    return here(*recording(rig.endpoint, stimulus, *more, out=out), cwd=folder)
 
 
 def recorded(rig, folder, stimulus, *more, out="run.nc"):
@@ -139,21 +125,10 @@ def test_what_the_experiment_wants_recorded(tmp_path, experiment):
             tmp_path,
             experiment(0.3, text=LEVELS.replace('record = ["voltage"', '# ["voltage"')),
         )
-        arguments = (
-            "rig",
-            "record",
-            "--stimulus",
-            path,
-            "--out",
-            "other.nc",
-            "--endpoint",
-            rig.endpoint,
-        )
+        unmeasured = ("--set", 'record=["charge"]')
         refused(
             tmp_path,
-            *arguments,
-            "--set",
-            'record=["charge"]',
+            *recording(rig.endpoint, path, *unmeasured, out="other.nc"),
             parts=["record", "voltage, displacement"],
         )
     assert list(only) == ["current", "force", "displacement", "displacement_age"]
@@ -271,18 +246,7 @@ def test_a_record_that_a_killed_run_left_is_not_lost(tmp_path, experiment):
     path = experiment()
     (tmp_path / "run.nc.part.csv").write_text("mine")
     with SmallRig() as rig:
-        refused(
-            tmp_path,
-            "rig",
-            "record",
-            "--stimulus",
-            path,
-            "--out",
-            "run.nc",
-            "--endpoint",
-            rig.endpoint,
-            parts=["run.nc.part.csv"],
-        )
+        refused(tmp_path, *recording(rig.endpoint, path), parts=["run.nc.part.csv"])
         assert rig.of_type("connect") == []
 
 
@@ -342,18 +306,7 @@ def test_a_server_that_is_killed(tmp_path, experiment):
         threading.Thread(
             target=kills, args=(server, tmp_path / "run.nc.part.csv"), daemon=True
         ).start()
-        path = experiment(30.0)
-        done = here(
-            "rig",
-            "record",
-            "--stimulus",
-            path,
-            "--out",
-            "run.nc",
-            "--endpoint",
-            f"tcp://127.0.0.1:{port}",
-            cwd=tmp_path,
-        )
+        done = here(*recording(f"tcp://127.0.0.1:{port}", experiment(30.0)), cwd=tmp_path)
     incomplete(done, tmp_path, "no answer from tcp://")
 
 
@@ -364,44 +317,19 @@ def test_a_server_that_was_started_again_knows_no_such_session(tmp_path, experim
     incomplete(done, tmp_path, "no such session")
 
 
-def process(rig, folder, stimulus, out="run.nc", before=None):
-    command = [
-        sys.executable,
-        "-m",
-        "orchestration.cli",
-        "rig",
-        "record",
-        "--stimulus",
-        str(stimulus),
-        "--out",
-        out,
-    ]
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
-    pipe = subprocess.PIPE
-    return subprocess.Popen(
-        [*command, "--endpoint", rig.endpoint],
-        cwd=folder,
-        stdout=pipe,
-        stderr=pipe,
-        text=True,
-        preexec_fn=before,
-        env=environment,
-    )
-
-
 @posix
 @pytest.mark.parametrize("number", slow_but([signal.SIGINT, signal.SIGTERM], signal.SIGINT))
 def test_ctrl_c_writes_what_there_is(tmp_path, experiment, number):
     with SmallRig() as rig:
-        running = process(rig, tmp_path, experiment(60.0))
+        driving = running(*recording(rig.endpoint, experiment(60.0)), cwd=tmp_path)
         while len(rig.of_type("exchange")) < 20:
             time.sleep(0.05)
-            assert running.poll() is None
-        running.send_signal(number)
-        out, err = running.communicate(timeout=30)
+            assert driving.poll() is None
+        driving.send_signal(number)
+        out, err = driving.communicate(timeout=30)
         assert rig.of_type("disconnect")
         assert rig.state == "idle"
-    done = subprocess.CompletedProcess([], running.returncode, out, err)
+    done = subprocess.CompletedProcess([], driving.returncode, out, err)
     data = incomplete(done, tmp_path, "interrupted", code=130)
     assert "failure" not in data.attrs
     assert not list(tmp_path.glob("*.part.csv"))
@@ -410,14 +338,14 @@ def test_ctrl_c_writes_what_there_is(tmp_path, experiment, number):
 @posix
 def test_killed_it_leaves_the_journal(tmp_path, experiment):
     with SmallRig() as rig:
-        running = process(rig, tmp_path, experiment(60.0))
+        driving = running(*recording(rig.endpoint, experiment(60.0)), cwd=tmp_path)
         journal = tmp_path / "run.nc.part.csv"
         until = time.monotonic() + 30.0
         while not (journal.exists() and len(journal.read_text().splitlines()) > 20):
             assert time.monotonic() < until
             time.sleep(0.1)
-        running.kill()
-        running.communicate()
+        driving.kill()
+        driving.communicate()
     header, *rows = journal.read_text().splitlines()
     assert header.startswith("time [s],current [A],force [N],voltage [V]")
     assert all(len(row.split(",")) == 7 for row in rows)
@@ -434,10 +362,11 @@ def test_a_full_disk_costs_one_line(tmp_path, experiment):
         resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500))
 
     with SmallRig() as rig:
-        running = process(rig, tmp_path, experiment(4.0), before=limit)
-        _, err = running.communicate(timeout=60)
+        arguments = recording(rig.endpoint, experiment(4.0))
+        driving = running(*arguments, cwd=tmp_path, before=limit)
+        _, err = driving.communicate(timeout=60)
         assert rig.of_type("disconnect")
-    assert running.returncode == 2
+    assert driving.returncode == 2
     assert "Traceback" not in err
     errors = [line for line in err.splitlines() if line.startswith("error: ")]
     assert errors == err.splitlines()[-1:]

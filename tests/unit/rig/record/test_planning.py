@@ -6,32 +6,10 @@ import pytest
 
 from orchestration.experiment.model import parse
 from orchestration.rig.record.planning import plan_recording
-from tests.support.command import here, refused
-from tests.support.rig.small_rig import (
-    INPUTS,
-    LEVELS,
-    LIMITS,
-    OUTPUTS,
-    SmallRig,
-    free_port,
-)
+from tests.support.command import recording, refused
+from tests.support.rig.small_rig import LEVELS, LIMITS, STATUS, SmallRig, free_port
 
 pytestmark = pytest.mark.real_time
-
-
-def record(rig, folder, stimulus, *more, out="run.nc"):
-    return here(
-        "rig",
-        "record",
-        "--stimulus",
-        stimulus,
-        "--out",
-        out,
-        "--endpoint",
-        rig.endpoint,
-        *more,
-        cwd=folder,
-    )
 
 
 BAD = {
@@ -50,17 +28,7 @@ def test_what_does_not_fit_the_rig(tmp_path, experiment, what):
         text=LEVELS.replace('force = "1 N"', line if what != "lacks an input" else "")
     )
     with SmallRig() as rig:
-        arguments = (
-            "rig",
-            "record",
-            "--stimulus",
-            path,
-            "--out",
-            "run.nc",
-            "--endpoint",
-            rig.endpoint,
-        )
-        refused(tmp_path, *arguments, parts=[str(path), *parts])
+        refused(tmp_path, *recording(rig.endpoint, path), parts=[str(path), *parts])
         assert {message["type"] for message in rig.heard} <= {"status"}
 
 
@@ -76,48 +44,34 @@ def test_more_than_the_rig_allows(tmp_path, experiment):
         ({"outputs": {}}, ["nothing to measure"]),
     ):
         with SmallRig(**kinds) as rig:
-            refused(
-                tmp_path,
-                "rig",
-                "record",
-                "--stimulus",
-                experiment(),
-                "--out",
-                "run.nc",
-                "--endpoint",
-                rig.endpoint,
-                parts=parts,
-            )
+            refused(tmp_path, *recording(rig.endpoint, experiment()), parts=parts)
             assert {message["type"] for message in rig.heard} <= {"status"}
 
 
 def test_a_rig_that_is_not_to_be_had(tmp_path, experiment):
-    arguments = ["rig", "record", "--stimulus", experiment(), "--out", "run.nc", "--endpoint"]
+    path = experiment()
     with SmallRig(watchdog=1e9) as rig:  # nobody commands it while it is running
+        arguments = recording(rig.endpoint, path)
         rig.safe("no command for 0.2 s")
         refused(
             tmp_path,
             *arguments,
-            rig.endpoint,
             parts=["safe state", "no command for 0.2 s", "ppy rig acknowledge"],
         )
         rig.state, rig.client = "running", "somebody"
-        refused(tmp_path, *arguments, rig.endpoint, parts=["a client already", "somebody"])
-    refused(
-        tmp_path, *arguments, f"tcp://127.0.0.1:{free_port()}", parts=["no answer", "ppy rig serve"]
-    )
+        refused(tmp_path, *arguments, parts=["a client already", "somebody"])
+    nobody = f"tcp://127.0.0.1:{free_port()}"
+    refused(tmp_path, *recording(nobody, path), parts=["no answer", "ppy rig serve"])
 
 
 def test_options_that_make_no_sense(tmp_path, experiment):
+    endpoint = "tcp://127.0.0.1:5999"
     path = experiment()
-    base = ["rig", "record", "--stimulus", path, "--endpoint", "tcp://127.0.0.1:5999"]
-    refused(tmp_path, *base, "--out", "run.txt", parts=["--out", ".nc"])
-    refused(tmp_path, *base, "--out", "run.nc", "--rate", "0", parts=["--rate"])
-    refused(tmp_path, *base, "--out", "run.nc", "--max-age", "-1s", parts=["--max-age"])
-    refused(tmp_path, *base, "--out", "run.nc", "--max-age", "1 V", parts=["1 V"])
-    refused(
-        tmp_path, "rig", "record", "--stimulus", "none.toml", "--out", "run.nc", parts=["none.toml"]
-    )
+    refused(tmp_path, *recording(endpoint, path, out="run.txt"), parts=["--out", ".nc"])
+    refused(tmp_path, *recording(endpoint, path, "--rate", "0"), parts=["--rate"])
+    refused(tmp_path, *recording(endpoint, path, "--max-age", "-1s"), parts=["--max-age"])
+    refused(tmp_path, *recording(endpoint, path, "--max-age", "1 V"), parts=["1 V"])
+    refused(tmp_path, *recording(endpoint, "none.toml"), parts=["none.toml"])
 
 
 def test_limits_are_inclusive_and_rates_are_of_commands():
@@ -128,23 +82,12 @@ def test_limits_are_inclusive_and_rates_are_of_commands():
         "step": 0.05,
         "inputs": {"force": 3.0, "current": {"kind": "steps", "times": [0.5], "levels": [0.5]}},
     }
-    rig = {
-        "mode": "real-time",
-        "state": "idle",
-        "reason": "",
-        "client": "",
-        "inputs": INPUTS,
-        "outputs": OUTPUTS,
-        "period": 0.05,
-        "watchdog": 1.0,
-    }
     wanted = parse(given, "here")
     for rate, fits in ((10.0, True), (9.99, False), (None, True)):
         limits = {"force": LIMITS["force"], "current": {"min": 0.0, "max": 0.5, "rate": rate}}
+        rig = {**STATUS, "limits": limits}
         if fits:
-            assert (
-                plan_recording(wanted, {**rig, "limits": limits}, "here").values[:, 0].max() == 0.5
-            )
+            assert plan_recording(wanted, rig, "here").values[:, 0].max() == 0.5
         else:
             with pytest.raises(ValueError, match=r"\+0\.5 A at once \(row 11"):
-                plan_recording(wanted, {**rig, "limits": limits}, "here")
+                plan_recording(wanted, rig, "here")

@@ -27,13 +27,6 @@ def keeper(folder, tell=lambda line: None):
     return latch_keeper(DEVICES, folder, tell)
 
 
-def wait_until_written(folder, text):
-    until = time.monotonic() + 5.0
-    while not all(text in path.read_text() for path in folder.glob("*.json")):
-        assert time.monotonic() < until
-        time.sleep(0.005)
-
-
 def test_a_latch_is_there_at_the_next_start_and_an_open_one_is_not(tmp_path):
     first = keeper(tmp_path / "new" / "state")
     assert first.held is None

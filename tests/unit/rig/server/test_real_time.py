@@ -1,5 +1,5 @@
-"""Claims: what the front asks of a rig in real time is in the memory at once, and a guard that ends
-has another behind it, a bounded number of times.
+"""Claims: an order of the front to a rig in real time is in the memory at once, and a guard that
+ends has another behind it, a bounded number of times.
 
 The guard is one of the tests' own; real ones are tried in `tests/end_to_end/test_rig_faults.py`.
 """
