@@ -236,6 +236,11 @@ def _message(error: Exception) -> str:
         name = error.filename  # and what the system says of this file
         shown = name if len(name) < _LONGEST else f"{name[:_LONGEST]}..."
         return f"{shown}: {error.strerror}"
+    from orchestration.fmu.loading import faulty_place
+
+    place = faulty_place(error)
+    if place:
+        return f"{place}: {type(error).__name__}: {error}"
     return (
         f"internal error, please report: {type(error).__name__}: {error}  (PPY_DEBUG=1 shows where)"
     )

@@ -44,6 +44,29 @@ def catalogue(cls: type[Component]) -> dict[str, type[Effect]]:
     return dict(listed)
 
 
+def check_catalogue(cls: type[Component]) -> None:
+    """Check the laws of the effects that a user's file lists, each laid over the file's component.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        Of a file with several components some effects are of another one; they are not checked.
+
+    Raises
+    ------
+    UserError
+        With file, line, and what to write instead.
+    """
+    from fmus.kit import Component, stack
+    from fmus.kit.symbolic import check_component
+
+    module = sys.modules[unstack(cls)[0].__module__]
+    components = {c for c in vars(module).values() if is_subclass(c, Component) and c.name}
+    if len(components) == 1:
+        for effect in catalogue(cls).values():
+            check_component(stack(cls, effect))
+
+
 def known_effects(
     cls: type[Component], sampling: Sampling | None = None
 ) -> dict[str, type[Effect]]:
