@@ -31,6 +31,10 @@ _COMMANDS = {
         "info:info",
     ),
     "build": ("Build FMUs: OUT/python/NAME.fmu and OUT/native/NAME.fmu.", "build:build"),
+    "new": (
+        "Write a component, an effect or a rig's backend to start from, with its test.",
+        "new:new",
+    ),
     "check": (
         (
             "Check FMUs against the static part of the contract: structure, units, documentation,"

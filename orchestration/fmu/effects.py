@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from fmus.kit import UserError, effect_name, suggestion, unstack
-from orchestration.fmu.loading import is_subclass
+from orchestration.fmu.loading import is_subclass, load_subclass, names_class
 
 if TYPE_CHECKING:
     from fmus.kit import Component, Effect, Sampling
@@ -135,7 +135,7 @@ def find_effects(
     ----------
     cls : type[Component]
     names : sequence of str
-        Such as ``strain_saturation`` or ``sensor_lag(voltage)``.
+        Such as ``strain_saturation``, ``sensor_lag(voltage)`` or ``path/to/file.py:Effect``.
     model_name : str
         Name of the component in messages.
     sampling : Sampling, optional
@@ -146,11 +146,12 @@ def find_effects(
     UserError
         For an unknown name, with the known ones.
     """
-    from fmus.kit import MEASUREMENTS
+    from fmus.kit import MEASUREMENTS, Effect
 
     if not names:
         return []
-    known = known_effects(cls, sampling)
+    own = {name: load_subclass(name, Effect)[2] for name in names if names_class(name)}
+    known = known_effects(cls, sampling) | own
     if any(name not in known for name in names):
         known = families(cls, sampling=sampling) | known
     for name in names:

@@ -149,7 +149,7 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
         One of our components, ``path/to/file.py:Class``, or an FMU that was built from either.
     effects : sequence of str
         Names of effects to add, innermost first: its own by id, measurements as
-        ``sensor_lag(voltage)``.
+        ``sensor_lag(voltage)``, others as ``path/to/file.py:Effect``.
 
     Raises
     ------
@@ -176,7 +176,7 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
     if not effects:
         return cls
     stacked = stack(cls, *find_effects(cls, effects, name_or_path))
-    if names_class(name_or_path):
+    if any(map(names_class, (name_or_path, *effects))):
         check_component(stacked)
     return stacked
 

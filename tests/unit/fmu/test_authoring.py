@@ -236,7 +236,9 @@ def test_what_fails_later_in_a_users_file_is_no_internal_error(written):
     written("self.pipe_flow()\n\n\nclass", "self.pipe_flow() + {}[0]\n\n\nclass")
     with pytest.raises(UserError, match=r"own\.py, line 24: in outflow .*KeyError: 0"):
         find_class("own.py:Tank")
-    written("self.pipe_flow()\n\n\nclass", "self.pipe_flow() / (self.inflow / self.inflow)\n\n\nclass")
+    written(
+        "self.pipe_flow()\n\n\nclass", "self.pipe_flow() / (self.inflow / self.inflow)\n\n\nclass"
+    )
     cls = find_class("own.py:Tank")
     with pytest.raises(ZeroDivisionError) as caught:
         cls().outflow()
