@@ -143,6 +143,9 @@ def _on_symbols(cls: type[Component]) -> Component:
     one = _filled(cls, lambda unit: Symbol(units.powers_of_names(unit)))
     free = _filled(cls, lambda unit: ANY)
     for name in cls.unchecked:
+        if law_of(cls, name) is None:
+            place = _of_class(cls, r"^ *unchecked *=")
+            raise UserError(f"{place}: no law named {name!r}{suggestion(name, _names(one))}")
         vars(one)[name] = _of_any_unit(getattr(free, name))
     return one
 
@@ -356,6 +359,8 @@ def _of_class(cls: type[Component], pattern: str) -> str:
         try:
             lines, first = inspect.getsourcelines(part)
         except (OSError, TypeError):
+            continue
+        if Path(inspect.getsourcefile(part) or "").is_relative_to(_KIT):
             continue
         for number, line in enumerate(lines, first):
             if re.search(pattern, line):

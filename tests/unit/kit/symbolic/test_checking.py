@@ -212,8 +212,10 @@ def test_laws_that_compute_with_bare_numbers_are_named():
             return self.conductance + self.level
 
     check_component(Switched)
-    Switched = type("Switched", (Switched,), {"unchecked": ()})
-    assert "m^2/s and m are of different kinds" in refusal(Switched)
+    again = type("Again", (Switched,), {"unchecked": ()})
+    assert "m^2/s and m are of different kinds" in refusal(again)
+    misspelt = type("Misspelt", (Switched,), {"unchecked": ("pipe_flw",)})
+    assert "no law named 'pipe_flw' (did you mean pipe_flow?)" in refusal(misspelt)
 
 
 def test_an_effect_is_checked_over_its_component():
