@@ -24,6 +24,7 @@ from .component import (
     unstack,
 )
 from .declare import (
+    Constant,
     Declaration,
     Discrete,
     DiscreteDeclaration,
@@ -41,7 +42,7 @@ from .declare import (
     name_declaration,
     summary,
 )
-from .errors import UserError, suggestion
+from .errors import DeclarationError, UserError, suggestion
 from .functions import (
     absolute,
     arccos,
@@ -83,7 +84,9 @@ __all__ = [
     "MEMORIES",
     "SHAPES",
     "Component",
+    "Constant",
     "Declaration",
+    "DeclarationError",
     "Discrete",
     "DiscreteDeclaration",
     "Effect",

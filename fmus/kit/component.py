@@ -85,6 +85,8 @@ class Component:
         Computes it in place of laws; None where it has laws.
     limits : Mapping of str to str
         Laws that limit another one, each with the law that it is where the limit is not reached.
+    unchecked : tuple of str
+        Laws that compute with bare numbers, so that their units are not checked.
     declared : dict of str to Declaration
         Variables that this class itself declares, by name.
     layout : Layout
@@ -103,6 +105,7 @@ class Component:
     presets: ClassVar[Mapping[str, Preset]] = {}
     engine: ClassVar[Engine | None] = None
     limits: ClassVar[Mapping[str, str]] = {}
+    unchecked: ClassVar[tuple[str, ...]] = ()
     declared: ClassVar[dict[str, Declaration]] = {}
     layout: ClassVar[Layout]
     time: Any

@@ -17,7 +17,7 @@ from typing import Any
 
 from .component import Component, Effect, Term, make_effect
 from .curves import ANY, SHAPES, coefficient, in_brackets, per, width_parameter
-from .declare import Parameter, State
+from .declare import Constant, Parameter, State
 from .errors import UserError, suggestion
 from .functions import absolute, smooth_table
 from .layout import law_of
@@ -309,6 +309,7 @@ def _shaped(values: _Values, signal: SignalTerm, shape: str, beside: bool) -> _F
     width = f"{own}_width"
     constant = f"{own}_beside"
     text = with_constant(chosen.text) if beside else chosen.text
+    scale = Constant(signal.scale, signal.unit_of_memory)
     typical = signal.scale**chosen.power
     declared = {
         own: coefficient(
@@ -333,7 +334,7 @@ def _shaped(values: _Values, signal: SignalTerm, shape: str, beside: bool) -> _F
     def value(self: Any, x: Any) -> Any:
         argument = x - signal.zero if signal.zero else x
         w = getattr(self, width) if chosen.width else 1.0
-        form = chosen.form(argument, w, signal.scale)
+        form = chosen.form(argument, w, scale)
         return getattr(self, own) * (form + getattr(self, constant) if beside else form)
 
     return _Function(text, value, declared)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .component import Component, Effect, Term, make_effect
-from .declare import Declaration, Parameter
+from .declare import Constant, Declaration, Parameter
 from .errors import UserError, suggestion
 from .functions import absolute, clip, exp, maximum, minimum, sqrt, tanh
 from .layout import law_of
@@ -172,12 +172,13 @@ def curve(
     size = scale or argument.nominal
     called = names or EffectNames()
     standard = (f"{law}_{shape}", f"{law}_{shape}_width")
+    typical = Constant(argument.nominal, argument.unit)
     amount, width = (*called.variables, *standard[len(called.variables) :])
 
     def added_value(self: Any) -> Any:
         x = getattr(self, signal)
         w = getattr(self, width) if chosen.width else 1.0
-        return getattr(self, amount) * chosen.form(x, w, argument.nominal)
+        return getattr(self, amount) * chosen.form(x, w, typical)
 
     members: dict[str, Any] = {
         "__doc__": f"More in {law}: {chosen.text} with x = {signal}; a = 0 is the base model.",

@@ -36,6 +36,7 @@ class VoiceCoilDma(Component):
 
     name = "voice_coil_dma"
     experiment = (2.0, 1e-3)
+    unchecked = ("next_command",)  # a force, or a voltage if the controller is off
 
     R = Parameter(3.0, "ohm", min=1e-3, max=1e3, source=_A1, doc="resistance of the coil")
     L = Parameter(

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from fmus.kit import Component, UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.symbolic import check_component
 from fmus.kit.units import format_value
 from orchestration.api.declaration import takes
 from orchestration.api.options import SimulateKeywords
@@ -193,6 +194,8 @@ def inputs_over(model: Model, inputs: Inputs, points: Array) -> dict[str, Array]
 def as_model(model: Model | type[Component] | str) -> Model:
     """Return a model to run: as it is, of a component's class, or found by its name."""
     if isinstance(model, type):
+        if model.__module__ == "__main__":  # written where it is used, such as in a notebook
+            check_component(model)
         return model_of(model)
     return find_model(model) if isinstance(model, str) else model
 

@@ -31,6 +31,10 @@ _COMMANDS = {
         "info:info",
     ),
     "build": ("Build FMUs: OUT/python/NAME.fmu and OUT/native/NAME.fmu.", "build:build"),
+    "new": (
+        "Write a component, an effect or a rig's backend to start from, with its test.",
+        "new:new",
+    ),
     "check": (
         (
             "Check FMUs against the static part of the contract: structure, units, documentation,"
@@ -236,6 +240,11 @@ def _message(error: Exception) -> str:
         name = error.filename  # and what the system says of this file
         shown = name if len(name) < _LONGEST else f"{name[:_LONGEST]}..."
         return f"{shown}: {error.strerror}"
+    from orchestration.fmu.loading import faulty_place
+
+    place = faulty_place(error)
+    if place:
+        return f"{place}: {type(error).__name__}: {error}"
     return (
         f"internal error, please report: {type(error).__name__}: {error}  (PPY_DEBUG=1 shows where)"
     )

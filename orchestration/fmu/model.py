@@ -16,8 +16,8 @@ from fmus.kit import UserError, suggestion
 from fmus.kit.build import Provenance, read_provenance
 from fmus.kit.files import is_file, is_folder
 from orchestration.fmu.archive import Archive, read_description
-from orchestration.fmu.effects import catalogue, find_effects
-from orchestration.fmu.loading import load_class, names_class
+from orchestration.fmu.effects import catalogue, check_catalogue, find_effects
+from orchestration.fmu.loading import load_class, names_class, remarks_on
 from orchestration.fmu.signal import Signal, Value, declared_signal, read_setting, read_signal
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
         One of our components, ``path/to/file.py:Class``, or an FMU that was built from either.
     effects : sequence of str
         Names of effects to add, innermost first: its own by id, measurements as
-        ``sensor_lag(voltage)``.
+        ``sensor_lag(voltage)``, others as ``path/to/file.py:Effect``.
 
     Raises
     ------
@@ -158,11 +158,13 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
     """
     from fmus import MODELS, component
     from fmus.kit import stack
+    from fmus.kit.symbolic import check_component
 
     if name_or_path in MODELS:
         cls = component(name_or_path)
     elif names_class(name_or_path):
         cls = load_class(name_or_path)
+        check_catalogue(cls)
     else:
         model = _read_model(name_or_path)
         if model.cls is None:
@@ -171,7 +173,12 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
                 reason = model.notes[0]
             raise UserError(f"{reason}; name a component (see ppy list) or file.py:Class")
         cls = model.cls
-    return stack(cls, *find_effects(cls, effects, name_or_path)) if effects else cls
+    if not effects:
+        return cls
+    stacked = stack(cls, *find_effects(cls, effects, name_or_path))
+    if any(map(names_class, (name_or_path, *effects))):
+        check_component(stacked)
+    return stacked
 
 
 def find_model(name_or_path: str, runtime: str = "native", effects: Sequence[str] = ()) -> Model:
@@ -205,7 +212,8 @@ def find_model(name_or_path: str, runtime: str = "native", effects: Sequence[str
     if not effects and name_or_path not in MODELS and not names_class(name_or_path):
         return _read_model(name_or_path)
     model = model_of(find_class(name_or_path, effects), runtime)
-    return replace(model, name=name_or_path, effects=tuple(effects))
+    notes = remarks_on(name_or_path) if names_class(name_or_path) else ()
+    return replace(model, name=name_or_path, effects=tuple(effects), notes=notes)
 
 
 def model_of(cls: type[Component], runtime: str = "native") -> Model:

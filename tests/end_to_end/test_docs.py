@@ -64,6 +64,11 @@ THE_READERS = {
     "path/to/file.py",
     "own.py",
     "models.py",
+    "cell.py",
+    "leak.py",
+    "oven.py",
+    "tank.py",
+    "test_tank.py",
 }  # files that a reader would write
 OTHER_PROGRAMS = {"python", "pip", "pytest", "git", "make", "pre-commit"}
 NUMBER = re.compile(r"(?<![\w-])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")

@@ -276,11 +276,11 @@ HEAD = "from fmus.kit import Component, Effect, State\n"
             r"own\.py: there is no class 'B' in it \(there are: A\)",
         ),
         (HEAD + "A = 3\n", "A", r"own\.py: A is not a Component$"),
-        (HEAD, "Effect", r"own\.py: Effect has no name, so it is a base or an effect"),
+        (HEAD, "Effect", r"own\.py: Effect is an effect and no model"),
         (
             HEAD + 'class A(Component):\n    name = "a"\n    x = State("1", rate="r")\n',
             "A",
-            r"line 2: .*which is no met",
+            r"line 4: .*which is no met",
         ),
         ("", "", r"write path/to/file\.py:Class"),
     ],

@@ -82,6 +82,40 @@ class BuildCommand(LaidOverOption, SettingsOption, PlatformsOption, BuildOptions
     """Options of ``ppy build``."""
 
 
+class NewOptions(TypedDict, total=False):
+    """What is written to start from, and where."""
+
+    kind: Annotated[
+        str,
+        Option(
+            "component, effect or backend.",
+            default=REQUIRED,
+            metavar="KIND",
+            argument=True,
+            choices=("component", "effect", "backend"),
+        ),
+    ]
+    name: Annotated[
+        str,
+        Option(
+            "In small letters, such as dry_friction.",
+            default=REQUIRED,
+            metavar="NAME",
+            argument=True,
+        ),
+    ]
+
+
+class NewCommand(NewOptions, ModelOption, total=False):
+    """Options of ``ppy new``."""
+
+    law: Annotated[
+        str,
+        Option("Law of the model that an effect changes; any other lists them.", default=""),
+    ]
+    out: Annotated[Path, Option("Folder that gets the files.", default=Path("."))]
+
+
 # --- simulations ---------------------------------------------------------------------------------
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import orchestration as ppy
-from fmus.kit import UserError
+from fmus.kit import Component, Output, Parameter, State, UserError
 from orchestration.api.simulation import points_of, values_of
 
 
@@ -77,3 +77,23 @@ def test_values_have_units_and_go_over_a_preset():
 def test_inputs_that_do_not_fit_are_refused(lag, inputs, said):
     with pytest.raises(UserError, match=said):
         ppy.simulate(lag, inputs, stop=1.0, step=0.1)
+
+
+def test_a_class_of_a_notebook_is_checked_before_it_is_built():
+    class Cell(Component):
+        """A cell that counts its charge."""
+
+        name = "cell"
+        capacity = Parameter(2.3, "A*h", min=0.1)
+        charge = State("1", rate="charge_rate")
+
+        def charge_rate(self):
+            return -1.0 / self.capacity
+
+        @Output("1")
+        def state_of_charge(self):
+            return self.charge
+
+    Cell.__module__ = "__main__"
+    with pytest.raises(UserError, match=r"charge_rate gives 1/A/h, but it is the rate of charge"):
+        ppy.simulate(Cell)
