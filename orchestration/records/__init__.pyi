@@ -8,7 +8,6 @@ from .joined import join_records as join_records
 from .joined import names_in as names_in
 from .joined import sampled_alike as sampled_alike
 from .joined import shown_name as shown_name
-from .mapping import TIME as TIME
 from .mapping import parse_mapping as parse_mapping
 from .reading import read_record as read_record
 from .reading import read_runs as read_runs
@@ -18,5 +17,6 @@ from .table import Column as Column
 from .table import Table as Table
 from .table import numbers as numbers
 from .table import split_header_cell as split_header_cell
+from .time_column import TIME as TIME
 from .writing import Journal as Journal
 from .writing import write_record as write_record

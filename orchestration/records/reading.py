@@ -10,6 +10,7 @@ from fmus.kit.arrays import Array
 from orchestration.records.channels import mask_infinite, notice_channels, repair_holes
 from orchestration.records.clock import Samples, repair_clock
 from orchestration.records.formats import read_table
+from orchestration.records.instants import FORMS, holds_instants, seconds
 from orchestration.records.mapping import TIME, Match, match_columns
 from orchestration.records.record import Record, Repair, refuse
 from orchestration.records.runs import divided_at_restarts, divided_by, run_marks
@@ -109,9 +110,27 @@ def _samples(
 ) -> Samples:
     """Read the columns of the signals, as the file has them, in the model's units."""
     matches = match_columns(table, signals, mapping, required)
-    units = {TIME: "s", **signals} if TIME not in signals else {**signals, TIME: "s"}
-    values = {match.signal: _column_in_unit(table, match, units[match.signal]) for match in matches}
+    values = {
+        match.signal: _time(table, match)
+        if match.signal == TIME
+        else _column_in_unit(table, match, signals[match.signal])
+        for match in matches
+    }
     return Samples(table.path, values.pop(TIME), values, table.rows, table.repairs)
+
+
+def _time(table: Table, match: Match) -> np.ndarray:
+    """Give the time in seconds; dates and times of day count from the first row."""
+    if not holds_instants(match.column):
+        return _column_in_unit(table, match, "s")
+    if match.unit is not None and match.unit not in FORMS:
+        raise refuse(
+            table.path,
+            f"column '{match.column.name}' has dates or times of day, and no number in"
+            f" {match.unit}: --map '{match.column.name}=time' reads them; in brackets only their"
+            f" form can stand, {', '.join(FORMS)}",
+        )
+    return seconds(table, match.column, match.unit or "")
 
 
 def _record(
