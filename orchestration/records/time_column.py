@@ -64,11 +64,13 @@ def find_time(table: Table, signals: Container[str], free: Sequence[Column]) -> 
     dated = [column for column in able if holds_instants(column)]
     candidates = list({id(c): c for c in (*called, *named, *timed, *dated)}.values())
     likely = [*called, *named, *(c for c in candidates if c is table.columns[0]), *dated]
+    if len(candidates) == 1 and likely:
+        return candidates[0]
     falls = {id(column): _falls(table, column) for column in candidates}
     able_to_run = [c for c in candidates if falls[id(c)] == 0.0 or any(c is d for d in likely)]
-    found = min(able_to_run, key=lambda column: falls[id(column)], default=None)
-    if found is None:
+    if not able_to_run:
         raise refuse(table.path, _no_time(table, able))
+    found = min(able_to_run, key=lambda column: falls[id(column)])
     others = [f"'{c.name}'" for c in candidates if c is not found and not _are_halves(c, found)]
     if others:
         table.repairs.append(

@@ -10,11 +10,15 @@ from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Column, Table
 
 _SEPARATORS = "'’\u00a0\u202f "
-_SEPARATED = re.compile(rf",\d|\d,|\d[{_SEPARATORS}]\d{{3}}|\d\.\d{{3}}\.\d")
 _NUMBER = re.compile(
     r"\s*[+-]?(?P<whole>\d*)(?P<groups>(?:(?P<by>[.,'’\u00a0\u202f ])\d{3}(?:(?P=by)\d{3})*)?)"
     r"(?:(?P<mark>[.,])(?P<part>\d*))?(?P<exponent>[eE][+-]?\d+)?\s*"
 )
+_PLAIN = {
+    ",": str.maketrans(",", ".", f".{_SEPARATORS}"),
+    ".": str.maketrans("", "", f",{_SEPARATORS}"),
+}
+"""Translation of a number, by its decimal mark, to what Python reads."""
 
 
 class _Number(NamedTuple):
@@ -52,7 +56,7 @@ def settle_decimals(table: Table, comma_divides: bool) -> None:
     UserError
         If a file has both decimal commas and points, or a number may mean two things.
     """
-    if not any(_SEPARATED.search("\n".join(map(str, c.cells))) for c in table.columns):
+    if not any(map(_may_have_separators, table.columns)):
         return
     marked = [(column, _marked(table, column)) for column in table.columns]
     found = [number for _, numbers in marked for number in numbers if number is not None]
@@ -62,10 +66,18 @@ def settle_decimals(table: Table, comma_divides: bool) -> None:
     for column, numbers in marked:
         _check_groups(table, column, numbers, decimal)
         column.cells = [
-            cell if number is None else _plain(cell, decimal)
+            cell if number is None else cell.translate(_PLAIN[decimal])
             for cell, number in zip(column.cells, numbers, strict=True)
         ]
     _note(table, found, decimal)
+
+
+def _may_have_separators(column: Column) -> bool:
+    """Return whether a column has a mark that is no lone decimal point."""
+    joined = "\n".join(column.cells)
+    return any(mark in joined for mark in f",{_SEPARATORS}") or joined.count(".") > len(
+        column.cells
+    )
 
 
 def _marked(table: Table, column: Column) -> list[_Number | None]:
@@ -142,12 +154,6 @@ def _check_groups(
             " commas: a point between thousands, or of decimals? Write this column without points,"
             " or with decimal commas",
         )
-
-
-def _plain(text: str, decimal: str) -> str:
-    """Return a number as Python reads it."""
-    bare = re.sub(rf"[{_SEPARATORS}{'.' if decimal == ',' else ','}]", "", text.strip())
-    return bare.replace(",", ".")
 
 
 def _note(table: Table, found: list[_Number], decimal: str) -> None:

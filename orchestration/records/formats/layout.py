@@ -16,6 +16,8 @@ DELIMITERS = "\t;,"
 _NUMBER = re.compile(r"[+-]?(?:\d[\d.,'’ \u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?")
 _SAMPLED_ROWS = 9
 """Rows at the end of the data that tell how wide it is, and which of its columns have values."""
+_TAIL = 500
+"""Last lines of a file, of which some are data."""
 _SEARCHED_LINES = 20
 """Lines between the header and the first row that is whole; there may be units and damage."""
 
@@ -76,7 +78,7 @@ def find_layout(lines: Sequence[str]) -> Layout | None:
 
 def _last_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
     """Return the cells of the last few lines that have two values or more."""
-    rows = (_split(line, delimiter) for line in reversed(lines) if delimiter in line)
+    rows = (_split(line, delimiter) for line in lines[-_TAIL:][::-1] if delimiter in line)
     return list(islice((r for r in rows if sum(map(is_value, r)) >= 2), _SAMPLED_ROWS))
 
 
@@ -127,11 +129,13 @@ class _Search:
 
     def _first_whole_row(self) -> int | None:
         """Return the index of the first row of data that another one follows."""
-        filled = [k for k, line in enumerate(self.lines) if self.delimiter in line]
-        for index, following in zip(filled, [*filled[1:], None], strict=False):
-            if self._is_whole(index) and (following is None or self._is_whole(following)):
-                return index
-        return None
+        filled = (k for k, line in enumerate(self.lines) if self.delimiter in line)
+        before = None
+        for index in filled:
+            if before is not None and self._is_whole(before) and self._is_whole(index):
+                return before
+            before = index
+        return before if before is not None and self._is_whole(before) else None
 
     def _header_above(self, index: int, searched: int) -> int | None:
         """Return the index of the closest line above another one that has words, but no value."""
