@@ -10,8 +10,8 @@ from fmus.kit import Component
 from orchestration.api.declaration import takes
 from orchestration.api.options import CompareKeywords, FitKeywords
 from orchestration.api.records import matching_record
-from orchestration.api.simulation import as_model, values_of
-from orchestration.fmu import Model
+from orchestration.api.simulation import as_declared, values_of
+from orchestration.fmu import Model, built
 from orchestration.identify import Comparison, Fit, comparison
 from orchestration.records import Record
 
@@ -49,9 +49,10 @@ def compare(
     >>> bool(compared.after["voltage"].fit_percent > compared.before["voltage"].fit_percent)
     True
     """
-    subject = as_model(model)
-    given = values_of(subject, options["settings"])
-    data = matching_record(record, subject, options["mapping"])
+    declared = as_declared(model)
+    given = values_of(declared, options["settings"])
+    data = matching_record(record, declared, options["mapping"])
+    subject = built(declared)
     return comparison.compare(subject, data, given, options["fit"], workers=options["workers"])
 
 
@@ -95,9 +96,10 @@ def fit(
     >>> sorted(fitted.values)
     ['C', 'R1']
     """
-    subject = as_model(model)
-    given = values_of(subject, options["settings"])
-    data = matching_record(record, subject, options["mapping"])
+    declared = as_declared(model)
+    given = values_of(declared, options["settings"])
+    data = matching_record(record, declared, options["mapping"])
+    subject = built(declared)
     inputs = {name: values for name, values in data.signals.items() if name in subject.inputs}
     measured = {name: values for name, values in data.signals.items() if name in subject.outputs}
     return comparison.fit_model(

@@ -9,7 +9,7 @@ from fmus.kit import UserError
 from orchestration.api.declaration import takes
 from orchestration.api.options import MappingOption
 from orchestration.discrepancy.data import record_labels
-from orchestration.fmu import Model, find_model
+from orchestration.fmu import Model, declared_model
 from orchestration.identify import read_for, read_runs_for
 from orchestration.records import Record
 
@@ -54,7 +54,8 @@ def read_record(
     >>> record.repairs
     []
     """
-    return read_for(find_model(model) if isinstance(model, str) else model, Path(path), mapping)
+    subject = declared_model(model) if isinstance(model, str) else model
+    return read_for(subject, Path(path), mapping)
 
 
 def matching_runs(

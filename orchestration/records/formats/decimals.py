@@ -75,9 +75,8 @@ def settle_decimals(table: Table, comma_divides: bool) -> None:
 def _may_have_separators(column: Column) -> bool:
     """Return whether a column has a mark that is no lone decimal point."""
     joined = "\n".join(column.cells)
-    return any(mark in joined for mark in f",{_SEPARATORS}") or joined.count(".") > len(
-        column.cells
-    )
+    separated = any(mark in joined for mark in f",{_SEPARATORS}")
+    return separated or any(cell.count(".") > 1 for cell in column.cells)
 
 
 def _marked(table: Table, column: Column) -> list[_Number | None]:

@@ -67,3 +67,24 @@ def test_a_record_is_taken_as_it_is_and_a_file_read_with_its_mapping(folder, mod
     assert matching_record(record, model) is record
     swapped = matching_record(folder / "one.csv", model, {"x": "u", "u": "x"})
     assert swapped.signals["u"].tolist() == record.signals["x"].tolist()
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        ppy.compare,
+        ppy.diagnose,
+        ppy.laws,
+        ppy.read_record,
+        lambda record, model: ppy.fit(record, model, ["R1"]),
+    ],
+    ids=["compare", "diagnose", "laws", "read_record", "fit"],
+)
+def test_a_record_is_refused_before_anything_is_built(tmp_path, monkeypatch, use):
+    def build(*_, **__):
+        raise AssertionError("built")
+
+    monkeypatch.setattr("fmus.kit.build.build_cached", build)
+    (tmp_path / "r.csv").write_text("time [s],voltage [V]\n0,1\n1,OVERLOAD\n2,3\n")
+    with pytest.raises(UserError, match="row 3, column 'voltage': 'OVERLOAD'"):
+        use(tmp_path / "r.csv", "ppy_actuator")
