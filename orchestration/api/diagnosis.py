@@ -39,9 +39,9 @@ def diagnose(
 
     Parameters
     ----------
-    record : Record, str or Path, or sequence of these
-        From `read_record`, or a file. A file whose clock restarts holds several records, numbered
-        from 1.
+    record : Record, str, Path, DataFrame, Mapping of str to array_like, or sequence of these
+        From `read_record`, or what that reads. A file whose clock restarts holds several records,
+        numbered from 1.
     model : Model or str
         A component, ``path/to/file.py:Class``, any FMU, or what `find_model` returned.
 
@@ -180,9 +180,9 @@ def laws(
 
     Parameters
     ----------
-    record : Record, str or Path, or sequence of these
-        From `read_record`, or a file. A file whose clock restarts holds several records, numbered
-        from 1.
+    record : Record, str, Path, DataFrame, Mapping of str to array_like, or sequence of these
+        From `read_record`, or what that reads. A file whose clock restarts holds several records,
+        numbered from 1.
     model : Model or str
         A component, ``path/to/file.py:Class``, or what `find_model` returned.
 

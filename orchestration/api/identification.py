@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Unpack
 
 from fmus.kit import Component
 from orchestration.api.declaration import takes
 from orchestration.api.options import CompareKeywords, FitKeywords
-from orchestration.api.records import matching_record
+from orchestration.api.records import Data, matching_record
 from orchestration.api.simulation import as_declared, values_of
 from orchestration.fmu import Model, built
 from orchestration.identify import Comparison, Fit, comparison
-from orchestration.records import Record
 
 
 @takes(CompareKeywords)
 def compare(
-    record: Record | str | Path,
+    record: Data,
     model: Model | type[Component] | str = "ppy_actuator",
     **options: Unpack[CompareKeywords],
 ) -> Comparison:
@@ -26,8 +24,8 @@ def compare(
 
     Parameters
     ----------
-    record : Record, str or Path
-        From `read_record`, or a file.
+    record : Record, str, Path, DataFrame or Mapping of str to array_like, shape (n,)
+        From `read_record`, or what that reads.
     model : Model, type[Component] or str
         A component, any FMU, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
 
@@ -58,7 +56,7 @@ def compare(
 
 @takes(FitKeywords)
 def fit(
-    record: Record | str | Path,
+    record: Data,
     model: Model | type[Component] | str,
     names: Sequence[str],
     **options: Unpack[FitKeywords],
@@ -70,8 +68,8 @@ def fit(
 
     Parameters
     ----------
-    record : Record, str or Path
-        From `read_record`, or a file.
+    record : Record, str, Path, DataFrame or Mapping of str to array_like, shape (n,)
+        From `read_record`, or what that reads.
     model : Model, type[Component] or str
         A component, any FMU, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
     names : sequence of str

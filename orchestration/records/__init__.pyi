@@ -2,6 +2,7 @@ from .channels import input_steps as input_steps
 from .channels import true_runs as true_runs
 from .clock import evenly_sampled as evenly_sampled
 from .clock import gaps as gaps
+from .frames import Arrays as Arrays
 from .joined import MeasuredRun as MeasuredRun
 from .joined import base_name as base_name
 from .joined import join_records as join_records
@@ -9,6 +10,9 @@ from .joined import names_in as names_in
 from .joined import sampled_alike as sampled_alike
 from .joined import shown_name as shown_name
 from .mapping import parse_mapping as parse_mapping
+from .overview import FileOverview as FileOverview
+from .overview import read_overview as read_overview
+from .proposal import Proposal as Proposal
 from .reading import read_record as read_record
 from .reading import read_runs as read_runs
 from .record import Record as Record

@@ -10,6 +10,7 @@ from fmus.kit.arrays import Array
 from orchestration.records.channels import mask_infinite, notice_channels, repair_holes
 from orchestration.records.clock import Samples, repair_clock
 from orchestration.records.formats import read_table
+from orchestration.records.frames import Arrays, table_of
 from orchestration.records.instants import FORMS, holds_instants, seconds
 from orchestration.records.mapping import TIME, Match, match_columns
 from orchestration.records.record import Record, Repair, refuse
@@ -18,7 +19,7 @@ from orchestration.records.table import Table, numbers
 
 
 def read_record(
-    path: str | Path,
+    path: str | Path | Arrays,
     signals: Mapping[str, str],
     *,
     mapping: Mapping[str, str] | None = None,
@@ -29,8 +30,9 @@ def read_record(
 
     Parameters
     ----------
-    path : str or Path
-        CSV, Parquet, LabVIEW TDMS or text, or MATLAB file; its content decides which.
+    path : str, Path, DataFrame or Mapping of str to array_like, shape (n,)
+        CSV, Parquet, LabVIEW TDMS or text, or MATLAB file; its content decides which. Or the
+        columns themselves, see `orchestration.records.frames.table_of`.
     signals : mapping of str to str
         The model's signals and the SI unit of each, as pint understands it: ``{"current": "A"}``.
     mapping : mapping of str to str, optional
@@ -52,14 +54,12 @@ def read_record(
     UserError
         If the file cannot be used: file, row, reason.
     """
-    samples = _samples(
-        _table(Path(path), signals, required, inputs), signals, mapping or {}, required
-    )
+    samples = _samples(_table(path, signals, required, inputs), signals, mapping or {}, required)
     return _record(samples, signals, required, inputs)
 
 
 def read_runs(
-    path: str | Path,
+    path: str | Path | Arrays,
     signals: Mapping[str, str],
     *,
     mapping: Mapping[str, str] | None = None,
@@ -86,7 +86,7 @@ def read_runs(
     UserError
         If the file or a run in it cannot be used.
     """
-    table = _table(Path(path), signals, required, inputs)
+    table = _table(path, signals, required, inputs)
     marks = None
     if column is not None:
         marks = run_marks(table, column, mapping or {})
@@ -97,12 +97,15 @@ def read_runs(
 
 
 def _table(
-    path: Path, signals: Mapping[str, str], required: Collection[str], inputs: Collection[str]
+    path: str | Path | Arrays,
+    signals: Mapping[str, str],
+    required: Collection[str],
+    inputs: Collection[str],
 ) -> Table:
     for name in (*required, *inputs):
         if name not in signals:
             raise UserError(f"'{name}' is not a signal of the model; it has: {', '.join(signals)}")
-    return read_table(path)
+    return read_table(Path(path)) if isinstance(path, str | Path) else table_of(path)
 
 
 def _samples(
@@ -111,7 +114,7 @@ def _samples(
     """Read the columns of the signals, as the file has them, in the model's units."""
     matches = match_columns(table, signals, mapping, required)
     values = {
-        match.signal: _time(table, match)
+        match.signal: time_in_seconds(table, match)
         if match.signal == TIME
         else _column_in_unit(table, match, signals[match.signal])
         for match in matches
@@ -119,7 +122,7 @@ def _samples(
     return Samples(table.path, values.pop(TIME), values, table.rows, table.repairs)
 
 
-def _time(table: Table, match: Match) -> np.ndarray:
+def time_in_seconds(table: Table, match: Match) -> np.ndarray:
     """Give the time in seconds; dates and times of day count from the first row."""
     if not holds_instants(match.column):
         return _column_in_unit(table, match, "s")

@@ -71,13 +71,14 @@ def find_time(table: Table, signals: Container[str], free: Sequence[Column]) -> 
     if not able_to_run:
         raise refuse(table.path, _no_time(table, able))
     found = min(able_to_run, key=lambda column: falls[id(column)])
-    others = [f"'{c.name}'" for c in candidates if c is not found and not _are_halves(c, found)]
+    others = [c for c in candidates if c is not found and not _are_halves(c, found)]
     if others:
+        listed = ", ".join(f"'{column.name}'" for column in others)
         table.repairs.append(
             Repair(
                 "time column",
-                f"time is column '{found.name}', not {', '.join(others)}; to take another:"
-                " --map 'COLUMN=time'",
+                f"time is column '{found.name}', not {listed}; to take another, as of these the"
+                f" first: --map '{table.map_name(others[0])}=time'",
             )
         )
     return found
