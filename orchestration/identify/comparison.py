@@ -179,8 +179,8 @@ def _check_outputs(record: Record, model: Model) -> None:
     if not any(name in model.outputs for name in record.signals):
         known = ", ".join(model.outputs)
         raise UserError(
-            f"{record.source}: no column is an output of {model.name} ({known}); rename with --map"
-            " column=signal"
+            f"{record.source}: no column is an output of {model.name} ({known}); say which is, with"
+            " --map, as ppy info of the record proposes it with --model"
         )
 
 

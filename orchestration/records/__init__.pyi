@@ -3,6 +3,8 @@ from .channels import true_runs as true_runs
 from .clock import evenly_sampled as evenly_sampled
 from .clock import gaps as gaps
 from .frames import Arrays as Arrays
+from .formats import read_table as read_table
+from .instants import holds_instants as holds_instants
 from .joined import MeasuredRun as MeasuredRun
 from .joined import base_name as base_name
 from .joined import join_records as join_records
@@ -22,5 +24,6 @@ from .table import Table as Table
 from .table import numbers as numbers
 from .table import split_header_cell as split_header_cell
 from .time_column import TIME as TIME
+from .time_column import find_time as find_time
 from .writing import Journal as Journal
 from .writing import write_record as write_record

@@ -1,10 +1,11 @@
 """Mapping of columns to signals of a model: by equal names, or by ``--map column=signal[unit]``."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from fmus.kit import UserError, suggestion
 from orchestration.records.instants import holds_instants, joined
+from orchestration.records.proposal import propose
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Column, Table, split_header_cell
 from orchestration.records.time_column import TIME, find_time, other_half
@@ -123,26 +124,34 @@ def match_columns(
             _match_name(table, signal, matches, taken)
     _match_members(table, signals, matches, taken)
     ignored = [column.name for column in _free(table, taken)]
+    absent = [signal for signal in signals if signal not in matches]
+    advice = _advice(table, _free(table, taken), {signal: signals[signal] for signal in absent})
     for signal in required:
         if signal not in matches:
             raise refuse(
                 table.path,
                 f"the signal '{signal}' [{signals.get(signal, '?')}] is required and not among the"
-                f" columns{suggestion(signal, ignored)}; to rename one: --map 'column={signal}'",
+                f" columns{suggestion(signal, ignored)}{advice}",
             )
     if len(matches) == 1:
         raise refuse(
             table.path,
             f"none of the columns {', '.join(table.names())} is a signal of the model"
-            f" ({', '.join(signals)}); to rename one: --map 'column=signal'",
+            f" ({', '.join(signals)}){advice}",
         )
     if ignored:
-        absent = [signal for signal in signals if signal not in matches]
         hints = [f"'{name}'{suggestion(name, absent, few=0)}" for name in ignored]
         table.repairs.append(
             Repair("ignored columns", f"not signals of the model, so ignored: {', '.join(hints)}")
         )
     return [matches[TIME], *(matches[signal] for signal in signals if signal in matches)]
+
+
+def _advice(table: Table, free: Sequence[Column], absent: Mapping[str, str]) -> str:
+    """Return which ``--map`` would probably give a model what it lacks; empty if none is likely."""
+    columns = {table.map_name(column): (column.unit or "", "") for column in free}
+    options = propose(columns, absent).options()
+    return f"; probably: {options}" if options else "; say which column it is by --map"
 
 
 def _mapped(

@@ -207,7 +207,8 @@ def _convert(
     except UserError as error:
         raise refuse(
             path,
-            f"column '{column}': {error}; to state it yourself: --map '{column}={signal}[unit]'",
+            f"column '{column}': {error}; if it is in {expected}:"
+            f" --map '{column}={signal}[{expected}]'",
         ) from error
     if not units.measure_alike(unit, expected):
         raise refuse(
