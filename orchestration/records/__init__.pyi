@@ -2,8 +2,8 @@ from .channels import input_steps as input_steps
 from .channels import true_runs as true_runs
 from .clock import evenly_sampled as evenly_sampled
 from .clock import gaps as gaps
-from .frames import Arrays as Arrays
 from .formats import read_table as read_table
+from .frames import Arrays as Arrays
 from .instants import holds_instants as holds_instants
 from .joined import MeasuredRun as MeasuredRun
 from .joined import base_name as base_name

@@ -119,8 +119,9 @@ def seconds(table: Table, column: Column, form: str = "") -> Array:
         read_as, days = _days(table, column, cells, form)
         instants += _DAY * days
     else:
-        read_as = MINUTES if _has_minutes_first(cell, form) else "hh:mm:ss"
-        _roll_over(table, column, instants, _HOUR if read_as == MINUTES else _DAY)
+        has_minutes_first = _has_minutes_first(cell, form)
+        read_as = MINUTES if has_minutes_first else _hours_form(column, cell)
+        _roll_over(table, column, instants, _HOUR if has_minutes_first else _DAY)
     text = str(column.cells[first]).strip()
     table.repairs.append(
         Repair("date", f"column '{column.name}' is read as {read_as}: '{text}' is 0 s")
@@ -128,20 +129,29 @@ def seconds(table: Table, column: Column, form: str = "") -> Array:
     return instants - instants[first]
 
 
+def _hours_form(column: Column, cell: _Cell) -> str:
+    """Return how a time of day is read; without seconds also what it might be instead."""
+    if cell.clock is not None and cell.clock["s"] is None:
+        return f"hh:mm (if it is mm:ss: --map '{column.name}=time[{MINUTES}]')"
+    return "hh:mm:ss"
+
+
 def _parsed(table: Table, column: Column) -> list[_Cell | None]:
     """Split every cell; all must be of the kind of the first."""
     cells: list[_Cell | None] = []
     first: _Cell | None = None
     for row, text in zip(table.rows, column.cells, strict=True):
-        cell = None if str(text).strip().lower() in MISSING_CELLS else _split(str(text))
-        is_missing = cell is None and str(text).strip().lower() in MISSING_CELLS
+        bare = str(text).strip()
+        if bare.lower() in MISSING_CELLS:
+            cells.append(None)
+            continue
+        cell = _split(bare)
         first = first or cell
-        alike = cell is not None and first is not None and _kind(cell) == _kind(first)
-        if not (is_missing or alike):
+        if cell is None or first is None or _kind(cell) != _kind(first):
             raise refuse(
                 table.path,
-                f"row {row}, column '{column.name}': '{str(text).strip()}' is not a date or time as"
-                f" above it, '{first_text(column).strip()}'",
+                f"row {row}, column '{column.name}': '{bare}' is not a date or time as above it,"
+                f" '{first_text(column).strip()}'",
             )
         cells.append(cell)
     return cells

@@ -92,7 +92,8 @@ def test_a_duration_that_starts_again_is_no_midnight():
     assert found.tolist() == [0.0, 18000.0, 36000.0, 0.0, 18000.0]
 
 
-def test_a_form_without_seconds_can_be_stated():
+def test_a_form_without_seconds_is_said_and_can_be_stated():
+    assert "read as hh:mm (if it is mm:ss: --map 'Zeit=time[mm:ss]')" in seconds(["01:30"])[1][0]
     assert seconds(["01:30", "01:31"], "mm:ss")[0].tolist() == [0.0, 1.0]
 
 
