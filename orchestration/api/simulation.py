@@ -17,7 +17,16 @@ from fmus.kit.symbolic import check_component
 from fmus.kit.units import format_value
 from orchestration.api.declaration import takes
 from orchestration.api.options import SimulateKeywords
-from orchestration.fmu import Model, Value, find_model, grid, model_of, plot, read_description
+from orchestration.fmu import (
+    Model,
+    Value,
+    built,
+    declared_model,
+    declared_model_of,
+    grid,
+    plot,
+    read_description,
+)
 from orchestration.fmu import simulate as run_fmu
 from orchestration.fmu.isolation import isolation
 from orchestration.records import write_record
@@ -193,11 +202,16 @@ def inputs_over(model: Model, inputs: Inputs, points: Array) -> dict[str, Array]
 
 def as_model(model: Model | type[Component] | str) -> Model:
     """Return a model to run: as it is, of a component's class, or found by its name."""
+    return built(as_declared(model))
+
+
+def as_declared(model: Model | type[Component] | str) -> Model:
+    """Return a model like `as_model`, but unbuilt: a record is read, and refused, before."""
     if isinstance(model, type):
         if model.__module__ == "__main__":  # written where it is used, such as in a notebook
             check_component(model)
-        return model_of(model)
-    return find_model(model) if isinstance(model, str) else model
+        return declared_model_of(model)
+    return declared_model(model) if isinstance(model, str) else model
 
 
 def values_of(

@@ -14,6 +14,9 @@ from .loading import load_class as load_class
 from .loading import load_subclass as load_subclass
 from .loading import names_class as names_class
 from .model import Model as Model
+from .model import built as built
+from .model import declared_model as declared_model
+from .model import declared_model_of as declared_model_of
 from .model import find_class as find_class
 from .model import find_model as find_model
 from .model import model_of as model_of

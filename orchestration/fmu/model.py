@@ -26,7 +26,10 @@ if TYPE_CHECKING:
 # the parts of a model's name can be imported from here too
 __all__ = [
     "Model",
+    "built",
     "catalogue",
+    "declared_model",
+    "declared_model_of",
     "find_class",
     "find_model",
     "load_class",
@@ -34,6 +37,9 @@ __all__ = [
     "names_class",
     "read_settings",
 ]
+
+
+_NOT_BUILT = Path()
 
 
 @dataclass(frozen=True)
@@ -45,7 +51,7 @@ class Model:
     name : str
         The name that the user gave; of an FMU the file's name.
     path : Path
-        The FMU file.
+        The FMU file; of a model that `declared_model` returned none yet, see `built`.
     cls : type[Component] or None
     inputs, outputs, parameters : dict of str to Signal
     effects : tuple of str
@@ -207,13 +213,51 @@ def find_model(name_or_path: str, runtime: str = "native", effects: Sequence[str
     >>> model.parameters["R1"].unit
     'ohm'
     """
+    return built(declared_model(name_or_path, effects), runtime)
+
+
+def declared_model(name_or_path: str, effects: Sequence[str] = ()) -> Model:
+    """Find a model without building its FMU: enough to read a record of it, and to refuse one.
+
+    Parameters
+    ----------
+    name_or_path, effects
+        See :func:`find_model`.
+
+    Raises
+    ------
+    UserError
+        If there is no such component, class, effect or file.
+    """
     from fmus import MODELS
 
     if not effects and name_or_path not in MODELS and not names_class(name_or_path):
         return _read_model(name_or_path)
-    model = model_of(find_class(name_or_path, effects), runtime)
+    model = declared_model_of(find_class(name_or_path, effects))
     notes = remarks_on(name_or_path) if names_class(name_or_path) else ()
     return replace(model, name=name_or_path, effects=tuple(effects), notes=notes)
+
+
+def declared_model_of(cls: type[Component]) -> Model:
+    """Return the model of a component, whose FMU is not built yet."""
+    layout = cls.layout
+    inputs, outputs, parameters = (
+        {v.name: declared_signal(v) for v in variables}
+        for variables in (
+            layout.inputs,
+            layout.measurable,
+            (*layout.parameters, *layout.texts),
+        )
+    )
+    return Model(cls.name, _NOT_BUILT, cls, inputs, outputs, parameters)
+
+
+def built(model: Model, runtime: str = "native") -> Model:
+    """Return a model with its FMU, which is built if it is not in the cache."""
+    if model.path != _NOT_BUILT or model.cls is None:
+        return model
+    made = model_of(model.cls, runtime)
+    return replace(made, name=model.name, effects=model.effects, notes=model.notes)
 
 
 def model_of(cls: type[Component], runtime: str = "native") -> Model:

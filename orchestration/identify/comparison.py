@@ -18,7 +18,7 @@ from orchestration.identify.fitting import FmuWithDifferences
 from orchestration.identify.grey_box import Fit, fit_grey_box
 from orchestration.identify.metrics import fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
-from orchestration.records import Record, read_record, read_runs
+from orchestration.records import Arrays, Record, read_record, read_runs
 from orchestration.reporting import plain_text, preformatted
 
 if TYPE_CHECKING:
@@ -117,13 +117,13 @@ class Comparison:
         return presentation.draw(self, None if path is None else Path(path))
 
 
-def read_for(model: Model, path: Path, mapping: Mapping[str, str] | None = None) -> Record:
+def read_for(model: Model, path: Path | Arrays, mapping: Mapping[str, str] | None = None) -> Record:
     """Read a record of which some columns are the model's inputs and outputs.
 
     Parameters
     ----------
     model : Model
-    path : Path
+    path : Path, DataFrame or Mapping of str to array_like, shape (n,)
     mapping : Mapping of str to str, optional
         Column of the file to signal of the model.
 
@@ -142,7 +142,10 @@ def read_for(model: Model, path: Path, mapping: Mapping[str, str] | None = None)
 
 
 def read_runs_for(
-    model: Model, path: Path, mapping: Mapping[str, str] | None = None, column: str | None = None
+    model: Model,
+    path: Path | Arrays,
+    mapping: Mapping[str, str] | None = None,
+    column: str | None = None,
 ) -> list[Record]:
     """Read the runs of a file that may have several.
 
@@ -176,8 +179,8 @@ def _check_outputs(record: Record, model: Model) -> None:
     if not any(name in model.outputs for name in record.signals):
         known = ", ".join(model.outputs)
         raise UserError(
-            f"{record.source}: no column is an output of {model.name} ({known}); rename with --map"
-            " column=signal"
+            f"{record.source}: no column is an output of {model.name} ({known}); say which is, with"
+            " --map, as ppy info of the record proposes it with --model"
         )
 
 

@@ -1,14 +1,14 @@
 """Mapping of columns to signals of a model: by equal names, or by ``--map column=signal[unit]``."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from fmus.kit import UserError, suggestion
+from orchestration.records.instants import holds_instants, joined
+from orchestration.records.proposal import propose
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Column, Table, split_header_cell
-
-TIME = "time"
-_TIME_NAMES = frozenset({"time", "t", "x_value"})
+from orchestration.records.time_column import TIME, find_time, other_half
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def _find_column(table: Table, name: str, why: str) -> Column:
     called = [
         column
         for column in table.columns
-        if name in (column.name, f"{column.name} [{column.unit}]")
+        if name in (column.name, column.title, f"{column.name} [{column.unit}]")
     ]
     if len(called) > 1:
         raise refuse(table.path, f"{len(called)} columns are called '{name}'; rename them")
@@ -116,33 +116,42 @@ def match_columns(
     if len({id(column) for column in taken}) != len(taken):
         raise refuse(table.path, "--map gives one column to two signals")
     if TIME not in matches:
-        matches[TIME] = Match(_find_time(table, signals, taken), TIME, None)
+        matches[TIME] = Match(find_time(table, signals, _free(table, taken)), TIME, None)
     taken.append(matches[TIME].column)
+    _complete_time(table, matches, taken)
     for signal in signals:
         if signal not in matches:
             _match_name(table, signal, matches, taken)
     _match_members(table, signals, matches, taken)
     ignored = [column.name for column in _free(table, taken)]
+    absent = [signal for signal in signals if signal not in matches]
+    advice = _advice(table, _free(table, taken), {signal: signals[signal] for signal in absent})
     for signal in required:
         if signal not in matches:
             raise refuse(
                 table.path,
                 f"the signal '{signal}' [{signals.get(signal, '?')}] is required and not among the"
-                f" columns{suggestion(signal, ignored)}; to rename one: --map 'column={signal}'",
+                f" columns{suggestion(signal, ignored)}{advice}",
             )
     if len(matches) == 1:
         raise refuse(
             table.path,
             f"none of the columns {', '.join(table.names())} is a signal of the model"
-            f" ({', '.join(signals)}); to rename one: --map 'column=signal'",
+            f" ({', '.join(signals)}){advice}",
         )
     if ignored:
-        absent = [signal for signal in signals if signal not in matches]
         hints = [f"'{name}'{suggestion(name, absent, few=0)}" for name in ignored]
         table.repairs.append(
             Repair("ignored columns", f"not signals of the model, so ignored: {', '.join(hints)}")
         )
     return [matches[TIME], *(matches[signal] for signal in signals if signal in matches)]
+
+
+def _advice(table: Table, free: Sequence[Column], absent: Mapping[str, str]) -> str:
+    """Return which ``--map`` would probably give a model what it lacks; empty if none is likely."""
+    columns = {table.map_name(column): (column.unit or "", "") for column in free}
+    options = propose(columns, absent).options()
+    return f"; probably: {options}" if options else "; say which column it is by --map"
 
 
 def _mapped(
@@ -166,6 +175,15 @@ def _mapped(
 def _free(table: Table, taken: list[Column]) -> list[Column]:
     """Columns that are no signal yet."""
     return [column for column in table.columns if not any(column is other for other in taken)]
+
+
+def _complete_time(table: Table, matches: dict[str, Match], taken: list[Column]) -> None:
+    """Join the time of day to the date, where they are in two columns."""
+    time = matches[TIME]
+    other = other_half(time.column, _free(table, taken)) if holds_instants(time.column) else None
+    if other is not None:
+        taken.append(other)
+        matches[TIME] = Match(joined(table, time.column, other), TIME, time.unit)
 
 
 def _match_name(table: Table, signal: str, matches: dict[str, Match], taken: list[Column]) -> None:
@@ -194,38 +212,3 @@ def _match_members(
                 " name"
             )
             table.repairs.append(Repair("member", message))
-
-
-def _find_time(table: Table, signals: Mapping[str, str], taken: list[Column]) -> Column:
-    """Find the time column: the one called time, else the first column if its unit is a time."""
-    from fmus.kit.units import parse
-
-    free = _free(table, taken)
-    named = [
-        column
-        for column in free
-        if column.name.casefold() in _TIME_NAMES and column.name not in signals
-    ]
-    exact = [column for column in named if column.name.casefold() == TIME] or named
-    if len(exact) > 1:
-        raise refuse(
-            table.path, f"{len(exact)} columns are called time; keep one, or --map 'column=time'"
-        )
-    if exact:
-        return exact[0]
-    first = table.columns[0]
-    if (
-        any(first is column for column in free)
-        and first.unit is not None
-        and first.name not in signals
-    ):
-        try:
-            if parse(first.unit).dimensionality == {"[time]": 1}:
-                return first
-        except UserError:
-            pass
-    raise refuse(
-        table.path,
-        f"no time column: the first column is '{first.name}' [{first.unit or 'no unit'}], and none"
-        f" is called time; to say which it is: --map '{first.name}=time[s]'",
-    )

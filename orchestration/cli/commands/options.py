@@ -42,8 +42,28 @@ from orchestration.cli.options import (
 # --- components and FMUs -------------------------------------------------------------------------
 
 
-class InfoCommand(ModelArgument, LaidOverOption, JsonOption, total=False):
+class InfoCommand(LaidOverOption, JsonOption, total=False):
     """Options of ``ppy info``."""
+
+    model: Annotated[
+        str,
+        Option(
+            "A component (see ppy list), path/to/file.py:Class, an .fmu file; or a record.",
+            default=REQUIRED,
+            metavar="MODEL|RECORD",
+            complete="component",
+            argument=True,
+        ),
+    ]
+    of_model: Annotated[
+        str | None,
+        Option(
+            "Model that a record is for: tells the --map that it needs.",
+            flag="--model",
+            metavar="MODEL",
+            complete="component",
+        ),
+    ]
 
 
 class CheckCommand(JsonOption, total=False):

@@ -14,13 +14,15 @@ from orchestration.cli.outputs import SIGNALS, Outputs
 
 if TYPE_CHECKING:
     from orchestration.fmu import Array, Model, Value
+    from orchestration.records import Record
 
 
 @command(SimulateCommand)
 def simulate(options: SimulateCommand) -> None:
     """Simulate a component or any FMU."""
     from orchestration.api import values_of
-    from orchestration.cli.models import model_file, open_model
+    from orchestration.cli.models import build_model, model_file
+    from orchestration.fmu import declared_model
     from orchestration.fmu import simulation as work
     from orchestration.reporting import note, pictures, progress, wrote
 
@@ -33,10 +35,12 @@ def simulate(options: SimulateCommand) -> None:
         {"--out": out, "--plot": plot},
         {"--out": SIGNALS, "--plot": pictures.FORMATS},
     ).check()
-    model = open_model(options["model"], options["runtime"], options["laid_over"])
-    parameters = values_of(model, options["settings"], options["preset"])
+    declared = declared_model(options["model"], options["laid_over"])
+    parameters = values_of(declared, options["settings"], options["preset"])
+    recorded = _recorded(declared, parameters, options)
+    model = build_model(declared, options["runtime"])
     isolation = limits(model.foreign, options)
-    time, inputs = _stimulus(model, parameters, options)
+    time, inputs = _stimulus(model, recorded, parameters, options)
     try:
         with hearing_ctrl_c(isolation), progress() as tell:
             tell(f"simulating {model.title}")
@@ -65,8 +69,29 @@ def simulate(options: SimulateCommand) -> None:
         wrote(plot)
 
 
-def _stimulus(
+def _recorded(
     model: Model, parameters: Mapping[str, Value], options: SimulateCommand
+) -> Record | None:
+    """Read the record of inputs, if one is given."""
+    from orchestration.cli.models import check_inputs
+    from orchestration.records import read_record
+    from orchestration.reporting import tell_repairs
+
+    file = options["input_file"]
+    if file is None:
+        return None
+    units = {signal.name: signal.unit for signal in model.inputs.values()}
+    record = read_record(file, units, mapping=options["mapping"], inputs=list(units))
+    tell_repairs(record.repairs)
+    check_inputs(model, record.signals, parameters)
+    return record
+
+
+def _stimulus(
+    model: Model,
+    record: Record | None,
+    parameters: Mapping[str, Value],
+    options: SimulateCommand,
 ) -> tuple[Array, dict[str, Array]]:
     """Return communication points (n,) in s, and inputs over them.
 
@@ -75,20 +100,12 @@ def _stimulus(
     import numpy as np
 
     from orchestration.api import points_of
-    from orchestration.cli.models import check_inputs
     from orchestration.fmu import simulation as work
-    from orchestration.records import read_record
-    from orchestration.reporting import tell_repairs
 
-    file = options["input_file"]
     recorded: dict[str, Array] = {}
-    if file is None:
+    if record is None:
         time = points_of(model, None, options["stop"], options["step"])
     else:
-        units = {signal.name: signal.unit for signal in model.inputs.values()}
-        record = read_record(file, units, mapping=options["mapping"], inputs=list(units))
-        tell_repairs(record.repairs)
-        check_inputs(model, record.signals, parameters)
         time = work.points(record.time, options["stop"], options["step"])
         recorded = {signal: work.held(record, signal, time) for signal in record.signals}
     constant = {

@@ -12,7 +12,7 @@ import pytest
 from fmus.kit import UserError
 from fmus.kit.units import format_value
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.model import find_model
+from orchestration.fmu.model import built, declared_model, find_model
 from orchestration.fmu.simulation import simulate_instance
 from tests.support.archive import edited
 
@@ -95,3 +95,20 @@ def test_settings_of_integers_and_booleans_arrive(thermostat):
         50.0,
     ]  # at the first sample instant the heater, disabled, goes off
     assert power["on"].tolist() == [1.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("name", ["ppy_actuator", "galvanostat", "foot", "rig_proxy"])
+def test_a_model_that_is_declared_has_the_signals_of_its_fmu(name):
+    declared, made = declared_model(name), find_model(name, "python")
+    assert dict(declared.inputs) == dict(made.inputs)
+    assert dict(declared.outputs) == dict(made.outputs)
+    assert list(declared.parameters) == list(made.parameters)
+    assert declared.title == made.title
+    assert built(declared, "python") == made
+
+
+def test_effects_are_declared_as_they_are_built():
+    effects = ["strain_saturation", "sensor_lag(voltage)"]
+    declared = declared_model("ppy_actuator", effects)
+    assert declared.effects == tuple(effects)
+    assert dict(declared.outputs) == dict(find_model("ppy_actuator", "python", effects).outputs)

@@ -21,7 +21,7 @@ from tests.support.record_forms import PLAIN, refusal, write
         ("time [s],current [A]\n", "row 1"),
         ("time [s],current [A]\n1,2\n", "one instant (row 2)"),
         ("0,1\n1,2\n", "row 1: numbers where the header should be"),
-        ("# time [s],current [A]\n0,1\n1,2\n", "remove the '#'"),
+        ("# volts and amps\n0,1\n1,2\n", "row 2: numbers where the header should be"),
         ("Dear all, the rig is down.\nSee you.\nBye\n", "row 2: 1 cells where the header has 2"),
         ("hello\nworld\n", "not a header"),
         (b"\x00\x01\x02\xff\xfe" * 40, "not a text file"),
