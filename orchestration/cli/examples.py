@@ -63,7 +63,7 @@ EXAMPLES = {
     "thesis": ("ppy thesis", "ppy thesis --out thesis.html --json thesis.json"),
     "sweep": (
         "ppy sweep ppy_actuator --over R1=0.3..0.7:9 --set current=0.5 --stop 10s",
-        "ppy sweep ppy_actuator --over R1=0.3..0.7 --over C=1..3 --design tornado",
+        "ppy sweep ppy_actuator --set force=1 --over k1=4e3..8e3 --design tornado",
     ),
     "rig serve": (
         "ppy rig serve --rate 1000",
