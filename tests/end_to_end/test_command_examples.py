@@ -62,11 +62,20 @@ def test_examples_that_take_a_moment(folder, command):
     run(command, folder)
 
 
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    """A folder with what the examples leave that all others need."""
+    folder = tmp_path_factory.mktemp("whole")
+    for command in FIRST:
+        run(command, folder)
+    return folder
+
+
 @pytest.mark.slow
-def test_all_examples_but_those_of_a_rig_in_order(tmp_path):
-    rest = [name for name in EXAMPLES if name not in (*FIRST, *OF_A_RIG)]
-    for command in (*FIRST, *rest):
-        run(command, tmp_path)
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("command", [n for n in EXAMPLES if n not in (*FIRST, *OF_A_RIG)])
+def test_all_examples_on_what_the_demonstration_leaves(demo, command):
+    run(command, demo)
 
 
 # --- a rig ---------------------------------------------------------------------------------------
@@ -124,6 +133,7 @@ def started(example, folder):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_examples_of_a_rig_that_take_long(rig, tmp_path):
     for command in ("rig record", "rig check"):
         works("rig", "acknowledge", "--endpoint", rig.endpoint, cwd=tmp_path)
