@@ -43,11 +43,11 @@ EXAMPLES = {
     ),
     "simulate": (
         "ppy simulate ppy_actuator --set current=0.9 --stop 30s --plot run.png",
-        "ppy simulate dma_bench.ssp --set force_reference=1N --stop 2s --out bench.nc",
+        "ppy simulate dma_bench.ssp --set force_reference=1N --stop 0.5s --out b.nc",
     ),
     "run": (
         "ppy run fig_3_4 --set duration=5s --out fig_3_4.nc --plot fig_3_4.html",
-        "ppy run dma_bench.ssp --set inputs.force_reference=1N --set duration=2s",
+        "ppy run dma_bench.ssp --set inputs.force_reference=1N --set duration=0.5s",
     ),
     "system list": ("ppy system list", "ppy system show dma_bench"),
     "system show": ("ppy system show dma_bench", "ppy system show dma_bench.ssp"),
