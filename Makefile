@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # the tests start Python some thousand times, and compiled modules are a fifth of each start
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fuzz fuzz-models demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark chromium clean help
+.PHONY: fuzz fuzz-models demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark chromium dist clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
@@ -29,6 +29,7 @@ help:
 	@echo "make soak       ten minutes at 100 Hz beside a hostile peer: memory and descriptors must stay flat; SECONDS=60 for a quick look"
 	@echo "make hil-latency the rig's server beside a bare ZeroMQ echo"
 	@echo "make benchmark  speed, as ratios measured in one run"
+	@echo "make dist       wheel and source distribution in dist/, FMUs and systems for all platforms in dist/release/"
 
 demo: $(VENV)/installed
 	$(BIN)/ppy demo --out demo-output
@@ -101,6 +102,11 @@ check: $(VENV)/installed-dev
 benchmark: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks
 
+dist: $(VENV)/installed-dev
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist .
+	$(BIN)/python -m studies.release.folder --out dist/release
+
 # The report is looked at in a real browser; without the rights to install one, that test says why it is skipped.
 chromium:
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
@@ -120,4 +126,4 @@ $(VENV)/installed-dev: $(VENV)/bin/python pyproject.toml constraints.txt
 	@touch $@ $(VENV)/installed
 
 clean:
-	rm -rf $(VENV) demo-output build *.egg-info
+	rm -rf $(VENV) demo-output build dist *.egg-info

@@ -36,6 +36,19 @@ def some_of(advice: str) -> Form:
     return Form(read, _joined, str | None)
 
 
+def names_among(known: Sequence[str]) -> Form:
+    """Return the form of names separated by commas, each of them one of those known."""
+
+    def read(text: str, flag: str) -> list[str]:
+        names = comma_list(text, flag)
+        for name in names:
+            if name not in known:
+                raise UserError(f"{flag} {name}: there are {', '.join(known)}")
+        return names
+
+    return Form(read, _joined, str | None)
+
+
 def numbers(least: int) -> Form:
     """Return the form of whole numbers separated by commas, none of them below the least."""
 
@@ -59,6 +72,17 @@ def seconds(text: str) -> float:
         return float(text)  # what makes no sense, such as nan, is refused where its sense is known
     except ValueError:
         return read_amount(text, "s", f"{text!r}")
+
+
+def percent(text: str) -> float:
+    """Read a share above 0 % and up to 100 %, written with its sign or without."""
+    try:
+        value = float(text.strip().removesuffix("%"))
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value <= 100.0:
+        raise ValueError(f"{text!r}: write a share above 0% and up to 100%, such as 95%")
+    return value
 
 
 def _in_seconds(value: float) -> str:
@@ -104,6 +128,7 @@ MAPPING = Form(_read_mapping, _pairs, list[str] | None)
 SETTINGS = Form(_read_settings, _pairs, list[str] | None)
 TEXTS = Form(typed=list[str] | None, write=list)
 TIME = Form(write=lambda value: [_in_seconds(value)], typed=float | None, parse=seconds)
+PERCENT = Form(write=lambda value: [f"{value:g}%"], typed=float | None, parse=percent)
 LEFT_OUT = Form(read=lambda typed, flag: not typed, typed=bool)
 EFFECTS_OR_NONE = EFFECTS._replace(read=lambda text, flag: _read_effects(text, flag) or [])
 ONE_OR_ALL = Form(

@@ -47,11 +47,11 @@ def open_measured(options: MeasuredOptions, runtime: str = "native") -> Measured
 def model_file(name: str) -> Path | None:
     """Return the file that a model is read from; None for a component of ours."""
     from fmus import MODELS
-    from orchestration.fmu import names_class
+    from orchestration.fmu import file_of_class, names_class
 
     if name in MODELS:
         return None
-    return Path(name.rpartition(":")[0]) if names_class(name) else Path(name)
+    return Path(file_of_class(name) if names_class(name) else name)
 
 
 def open_model(name: str, runtime: str = "native", effects: Sequence[str] = ()) -> Model:

@@ -14,6 +14,7 @@ from .preparation import points as points
 from .preparation import prepare as prepare
 from .preparation import stimulus_values as stimulus_values
 from .reading import files as files
+from .reading import is_result as is_result
 from .reading import movable as movable
 from .reading import read as read
 from .reading import read_toml as read_toml

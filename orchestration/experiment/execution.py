@@ -217,7 +217,7 @@ def _about(prepared: Preparation, ran: Run, where: str) -> dict[str, Any]:
     on = prepared.on
     units = {name: signal.unit for name, signal in on.parameters.items()}
     numbers = {
-        n: v if isinstance(v, str) else f"{v!r} {units.get(n, '')}"
+        n: v if isinstance(v, str) else f"{v!r} {units.get(n, '')}".removesuffix(" 1")
         for n, v in prepared.settings.items()
     }
     return (

@@ -19,7 +19,7 @@ import numpy as np
 import xarray
 from pydantic import BaseModel, Json
 
-from fmus.kit import UserError, files
+from fmus.kit import UserError, files, units
 from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from orchestration.experiment.model import Experiment, checked, parse
@@ -68,6 +68,12 @@ def dataset(
     }
     clock = {"time": ("time", time, {"units": "s", "long_name": "time"})}
     return xarray.Dataset(variables, clock, dict(about))
+
+
+def displayed(array: xarray.DataArray) -> tuple[Array, str]:
+    """Return the values of a signal in its display unit, and that unit."""
+    unit = array.attrs.get("display_units", array.units)
+    return units.convert(array.values, array.units, unit), unit
 
 
 def about_experiment(experiment: Experiment, where: str) -> dict[str, Any]:

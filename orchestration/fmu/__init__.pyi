@@ -10,6 +10,7 @@ from .effects import catalogue as catalogue
 from .effects import families as families
 from .effects import known_effects as known_effects
 from .instance import Fmu as Fmu
+from .loading import file_of_class as file_of_class
 from .loading import load_class as load_class
 from .loading import load_subclass as load_subclass
 from .loading import names_class as names_class

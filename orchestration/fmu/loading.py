@@ -21,8 +21,13 @@ _LOADED: set[str] = set()  # names of users' files that were run
 
 
 def names_class(name: str) -> bool:
-    """Return whether a text has the form ``path/to/file.py:Class``."""
-    return name.rpartition(":")[0].endswith(".py")
+    """Return True for ``path/to/file.py:Class``, and for a file of Python without its class."""
+    return file_of_class(name).endswith(".py")
+
+
+def file_of_class(name: str) -> str:
+    """Return the file of ``path/to/file.py:Class``, with or without the class."""
+    return name if name.endswith(".py") else name.rpartition(":")[0]
 
 
 def load_class(place: str) -> type[Component]:
@@ -92,22 +97,33 @@ def load_subclass(place: str, base: type) -> tuple[Path, str, Any, list[str]]:
     UserError
         If the file cannot be read or run, or has no such class.
     """
-    file, colon, name = place.rpartition(":")
-    if not (colon and file and name):
+    file = file_of_class(place)
+    name = place.removeprefix(file).removeprefix(":")
+    if not file or place.endswith(":"):
         raise UserError(f"{place}: write path/to/file.py:Class")
     path = Path(file)
     module = _load(path)
-    cls: Any = getattr(module, name, None)
     known = [
         n
         for n, c in vars(module).items()
         if is_subclass(c, base) and c.__module__ == module.__name__
     ]
+    if not name:
+        raise UserError(f"{path}: {_classes_to_name(path, module, known, base)}")
+    cls: Any = getattr(module, name, None)
     if cls is None:
         raise UserError(f"{path}: there is no class {name!r} in it{suggestion(name, known)}")
     if not is_subclass(cls, base):
         raise UserError(f"{path}: {name} is not a {base.__name__}{suggestion(name, known)}")
     return path, name, cls, known
+
+
+def _classes_to_name(path: Path, module: ModuleType, known: list[str], base: type) -> str:
+    """Return which classes of a file can be named; a component without a name is an effect."""
+    places = [f"{path}:{name}" for name in known if getattr(vars(module)[name], "name", name)]
+    if not places:
+        return f"there is no {base.__name__} in it"
+    return f"name a class in it, such as {', '.join(places)}"
 
 
 def is_subclass(thing: object, base: type) -> bool:

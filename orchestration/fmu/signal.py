@@ -39,6 +39,8 @@ class Signal:
         Description.
     text : str
         Start value of a string, whose `start` is 0.
+    declares_start : bool
+        False where the FMU declares no start value, so that `start` is 0.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Signal:
     max: float
     doc: str = ""
     text: str = ""
+    declares_start: bool = True
 
     @property
     def default(self) -> Value:
@@ -93,6 +96,7 @@ def read_signal(variable: Any) -> Signal:
         low,
         high,
         doc,
+        declares_start=bool(variable.start),
     )
 
 

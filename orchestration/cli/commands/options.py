@@ -9,7 +9,7 @@ from typing import Annotated, TypedDict
 
 from fmus.rig_proxy import ENDPOINT, PORT
 from orchestration.api.declaration import REQUIRED, Option
-from orchestration.api.forms import NAMES, TEXTS, TIME, some_of
+from orchestration.api.forms import NAMES, PERCENT, TEXTS, TIME, names_among, some_of
 from orchestration.api.options import (
     DiagnoseOptions,
     FittedOption,
@@ -180,8 +180,8 @@ class ExperimentOptions(TypedDict, total=False):
     experiment: Annotated[
         str | None,
         Option(
-            "One of --list, a file, or a result to make again.",
-            metavar="NAME|FILE.toml|RESULT",
+            "One of --list, a file, a system, or a result to make again.",
+            metavar="NAME|FILE.toml|SYSTEM.ssp|RESULT",
             complete="experiment",
             argument=True,
         ),
@@ -310,9 +310,23 @@ class MeasuredOptions(
     """A model, and the record that it is held against."""
 
 
+class RequiredPercentOption(TypedDict, total=False):
+    """The fit that a comparison has to reach."""
+
+    require: Annotated[
+        float | None,
+        Option(
+            "Exit status 1 unless every output fits that well, such as 95%; after --fit if given.",
+            metavar="PERCENT",
+            form=PERCENT,
+        ),
+    ]
+
+
 class CompareCommand(
     MeasuredOptions,
     FittedOption,
+    RequiredPercentOption,
     FiguresOption,
     JsonOption,
     PlotOption,
@@ -457,10 +471,28 @@ class SystemOption(TypedDict, total=False):
     ]
 
 
+VERDICTS = ("consistent", "recalibrate", "cause", "ambiguous", "unexplained")
+
+
+class RequiredVerdictOption(TypedDict, total=False):
+    """The verdicts that a diagnosis has to come to."""
+
+    require: Annotated[
+        Sequence[str],
+        Option(
+            f"Exit status 1 unless the verdict is one of these: {', '.join(VERDICTS)}.",
+            default=(),
+            metavar="VERDICTS",
+            form=names_among(VERDICTS),
+        ),
+    ]
+
+
 class DiagnoseCommand(
     JudgedOptions,
     LaidOverOption,
     DiagnoseOptions,
+    RequiredVerdictOption,
     JsonOption,
     ReportOption,
     DiagnoseOutputs,

@@ -1,4 +1,4 @@
-"""``ppy simulate``: a model over a record's inputs or constant ones."""
+"""``ppy simulate``: a model or a system over a record's inputs or constant ones."""
 
 from __future__ import annotations
 
@@ -17,24 +17,43 @@ if TYPE_CHECKING:
     from orchestration.records import Record
 
 
+_SYSTEMS = (".ssp", ".ssd")  # as in system.ssp, which takes half a second to load
+
+
 @command(SimulateCommand)
 def simulate(options: SimulateCommand) -> None:
-    """Simulate a component or any FMU."""
-    from orchestration.api import values_of
-    from orchestration.cli.models import build_model, model_file
-    from orchestration.fmu import declared_model
-    from orchestration.fmu import simulation as work
-    from orchestration.reporting import note, pictures, progress, wrote
+    """Simulate a component, any FMU, or a system of FMUs."""
+    from orchestration.cli.models import model_file
+    from orchestration.reporting import pictures
 
-    out = options["out"]
-    plot = options["plot"]
     if options["mapping"] and options["input_file"] is None:
         raise UserError("--map renames the columns of a record; give the record with --input")
     Outputs(
         {"the record": options["input_file"], "the model": model_file(options["model"])},
-        {"--out": out, "--plot": plot},
+        {"--out": options["out"], "--plot": options["plot"]},
         {"--out": SIGNALS, "--plot": pictures.FORMATS},
     ).check()
+    if Path(options["model"]).suffix.lower() in _SYSTEMS:
+        _simulate_system(options)
+    else:
+        _simulate_model(options)
+
+
+def _simulate_system(options: SimulateCommand) -> None:
+    from orchestration.cli.experiments import experiment_on_system, refuse_part, run_and_write
+
+    refuse_part(run_and_write(experiment_on_system(options), options["model"], options))
+
+
+def _simulate_model(options: SimulateCommand) -> None:
+    from orchestration.api import values_of
+    from orchestration.cli.models import build_model
+    from orchestration.fmu import declared_model
+    from orchestration.fmu import simulation as work
+    from orchestration.reporting import note, progress, wrote
+
+    out = options["out"]
+    plot = options["plot"]
     declared = declared_model(options["model"], options["laid_over"])
     parameters = values_of(declared, options["settings"], options["preset"])
     recorded = _recorded(declared, parameters, options)

@@ -110,7 +110,7 @@ def _finish(data: xarray.Dataset, out: Path | None, folder: Path | None, plot: P
     analysis = analysis_of(data.attrs["design"])
     shown = data
     whole = data
-    draw: Callable[[xarray.Dataset, Path], None] = picture.draw
+    draw: Callable[[xarray.Dataset, Path], list[str]] = picture.draw
     try:
         if analysis is not None:
             shown = analysis.analyse(data)
@@ -121,8 +121,10 @@ def _finish(data: xarray.Dataset, out: Path | None, folder: Path | None, plot: P
         if out is not None:
             _keep(whole, out, folder)
     if plot is not None:
-        draw(shown, plot)
+        missing = draw(shown, plot)
         console.wrote(plot)
+        for line in missing:
+            console.note(line)
 
 
 def _sweep_of_options(options: SweepCommand) -> Work:
@@ -227,6 +229,7 @@ def _show(data: xarray.Dataset) -> None:
     """Print what each number comes to over all cases, and how many failed."""
     import numpy as np
 
+    from fmus.kit import units
     from orchestration.reporting import note, out, plain_table
     from orchestration.sweeps.storage import iterate_pieces
 
@@ -243,7 +246,9 @@ def _show(data: xarray.Dataset) -> None:
             smallest = np.fmin(smallest, np.fmin.reduce(part, axis=None))
             largest = np.fmax(largest, np.fmax.reduce(part, axis=None))
         if np.isfinite(smallest):
-            table.add_row(str(name), f"{smallest:.6g}", f"{largest:.6g}", array.units)
+            unit = array.attrs.get("display_units", array.units)
+            ends = units.convert(np.array([smallest, largest]), array.units, unit)
+            table.add_row(str(name), *(f"{end:.6g}" for end in ends), unit)
     out.print(table)
     if "failure" in data:
         reasons = data["failure"].values.ravel()

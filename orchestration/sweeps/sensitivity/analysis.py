@@ -21,7 +21,7 @@ class Analysis(NamedTuple):
 
     analyse: Callable[[xarray.Dataset], xarray.Dataset]
     table: Callable[[xarray.Dataset], Table]
-    draw: Callable[[xarray.Dataset, Path], None]
+    draw: Callable[[xarray.Dataset, Path], list[str]]
 
 
 _BY_DESIGN = {

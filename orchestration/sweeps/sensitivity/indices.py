@@ -11,8 +11,8 @@ from rich.table import Table
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.reporting import pictures, plain_table
+from orchestration.sweeps.picture import describe_left_out, names_to_draw
 from orchestration.sweeps.sensitivity.numbers import (
-    names_to_draw,
     numbers,
     parameters_of,
     require_complete,
@@ -165,15 +165,21 @@ def table(indices: xarray.Dataset) -> Table:
     return made
 
 
-def draw(indices: xarray.Dataset, path: Path) -> None:
+def draw(indices: xarray.Dataset, path: Path) -> list[str]:
     """Draw indices as bars with their intervals.
+
+    Returns
+    -------
+    list of str
+        What the picture leaves out, in a line each.
 
     Raises
     ------
     UserError
         If the file cannot be written.
     """
-    names = names_to_draw(_numbers(indices))
+    numbers = _numbers(indices)
+    names = names_to_draw(numbers)
     title = f"{indices.attrs['model']}: shares of the variance"
     figure, panels = pictures.panels(len(names), title)
     parameters = [str(p) for p in indices["parameter"].values]
@@ -202,6 +208,7 @@ def draw(indices: xarray.Dataset, path: Path) -> None:
     panels[-1].set_xticks(at, parameters)
     panels[-1].set_xlabel("parameter")
     pictures.save(figure, path)
+    return describe_left_out(numbers)
 
 
 def _numbers(indices: xarray.Dataset) -> list[str]:

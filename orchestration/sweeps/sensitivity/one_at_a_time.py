@@ -12,10 +12,11 @@ from rich.table import Table
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from orchestration.experiment import results
 from orchestration.reporting import pictures, plain_table
+from orchestration.sweeps.picture import describe_left_out, names_to_draw
 from orchestration.sweeps.ranges import Range
 from orchestration.sweeps.sensitivity.numbers import (
-    names_to_draw,
     numbers,
     parameters_of,
     require_complete,
@@ -115,8 +116,13 @@ def tornado(found: xarray.Dataset) -> xarray.Dataset:
             {"long_name": "ends of the ranges, in the parameters' units"},
         ),
         "parameter_units": ("parameter", [str(found[p].units) for p in parameters]),
+        "parameter_display_units": ("parameter", [_display_unit(found[p]) for p in parameters]),
     }
     return xarray.Dataset(values, coordinates, {"model": found.attrs["model"], "design": TORNADO})
+
+
+def _display_unit(parameter: xarray.DataArray) -> str:
+    return str(parameter.attrs.get("display_units", parameter.units))
 
 
 def table(moved: xarray.Dataset) -> Table:
@@ -124,14 +130,13 @@ def table(moved: xarray.Dataset) -> Table:
     columns = ("from", "to", "at start", "at from", "at to")
     made = plain_table(None, "moved", "by", *columns, "unit", right=columns)
     for name in _numbers(moved):
-        start = float(moved[f"{name}_start"])
-        unit = moved[f"{name}_start"].units
+        start, unit = results.displayed(moved[f"{name}_start"])
         for parameter in _ranked(moved, name):
             at = moved.sel(parameter=parameter)
-            suffix = _unit_suffix(str(at["parameter_units"].item()))
-            ends = [f"{end:.6g}{suffix}" for end in at["ends"].values]
-            reached = [_shown(value) for value in at[f"{name}_tornado"].values]
-            made.add_row(name, parameter, *ends, f"{start:.6g}", *reached, unit)
+            ends, own = _displayed_ends(at)
+            reached = [_shown(value) for value in results.displayed(at[f"{name}_tornado"])[0]]
+            texts = [f"{end:.6g}{_unit_suffix(own)}" for end in ends]
+            made.add_row(name, parameter, *texts, f"{start:.6g}", *reached, unit)
     return made
 
 
@@ -143,15 +148,21 @@ def _unit_suffix(unit: str) -> str:
     return f" {unit}" if unit != "1" else ""
 
 
-def draw(moved: xarray.Dataset, path: Path) -> None:
+def draw(moved: xarray.Dataset, path: Path) -> list[str]:
     """Draw a tornado for each number, with a bar between its values at both ends of each range.
+
+    Returns
+    -------
+    list of str
+        What the picture leaves out, in a line each.
 
     Raises
     ------
     UserError
         If the file cannot be written.
     """
-    names = names_to_draw(_numbers(moved))
+    drawable = _numbers(moved)
+    names = names_to_draw(drawable)
     count = moved.sizes["parameter"]
     figure, panels = pictures.panels(
         len(names),
@@ -164,29 +175,37 @@ def draw(moved: xarray.Dataset, path: Path) -> None:
         _draw_bars(panel, moved, name)
     panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
     pictures.save(figure, path)
+    return describe_left_out(drawable)
 
 
 def _draw_bars(panel: Any, moved: xarray.Dataset, name: str) -> None:
     """Draw the bars of one number."""
-    start = float(moved[f"{name}_start"])
+    start, unit = results.displayed(moved[f"{name}_start"])
     ranked = _ranked(moved, name)[::-1]  # the largest at the top
     colours = (pictures.MEASURED, pictures.MODEL)
     for row, parameter in enumerate(ranked):
-        reached = moved[f"{name}_tornado"].sel(parameter=parameter).values
+        reached, _ = results.displayed(moved[f"{name}_tornado"].sel(parameter=parameter))
         for value, end, colour in zip(reached, ENDS, colours, strict=True):
             label = _WORDS[end] if row == 0 else None
             panel.barh(row, value - start, 0.7, start, color=colour, alpha=0.85, label=label)
     panel.set_axisbelow(True)
     panel.axvline(start, color="black", lw=0.8)
     panel.set_yticks(range(len(ranked)), [_range_label(moved, parameter) for parameter in ranked])
-    unit = moved[f"{name}_start"].units
     panel.set_xlabel(name.replace("_", " ") + (f" [{unit}]" if unit != "1" else ""))
 
 
 def _range_label(moved: xarray.Dataset, parameter: str) -> str:
-    at = moved.sel(parameter=parameter)
-    low, high = at["ends"].values
-    return f"{parameter}: {low:.4g}..{high:.4g}" + _unit_suffix(str(at["parameter_units"].item()))
+    (low, high), unit = _displayed_ends(moved.sel(parameter=parameter))
+    return f"{parameter}: {low:.4g}..{high:.4g}{_unit_suffix(unit)}"
+
+
+def _displayed_ends(at: xarray.Dataset) -> tuple[Array, str]:
+    """Return both ends of the range of a parameter in its display unit, and that unit."""
+    own = {
+        "units": str(at["parameter_units"].item()),
+        "display_units": str(at["parameter_display_units"].item()),
+    }
+    return results.displayed(at["ends"].assign_attrs(own))
 
 
 def _numbers(moved: xarray.Dataset) -> list[str]:

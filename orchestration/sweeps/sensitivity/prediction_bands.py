@@ -12,8 +12,10 @@ from rich.table import Table
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from orchestration.experiment import results
 from orchestration.reporting import pictures, plain_table
-from orchestration.sweeps.sensitivity.numbers import names_to_draw, require_complete
+from orchestration.sweeps.picture import describe_left_out, names_to_draw
+from orchestration.sweeps.sensitivity.numbers import require_complete
 
 BANDS = "draws"
 _EVEN = (BANDS, "latin-hypercube", "sobol")  # designs whose cases have equal weights
@@ -112,19 +114,26 @@ def table(found: xarray.Dataset) -> Table:
                 for at in sorted({widest, end})
             ]
         for at, here in places:
-            made.add_row(output, at, *(f"{value:.6g}" for value in here.values), band.units)
+            values, unit = results.displayed(here)
+            made.add_row(output, at, *(f"{value:.6g}" for value in values), unit)
     return made
 
 
-def draw(found: xarray.Dataset, path: Path) -> None:
+def draw(found: xarray.Dataset, path: Path) -> list[str]:
     """Draw bands over time, and below each the distance of its quantiles from the middle one.
+
+    Returns
+    -------
+    list of str
+        What the picture leaves out, in a line each.
 
     Raises
     ------
     UserError
         If there is no trace to draw, or the file cannot be written.
     """
-    names = names_to_draw([str(name) for name, band in found.items() if "time" in band.dims])
+    traces = [str(name) for name, band in found.items() if "time" in band.dims]
+    names = names_to_draw(traces)
     if not names:
         raise UserError(f"--plot {path}: bands are drawn over time, which --keep trace keeps")
     title = f"{found.attrs['model']}: quantiles over cases"
@@ -132,17 +141,18 @@ def draw(found: xarray.Dataset, path: Path) -> None:
     levels = [f"{100.0 * level:g} %" for level in found["quantile"].values]
     time = found["time"].values
     for over, below, name in zip(panels[::2], panels[1::2], names, strict=True):
-        band = found[name].values
+        band, unit = results.displayed(found[name])
         middle = len(band) // 2
         _draw_band(over, time, band, levels)
         _draw_band(below, time, band - band[middle], levels)
-        pictures.label(over, name.removesuffix("_band"), found[name].units)
-        pictures.label(below, f"from {levels[middle]}", found[name].units)
+        pictures.label(over, name.removesuffix("_band"), unit)
+        pictures.label(below, f"from {levels[middle]}", unit)
     pictures.logarithmic(panels, time)
     panels[0].legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1
     )
     pictures.save(figure, path)
+    return describe_left_out(traces)
 
 
 def _draw_band(panel: Any, time: Array, band: Array, levels: Sequence[str]) -> None:

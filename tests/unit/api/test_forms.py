@@ -8,7 +8,7 @@ from fmus.kit import UserError
 from orchestration.api.declaration import (
     options_of,
 )
-from orchestration.api.forms import comma_list, numbers, seconds
+from orchestration.api.forms import comma_list, names_among, numbers, percent, seconds
 from orchestration.api.options import (
     DiagnoseOptions,
     StudyOptions,
@@ -54,3 +54,17 @@ def test_numbers_are_whole_and_large_enough(text):
     with pytest.raises(UserError, match=r"--delays .*: write whole numbers from 0 on"):
         numbers(0).read(text, "--delays")
     assert numbers(0).read("0, 2", "--delays") == [0, 2]
+
+
+def test_a_share_is_written_with_its_sign_or_without():
+    assert percent("95%") == percent("95 %") == percent(" 95") == 95.0
+    for text in ("0%", "101%", "much", "nan", "-5%", ""):
+        with pytest.raises(ValueError, match="such as 95%"):
+            percent(text)
+
+
+def test_names_are_those_that_are_known():
+    form = names_among(("dry", "wet"))
+    assert form.read("wet, dry", "--require") == ["wet", "dry"]
+    with pytest.raises(UserError, match="--require damp: there are dry, wet"):
+        form.read("wet,damp", "--require")
