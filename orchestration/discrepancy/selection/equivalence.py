@@ -20,10 +20,10 @@ from orchestration.experiment.waveforms import multilevel
 from orchestration.identify.fitting import error_at, nearest_free_run
 from orchestration.records import base_name
 
-# of the power that an effect adds to the answer, in which equivalent models may differ: a tenth of
-# its amplitude, as no effect has quite the form of a catalogue
-_ALIKE = 0.01
-_LEVELS = 7  # of every input, over what it was in the record
+# of the power that an effect adds to the answer, in which equivalent models may differ: a thirtieth
+# of its amplitude, much less than the truth differs from the form of any catalogue
+_ALIKE = 1e-3
+_LEVELS = 25  # of every input, over what it was in the record
 _STAYS = (1 / 600.0, 1 / 150.0, 1 / 40.0, 1 / 10.0)  # of the trial, rising from part to part
 _SAMPLES = 1500  # of the trial at most
 
@@ -74,7 +74,7 @@ def _answer(search: Search, truth: FittedCandidate) -> Dataset:
     data = search.data
     run = data.runs[0]
     step = float(np.median(np.diff(data.time)))
-    time = step * np.arange(min(run.last - run.first, _SAMPLES))
+    time: Array = step * np.arange(float(min(run.last - run.first, _SAMPLES)))
     inputs = {
         name: _levels(time, values[run.samples], seed)
         for seed, (name, values) in enumerate(data.inputs.items())
@@ -87,9 +87,10 @@ def _answer(search: Search, truth: FittedCandidate) -> Dataset:
 
 def _levels(time: Array, values: Array, seed: int) -> Array:
     """Return random levels over the range of an input, with ever longer stays."""
-    levels = np.unique(np.linspace(values.min(), values.max(), _LEVELS))
-    if levels.size < 2:
-        return np.full(time.size, levels[0])
+    low, high = float(values.min()), float(values.max())
+    if not low < high:
+        return np.full(time.size, low)
+    levels = np.linspace(low, high, _LEVELS).tolist()
     parts = []
     for number, part in enumerate(np.array_split(time, len(_STAYS))):
         stay = max(_STAYS[number] * float(time[-1]), float(time[1]))

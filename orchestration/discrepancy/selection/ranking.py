@@ -244,6 +244,9 @@ def _equivalents(
     merged: dict[type[Effect], type[Effect]] = {}
     for effect in sorted(contenders, key=lambda e: (*_expectation(e), _bic(seen[e]))):
         for other in standing:
+            # a sensor is another thing than the plant: it can be tested by itself
+            if other.output != effect.output:
+                continue
             nearer = _in_other_parameters(plain, base, seen[other], seen[effect])
             if nearer is not None:
                 seen[other] = nearer
@@ -254,14 +257,12 @@ def _equivalents(
     return merged
 
 
-def _expectation(effect: type[Effect]) -> tuple[bool, bool, bool]:
+def _expectation(effect: type[Effect]) -> tuple[bool, bool]:
     """Return a key that sorts effects by how much they are to be expected.
 
-    A law comes before an input, and that before a measurement; what has a name in its field comes
-    before what has none.
+    A law comes before an input, and what has a name in its field before what has none.
     """
-    is_of_input = bool(effect.term.signal) and not effect.term.law
-    return bool(effect.output), is_of_input, effect.id in NAMELESS
+    return not effect.term.law, effect.id in NAMELESS
 
 
 def _in_other_parameters(
