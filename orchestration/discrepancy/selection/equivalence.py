@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fmus.kit import Effect
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset
@@ -20,12 +21,19 @@ from orchestration.experiment.waveforms import multilevel
 from orchestration.identify.fitting import error_at, nearest_free_run
 from orchestration.records import base_name
 
-# of the power that an effect adds to the answer, in which equivalent models may differ: a thirtieth
-# of its amplitude, much less than the truth differs from the form of any catalogue
+# of the power that an effect adds to the answer, in which equivalent models may differ
 _ALIKE = 1e-3
+# the same of a law and an input, which takes no credit for what a law explains about as well: no
+# effect has quite the form of the truth, by a tenth of its amplitude
+_ABOUT = 1e-2
 _LEVELS = 25  # of every input, over what it was in the record
 _STAYS = (1 / 600.0, 1 / 150.0, 1 / 40.0, 1 / 10.0)  # of the trial, rising from part to part
 _SAMPLES = 1500  # of the trial at most
+
+
+def is_of_input(effect: type[Effect]) -> bool:
+    """Return whether an effect changes an input, and no law."""
+    return bool(effect.term.signal) and not effect.term.law
 
 
 def as_another(
@@ -50,23 +58,33 @@ def as_another(
     dict of str to float or None
         Values of the first model by name, SI; None where the two are not equivalent.
     """
-    values = _reproducing(search, one, other, below)
-    if values is None or _reproducing(search, other, one, below) is None:
-        return None
-    return values
+    is_same_kind = is_of_input(one.effect) is is_of_input(other.effect)
+    most = _ALIKE if is_same_kind else _ABOUT
+    values, left = _reproducing(search, one, other, below)
+    if left < most and _reproducing(search, other, one, below)[1] < most:
+        return values
+    return None
 
 
 def _reproducing(
     search: Search, fitted: FittedCandidate, truth: FittedCandidate, below: FittedCandidate
-) -> dict[str, float] | None:
-    """Return the parameters with which a model answers as a true one; None where it cannot."""
+) -> tuple[dict[str, float], float]:
+    """Return the parameters with which a model answers as a true one, as far as it can.
+
+    Returns
+    -------
+    values : dict of str to float
+    left : float
+        Of the power of the answer that the model below cannot give, what this one cannot; infinite
+        where one of them cannot be simulated.
+    """
     try:
         trial = replace(search, data=_answer(search, truth))
         values, left = _fitted_to(trial, fitted)
         _, without = _fitted_to(trial, below)
     except FAILURES:
-        return None
-    return values if left**2 < _ALIKE * without**2 else None
+        return {}, np.inf
+    return values, left**2 / without**2 if without else np.inf
 
 
 def _answer(search: Search, truth: FittedCandidate) -> Dataset:

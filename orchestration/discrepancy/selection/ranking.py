@@ -32,7 +32,7 @@ from orchestration.discrepancy.selection.block_cross_validation import (
     movement,
     predicts_better,
 )
-from orchestration.discrepancy.selection.equivalence import as_another
+from orchestration.discrepancy.selection.equivalence import as_another, is_of_input
 from orchestration.discrepancy.selection.scoring import COMPARABLE, PROMISING, WORTH, screen
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.identify.fitting import EVALUATE, FIXED_COLOUR, Method
@@ -262,7 +262,7 @@ def _expectation(effect: type[Effect]) -> tuple[bool, bool]:
 
     A law comes before an input, and what has a name in its field before what has none.
     """
-    return not effect.term.law, effect.id in NAMELESS
+    return is_of_input(effect), effect.id in NAMELESS
 
 
 def _in_other_parameters(

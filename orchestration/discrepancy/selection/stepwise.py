@@ -13,6 +13,7 @@ from orchestration.discrepancy.candidates import (
     own_parameters,
 )
 from orchestration.discrepancy.residuals import robust_power
+from orchestration.discrepancy.selection.equivalence import is_of_input
 from orchestration.discrepancy.selection.ranking import (
     ACCEPT,
     ALTERNATIVE,
@@ -461,7 +462,7 @@ def _in_turn(tried: Ranking) -> list[Row]:
             tried.follows_any_course(candidate),
             likeliest is not None and tried.is_behind(likeliest, row),
             bool(effect.output),
-            bool(effect.term.signal) and not effect.term.law,
+            is_of_input(effect),
             -gain,
         )
 
