@@ -196,8 +196,11 @@ def ranked(
     nearest, structured = _fit_others(search, base, _untried(starts, {*promising, *seen}), seen)
     if not seen:
         return Ranking()
-    merged = _equivalents(plain, base, seen, _contenders(base, nearest, seen))
-    contenders = [e for e in _contenders(base, nearest, seen) if e not in merged]
+    contenders = _contenders(base, nearest, seen)
+    merged = _equivalents(
+        plain, base, seen, contenders, _AS_LIKELY if structured is None else np.inf
+    )
+    contenders = [e for e in contenders if e not in merged]
     if structured is None or not contenders:
         rows = _in_one_noise(search, below, nearest, seen, contenders, len(effects))
         return _merged(Ranking(rows, near=seen, free=search.free), merged)
@@ -233,12 +236,17 @@ def _fit_others(
 
 
 def _equivalents(
-    plain: Search, base: FittedCandidate, seen: _Fitted, contenders: Sequence[type[Effect]]
+    plain: Search,
+    base: FittedCandidate,
+    seen: _Fitted,
+    contenders: Sequence[type[Effect]],
+    share: float,
 ) -> dict[type[Effect], type[Effect]]:
     """Return the contenders that are another one in other parameters, and that one.
 
     Of several it is the one that fits best of those that are most to be expected. It is fitted on
-    from where it does what the best of them does.
+    from where it does what the best of them does, and then may be less likely by a share of what
+    that gains: by any where none of the models is right, for there a likelihood tells nothing.
     """
     standing: list[type[Effect]] = []
     merged: dict[type[Effect], type[Effect]] = {}
@@ -247,7 +255,7 @@ def _equivalents(
             # a sensor is another thing than the plant: it can be tested by itself
             if other.output != effect.output:
                 continue
-            nearer = _in_other_parameters(plain, base, seen[other], seen[effect])
+            nearer = _in_other_parameters(plain, base, seen[other], seen[effect], share)
             if nearer is not None:
                 seen[other] = nearer
                 merged[effect] = other
@@ -266,7 +274,11 @@ def _expectation(effect: type[Effect]) -> tuple[bool, bool]:
 
 
 def _in_other_parameters(
-    plain: Search, base: FittedCandidate, one: FittedCandidate, other: FittedCandidate
+    plain: Search,
+    base: FittedCandidate,
+    one: FittedCandidate,
+    other: FittedCandidate,
+    share: float,
 ) -> FittedCandidate | None:
     """Return a candidate that is equivalent to another, and fits about as well as that.
 
@@ -280,7 +292,7 @@ def _in_other_parameters(
     if one.fit.bic > other.fit.bic:
         again = plain.fit_with(one.candidate.effects, one, one.fit.values | values)
         one = min(filter(None, (one, again)), key=_bic)
-    tolerance = max(ALTERNATIVE, _AS_LIKELY * (base.fit.bic - other.fit.bic))
+    tolerance = max(ALTERNATIVE, share * (base.fit.bic - other.fit.bic))
     return one if one.fit.bic <= other.fit.bic + tolerance else None
 
 
