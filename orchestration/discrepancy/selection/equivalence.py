@@ -18,7 +18,8 @@ from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.experiment.waveforms import multilevel
-from orchestration.identify.fitting import error_at, nearest_free_run
+from orchestration.identify.fitting import Method, error_at, fit_in_noise
+from orchestration.identify.noise import white_noise
 from orchestration.records import base_name
 
 # of the power that an effect adds to the answer, in which equivalent models may differ
@@ -29,6 +30,8 @@ _ABOUT = 1e-2
 _LEVELS = 25  # of every input, over what it was in the record
 _STAYS = (1 / 600.0, 1 / 150.0, 1 / 40.0, 1 / 10.0)  # of the trial, rising from part to part
 _SAMPLES = 1500  # of the trial at most
+# of a fit to an answer: where two are equivalent it could go on until nothing but rounding is left
+_EFFORT = Method(passes=1, trials=40, restarts=0)
 
 
 def is_of_input(effect: type[Effect]) -> bool:
@@ -122,5 +125,6 @@ def _fitted_to(trial: Search, fitted: FittedCandidate) -> tuple[dict[str, float]
     names = list(dict.fromkeys(map(base_name, fitted.problem.names)))
     values = {**trial.fixed, **run.values(fitted.fit.values)}
     problem = trial.problem(fitted.candidate, names, values)
-    q = nearest_free_run(problem, problem.position(problem.start))
+    start = problem.inside(problem.position(problem.start))
+    q, _ = fit_in_noise(problem, start, white_noise(problem.evaluate(start)[0]), _EFFORT)
     return problem.values(q), error_at(problem, q)
