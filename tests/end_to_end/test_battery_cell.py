@@ -28,8 +28,7 @@ from tests.support.processes import busy
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "battery_cell.py"
 FITTED = 2400  # samples, of which the last third is held out
-PAIR = "rc_pair(voltage_drop, current)"
-SECONDS = 60.0  # of the processor
+PAIR = "rc_pair"  # of the voltage lost over the current, as its parameters say
 
 
 def diagnosed(folder, seed, clock=IN_SECONDS):
