@@ -135,11 +135,11 @@ class TriedEffect:
     gain : float
         Fall of BIC.
     p_value : float
-    verdict : {"named", "shape", "not told apart", "rejected"}
-        "shape" if it corrects the shape of a cause.
+    verdict : {"named", "shape", "not told apart", "the same", "rejected"}
+        "shape" if it corrects the shape of a cause, "the same" if it is one in other parameters.
     reason : str
         Why it was rejected, what it is not told apart from, the cause of which it corrects the
-        shape, or what unseen data say of it.
+        shape, what it is the same as, or what unseen data say of it.
     """
 
     candidate: FittedCandidate
@@ -150,7 +150,7 @@ class TriedEffect:
 
 
 def tried_effects(diagnosis: Diagnosis) -> list[TriedEffect]:
-    """Return every effect that was fitted, once: those selected, their alternatives, and others.
+    """Return every effect that was fitted, once: those selected, those as good, and others.
 
     Others are judged by the last step in which they were tried, and sorted by their gain.
     """
@@ -181,6 +181,10 @@ def _alternative_effects(diagnosis: Diagnosis) -> list[TriedEffect]:
             p_value = alternative.p_value(smaller, selection.tried)
             reason = f"from {step.chosen.effect_name}"
             rows.append(TriedEffect(alternative, gain, p_value, "not told apart", reason))
+        for same, gain in step.equivalents:
+            p_value = same.p_value(smaller, selection.tried)
+            reason = f"as {step.chosen.effect_name}, in other parameters"
+            rows.append(TriedEffect(same, gain, p_value, "the same", reason))
     return rows
 
 
