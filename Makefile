@@ -38,7 +38,7 @@ test: $(VENV)/installed-dev check chromium
 	$(BIN)/pytest -n 3 --dist loadfile
 
 docs: $(VENV)/installed-dev
-	$(BIN)/python -m sphinx -W --keep-going -q -c docs/site . build/site
+	$(BIN)/python -m sphinx -W --keep-going -q -c docs/site -d build/doctrees . build/site
 
 docs-version: $(VENV)/installed-dev
 	$(BIN)/python docs/site/versions.py $(if $(ADDRESS),--address $(ADDRESS))

@@ -26,7 +26,8 @@ extensions = ["myst_nb", "sphinx_copybutton", "docs.site.pages"]
 root_doc = "docs/index"
 source_suffix = {".md": "myst-nb"}
 include_patterns = [
-    "docs/**/*.md",
+    "docs/*.md",
+    "docs/*/*.md",
     "fmus/*/README.md",
     "benchmarks/README.md",
     "CHANGELOG.md",
@@ -115,12 +116,19 @@ navigation = {
     "docs/project": ["docs/architecture", "docs/errata", "CONTRIBUTING", "CHANGELOG"],
 }
 
+# What a page is called in the navigation, where its heading is too long for that.
+short_titles = {
+    "docs/tutorial": "Tutorial",
+    "docs/explanation": "Explanation",
+    "docs/reference/security": "Security",
+}
+
 myst_heading_anchors = 4
 
 # Outputs are those of the code that is documented: never out of a cache, unless that is asked for.
 nb_execution_mode = "force"
 nb_execution_in_temp = True
-nb_execution_timeout = 60
+nb_execution_timeout = 300  # s a cell, on a busy machine; a test holds notebooks under a minute
 nb_execution_raise_on_error = True
 nb_merge_streams = True
 nb_ipywidgets_js: dict[str, Any] = {}  # by default they are loaded from elsewhere
@@ -132,13 +140,15 @@ html_theme = "pydata_sphinx_theme"
 html_title = "ppy-rig"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_favicon = "static/icon.svg"
+html_context = {"default_mode": "auto"}
 html_extra_path = ["extra"]
 html_show_sphinx = False
 html_copy_source = False
 html_use_index = False
 html_sidebars = {"docs/index": []}
 html_theme_options: dict[str, Any] = {
-    "logo": {"text": "ppy-rig"},
+    "logo": {"text": "ppy-rig", "image_light": "static/icon.svg", "image_dark": "static/icon.svg"},
     "header_links_before_dropdown": 8,
     "navbar_end": ["theme-switcher"],
     "footer_start": ["copyright"],

@@ -7,7 +7,7 @@ with the notebook's last picture.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from docutils import nodes
 from pygments.lexers.special import TextLexer
@@ -22,6 +22,7 @@ GALLERY = "docs/gallery/"
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the extension to a build."""
     app.add_config_value("navigation", {}, "env", dict)
+    app.add_config_value("short_titles", {}, "env", dict)
     app.connect("source-read", complete_source)
     app.connect("doctree-resolved", show_pictures)
     app.add_lexer("output", TextLexer)
@@ -33,14 +34,15 @@ def complete_source(app: Sphinx, docname: str, source: list[str]) -> None:
     if docname == COMMANDS:
         source[0] += f"\n{describe_commands()}"
     if below := app.config.navigation.get(docname):
-        source[0] += f"\n{navigation(below)}"
+        source[0] += f"\n{navigation(below, app.config.short_titles)}"
 
 
-def navigation(pages: list[str]) -> str:
+def navigation(pages: list[str], titles: Mapping[str, str]) -> str:
     """Return the directive for pages below a page; only patterns are listed on the page itself."""
+    entries = [f"{titles[page]} </{page}>" if page in titles else f"/{page}" for page in pages]
     by_pattern = any("*" in page for page in pages)
     options = [":glob:", ":maxdepth: 1"] if by_pattern else [":hidden:"]
-    return "\n".join(["```{toctree}", *options, "", *(f"/{page}" for page in pages), "```", ""])
+    return "\n".join(["```{toctree}", *options, "", *entries, "```", ""])
 
 
 def show_pictures(app: Sphinx, doctree: nodes.document, docname: str) -> None:

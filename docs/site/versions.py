@@ -37,7 +37,7 @@ def build(folder: Path, address: str) -> None:
     """
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-c", "docs/site"]
     subprocess.run(
-        [*command, ".", str(folder)],
+        [*command, "-d", str(ROOT / "build" / "doctrees"), ".", str(folder)],
         cwd=ROOT,
         env=os.environ | {"PPY_SITE_ADDRESS": address},
         check=True,
