@@ -41,6 +41,8 @@ def section(words: str, command: Any) -> Iterator[str]:
         yield f"```text\n{' '.join([words, *flagged, *placed])}\n```\n"
     for option in options.values():
         yield f"* {called(option)}: {plain(option.help)}{default_of(option)}"
+    if examples := re.findall(r"^ *(ppy .+)$", command.epilog or "", re.M):
+        yield "\n".join(["", "```sh", *(line.replace("\\[", "[") for line in examples), "```"])
 
 
 def value_of(option: Option) -> str:

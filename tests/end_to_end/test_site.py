@@ -10,6 +10,7 @@ import os
 import pickle
 import re
 import runpy
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -96,8 +97,9 @@ def is_busy() -> bool:
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory) -> Path:
-    out = tmp_path_factory.mktemp("site")
-    site.build(out)
+    out = tmp_path_factory.mktemp("site") / "html"
+    done = site.build(out, "-W", "--keep-going")
+    assert done.returncode == 0, done.stderr
     return out
 
 
@@ -125,7 +127,7 @@ def test_notebooks_take_less_than_a_minute_and_show_pictures(built: Path) -> Non
         done = environment.nb_metadata[page]["exec_data"]
         assert done["succeeded"], page
         assert done["runtime"] < MOST or is_busy(), page
-        executed = json.loads((built / "jupyter_execute" / f"{page}.ipynb").read_text())
+        executed = json.loads((built.parent / "jupyter_execute" / f"{page}.ipynb").read_text())
         outputs = [output for cell in executed["cells"] for output in cell.get("outputs", ())]
         assert any("image/png" in output.get("data", ()) for output in outputs), page
         assert all(output.get("name") != "stderr" for output in outputs), page
@@ -193,4 +195,23 @@ def test_a_search_finds_a_page_and_an_option(tab, built: Path, address: str) -> 
         tab.run("new Promise(done => setTimeout(done, 1500))")
         hits = tab.run("[...document.querySelectorAll('#search-results li a')].map(a => a.href)")
         assert any(page in hit for hit in hits), hits
+        assert tab.complaints == []
+
+
+@pytest.mark.slow
+def test_a_reader_changes_to_the_same_page_of_another_version(tab, tmp_path: Path) -> None:
+    """Two pages are enough of a site, and a copy is enough of another version."""
+    few = "include_patterns=docs/index.md,docs/tutorial.md"
+    with site.served(tmp_path) as address:
+        newest = tmp_path / CONFIGURATION["release"]
+        site.build(newest, "-D", few, address=address)
+        shutil.copytree(newest, tmp_path / "0.0.9")
+        versions.list_versions(tmp_path, address)
+        tab.open(f"{address}/{newest.name}/docs/tutorial.html", WIDTHS[0])
+        tab.run("new Promise(done => setTimeout(done, 1000))")
+        links = tab.run(
+            "[...document.querySelectorAll('.version-switcher__menu a')].map(a => a.href)"
+        )
+        expected = [f"{address}/{name}/docs/tutorial.html" for name in (newest.name, "0.0.9")]
+        assert links[: len(expected)] == expected
         assert tab.complaints == []
