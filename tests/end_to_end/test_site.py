@@ -158,10 +158,14 @@ def test_every_page_stands_in_a_browser(tab, built: Path, address: str, width: i
 
 @pytest.mark.slow
 def test_dark_is_as_readable(tab, built: Path, address: str) -> None:
-    for page in ("docs/index", "docs/how-to/diagnose", "docs/gallery/motor"):
-        tab.open(f"{address}/{page}.html", WIDTHS[0])
-        tab.run("void (document.documentElement.dataset.theme = 'dark')")
-        assert tab.run(site.LOW_CONTRAST) == [], page
+    """Of a reader whose system is dark."""
+    for scheme in ("dark", "light"):
+        wanted = [{"name": "prefers-color-scheme", "value": scheme}]
+        tab.call("Emulation.setEmulatedMedia", features=wanted)
+        for page in ("docs/index", "docs/how-to/diagnose", "docs/gallery/motor"):
+            tab.open(f"{address}/{page}.html", WIDTHS[0])
+            assert tab.run("document.documentElement.dataset.theme") == scheme
+            assert tab.run(site.LOW_CONTRAST) == [], (page, scheme)
 
 
 @pytest.mark.slow
