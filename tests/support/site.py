@@ -19,7 +19,8 @@ ROOT = Path(__file__).parents[2]
 LOW_CONTRAST = """(() => {
   const colour = text => {
     const [r, g, b, a = 1] = text.match(/[\\d.]+/g).map(Number);
-    return [r, g, b, a];
+    const full = text.startsWith('color(srgb') ? 255 : 1;  // as it is of mixed ones
+    return [full * r, full * g, full * b, a];
   };
   const over = (top, below) => below.map((value, i) => top[3] * top[i] + (1 - top[3]) * value);
   const background = element => {
