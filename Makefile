@@ -5,12 +5,14 @@ BIN := $(VENV)/bin
 # the tests start Python some thousand times, and compiled modules are a fifth of each start
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fuzz fuzz-models demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark chromium dist clean help
+.PHONY: fuzz fuzz-models demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark docs docs-version chromium dist clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
 	@echo "make test       checks and tests"
 	@echo "make test-slow  the tests that take longer, and every case of those that have many: nightly, and before a release"
+	@echo "make docs       the site in build/site, its notebooks run anew; a warning is an error"
+	@echo "make docs-version the site of this version beside those of others in build/versions; ADDRESS=URL where it is served"
 	@echo "make fuzz       damaged files to whatever reads files, for ten minutes; SEED=N and SECONDS=N likewise"
 	@echo "make naming     how often a hidden effect is named, over hundreds of records; SEED=N draws others"
 	@echo "make clean-study what is said of hundreds of records in which nothing is hidden, and of public ones"
@@ -37,6 +39,12 @@ demo: $(VENV)/installed
 # one worker more than the usual two cores: a fifth of the time is tests that wait
 test: $(VENV)/installed-dev check chromium
 	$(BIN)/pytest -n 3 --dist loadfile
+
+docs: $(VENV)/installed-dev
+	$(BIN)/python -m sphinx -W --keep-going -q -c docs/site -d build/doctrees . build/site
+
+docs-version: $(VENV)/installed-dev
+	$(BIN)/python docs/site/versions.py $(if $(ADDRESS),--address $(ADDRESS))
 
 fuzz: $(VENV)/installed-dev
 	$(BIN)/python -m tests.support.fuzz --seconds $(or $(SECONDS),600) --seed $(or $(SEED),0)
