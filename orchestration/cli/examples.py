@@ -28,6 +28,10 @@ EXAMPLES = {
         "ppy black-box demo-output/record.csv --output voltage --orders 1 --out own.py",
     ),
     "demo": ("ppy demo", "ppy demo --out first-look"),
+    "new": (
+        "ppy new component oven",
+        "ppy new effect drag --model ppy_actuator --law terminal_voltage",
+    ),
     "list": ("ppy list", "ppy list --json -"),
     "info": (
         "ppy info ppy_actuator",
