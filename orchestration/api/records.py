@@ -12,6 +12,7 @@ from orchestration.discrepancy.data import record_labels
 from orchestration.fmu import Model, find_model
 from orchestration.identify import read_for, read_runs_for
 from orchestration.records import Record
+from orchestration.reporting import option
 
 Records = Record | str | Path | Sequence[Record | str | Path]
 
@@ -114,7 +115,7 @@ def held_out(
             held_labels += _labels_in(str(item), by_label)
     fitted = [run for label, run in by_label.items() if label not in held_labels]
     if not fitted:
-        raise UserError("--holdout: every record is held out, and none is left to fit to")
+        raise UserError("holdout: every record is held out, and none is left to fit to")
     return fitted, [*(by_label[label] for label in dict.fromkeys(held_labels)), *others]
 
 
@@ -124,7 +125,7 @@ def _labels_in(text: str, known: Collection[str]) -> list[str]:
     unknown = next((label for label in named if label not in known), None)
     if unknown is not None:
         raise UserError(
-            f"--holdout {text}: {unknown} is neither a file nor one of the records"
+            f"{option('holdout', text)}: {unknown} is neither a file nor one of the records"
             f" {', '.join(known)}"
         )
     return named

@@ -15,6 +15,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from fmus.kit import UserError
 from orchestration.cli.real_time import IncompleteRecord
+from orchestration.reporting import in_shell
 
 _HELP = (
     "Components of a polypyrrole artificial-muscle rig as FMUs: build, run, compare with measured"
@@ -201,7 +202,8 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        code = app(standalone_mode=False, prog_name="ppy")
+        with in_shell():
+            code = app(standalone_mode=False, prog_name="ppy")
         if code == _INTERRUPTED:  # typer has taken the interrupt for itself
             raise KeyboardInterrupt
     except (KeyboardInterrupt, typer.Abort):

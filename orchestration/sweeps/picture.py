@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray
 
 from fmus.kit import UserError
-from orchestration.reporting import pictures
+from orchestration.reporting import option, pictures
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _MOST = 6  # panels
 
 
-def draw(data: xarray.Dataset, path: Path) -> None:
+def draw(data: xarray.Dataset, path: Path | None = None) -> Figure:
     """Draw the first numbers of a sweep over its parameters.
 
     Parameters
@@ -35,7 +38,8 @@ def draw(data: xarray.Dataset, path: Path) -> None:
     ][:_MOST]
     if not names:
         raise UserError(
-            f"--plot {path}: numbers are drawn over parameters, such as --keep last; there are none"
+            f"no picture: numbers are drawn over parameters, such as"
+            f" {option('keep', ['last'])}, and there are none"
         )
     first = data[next(str(name) for name in data.coords if name != "time")]
     figure, panels = pictures.panels(len(names), str(data.attrs["model"]))
@@ -50,7 +54,9 @@ def draw(data: xarray.Dataset, path: Path) -> None:
                 panel.legend()
         pictures.label(panel, name, value.units)
     panels[-1].set_xlabel(f"{first.name} [{first.units}]")
-    pictures.save(figure, path)
+    if path is not None:
+        pictures.save(figure, path)
+    return figure
 
 
 def _draw_curves(

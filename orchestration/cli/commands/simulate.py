@@ -74,7 +74,7 @@ def _stimulus(
     """
     import numpy as np
 
-    from orchestration.api import points_of
+    from orchestration.api import forms, points_of
     from orchestration.cli.models import check_inputs
     from orchestration.fmu import simulation as work
     from orchestration.records import read_record
@@ -89,7 +89,8 @@ def _stimulus(
         record = read_record(file, units, mapping=options["mapping"], inputs=list(units))
         tell_repairs(record.repairs)
         check_inputs(model, record.signals, parameters)
-        time = work.points(record.time, options["stop"], options["step"])
+        stop, step = (forms.optional_seconds(options[name]) for name in ("stop", "step"))
+        time = work.points(record.time, stop, step)
         recorded = {signal: work.held(record, signal, time) for signal in record.signals}
     constant = {
         name: np.full(time.size, value)

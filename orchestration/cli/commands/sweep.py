@@ -110,7 +110,7 @@ def _finish(data: xarray.Dataset, out: Path | None, folder: Path | None, plot: P
     analysis = analysis_of(data.attrs["design"])
     shown = data
     whole = data
-    draw: Callable[[xarray.Dataset, Path], None] = picture.draw
+    draw: Callable[[xarray.Dataset, Path], object] = picture.draw
     try:
         if analysis is not None:
             shown = analysis.analyse(data)

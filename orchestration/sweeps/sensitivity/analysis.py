@@ -4,24 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import xarray
 from rich.table import Table
 
 from fmus.kit import UserError
+from orchestration.reporting import option
 from orchestration.sweeps.reductions import TRACE
+from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity import indices
 from orchestration.sweeps.sensitivity import one_at_a_time as tornado
 from orchestration.sweeps.sensitivity import prediction_bands as bands
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Analysis(NamedTuple):
     """The functions that analyse a swept dataset, and print and draw the result."""
 
-    analyse: Callable[[xarray.Dataset], xarray.Dataset]
+    analyse: Callable[[xarray.Dataset], SweepResult]
     table: Callable[[xarray.Dataset], Table]
-    draw: Callable[[xarray.Dataset, Path], None]
+    draw: Callable[[xarray.Dataset, Path | None], Figure]
 
 
 _BY_DESIGN = {
@@ -51,10 +56,13 @@ def check_picture(path: Path, design: str, keep: Sequence[str]) -> None:
     UserError
     """
     if design == bands.BANDS and TRACE not in keep:
-        raise UserError(f"--plot {path}: bands are drawn over time, which --keep trace keeps")
+        raise UserError(
+            f"no picture: bands are drawn over time, which {option('keep', ['trace'])} keeps"
+        )
     if design != bands.BANDS and not {*keep} - {TRACE}:
         raise UserError(
-            f"--plot {path}: numbers are drawn over parameters, such as --keep last; there are none"
+            f"no picture: numbers are drawn over parameters, such as"
+            f" {option('keep', ['last'])}, and there are none"
         )
 
 

@@ -14,6 +14,7 @@ from fmus.kit.units import convert
 from orchestration.identify.black_box.data import InputOutputData, input_output_data
 from orchestration.records import TIME, Column, Table, numbers, read_record
 from orchestration.records.formats import read_table
+from orchestration.reporting import option
 
 _UNEVEN = 0.01  # of a sample period, by which samples may be off it
 
@@ -108,7 +109,7 @@ def _check_time(table: Table) -> None:
     if not _is_time(first) and all(c.name.lower() != TIME for c in table.columns):
         raise UserError(
             f"{table.path}: no column is a time, and the first, {first.name!r}, is in"
-            f" {first.unit or 'no unit'}; give the sample period, --step"
+            f" {first.unit or 'no unit'}; give the sample period, {option('step')}"
         )
 
 
@@ -122,8 +123,8 @@ def _check_count(table: Table, used: Container[str]) -> None:
         return
     if _is_time(first):
         raise UserError(
-            f"{table.path}: the first column, {first.name!r}, is a time in {first.unit}; --step is"
-            " for a file without"
+            f"{table.path}: the first column, {first.name!r}, is a time in {first.unit};"
+            f" {option('step')} is for a file without"
         )
     count = numbers(table, first)
     # written as a negation, so that NaN, a gap, counts as a step that is off
@@ -133,7 +134,7 @@ def _check_count(table: Table, used: Container[str]) -> None:
         next_one = count[uneven[0] + 1]
         raise UserError(
             f"{table.path}: the first column, {first.name!r}, goes from {one:g} to {next_one:g};"
-            " --step is for a file whose first column counts samples by ones"
+            f" {option('step')} is for a file whose first column counts samples by ones"
         )
 
 
