@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from fmus.kit import UserError, suggestion
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Column, Table, split_header_cell
+from orchestration.reporting import option
 
 TIME = "time"
 _TIME_NAMES = frozenset({"time", "t", "x_value"})
@@ -58,12 +59,13 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
             or (unit is None and "[" in target)
         ):
             raise UserError(
-                f"--map '{entry}': the form is file_column=signal or file_column=signal[unit]"
+                f"{option('mapping', entry)}: the form is file_column=signal or"
+                " file_column=signal[unit]"
             )
         if column in mapping:
-            raise UserError(f"--map '{entry}': column '{column}' is mapped twice")
+            raise UserError(f"{option('mapping', entry)}: column '{column}' is mapped twice")
         if signal in (split_header_cell(other)[0] for other in mapping.values()):
-            raise UserError(f"--map '{entry}': signal '{signal}' is mapped twice")
+            raise UserError(f"{option('mapping', entry)}: signal '{signal}' is mapped twice")
         mapping[column] = target
     return mapping
 
@@ -114,7 +116,7 @@ def match_columns(
     matches = _mapped(table, signals, mapping)
     taken = [match.column for match in matches.values()]
     if len({id(column) for column in taken}) != len(taken):
-        raise refuse(table.path, "--map gives one column to two signals")
+        raise refuse(table.path, f"{option('mapping')} gives one column to two signals")
     if TIME not in matches:
         matches[TIME] = Match(_find_time(table, signals, taken), TIME, None)
     taken.append(matches[TIME].column)
@@ -128,13 +130,15 @@ def match_columns(
             raise refuse(
                 table.path,
                 f"the signal '{signal}' [{signals.get(signal, '?')}] is required and not among the"
-                f" columns{suggestion(signal, ignored)}; to rename one: --map 'column={signal}'",
+                f" columns{suggestion(signal, ignored)}; to rename one:"
+                f" {option('mapping', {'column': signal})}",
             )
     if len(matches) == 1:
         raise refuse(
             table.path,
             f"none of the columns {', '.join(table.names())} is a signal of the model"
-            f" ({', '.join(signals)}); to rename one: --map 'column=signal'",
+            f" ({', '.join(signals)}); to rename one:"
+            f" {option('mapping', {'column': 'signal'})}",
         )
     if ignored:
         absent = [signal for signal in signals if signal not in matches]
@@ -152,14 +156,14 @@ def _mapped(
     matches: dict[str, Match] = {}
     for name, target in mapping.items():
         signal, unit = split_header_cell(target)
+        given_as = option("mapping", {name: target})
         if signal != TIME and signal not in signals:
             raise UserError(
-                f"--map '{name}={target}': the model has no signal"
-                f" '{signal}'{suggestion(signal, signals)}"
+                f"{given_as}: the model has no signal '{signal}'{suggestion(signal, signals)}"
             )
         if signal in matches:
-            raise UserError(f"--map '{name}={target}': signal '{signal}' is mapped twice")
-        matches[signal] = Match(_find_column(table, name, f"--map '{name}={target}'"), signal, unit)
+            raise UserError(f"{given_as}: signal '{signal}' is mapped twice")
+        matches[signal] = Match(_find_column(table, name, given_as), signal, unit)
     return matches
 
 
@@ -209,7 +213,9 @@ def _find_time(table: Table, signals: Mapping[str, str], taken: list[Column]) ->
     exact = [column for column in named if column.name.casefold() == TIME] or named
     if len(exact) > 1:
         raise refuse(
-            table.path, f"{len(exact)} columns are called time; keep one, or --map 'column=time'"
+            table.path,
+            f"{len(exact)} columns are called time; keep one, or"
+            f" {option('mapping', {'column': 'time'})}",
         )
     if exact:
         return exact[0]
@@ -227,5 +233,6 @@ def _find_time(table: Table, signals: Mapping[str, str], taken: list[Column]) ->
     raise refuse(
         table.path,
         f"no time column: the first column is '{first.name}' [{first.unit or 'no unit'}], and none"
-        f" is called time; to say which it is: --map '{first.name}=time[s]'",
+        " is called time; to say which it is:"
+        f" {option('mapping', {first.name: 'time[s]'})}",
     )

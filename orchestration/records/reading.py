@@ -14,6 +14,7 @@ from orchestration.records.mapping import TIME, Match, match_columns
 from orchestration.records.record import Record, Repair, refuse
 from orchestration.records.runs import divided_at_restarts, divided_by, run_marks
 from orchestration.records.table import Table, numbers
+from orchestration.reporting import option
 
 
 def read_record(
@@ -185,13 +186,15 @@ def _convert(
     except UserError as error:
         raise refuse(
             path,
-            f"column '{column}': {error}; to state it yourself: --map '{column}={signal}[unit]'",
+            f"column '{column}': {error}; to state it yourself:"
+            f" {option('mapping', {column: f'{signal}[unit]'})}",
         ) from error
     if not units.measure_alike(unit, expected):
         raise refuse(
             path,
             f"column '{column}' is in {unit}, but {signal} is in {expected}, "
             f"and {unit} cannot be converted to {expected}; "
-            f"to read the numbers as another unit: --map '{column}={signal}[{expected}]'",
+            "to read the numbers as another unit:"
+            f" {option('mapping', {column: f'{signal}[{expected}]'})}",
         )
     return np.asarray(units.convert(values, unit, expected), dtype=float)

@@ -95,4 +95,4 @@ def test_a_required_signal_that_is_absent_is_refused_with_a_suggestion(tmp_path)
     path = write(tmp_path, "time [s],Displacement [m],current [A]\n0,1,2\n1,2,3\n")
     message = refusal(path, required=["displacement"])
     assert "did you mean Displacement?" in message
-    assert "--map" in message
+    assert "to rename one: mapping={'column': 'displacement'}" in message
