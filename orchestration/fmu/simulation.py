@@ -45,8 +45,8 @@ def grid(start: float, stop: float, step: float) -> Array:
     """
     if not (np.isfinite([start, stop, step]).all() and step > 0.0 and stop > start):
         raise UserError(
-            f"cannot step from {start:g} s to {stop:g} s by {step:g} s: the stop must come later"
-            " and the step be positive"
+            f"cannot step from {start:g} s to {stop:g} s by {step:g} s: {option('stop')} must come"
+            f" later and {option('step')} be positive"
         )
     if (stop - start) / step > _MOST_STEPS:
         raise UserError(
