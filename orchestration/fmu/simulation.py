@@ -89,7 +89,7 @@ def points(recorded: Array, stop: float | None, step: float | None) -> Array:
         return grid(first, last, step)
     if not first < last <= end:
         raise UserError(
-            f"{option('stop', f'{last:g}s')} is not within the record, which goes from {first:g} s"
+            f"{option('stop', last)} is not within the record, which goes from {first:g} s"
             f" to {end:g} s (with {option('step')}, its last values are held beyond its end)"
         )
     return recorded[recorded <= last]
