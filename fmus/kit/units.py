@@ -58,6 +58,7 @@ _PREFIXES = {"n": -9, "u": -6, "m": -3, "c": -2, "k": 3, "M": 6}  # powers of te
 _LETTERS = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _POWER = re.compile(r"(?:\^|\*\*)\(?(-?\d+)\)?")
+_INVERSE = re.compile(r"1/([A-Za-z]+)(?:\^(\d+))?")
 _MICRO = re.compile(r"(?<![A-Za-z])u(?=[A-Za-zΩ])")
 _WRITTEN_OUT = 1e6  # below which a number has no power of ten
 _SIGNS = {"ohm": "Ω", "degC": "°C", "deg": "°", "percent": "%"}
@@ -453,10 +454,27 @@ def format_prefixed(value: float, variable: Described, digits: int = 3) -> str:
         return format_value(value, variable)
     display = variable.display or variable.unit
     if display != variable.unit and not _is_prefixed(display):
-        number, unit = convert(float(value), variable.unit, display), printed(display)
-    else:
-        number, unit = _prefixed(_round(float(value), digits), variable.unit)
-    return f"{_rounded(number, digits)} {unit}".removesuffix(" 1")
+        shown = convert(float(value), variable.unit, display)
+        return f"{_rounded(shown, digits)} {printed(display)}"
+    return write_prefixed(float(value), variable.unit, digits)
+
+
+def write_prefixed(value: float, unit: str, digits: int = 3) -> str:
+    """Write a value in an SI unit with a prefix: ``9.80 mN·m``.
+
+    Parameters
+    ----------
+    value : float
+    unit : str
+    digits : int
+        Significant ones, zeros at the end included.
+
+    Returns
+    -------
+    str
+    """
+    number, shown = with_prefix(_round(value, digits), unit)
+    return f"{_rounded(number, digits)} {shown}".removesuffix(" 1")
 
 
 def _is_prefixed(unit: str) -> bool:
@@ -465,8 +483,20 @@ def _is_prefixed(unit: str) -> bool:
     return not shown.offset and math.log10(shown.factor).is_integer()
 
 
-def _prefixed(value: float, unit: str) -> tuple[float, str]:
-    """Return a value for a unit with an SI prefix, and that unit as it is printed."""
+def with_prefix(value: float, unit: str) -> tuple[float, str]:
+    """Return a value for a unit with an SI prefix, and that unit as it is printed.
+
+    Parameters
+    ----------
+    value : float
+    unit : str
+        Of SI, without prefix.
+
+    Returns
+    -------
+    value : float
+    unit : str
+    """
     powers = powers_of_names(unit) if _without_pint(unit) is not None else {}
     first, power = next(iter(powers.items()), ("", 0))
     if first not in _PREFIXED or power != 1 or not value or not math.isfinite(value):
@@ -490,7 +520,10 @@ def _rounded(number: float, digits: int) -> str:
 
 
 def printed(unit: str) -> str:
-    """Write a unit as it is printed: ``N·s/m``, ``mΩ``, ``1/C²``."""
+    """Write a unit as it is printed: ``N·s/m``, ``mΩ``, ``C⁻²``."""
+    inverse = _INVERSE.fullmatch(unit)
+    if inverse:
+        unit = f"{inverse[1]}^-{inverse[2] or 1}"
     text = _POWER.sub(lambda power: power[1].translate(_SUPERSCRIPTS), unit)
     for name, sign in _SIGNS.items():
         text = re.sub(rf"(?<![A-Za-z])([numkMG]?){name}(?![A-Za-z])", rf"\g<1>{sign}", text)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
-
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import DiagnoseCommand, LawsCommand
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import standard_output_for
+from orchestration.cli.outputs import standard_output_for, typed_command
 
 
 @command(DiagnoseCommand)
@@ -22,7 +19,7 @@ def diagnose(options: DiagnoseCommand) -> None:
             if options["system"] is not None:
                 work.run_system(options, options["system"])
             else:
-                work.run_diagnosis(options, shlex.join(["ppy", *sys.argv[1:]]))
+                work.run_diagnosis(options, typed_command())
 
 
 @command(LawsCommand)
@@ -31,4 +28,4 @@ def laws(options: LawsCommand) -> None:
     from orchestration.cli import diagnose as work
 
     with standard_output_for(options["json"]):
-        work.run_laws(options, shlex.join(["ppy", *sys.argv[1:]]))
+        work.run_laws(options, typed_command())

@@ -180,6 +180,12 @@ class RunCommand(
     """Options of ``ppy run``."""
 
 
+class ReportOption(TypedDict, total=False):
+    """The page of a result."""
+
+    report: Annotated[Path | None, Option("Page (.html) with all of it, to look at and pass on.")]
+
+
 class OverOption(TypedDict, total=False):
     """The values that parameters of a sweep go through."""
 
@@ -228,6 +234,7 @@ class SweepCommand(
     SweepEngineOptions,
     DatasetOption,
     PlotOption,
+    ReportOption,
     RuntimeOption,
     IsolationOptions,
     total=False,
@@ -310,6 +317,7 @@ class IdentifyCommand(
     ProfileOptions,
     JsonOption,
     PlotOption,
+    ReportOption,
     IsolateOption,
     total=False,
 ):
@@ -369,12 +377,6 @@ class JudgedOptions(TypedDict, total=False):
             complete="component",
         ),
     ]
-
-
-class ReportOption(TypedDict, total=False):
-    """The page of a diagnosis."""
-
-    report: Annotated[Path | None, Option("Page (.html) with all of it, to look at and pass on.")]
 
 
 class DiagnoseOutputs(TypedDict, total=False):
