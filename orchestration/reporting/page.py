@@ -166,7 +166,7 @@ class Page:
         data = base64.b64encode(file.read_bytes()).decode()
         text = escaped(caption)
         self.parts.append(
-            f'<figure><div class="picture"><img alt="{text}"'
+            f'<figure><div class="picture" tabindex="0"><img alt="{text}"'
             f' src="data:image/png;base64,{data}"></div><figcaption>{text}</figcaption></figure>'
         )
 
