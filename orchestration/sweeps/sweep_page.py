@@ -17,7 +17,7 @@ from fmus.kit.units import printed, write_prefixed
 from orchestration.identify import ranks
 from orchestration.reporting import Markup, Page, escaped
 from orchestration.sweeps.reductions import REDUCTIONS
-from orchestration.sweeps.sensitivity.numbers import failures, parameters_of
+from orchestration.sweeps.sensitivity import failures, parameters_of
 from orchestration.sweeps.storage import iterate_pieces
 
 _REDUCED = {
