@@ -14,7 +14,6 @@ import multiprocessing
 import subprocess
 import sys
 import tempfile
-import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -26,11 +25,9 @@ import zmq
 from numpy.typing import NDArray
 
 from fmus.rig_proxy.protocol import OPERATOR, REPLIES, decode, encode
-from orchestration.rig import read_endpoint
-from orchestration.rig.keys import make_keys
 from orchestration.rig.server.scheduling import Deadlines
 from tests.support.rig.driver import INPUTS, OUTPUTS
-from tests.support.rig.floods import FLOODS, flooded, stop_times
+from tests.support.rig.floods import CASES, flooded_server, stop_times
 from tests.support.rig.process import Server
 
 from . import machine
@@ -98,13 +95,9 @@ def measure_stops(number: int = 200) -> Topic:
     -------
     Topic
     """
+    ports = {0: "clients'", OPERATOR: "operators'"}
     rows = [["none", "", *_stops("", 0, number)]]
-    for offset, port in ((0, "clients'"), (OPERATOR, "operators'")):
-        rows += [
-            [kind, port, *_stops(kind, offset, number)]
-            for kind in FLOODS
-            if (kind, offset) != ("large", OPERATOR)  # the first message ends its connection
-        ]
+    rows += [[kind, ports[offset], *_stops(kind, offset, number)] for kind, offset in CASES]
     columns = ["flood", "at the port", *(f"p{p:g}, ms" for p in _PERCENTILES), "longest, ms"]
     return Topic(
         "A stop beside a flood",
@@ -121,18 +114,10 @@ def measure_stops(number: int = 200) -> Topic:
 
 def _stops(kind: str, offset: int, number: int) -> list[Cell]:
     """Return percentiles of the times of stops, and the longest, in ms."""
-    with ExitStack() as opened:
-        folder = Path(opened.enter_context(tempfile.TemporaryDirectory()))
-        keys, client = make_keys(folder / "keys")
-        has_keys = kind == "strangers"
-        server = opened.enter_context(
-            Server(folder, "Logged", *(("--keys", keys) if has_keys else ()))
-        )
-        port = int(server.wait_ready().rpartition(":")[2]) + offset
-        remote = read_endpoint(server.endpoint, client if has_keys else None)
-        if kind:
-            key = tomllib.loads(keys.read_text())["public_key"] if has_keys else ""
-            opened.enter_context(flooded(kind, port, key))
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        flooded_server(kind, offset, Path(folder)) as remote,
+    ):
         times = 1e3 * np.array(stop_times(remote, number))
     return [*map(float, np.percentile(times, _PERCENTILES)), float(times[-1])]
 

@@ -12,7 +12,7 @@ import numpy as np
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.experiment import results
-from orchestration.experiment.live import Follower, Live, admitted, link_outputs, opening
+from orchestration.experiment.live import Follower, Live, admitted, first_opening, link_outputs
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation, prepare
 from orchestration.experiment.subjects import Subject, subject
@@ -139,7 +139,7 @@ def _until_opening(ran: Run) -> tuple[Run, str]:
 
     In real time it was stopped there; one that waits for its rigs knows only afterwards.
     """
-    opened = opening(ran.time.tolist(), ran.signals)
+    opened = first_opening(ran.time.tolist(), ran.signals)
     if opened is None:
         return ran, ""
     place, reason = opened

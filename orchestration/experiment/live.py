@@ -103,9 +103,7 @@ def link_outputs(outputs: Collection[str]) -> list[str]:
 def rig_ends(prepared: Preparation) -> list[RigEnd]:
     """List the rigs that the proxies of an experiment ask."""
     on = prepared.on
-    prefixes = [
-        name.removesuffix(_LINK[0]) for name in on.outputs if name.rpartition(".")[2] == _LINK[0]
-    ]
+    prefixes = [name.removesuffix(_LINK[0]) for name in on.outputs if _is_link_state(name)]
 
     def text(name: str) -> str:
         return str(prepared.settings.get(name, on.parameters[name].text))
@@ -123,7 +121,7 @@ def admitted(live: Live, prepared: Preparation) -> Live:
     return replace(live, pace=live.admit(live.pace, rig_ends(prepared), step))
 
 
-def opening(time: Sequence[float], signals: Mapping[str, Array]) -> tuple[int, str] | None:
+def first_opening(time: Sequence[float], signals: Mapping[str, Array]) -> tuple[int, str] | None:
     """Find the first point at which the loop over a rig was open.
 
     From there on its models go on without it.
@@ -133,24 +131,26 @@ def opening(time: Sequence[float], signals: Mapping[str, Array]) -> tuple[int, s
     time : sequence of float
         Of n points, in s.
     signals : Mapping of str to ndarray, shape (n,)
-        Outputs; of those, links of proxies are looked at.
+        Outputs; of those, the ``link_state`` of every proxy is looked at.
 
     Returns
     -------
     tuple of int and str, or None
         Index of the point, and the reason; None if no loop was open.
     """
-    openings = [
-        (int(np.argmax(is_open)), name, int(state))
-        for name, values in signals.items()
-        if name.rpartition(".")[2] == _LINK[0]
-        for state in _OPEN
-        if (is_open := values == state).any()
-    ]
+    openings = []
+    for name in filter(_is_link_state, signals):
+        is_open = np.isin(signals[name], [*_OPEN])
+        if is_open.any():
+            openings.append((int(np.argmax(is_open)), name))
     if not openings:
         return None
-    first, name, state = min(openings)
-    return first, _reason(name, time[first], state)
+    first, name = min(openings)
+    return first, _reason(name, time[first], int(signals[name][first]))
+
+
+def _is_link_state(name: str) -> bool:
+    return name.rpartition(".")[2] == _LINK[0]
 
 
 def _reason(name: str, time: float, state: int) -> str:
@@ -200,7 +200,7 @@ class Follower:
         link = {name: values[place] for name, place in self._link.items()}
         self._look(Moment(self._time[k], self._time[-1], lag, missed, link, trouble))
         for name, value in link.items():
-            if name.endswith(_LINK[0]) and value in _OPEN:
+            if _is_link_state(name) and value in _OPEN:
                 raise UserError(_reason(name, self._time[k], int(value)))
 
     def close(self) -> None:

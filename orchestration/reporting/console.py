@@ -83,10 +83,9 @@ def warn(text: str) -> None:
 
 
 def alarm(text: str) -> None:
-    """Tell what an operator has to see to at once; it is told though the console be quiet."""
-    before, err.quiet = err.quiet, False
-    err.print(f"ALARM: {text}", soft_wrap=True, style="bold red")
-    err.quiet = before
+    """Tell what an operator has to see to at once, also where remarks are not wanted."""
+    with verbosity():
+        err.print(f"ALARM: {text}", soft_wrap=True, style="bold red")
 
 
 def note(text: str) -> None:

@@ -23,9 +23,8 @@ import pytest
 from orchestration.experiment import results
 from tests.support.command import posix, ppy
 from tests.support.processes import busy
+from tests.support.rig.process import Server
 from tests.support.rig.small_rig import SmallRig
-
-pytestmark = pytest.mark.real_time
 
 STIFFNESS, RESISTANCE = 6300.0, 0.5  # N/m, ohm
 INPUTS = {"current": "A", "length_change": "m"}
@@ -94,6 +93,7 @@ def test_in_lockstep_it_needs_no_clock(rig, tmp_path):
     assert steps == pytest.approx(np.full(2000, 1e-3))
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("rig", ["real-time"], indirect=True)
 def test_in_real_time_it_keeps_pace_and_records_the_link(rig, tmp_path):
     """A busy machine may miss any number of deadlines; that it is told, and that the loop settles,
@@ -128,6 +128,7 @@ def test_in_real_time_it_keeps_pace_and_records_the_link(rig, tmp_path):
     assert len(rig.of_type("exchange")) >= data.time.size - 1
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("rig", ["real-time"], indirect=True)
 def test_a_rig_that_falls_silent_ends_the_run_and_not_the_record(rig, tmp_path):
     def fall_silent() -> None:
@@ -189,6 +190,7 @@ def held_up(rig: SmallRig, folder: Path, pauses: Sequence[float], beside: int, *
 
 
 @posix
+@pytest.mark.real_time
 @pytest.mark.parametrize("rig", ["real-time"], indirect=True)
 def test_on_a_busy_machine_the_run_is_refused_or_keeps_its_plant_within_limits(rig, tmp_path):
     """With the step that the bench needs; it is held up on top of that, if it begins at all."""
@@ -207,6 +209,7 @@ def test_on_a_busy_machine_the_run_is_refused_or_keeps_its_plant_within_limits(r
 
 
 @posix
+@pytest.mark.real_time
 @pytest.mark.parametrize("rig", ["real-time"], indirect=True)
 def test_a_pause_longer_than_promised_opens_the_loop_and_keeps_the_record(rig, tmp_path):
     """Before the rig's own watchdog, which would latch it: the promise is half of it."""
@@ -225,10 +228,10 @@ def test_a_pause_longer_than_promised_opens_the_loop_and_keeps_the_record(rig, t
 
 @pytest.mark.parametrize("rig", ["lockstep"], indirect=True)
 def test_a_rig_that_refuses_in_lockstep_ends_the_result_there(rig, tmp_path):
-    """What the models computed without their actuator is no result."""
+    """Models that go on without their actuator have no result."""
     rig.limits = {"length_change": {"min": -1e-5, "max": 1e-5, "rate": None}}
     done = run(rig, tmp_path, duration=1.0)
-    assert done.returncode == 1, done.stderr
+    assert done.returncode == 2, done.stderr  # as whenever a run without a clock fails
     last = done.stderr.splitlines()[-1]
     assert re.search(r"error: proxy\.link_state at .* s: the rig refuses a command", last)
     data = results.read(tmp_path / "run.nc")
@@ -237,6 +240,28 @@ def test_a_rig_that_refuses_in_lockstep_ends_the_result_there(rig, tmp_path):
     assert float(data["proxy.tension"].max()) <= 1.01e-5 * STIFFNESS
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("step", "rate", "ends"), [("1ms", 10, 3.0), ("10ms", 100, None)])
+def test_the_loop_over_the_emulated_actuator_is_stable_at_a_millisecond_alone(
+    tmp_path, step, rate, ends
+):
+    """The delay of a step does it: in lockstep nothing is ever late."""
+    settings = (f"step={step}", f"master.rates.bench={rate}", "duration=3s")
+    with Server(tmp_path, "emulator", "--lockstep", options={"signals": "length-driven"}) as server:
+        chosen = (f"proxy.endpoint={server.wait_ready()}", *settings)
+        pairs = [part for setting in chosen for part in ("--set", setting)]
+        done = ppy("run", "hil_bench", *pairs, "--out", "run.nc", cwd=tmp_path)
+    data = results.read(tmp_path / "run.nc")
+    if ends is None:
+        assert "the rig refuses a command" in done.stderr.splitlines()[-1]
+        assert data.time.values[-1] < 3.0
+    else:
+        assert done.returncode == 0, done.stderr
+        assert data.time.values[-1] == pytest.approx(ends)
+        assert settled(data, "proxy.tension") == pytest.approx(1.0, rel=0.02)
+
+
+@pytest.mark.real_time
 @pytest.mark.parametrize("rig", ["real-time"], indirect=True)
 def test_a_rig_that_refuses_opens_the_loop(rig, tmp_path):
     """The bench would go on without its actuator."""

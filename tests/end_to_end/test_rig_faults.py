@@ -8,6 +8,7 @@ and bounds have an allowance. The page has them without.
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -90,6 +91,16 @@ def page() -> tuple[str, str]:
     text = (Path(__file__).parents[2] / "docs" / "hil-faults.md").read_text(encoding="utf-8")
     kinds, combinations = text.split("\n## Combinations")
     return kinds, combinations
+
+
+def test_a_closed_terminal_hangs_up_where_the_tests_ignore_it(tmp_path: Path) -> None:
+    """As where they are started by ``nohup``, whose children would outlive their terminal."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        outcome = trial(Combination((), "HUP", "commanding"), tmp_path, 1, WATCHDOG, ALLOWANCE)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert outcome.result == "safe", outcome.remark
 
 
 def test_the_page_has_every_kind(page: tuple[str, str]) -> None:

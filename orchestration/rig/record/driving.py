@@ -189,8 +189,7 @@ class _Drive:
         self._lag = 0.0
         self._missed = 0
         self._skipped = 0
-        self._answered = 0.0  # time of the last answer
-        self._has_alarmed = False
+        self._alarmed = -inf  # time of the last answer before the silence of the last alarm
         self._row: _Row | None = None
         self._newest: Mapping[str, Any] | None = None
         self._since = inf  # on the rig's clock, when it first had the present commands
@@ -200,7 +199,6 @@ class _Drive:
         """Exchange until the end; return the reason for an early end."""
         self._pacer.begin(())
         began = perf_counter()
-        self._answered = monotonic()
         for number, point in enumerate(self._points):
             if perf_counter() - began > point + self._plan.interval:
                 self._skipped += 1  # the next exchange is due already
@@ -222,12 +220,14 @@ class _Drive:
 
     def _silence(self) -> str:
         """Raise the alarm where the rig is silent; return the reason to end, or an empty text."""
-        silent = monotonic() - self._answered
-        if silent > _ALARM and not self._has_alarmed:
-            self._has_alarmed = True
+        answered = self._link.answered
+        silent = monotonic() - answered
+        if silent > _ALARM and answered != self._alarmed:
+            self._alarmed = answered
             self._observer.alarm(
-                f"no answer from {self._link.endpoint} for {silent:.1f} s: it should be in its safe"
-                " state by itself; see that it is"
+                f"no answer from {self._link.endpoint} for {silent:.1f} s: the rig goes to its safe"
+                f" state by itself, {self._plan.watchdog:g} s after its last command; see that it"
+                " does"
             )
         if silent > max(_SILENCE, self._plan.watchdog):
             return f"no answer from {self._link.endpoint} for {silent:.1f} s"
@@ -235,8 +235,6 @@ class _Drive:
 
     def _failure(self, sample: Mapping[str, Any]) -> str:
         """Return the reason to end after an answer; empty if there is none."""
-        self._answered = monotonic()
-        self._has_alarmed = False
         if latch := describe_latch(sample):
             return latch
         if sample["refused"]:

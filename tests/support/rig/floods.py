@@ -1,4 +1,4 @@
-"""Hostile peers of a server on this machine, in a process of their own, and how long a stop takes
+"""Hostile peers of a server on this machine, in a process of their own, and the times of stops
 beside them.
 
 ``python -m tests.support.rig.floods KIND PORT`` floods a port for a bounded time;
@@ -10,15 +10,19 @@ from __future__ import annotations
 import socket
 import sys
 import time
+import tomllib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import count
+from pathlib import Path
 
 import zmq
 
-from orchestration.rig.endpoint import Endpoint
+from fmus.rig_proxy import OPERATOR
+from orchestration.rig.endpoint import Endpoint, read_endpoint
+from orchestration.rig.keys import make_keys
 from orchestration.rig.operator import ask
-from tests.support.rig.process import module_process
+from tests.support.rig.process import Server, module_process
 from tests.support.rig.raw_peer import RawPeer, frame, message
 
 LONGEST = 60.0  # s that a flood lasts
@@ -111,6 +115,15 @@ FLOODS: dict[str, Callable[[int, float], None]] = {
 }
 
 
+# at which ports, as offsets; a large message ends its connection at the operators' port
+CASES = [
+    (kind, offset)
+    for offset in (0, OPERATOR)
+    for kind in FLOODS
+    if (kind, offset) != ("large", OPERATOR)
+]
+
+
 def _tell_ready() -> None:
     with suppress(BrokenPipeError):
         print("ready", flush=True)
@@ -122,6 +135,21 @@ def flooded(kind: str, port: int, server_key: str = "") -> Iterator[None]:
     with module_process(__name__, kind, port, server_key) as process:
         yield
         assert process.poll() is None, "the flood has ended"
+
+
+@contextmanager
+def flooded_server(kind: str, offset: int, folder: Path) -> Iterator[Endpoint]:
+    """Serve a rig one of whose ports is flooded; without a kind, one that nobody floods."""
+    server_file, client = make_keys(folder / "keys")
+    has_keys = kind == "strangers"
+    arguments = ("--keys", server_file) if has_keys else ()
+    with ExitStack() as opened:
+        server = opened.enter_context(Server(folder, "Logged", *arguments))
+        port = int(server.wait_ready().rpartition(":")[2])
+        if kind:
+            key = tomllib.loads(server_file.read_text())["public_key"] if has_keys else ""
+            opened.enter_context(flooded(kind, port + offset, key))
+        yield read_endpoint(server.endpoint, client if has_keys else None)
 
 
 def stop_times(remote: Endpoint, number: int) -> list[float]:

@@ -13,8 +13,8 @@ from orchestration.experiment.live import (
     Moment,
     RigEnd,
     admitted,
+    first_opening,
     link_outputs,
-    opening,
     rig_ends,
 )
 from orchestration.fmu import Signal
@@ -27,7 +27,7 @@ def test_outputs_about_a_link_are_told_by_the_last_part_of_their_name():
 
 
 def prepared_run():
-    """What is wanted of the FMU, in its order, is more than what is recorded."""
+    """Return a run whose FMU delivers more outputs, in its own order, than are recorded."""
     signals = {
         name: Signal(name, "real", unit, unit, 0.0, -np.inf, np.inf)
         for name, unit in {"u": "A", "y": "V", "link_state": "1"}.items()
@@ -81,11 +81,11 @@ def test_the_first_opening_of_a_loop_counts():
         "a.link_state": np.array([0.0, 0.0, 2.0, 3.0]),  # stale, and lost
         "b.link_state": np.array([0.0, 0.0, 1.0, 0.0]),  # refused
     }
-    assert opening(time, signals) == (2, "b.link_state at 1 s: the rig refuses a command")
+    assert first_opening(time, signals) == (2, "b.link_state at 1 s: the rig refuses a command")
     del signals["b.link_state"]
-    assert opening(time, signals) == (3, "a.link_state at 1.5 s: the link to the rig is lost")
+    assert first_opening(time, signals) == (3, "a.link_state at 1.5 s: the link to the rig is lost")
     del signals["a.link_state"]
-    assert opening(time, signals) is None
+    assert first_opening(time, signals) is None
 
 
 def test_whoever_has_a_link_is_admitted_by_what_it_asks():

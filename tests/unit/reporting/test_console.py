@@ -13,7 +13,7 @@ from orchestration.reporting import console
 
 @pytest.fixture
 def told(monkeypatch):
-    """What is printed on standard error, which is no terminal."""
+    """Return a function for the lines on standard error, which is no terminal."""
     stream = io.StringIO()
     monkeypatch.setattr(console, "_EVERY", 0.2)
     monkeypatch.setattr(

@@ -95,6 +95,7 @@ def alternating(bench: Bench) -> None:
 @fault(
     "the front has no descriptors left",
     "the client is served; safe when it hangs; operators are heard when there are some again",
+    quick=True,  # nothing else holds that the front goes on
 )
 def no_descriptors(bench: Bench) -> None:
     server = bench.serve()

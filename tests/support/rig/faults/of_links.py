@@ -9,9 +9,15 @@ from tests.support.rig.driver import Driver
 from tests.support.rig.faults.bench import Bench, fault
 
 
-def _during(bench: Bench, treatment: Treatment, seconds: float, timeout: float = 0.04) -> Driver:
+def _during(
+    bench: Bench,
+    treatment: Treatment,
+    seconds: float,
+    timeout: float = 0.04,
+    least: float = 0.0,
+) -> Driver:
     """Exchange over a bad cable for a while, then cut it: the safe state must come in time all the
-    same.
+    same. A share of the exchanges, at least, must be answered before.
     """
     bench.serve()
     driver = bench.connect(reconnect=True, timeout=timeout)
@@ -19,6 +25,8 @@ def _during(bench: Bench, treatment: Treatment, seconds: float, timeout: float =
     until = time.monotonic() + seconds
     while time.monotonic() < until and bench.status()["state"] == "running":
         time.sleep(0.05)
+    answered = len(driver.samples)
+    assert answered > least * (answered + driver.unanswered)
     bench.link.treatment = dropping(1.0)
     safe = bench.safe_after(bench.link.fresh[0])
     bench.measure_from_fresh(safe)
@@ -58,8 +66,7 @@ def drop_10(bench: Bench) -> None:
 
 
 def _drop(bench: Bench, share: float, least: float) -> None:
-    driver = _during(bench, dropping(share), 2.0)
-    assert len(driver.samples) > least * (len(driver.samples) + driver.unanswered)
+    driver = _during(bench, dropping(share), 2.0, least=least)
     bench.observed = _told(bench, driver)
 
 
