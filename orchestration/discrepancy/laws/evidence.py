@@ -157,6 +157,8 @@ class Basis:
     @cached_property
     def _process(self) -> Array:
         straight = self.plain[0]
+        if len(straight) <= straight.shape[1]:
+            return np.zeros((len(straight), len(straight)))  # a line goes through any two points
         project = np.eye(len(straight)) - straight @ np.linalg.pinv(straight)
         return np.asarray(project @ _wiener(self._unit, self._unit) @ project.T)
 
@@ -314,7 +316,7 @@ class RegressorStack:
         """Covariances after and before (s, c, k, k), prices (s, c), sizes of the bending part."""
         bending = np.array([basis.bending for basis in self.bases])
         count = bending.shape[-1]
-        power = np.einsum("sij,sji->s", self.free, bending) / count
+        power = self._power(bending)
         # where nothing can bend the choices are all of no size, and the first of them is taken
         bends = power > 0.0
         of_bends = np.where(bends[:, None], _SIZES / np.where(bends, power, 1.0)[:, None], 0.0)
@@ -329,6 +331,12 @@ class RegressorStack:
         covariances = np.linalg.solve(inner.swapaxes(2, 3), priors).swapaxes(2, 3)
         prices = np.linalg.slogdet(inner)[1] + paid
         return covariances, priors, prices, np.tile(sizes, len(plain))
+
+    def _power(self, bending: Array) -> Array:
+        """Return the mean effects (s,) of unit bends (s, k, k), 0 where they are all round-off."""
+        total = np.einsum("sij,sji->s", self.free, bending)
+        largest = np.trace(self.free, axis1=1, axis2=2) * np.trace(bending, axis1=1, axis2=2)
+        return np.where(total > np.finfo(float).eps * largest, total / bending.shape[-1], 0.0)
 
     def _prior(self, part: Array) -> tuple[Array, Array]:
         """Return vague prior covariances (s, k, k), outside the model's own space, and ranks (s,).

@@ -435,6 +435,20 @@ def test_two_knots_have_nothing_to_bend():
     assert found.values == pytest.approx([1.0, 1.0], abs=0.02)
 
 
+@pytest.mark.parametrize("end", [0.16, 1.6, 70.0])
+def test_nothing_bends_where_the_constant_is_the_models_own(end):
+    """All of the products is then rounding, in the direction of a curve that would be no line."""
+    basis = Basis(np.array([0.0, end]))
+    z = basis(np.linspace(0.0, end, SAMPLES))
+    free = z - z @ np.full((2, 2), 0.5)
+    regressors = RegressorColumns(basis, free.T @ free, z.T @ z, SAMPLES)
+    slope = free @ np.array([-1.0, 1.0])
+    curve = regressors.best(free.T @ slope)
+    assert np.ptp(curve.values) == pytest.approx(2.0, rel=1e-2)
+    assert np.isfinite(regressors.by_chance(free.T @ np.ones((SAMPLES, 3)))).all()
+    assert basis.bending.tolist() == [[0.0, 0.0], [0.0, 0.0]]
+
+
 # --- bands of curves; oracle: curves that are drawn, as sums of white noise in plain steps
 # --------------------------------------------------------------------------------------------------
 
