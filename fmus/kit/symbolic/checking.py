@@ -154,7 +154,7 @@ def _filled(cls: type[Component], make: Any) -> Component:
     one = cls()
     # not setattr: an effect of an input stands in the class under the name of the input
     vars(one).update({v.name: make(v.unit) for v in cls.layout.variables if hasattr(v, "start")})
-    one.time = make("s")
+    one.time = Symbol({"s": 1.0}, ANY.numbers)  # a course over time is written in numbers
     return one
 
 

@@ -24,6 +24,7 @@ from fmus.kit import (
     corrections,
     curves,
     measurement_effects,
+    sin,
     stack,
 )
 from fmus.kit.symbolic import check_component, families_for
@@ -245,3 +246,13 @@ def test_a_component_is_evaluated_once():
     first = len(calls)
     check_component(Counted)
     assert len(calls) == first > 0
+
+
+def test_a_course_over_the_time_is_written_in_numbers():
+    class Forced(Tank):
+        name = "forced"
+
+        def pipe_flow(self):
+            return 0.01 * sin(self.time) * self.conductance * self.level
+
+    check_component(Forced)
