@@ -215,7 +215,7 @@ def test_an_fmu_that_is_no_zip_or_a_torn_one(folder, fmu):
         ),
         (
             lambda ls: [",".join(line.split(",")[1:]) for line in ls],
-            ["no time column", "--map 'current=time[s]'"],
+            ["no time column", "add a column of time"],
         ),
         (
             lambda ls: [
