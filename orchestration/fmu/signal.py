@@ -8,7 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from fmus.kit import Declaration, UserError, units
+from fmus.kit import (
+    Declaration,
+    InputDeclaration,
+    ParameterDeclaration,
+    TextDeclaration,
+    UserError,
+    units,
+)
 from fmus.kit.units import format_range, format_value
 
 _QUANTITY = re.compile(r"^\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>.*)$")
@@ -130,6 +137,9 @@ def declared_signal(variable: Declaration) -> Signal:
         max=variable.max,
         doc=variable.doc,
         text=str(start) if is_string else "",
+        declares_start=isinstance(
+            variable, InputDeclaration | ParameterDeclaration | TextDeclaration
+        ),
     )
 
 

@@ -225,13 +225,24 @@ def _of_python(one: Component, place: _Place | None, error: Exception) -> str:
             return f"{name} is not there{suggestion(name, [*known, *kit.__all__], few=0)}"
         case AttributeError() if isinstance(error.obj, Component | super):
             return f"there is no variable or law {name!r}{suggestion(name, known)}"
-        case TypeError() if "0 positional arguments but 1" in str(error):
-            return f"{error}; write self between the brackets of that law"
-        case TypeError() if "object is not callable" in str(error):
+        case TypeError() if without_self := _without_self(one):
+            return f"{error}; write self between the brackets of {without_self}"
+        case TypeError() if _calls_a_variable(one, place):
             return "a variable is called like a law; leave out the brackets behind its name"
         case RecursionError():
             return "the law calls itself without end; call super().law() or another law"
     return f"{type(error).__name__}: {error}"
+
+
+def _without_self(one: Component) -> str:
+    """Return the law that takes no argument, not even the component; empty if there is none."""
+    laws = ((name, _code_of(type(one), name)) for name in _names(one))
+    return next((name for name, code in laws if code and not code.co_argcount), "")
+
+
+def _calls_a_variable(one: Component, place: _Place | None) -> bool:
+    called = re.match(r"self\.(\w+)\(", place.text) if place else None
+    return called is not None and any(called[1] == v.name for v in type(one).layout.variables)
 
 
 def _instead(place: _Place | None) -> str:
