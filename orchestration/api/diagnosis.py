@@ -9,6 +9,7 @@ from typing import Unpack
 from fmus.kit import MEASUREMENTS, UserError
 from orchestration.api.command import equivalent_command
 from orchestration.api.declaration import takes
+from orchestration.api.forms import optional_seconds
 from orchestration.api.options import (
     DiagnoseKeywords,
     DiagnoseOptions,
@@ -24,6 +25,7 @@ from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.laws import LawReport
 from orchestration.fmu import Model, Value, built, numeric
 from orchestration.records import Record
+from orchestration.reporting import option
 from orchestration.rig import INPUT_RANGES, LOOP_BANDWIDTH, RIG_COMPONENT
 
 _LINEARISATIONS = 4  # of an FMU at most
@@ -138,7 +140,7 @@ def _pipeline_options(
         interpolate=options["interpolate"],
         limits=INPUT_RANGES if on_rig else None,
         highest_frequency=LOOP_BANDWIDTH if on_rig else float("inf"),
-        time=options["time"],
+        time=optional_seconds(options["time"]),
         laws=options["laws"],
     )
 
@@ -207,7 +209,8 @@ def laws(
     if subject.cls is None:
         raise UserError(
             f"{subject.path.name}: an FMU without equations has no laws to ask; what its inputs and"
-            " outputs lack is asked by ppy diagnose, and by nothing else there with --effects none"
+            " outputs lack is asked by diagnose, and by nothing else there with"
+            f" {option('effects', [])}"
         )
     progress = options["progress"]
     diagnosis_options = pipeline.DiagnosisOptions(
@@ -216,7 +219,7 @@ def laws(
         hold=options["hold"],
         each=options["each"],
         interpolate=options["interpolate"],
-        time=options["time"],
+        time=optional_seconds(options["time"]),
     )
     measured, unseen = held_out(
         record, options["holdout"], subject, options["mapping"], options["runs"]

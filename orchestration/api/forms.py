@@ -33,7 +33,12 @@ def some_of(advice: str) -> Form:
             raise UserError(f"{flag} {text!r}: {advice}")
         return names
 
-    return Form(read, _joined, str | None)
+    return NAMES._replace(read=read)
+
+
+def given_names(value: str | Sequence[str], name: str) -> list[str]:
+    """Return names that were given in Python: a sequence of them, or a text as in a shell."""
+    return comma_list(value, name) if isinstance(value, str) else list(value)
 
 
 def names_among(known: Sequence[str]) -> Form:
@@ -64,14 +69,14 @@ def numbers(least: int) -> Form:
     return Form(read, _joined, str)
 
 
-def seconds(text: str) -> float:
-    """Read a time: a number of seconds, or one with a unit."""
-    from orchestration.fmu import read_amount
-
+def seconds(given: str | float) -> float:
+    """Read a time: a number of seconds, or a text with a unit."""
     try:
-        return float(text)  # what makes no sense, such as nan, is refused where its sense is known
+        return float(given)  # what makes no sense, such as nan, is refused where its sense is known
     except ValueError:
-        return read_amount(text, "s", f"{text!r}")
+        from orchestration.fmu import read_amount
+
+        return read_amount(str(given), "s", f"{given!r}")
 
 
 def percent(text: str) -> float:
@@ -85,7 +90,13 @@ def percent(text: str) -> float:
     return value
 
 
-def _in_seconds(value: float) -> str:
+def optional_seconds(given: str | float | None) -> float | None:
+    """Read a time that may be left open."""
+    return None if given is None else seconds(given)
+
+
+def _in_seconds(given: str | float) -> str:
+    value = seconds(given)
     return f"{value:.12g}s" if isfinite(value) else f"{value}"
 
 
@@ -122,8 +133,13 @@ def _pairs(values: Mapping[str, object]) -> list[str]:
     return [f"{name}={value}" for name, value in values.items()]
 
 
-NAMES = Form(comma_list, _joined, str | None)
-EFFECTS = Form(_read_effects, lambda names: [",".join(names) or "none"], str | None)
+NAMES = Form(comma_list, _joined, str | None, given=given_names)
+EFFECTS = Form(
+    _read_effects,
+    lambda names: [",".join(names) or "none"],
+    str | None,
+    given=lambda value, name: _read_effects(value, name) if isinstance(value, str) else list(value),
+)
 MAPPING = Form(_read_mapping, _pairs, list[str] | None)
 SETTINGS = Form(_read_settings, _pairs, list[str] | None)
 TEXTS = Form(typed=list[str] | None, write=list)

@@ -7,6 +7,7 @@ from typing import Unpack
 
 from fmus.kit import Component
 from orchestration.api.declaration import takes
+from orchestration.api.forms import given_names
 from orchestration.api.options import CompareKeywords, FitKeywords
 from orchestration.api.records import Data, matching_record
 from orchestration.api.simulation import as_declared, values_of
@@ -58,7 +59,7 @@ def compare(
 def fit(
     record: Data,
     model: Model | type[Component] | str,
-    names: Sequence[str],
+    names: str | Sequence[str],
     **options: Unpack[FitKeywords],
 ) -> Fit:
     """Fit parameters so that the free-running simulation follows a record (output error).
@@ -72,7 +73,7 @@ def fit(
         From `read_record`, or what that reads.
     model : Model, type[Component] or str
         A component, any FMU, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
-    names : sequence of str
+    names : str or sequence of str
         Parameters to fit; start values of states too where the equations are known.
 
     Returns
@@ -101,5 +102,11 @@ def fit(
     inputs = {name: values for name, values in data.signals.items() if name in subject.inputs}
     measured = {name: values for name, values in data.signals.items() if name in subject.outputs}
     return comparison.fit_model(
-        subject, data.time, inputs, measured, list(names), given, workers=options["workers"]
+        subject,
+        data.time,
+        inputs,
+        measured,
+        given_names(names, "names ="),
+        given,
+        workers=options["workers"],
     )

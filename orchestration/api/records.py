@@ -12,6 +12,7 @@ from orchestration.discrepancy.data import record_labels
 from orchestration.fmu import Model, declared_model
 from orchestration.identify import read_for, read_runs_for
 from orchestration.records import Arrays, Record
+from orchestration.reporting import option
 
 Data = Record | str | Path | Arrays
 Records = Data | Sequence[Data]
@@ -126,7 +127,7 @@ def held_out(
             held_labels += _labels_in(str(item), by_label)
     fitted = [run for label, run in by_label.items() if label not in held_labels]
     if not fitted:
-        raise UserError("--holdout: every record is held out, and none is left to fit to")
+        raise UserError("holdout: every record is held out, and none is left to fit to")
     return fitted, [*(by_label[label] for label in dict.fromkeys(held_labels)), *others]
 
 
@@ -136,7 +137,7 @@ def _labels_in(text: str, known: Collection[str]) -> list[str]:
     unknown = next((label for label in named if label not in known), None)
     if unknown is not None:
         raise UserError(
-            f"--holdout {text}: {unknown} is neither a file nor one of the records"
+            f"{option('holdout', text)}: {unknown} is neither a file nor one of the records"
             f" {', '.join(known)}"
         )
     return named

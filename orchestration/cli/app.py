@@ -16,6 +16,7 @@ from typer.core import TyperGroup
 from fmus.kit import UserError
 from orchestration.cli.examples import epilog
 from orchestration.cli.real_time import IncompleteRecord
+from orchestration.reporting import in_shell
 
 _LONGEST = 300  # characters of a name that are shown
 _INTERRUPTED = 130  # 128 + SIGINT, as shells have it
@@ -166,7 +167,8 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        code = app(standalone_mode=False, prog_name="ppy")
+        with in_shell():
+            code = app(standalone_mode=False, prog_name="ppy")
         if code == _INTERRUPTED:  # typer has taken the interrupt for itself
             raise KeyboardInterrupt
     except (KeyboardInterrupt, typer.Abort):

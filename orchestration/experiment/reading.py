@@ -16,6 +16,7 @@ from fmus.kit.files import is_file
 from orchestration.experiment.library import shipped
 from orchestration.experiment.model import Experiment, NoiseTable, parse
 from orchestration.experiment.stimulus import KINDS
+from orchestration.reporting import option
 from orchestration.system.ssp import ENDINGS
 
 if TYPE_CHECKING:
@@ -96,8 +97,8 @@ def _from_result(path: Path, unchanged: bool) -> dict[str, Any]:
     if is_part:
         if result.time.size < 2:
             raise UserError(
-                f"{path}: incomplete, with its first point only; there is nothing to repeat (--set"
-                " starts anew)"
+                f"{path}: incomplete, with its first point only; there is nothing to repeat"
+                f" ({option('settings')} starts anew)"
             )
         given["duration"] = float(result.time[-1])
     for name, stimulus in given.get("inputs", {}).items():
@@ -142,13 +143,17 @@ def _set(given: dict[str, Any], setting: str) -> None:
     """Put a setting ``key=value`` into the tables of an experiment."""
     key, equals, text = (part.strip() for part in setting.partition("="))
     if not equals or not key or not text:
-        raise UserError(f"--set {setting!r}: write key=value, e.g. duration=20s or R1=0.61")
+        raise UserError(
+            f"{option('settings', setting)}: write key=value, e.g. duration=20s or R1=0.61"
+        )
     place = _place(key, given)
     table: Any = given
     for part in place[:-1]:
         table = table.setdefault(part, {})
         if not isinstance(table, dict):
-            raise UserError(f"--set {setting}: {part} is a value, not a table with keys")
+            raise UserError(
+                f"{option('settings', {key: text})}: {part} is a value, not a table with keys"
+            )
     table[place[-1]] = _value(text)
 
 

@@ -6,7 +6,7 @@ that is its equations, is restored from that; no code of the FMU is run for it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -15,12 +15,16 @@ from typing import TYPE_CHECKING, Any
 from fmus.kit import UserError, suggestion
 from fmus.kit.build import Provenance, read_provenance
 from fmus.kit.files import is_file, is_folder
+from fmus.kit.units import format_range, format_value
 from orchestration.fmu.archive import Archive, read_description
 from orchestration.fmu.effects import catalogue, check_catalogue, find_effects
 from orchestration.fmu.loading import load_class, names_class, remarks_on
 from orchestration.fmu.signal import Signal, Value, declared_signal, read_setting, read_signal
+from orchestration.reporting import Displayable, one_line, option
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from fmus.kit import Component
 
 # the parts of a model's name can be imported from here too
@@ -43,7 +47,7 @@ _NOT_BUILT = Path()
 
 
 @dataclass(frozen=True)
-class Model:
+class Model(Displayable):
     """An FMU to run, with its class if its equations are known.
 
     Attributes
@@ -68,6 +72,24 @@ class Model:
     parameters: Mapping[str, Signal]
     effects: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        inputs = ", ".join(self.inputs) or "no inputs"
+        return one_line(f"Model {self.title}: {inputs} -> {', '.join(self.outputs)}")
+
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield its name, and a table of its variables in the units that people read."""
+        from orchestration.reporting import plain_table
+
+        yield self.title
+        columns = ("start", "allowed", "meaning")
+        table = plain_table(None, "name", "is", *columns, right=columns[:2])
+        groups = {"input": self.inputs, "output": self.outputs, "parameter": self.parameters}
+        for kind, signals in groups.items():
+            for signal in signals.values():
+                table.add_row(signal.name, kind, *_described(signal), signal.doc)
+        yield table
+        yield from self.notes
 
     @property
     def title(self) -> str:
@@ -112,6 +134,13 @@ class Model:
         return values | read_settings(self.name, texts, {**self.parameters, **self.inputs})
 
 
+def _described(signal: Signal) -> tuple[str, str]:
+    """Return start value and range as people read them; a text has no range."""
+    if signal.type == "string":
+        return signal.text, ""
+    return format_value(signal.start, signal), format_range(signal)
+
+
 def read_settings(
     model_name: str, texts: Sequence[str], known: Mapping[str, Signal]
 ) -> dict[str, Value]:
@@ -139,10 +168,10 @@ def read_settings(
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not equals:
-            raise UserError(f"--set {text!r}: write name=value or name=value[unit]")
+            raise UserError(f"{option('settings', text)}: write name=value or name=value[unit]")
         if name not in known:
             raise UserError(f"{model_name}: no parameter named {name!r}{suggestion(name, known)}")
-        values[name] = read_setting(value, known[name], f"--set {name}={value}")
+        values[name] = read_setting(value, known[name], option("settings", {name: value}))
     return values
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,10 +19,12 @@ from orchestration.identify.grey_box import Fit, fit_grey_box
 from orchestration.identify.metrics import fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
 from orchestration.records import Arrays, Record, read_record, read_runs
-from orchestration.reporting import plain_text, preformatted
+from orchestration.reporting import Displayable, one_line, option
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class GoodnessOfFit:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Displayable):
     """A model against a record, before and, if parameters were fitted, after the fit.
 
     Attributes
@@ -75,17 +77,28 @@ class Comparison:
     fit: Fit | None
     after: dict[str, GoodnessOfFit] | None
 
-    def __str__(self) -> str:
-        warnings = self.fit.warning_lines if self.fit else []
-        return "\n".join([plain_text(presentation.overview(self)), *warnings])
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield what ``ppy compare`` prints."""
+        yield presentation.overview(self)
+        yield from self.fit.warning_lines if self.fit else ()
 
     def __repr__(self) -> str:
         runs = self.before if self.after is None else self.after
         percents = ", ".join(f"{output} {g.fit_percent:.1f} %" for output, g in runs.items())
-        return f"<Comparison {percents}: {self.model.name}, {self.record.source.name}>"
+        return one_line(f"Comparison {percents}: {self.model.name}, {self.record.source.name}")
 
-    def _repr_html_(self) -> str:
-        return preformatted(str(self))
+    def _figure(self) -> Figure:
+        return self.plot()
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return how well every output is followed as a table, a row for each output and run.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        return presentation.frame(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON, as ``ppy compare --json`` writes them.
@@ -180,7 +193,7 @@ def _check_outputs(record: Record, model: Model) -> None:
         known = ", ".join(model.outputs)
         raise UserError(
             f"{record.source}: no column is an output of {model.name} ({known}); say which is, with"
-            " --map, as ppy info of the record proposes it with --model"
+            f" {option('mapping', {'column': 'signal'})}, as ppy info of the record proposes it"
         )
 
 
@@ -217,7 +230,7 @@ def compare(
         If the FMU fails, or a parameter cannot be fitted.
     """
     given = dict(parameters or {})
-    _check_names(model, names, "--fit: ")
+    _check_names(model, names, f"{option('fit', [*names])}: ")
     inputs = {name: values for name, values in record.signals.items() if name in model.inputs}
     measured = {name: values for name, values in record.signals.items() if name in model.outputs}
     progress(f"simulating {model.path.name} over {record.time.size} samples")

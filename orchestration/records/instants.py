@@ -12,6 +12,7 @@ import numpy as np
 from fmus.kit.arrays import Array
 from orchestration.records.record import Repair, list_rows, refuse
 from orchestration.records.table import MISSING_CELLS, Column, Table
+from orchestration.reporting import option
 
 DAY_FIRST = "dd/mm/yyyy"
 MONTH_FIRST = "mm/dd/yyyy"
@@ -132,8 +133,13 @@ def seconds(table: Table, column: Column, form: str = "") -> Array:
 def _hours_form(column: Column, cell: _Cell) -> str:
     """Return how a time of day is read; without seconds also what it might be instead."""
     if cell.clock is not None and cell.clock["s"] is None:
-        return f"hh:mm (if it is mm:ss: --map '{column.name}=time[{MINUTES}]')"
+        return f"hh:mm (if it is mm:ss: {_as_time(column, MINUTES)})"
     return "hh:mm:ss"
+
+
+def _as_time(column: Column, form: str) -> str:
+    """Return the option that reads a column as times of a form."""
+    return option("mapping", {column.name: f"time[{form}]"})
 
 
 def _parsed(table: Table, column: Column) -> list[_Cell | None]:
@@ -240,7 +246,7 @@ def _order(
     if not undecided:
         return DAY_FIRST
     other = undecided[0]
-    choices = " or ".join(f"--map '{column.name}=time[{f}]'" for f in (DAY_FIRST, MONTH_FIRST))
+    choices = " or ".join(_as_time(column, f) for f in (DAY_FIRST, MONTH_FIRST))
     raise refuse(
         table.path,
         f"row {table.rows[texts.index(other[0])]}, column '{column.name}': is '{other[0]}' in"

@@ -9,6 +9,7 @@ from orchestration.records.proposal import propose
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Column, Table, split_header_cell
 from orchestration.records.time_column import TIME, find_time, other_half
+from orchestration.reporting import option
 
 
 @dataclass(frozen=True)
@@ -58,12 +59,13 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
             or (unit is None and "[" in target)
         ):
             raise UserError(
-                f"--map '{entry}': the form is file_column=signal or file_column=signal[unit]"
+                f"{option('mapping', entry)}: the form is file_column=signal or"
+                " file_column=signal[unit]"
             )
         if column in mapping:
-            raise UserError(f"--map '{entry}': column '{column}' is mapped twice")
+            raise UserError(f"{option('mapping', entry)}: column '{column}' is mapped twice")
         if signal in (split_header_cell(other)[0] for other in mapping.values()):
-            raise UserError(f"--map '{entry}': signal '{signal}' is mapped twice")
+            raise UserError(f"{option('mapping', entry)}: signal '{signal}' is mapped twice")
         mapping[column] = target
     return mapping
 
@@ -114,7 +116,7 @@ def match_columns(
     matches = _mapped(table, signals, mapping)
     taken = [match.column for match in matches.values()]
     if len({id(column) for column in taken}) != len(taken):
-        raise refuse(table.path, "--map gives one column to two signals")
+        raise refuse(table.path, f"{option('mapping')} gives one column to two signals")
     if TIME not in matches:
         matches[TIME] = Match(find_time(table, signals, _free(table, taken)), TIME, None)
     taken.append(matches[TIME].column)
@@ -148,10 +150,12 @@ def match_columns(
 
 
 def _advice(table: Table, free: Sequence[Column], absent: Mapping[str, str]) -> str:
-    """Return which ``--map`` would probably give a model what it lacks; empty if none is likely."""
+    """Return the mapping that probably gives a model what it lacks, or that one is needed."""
     columns = {table.map_name(column): (column.unit or "", "") for column in free}
-    options = propose(columns, absent).options()
-    return f"; probably: {options}" if options else "; say which column it is by --map"
+    likely = propose(columns, absent).mapping
+    if likely:
+        return f"; probably: {option('mapping', likely)}"
+    return f"; say which column it is: {option('mapping', {'column': 'signal'})}"
 
 
 def _mapped(
@@ -161,14 +165,14 @@ def _mapped(
     matches: dict[str, Match] = {}
     for name, target in mapping.items():
         signal, unit = split_header_cell(target)
+        given_as = option("mapping", {name: target})
         if signal != TIME and signal not in signals:
             raise UserError(
-                f"--map '{name}={target}': the model has no signal"
-                f" '{signal}'{suggestion(signal, signals)}"
+                f"{given_as}: the model has no signal '{signal}'{suggestion(signal, signals)}"
             )
         if signal in matches:
-            raise UserError(f"--map '{name}={target}': signal '{signal}' is mapped twice")
-        matches[signal] = Match(_find_column(table, name, f"--map '{name}={target}'"), signal, unit)
+            raise UserError(f"{given_as}: signal '{signal}' is mapped twice")
+        matches[signal] = Match(_find_column(table, name, given_as), signal, unit)
     return matches
 
 

@@ -10,6 +10,7 @@ from difflib import SequenceMatcher
 
 from fmus.kit import UserError
 from fmus.kit.units import measure_alike
+from orchestration.reporting import flag
 
 _WORDS = [
     set(line.split())
@@ -62,7 +63,7 @@ class Proposal:
     def options(self) -> str:
         """Return the options for a shell."""
         entries = [f"{column}={target}" for column, target in self.mapping.items()]
-        return shlex.join(word for entry in entries for word in ("--map", entry))
+        return shlex.join(word for entry in entries for word in (flag("mapping"), entry))
 
 
 def propose(columns: Mapping[str, tuple[str, str]], signals: Mapping[str, str]) -> Proposal:

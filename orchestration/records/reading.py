@@ -16,6 +16,7 @@ from orchestration.records.mapping import TIME, Match, match_columns
 from orchestration.records.record import Record, Repair, refuse
 from orchestration.records.runs import divided_at_restarts, divided_by, run_marks
 from orchestration.records.table import Table, numbers
+from orchestration.reporting import option
 
 
 def read_record(
@@ -130,8 +131,8 @@ def time_in_seconds(table: Table, match: Match) -> np.ndarray:
         raise refuse(
             table.path,
             f"column '{match.column.name}' has dates or times of day, and no number in"
-            f" {match.unit}: --map '{match.column.name}=time' reads them; in brackets only their"
-            f" form can stand, {', '.join(FORMS)}",
+            f" {match.unit}: {option('mapping', {match.column.name: 'time'})} reads them; in"
+            f" brackets only their form can stand, {', '.join(FORMS)}",
         )
     return seconds(table, match.column, match.unit or "")
 
@@ -208,13 +209,14 @@ def _convert(
         raise refuse(
             path,
             f"column '{column}': {error}; if it is in {expected}:"
-            f" --map '{column}={signal}[{expected}]'",
+            f" {option('mapping', {column: f'{signal}[{expected}]'})}",
         ) from error
     if not units.measure_alike(unit, expected):
         raise refuse(
             path,
             f"column '{column}' is in {unit}, but {signal} is in {expected}, "
             f"and {unit} cannot be converted to {expected}; "
-            f"to read the numbers as another unit: --map '{column}={signal}[{expected}]'",
+            "to read the numbers as another unit:"
+            f" {option('mapping', {column: f'{signal}[{expected}]'})}",
         )
     return np.asarray(units.convert(values, unit, expected), dtype=float)

@@ -18,6 +18,7 @@ from orchestration.records.instants import (
 )
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Column, Table, numbers
+from orchestration.reporting import option
 
 TIME = "time"
 _NAMES = frozenset(
@@ -57,7 +58,9 @@ def find_time(table: Table, signals: Container[str], free: Sequence[Column]) -> 
     called = [column for column in able if column.name.casefold() == TIME]
     if len(called) > 1:
         raise refuse(
-            table.path, f"{len(called)} columns are called time; keep one, or --map 'column=time'"
+            table.path,
+            f"{len(called)} columns are called time; keep one, or"
+            f" {option('mapping', {'column': 'time'})}",
         )
     timed = [column for column in able if column.unit and _is_in_time(column)]
     named = [c for c in able if _plain_name(c) in _NAMES and (c.unit is None or c in timed)]
@@ -78,7 +81,7 @@ def find_time(table: Table, signals: Container[str], free: Sequence[Column]) -> 
             Repair(
                 "time column",
                 f"time is column '{found.name}', not {listed}; to take another, as of these the"
-                f" first: --map '{table.map_name(others[0])}=time'",
+                f" first: {option('mapping', {table.map_name(others[0]): 'time'})}",
             )
         )
     return found
@@ -128,7 +131,7 @@ def _no_time(table: Table, able: Sequence[Column]) -> str:
     first = table.columns[0]
     rising = next((column for column in able if _falls(table, column) == 0.0), None)
     advice = (
-        f"to say which it is: --map '{table.map_name(rising)}=time[s]'"
+        f"to say which it is: {option('mapping', {table.map_name(rising): 'time[s]'})}"
         if rising
         else "add a column of time, in seconds or as dates"
     )

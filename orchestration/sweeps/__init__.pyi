@@ -13,4 +13,5 @@ from .ranges import read_range as read_range
 from .reductions import KEPT as KEPT
 from .reductions import TRACE as TRACE
 from .reductions import checked_reductions as checked_reductions
+from .result import SweepResult as SweepResult
 from .task import Task as Task

@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray
 
 from fmus.kit import UserError
 from orchestration.experiment import results
-from orchestration.reporting import pictures
+from orchestration.reporting import option, pictures
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MOST = 6  # panels of a picture, and curves of a legend
 
@@ -28,11 +31,11 @@ def describe_left_out(names: Sequence[str]) -> list[str]:
         return []
     return [
         f"the picture shows the first {MOST} of {len(names)} numbers, without"
-        f" {', '.join(names[MOST:])}; --outputs and --keep choose others"
+        f" {', '.join(names[MOST:])}; {option('outputs')} and {option('keep')} choose others"
     ]
 
 
-def draw(data: xarray.Dataset, path: Path) -> list[str]:
+def draw(data: xarray.Dataset, path: Path | None = None) -> Figure:
     """Draw the first numbers of a sweep over its parameters, in display units.
 
     Parameters
@@ -42,25 +45,18 @@ def draw(data: xarray.Dataset, path: Path) -> list[str]:
     path : Path
         Picture: .png, .svg or .pdf.
 
-    Returns
-    -------
-    list of str
-        What the picture leaves out, in a line each.
-
     Raises
     ------
     UserError
         If there are no numbers, or the file cannot be written.
     """
-    numbers = [
-        str(name) for name, value in data.items() if name != "failure" and "time" not in value.dims
-    ]
-    names = names_to_draw(numbers)
+    names = names_to_draw(_numbers(data))
     if not names:
         raise UserError(
-            f"--plot {path}: numbers are drawn over parameters, such as --keep last; there are none"
+            f"no picture: numbers are drawn over parameters, such as"
+            f" {option('keep', ['last'])}, and there are none"
         )
-    first, *others = (str(name) for name in data.coords if name != "time")
+    first = _parameters(data)[0]
     across, unit = results.displayed(data[first])
     figure, panels = pictures.panels(len(names), str(data.attrs["model"]))
     for panel, name in zip(panels, names, strict=True):
@@ -73,8 +69,26 @@ def draw(data: xarray.Dataset, path: Path) -> list[str]:
     if 1 < _count_curves(data[names[0]], first) <= MOST:
         panels[0].legend()
     panels[-1].set_xlabel(first + ("" if unit == "1" else f" [{unit}]"))
-    pictures.save(figure, path)
-    return [*describe_left_out(numbers), *_describe_others(data[names[0]], first, others)]
+    if path is not None:
+        pictures.save(figure, path)
+    return figure
+
+
+def left_out(data: xarray.Dataset) -> list[str]:
+    """Return what the picture of a sweep leaves out, in a line each."""
+    numbers = _numbers(data)
+    first, *others = _parameters(data)
+    return [*describe_left_out(numbers), *_describe_others(data[numbers[0]], first, others)]
+
+
+def _numbers(data: xarray.Dataset) -> list[str]:
+    return [
+        str(name) for name, value in data.items() if name != "failure" and "time" not in value.dims
+    ]
+
+
+def _parameters(data: xarray.Dataset) -> list[str]:
+    return [str(name) for name in data.coords if name != "time"]
 
 
 def _count_curves(value: xarray.DataArray, first: str) -> int:

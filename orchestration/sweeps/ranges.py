@@ -14,6 +14,7 @@ import numpy as np
 from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
 from orchestration.fmu import Model, Signal, read_setting
+from orchestration.reporting import option
 
 MOST = 10_000_000  # values of one parameter
 _RANGE = re.compile(r"(?P<low>.+?)\.\.(?P<high>[^:]+?)(:(?P<count>[^:]*?))?(?P<log>\s+log)?$")
@@ -69,7 +70,7 @@ def read_range(text: str, model: Model) -> Range:
     """
     name, equals, given = (part.strip() for part in text.partition("="))
     if not equals or not given:
-        raise UserError(f"--over {text!r}: write name=from..to:count or name=value, value, ...")
+        raise UserError(f"{_over(text)}: write name=from..to:count or name=value, value, ...")
     signal = _signal(name, model, text)
     match = _RANGE.match(given)
     if match is None:
@@ -80,11 +81,11 @@ def read_range(text: str, model: Model) -> Range:
     is_logarithmic = bool(match["log"])
     if not low < high:
         raise UserError(
-            f"--over {text!r}: a range goes up, which {low:g} to {high:g} {signal.unit} does not"
+            f"{_over(text)}: a range goes up, which {low:g} to {high:g} {signal.unit} does not"
         )
     if is_logarithmic and low <= 0.0:
         raise UserError(
-            f"--over {text!r}: equal ratios need positive ends, which {low:g} {signal.unit} is not"
+            f"{_over(text)}: equal ratios need positive ends, which {low:g} {signal.unit} is not"
         )
     if match["count"] is None:
         ends = np.array((low, high))
@@ -129,21 +130,27 @@ def _signal(name: str, model: Model, text: str) -> Signal:
         )
     if known[name].type != "real":
         raise UserError(
-            f"--over {text!r}: {name} is of type {known[name].type}; real numbers can be swept"
+            f"{_over(text)}: {name} is of type {known[name].type}; real numbers can be swept"
         )
     return known[name]
+
+
+def _over(text: str) -> str:
+    """Return the option that gives a range, as it is written."""
+    name, equals, values = (part.strip() for part in text.partition("="))
+    return option("over", {name: values} if equals else name)
 
 
 def _count(given: str, text: str) -> int:
     if not given.isdigit() or not 2 <= int(given) <= MOST:
         raise UserError(
-            f"--over {text!r}: {given or 'nothing'} is no count of values, which is 2 to {MOST:,}"
+            f"{_over(text)}: {given or 'nothing'} is no count of values, which is 2 to {MOST:,}"
         )
     return int(given)
 
 
 def _value(given: str, signal: Signal, text: str) -> float:
-    value = read_setting(given.strip(), signal, f"--over {text}")
+    value = read_setting(given.strip(), signal, _over(text))
     if isinstance(value, str) or not np.isfinite(value):
-        raise UserError(f"--over {text!r}: {given.strip()!r} is no number")
+        raise UserError(f"{_over(text)}: {given.strip()!r} is no number")
     return float(value)

@@ -122,7 +122,7 @@ def test_a_stop_time_outside_the_record(folder, stop):
         "simulate",
         "ppy_actuator",
         *arguments,
-        parts=[f"--stop {stop} s", "from 0 s to 19.9 s"],
+        parts=[f"--stop {float(stop)} is not", "from 0 s to 19.9 s"],
     )
 
 

@@ -118,14 +118,15 @@ def _stimulus(
     """
     import numpy as np
 
-    from orchestration.api import points_of
+    from orchestration.api import forms, points_of
     from orchestration.fmu import simulation as work
 
     recorded: dict[str, Array] = {}
     if record is None:
         time = points_of(model, None, options["stop"], options["step"])
     else:
-        time = work.points(record.time, options["stop"], options["step"])
+        stop, step = (forms.optional_seconds(options[name]) for name in ("stop", "step"))
+        time = work.points(record.time, stop, step)
         recorded = {signal: work.held(record, signal, time) for signal in record.signals}
     constant = {
         name: np.full(time.size, value)

@@ -110,20 +110,21 @@ def _finish(data: xarray.Dataset, out: Path | None, folder: Path | None, plot: P
     analysis = analysis_of(data.attrs["design"])
     shown = data
     whole = data
-    draw: Callable[[xarray.Dataset, Path], list[str]] = picture.draw
+    draw: Callable[[xarray.Dataset, Path], object] = picture.draw
+    left_out = picture.left_out
     try:
         if analysis is not None:
             shown = analysis.analyse(data)
-            draw = analysis.draw
+            draw, left_out = analysis.draw, analysis.left_out
             console.out.print(analysis.table(shown))
             whole = merge_analysis(data, shown)
     finally:  # cases are kept where there is nothing to be said of them
         if out is not None:
             _keep(whole, out, folder)
     if plot is not None:
-        missing = draw(shown, plot)
+        draw(shown, plot)
         console.wrote(plot)
-        for line in missing:
+        for line in left_out(shown):
             console.note(line)
 
 

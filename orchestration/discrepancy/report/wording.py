@@ -21,6 +21,7 @@ from orchestration.discrepancy.residuals import (
 )
 from orchestration.discrepancy.selection import ACCEPT, Step
 from orchestration.discrepancy.validation import Outcome
+from orchestration.reporting import option
 
 _VERDICTS = {
     Verdict.CONSISTENT: "The model is consistent with the record: nothing is wrong beyond noise.",
@@ -116,7 +117,7 @@ _NOTES = {
     NoteCode.OTHER_SPECIMEN: (
         "outputs jump at {instants}, and the record looks to be of another specimen from there on:"
         " the model misses {share}, and with parameters of its own for each part {instead}; give"
-        " the parts as records, to fit both (--each NAME) or to compare them (--compare)"
+        " the parts as records, to fit both ({EACH}) or to compare them ({COMPARE})"
     ),
     NoteCode.UNRELATED: (
         "outputs do not follow inputs: the model misses {share} of the spread of {outputs},"
@@ -166,17 +167,16 @@ _NOTES = {
     NoteCode.UNUSABLE: "{usable} of its samples are left: it is not used at all",
     NoteCode.NOTHING_USABLE: "no output is left that could be trusted: nothing can be judged",
     NoteCode.INTERSAMPLE: (
-        "taken to {course} between samples, {basis}{margin}; --interpolate or --no-interpolate"
-        " forces it"
+        "taken to {course} between samples, {basis}{margin}; {LINEAR} or {HELD} forces it"
     ),
     NoteCode.INTERSAMPLE_OPEN: (
         "taken to {course} between samples, {basis}, but not surely{margin}: the other way,"
-        " {parameter} would be {factor:.4g} times as large; --interpolate or --no-interpolate"
+        " {parameter} would be {factor:.4g} times as large; {LINEAR} or {HELD}"
         " forces it"
     ),
     NoteCode.INTERSAMPLE_CONTRADICTED: (
         "taken to {course} between samples as asked, but its course is one of {other}: a lag or a"
-        " lead of half a sample may be nothing but that; leave out {option}"
+        " lead of half a sample may be nothing but that; leave out {asked}"
     ),
     NoteCode.INPUT_NOISE: (
         "noise of {deviation:.3g}, {share} of its range, was measured with it and does not drive"
@@ -208,8 +208,8 @@ _NOTES = {
         " by how the outputs settle from where they start, which is fitted unless it is held"
     ),
     NoteCode.ABSENT_INPUT: (
-        "{record} has no {subject}: taken to be {value:g} {unit} throughout; --set {subject}=..."
-        " says otherwise"
+        "{record} has no {subject}: taken to be {value:g} {unit} throughout; {SET_IT} says"
+        " otherwise"
     ),
     NoteCode.GAPS: (
         "{record} has gaps in time, of up to {longest:.4g} s: nobody knows what the inputs did"
@@ -258,35 +258,34 @@ _NOTES = {
     ),
     NoteCode.NOT_FOLLOWED: (
         "the record held out is not followed{records} (error {errors} what the fit lets expect): it"
-        " is of another specimen, or some parameters are others there (--each NAME), or it shows"
+        " is of another specimen, or some parameters are others there ({EACH}), or it shows"
         " what the fitted record does not"
     ),
     NoteCode.END_NOT_FOLLOWED: (
         "the part held out is not followed (error {errors} what the fit lets expect): something"
         " changed on the way, or shows there alone; give the two parts as records, to fit both"
-        " (--each NAME) or to compare them (--compare)"
+        " ({EACH}) or to compare them ({COMPARE})"
     ),
     NoteCode.UNDETERMINED: (
-        "the record does not determine {names}: hold what you know (--hold NAME), or move or record"
+        "the record does not determine {names}: hold what you know ({HOLD}), or move or record"
         " what tells of it"
     ),
     NoteCode.DETERMINED_TOGETHER: (
         "{names} are determined together only, and each may be far off: hold one that you know"
-        " (--hold NAME), or move another input"
+        " ({HOLD}), or move another input"
     ),
     NoteCode.STRAIGHT_PART: (
         "{names}: not determined apart from {subject}, which adds a curve to the law of which this"
         " is the slope over the same signal"
     ),
     NoteCode.AT_BOUND: (
-        "{names} ended at an end of what is allowed: look at units and signs, or hold it (--hold"
-        " NAME)"
+        "{names} ended at an end of what is allowed: look at units and signs, or hold it ({HOLD})"
     ),
     NoteCode.NOT_CONVERGED: (
-        "the refit did not settle: start it elsewhere (--set), or hold what you know (--hold NAME)"
+        "the refit did not settle: start it elsewhere ({SET}), or hold what you know ({HOLD})"
     ),
     NoteCode.NOT_MOVED: (
-        "the refit found no better values than those it began with: start it elsewhere (--set), or"
+        "the refit found no better values than those it began with: start it elsewhere ({SET}), or"
         " look at units, signs and columns"
     ),
     NoteCode.IMPLAUSIBLE: "out of all reason: {ratios}; look at units, signs and columns first",
@@ -301,7 +300,7 @@ _NOTES = {
     ),
     NoteCode.TIME_SPENT: (
         "the {seconds:g} s that there were are spent: this is the best answer so far, and on"
-        " another machine it may be another; {untried}; --time gives more"
+        " another machine it may be another; {untried}; {TIME} gives more"
     ),
 }
 
@@ -404,10 +403,24 @@ def message(note: Note) -> str:
     """Return a note in one sentence."""
     template = _NOTES[note.code]
     facts = {name: _format_fact(name, value) for name, value in note.facts.items()}
-    text = template.format(subject=note.subject, **facts)
+    text = template.format(subject=note.subject, **facts, **_options(note.subject))
     if note.subject and "{subject}" not in template:
         text = f"{note.subject}: {text}"
     return f"in the record held out: {text}" if note.held_out else text
+
+
+def _options(subject: str) -> dict[str, str]:
+    """Return the options that notes advise, as they are written, by their place in the text."""
+    return {
+        "EACH": option("each", ["NAME"]),
+        "HOLD": option("hold", ["NAME"]),
+        "COMPARE": option("compare"),
+        "SET": option("settings"),
+        "SET_IT": option("settings", {subject: "..."}),
+        "TIME": option("time"),
+        "LINEAR": option("interpolate", True),
+        "HELD": option("interpolate", False),
+    }
 
 
 def _format_fact(name: str, value: Any) -> Any:
@@ -508,6 +521,7 @@ _FACT_WORDS = {  # by the name of a fact: what is said for each of its values
     },
 }
 _FACT_FORMATS: dict[str, Callable[[Any], str]] = {
+    "asked": lambda linear: option("interpolate", linear),
     "ratios": _format_ratios,
     "shares": _format_shares,
     "errors": _format_errors,

@@ -6,6 +6,7 @@ import numpy as np
 import xarray
 
 from fmus.kit import UserError
+from orchestration.reporting import option
 
 
 def require_design(data: xarray.Dataset, needed: str) -> None:
@@ -39,7 +40,7 @@ def numbers(data: xarray.Dataset) -> list[str]:
         str(name) for name, value in data.items() if value.dims == ("case",) and name != "failure"
     ]
     if not names:
-        raise UserError("the sweep kept no numbers, such as --keep last")
+        raise UserError(f"the sweep kept no numbers, such as {option('keep', ['last'])}")
     return names
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray
@@ -13,15 +13,19 @@ from rich.table import Table
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.experiment import results
-from orchestration.reporting import pictures, plain_table
+from orchestration.reporting import option, pictures, plain_table
 from orchestration.sweeps.picture import describe_left_out, names_to_draw
 from orchestration.sweeps.ranges import Range
+from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity.numbers import (
     numbers,
     parameters_of,
     require_complete,
     require_design,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TORNADO = "tornado"
 ENDS = ("from", "to")
@@ -53,15 +57,16 @@ def one_at_a_time(ranges: Sequence[Range], starts: Mapping[str, float]) -> Array
         low, high = one.values
         if not low <= usual[k] <= high:
             raise UserError(
-                f"--over {one.name}={low:g}..{high:g}: its start value {usual[k]:g} {one.unit} is"
-                f" not among these; set another with --set {one.name}=..., or widen the range"
+                f"{option('over', {one.name: f'{low:g}..{high:g}'})}: its start value"
+                f" {usual[k]:g} {one.unit} is not among these; set another with"
+                f" {option('settings', {one.name: '...'})}, or widen the range"
             )
         cases[2 * k + 1, k] = low
         cases[2 * k + 2, k] = high
     return cases
 
 
-def tornado(found: xarray.Dataset) -> xarray.Dataset:
+def tornado(found: xarray.Dataset) -> SweepResult:
     """Return how far each parameter by itself moves every number of a sweep of ``tornado``.
 
     Parameters
@@ -71,7 +76,7 @@ def tornado(found: xarray.Dataset) -> xarray.Dataset:
 
     Returns
     -------
-    xarray.Dataset
+    SweepResult
         For each number of the sweep, such as ``voltage_last_tornado``, its value over ``parameter``
         and ``end`` (``from``, ``to``) of its range, the others at their start value, and
         ``voltage_last_start``, with all of them there. ``ends`` has the ranges. NaN where a case
@@ -118,7 +123,7 @@ def tornado(found: xarray.Dataset) -> xarray.Dataset:
         "parameter_units": ("parameter", [str(found[p].units) for p in parameters]),
         "parameter_display_units": ("parameter", [_display_unit(found[p]) for p in parameters]),
     }
-    return xarray.Dataset(values, coordinates, {"model": found.attrs["model"], "design": TORNADO})
+    return SweepResult(values, coordinates, {"model": found.attrs["model"], "design": TORNADO})
 
 
 def _display_unit(parameter: xarray.DataArray) -> str:
@@ -148,21 +153,15 @@ def _unit_suffix(unit: str) -> str:
     return f" {unit}" if unit != "1" else ""
 
 
-def draw(moved: xarray.Dataset, path: Path) -> list[str]:
+def draw(moved: xarray.Dataset, path: Path | None = None) -> Figure:
     """Draw a tornado for each number, with a bar between its values at both ends of each range.
-
-    Returns
-    -------
-    list of str
-        What the picture leaves out, in a line each.
 
     Raises
     ------
     UserError
         If the file cannot be written.
     """
-    drawable = _numbers(moved)
-    names = names_to_draw(drawable)
+    names = names_to_draw(_numbers(moved))
     count = moved.sizes["parameter"]
     figure, panels = pictures.panels(
         len(names),
@@ -174,8 +173,14 @@ def draw(moved: xarray.Dataset, path: Path) -> list[str]:
     for panel, name in zip(panels, names, strict=True):
         _draw_bars(panel, moved, name)
     panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
-    pictures.save(figure, path)
-    return describe_left_out(drawable)
+    if path is not None:
+        pictures.save(figure, path)
+    return figure
+
+
+def left_out(moved: xarray.Dataset) -> list[str]:
+    """Return what the picture of a tornado leaves out, in a line each."""
+    return describe_left_out(_numbers(moved))
 
 
 def _draw_bars(panel: Any, moved: xarray.Dataset, name: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray
@@ -13,9 +13,13 @@ from rich.table import Table
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.experiment import results
-from orchestration.reporting import pictures, plain_table
+from orchestration.reporting import option, pictures, plain_table
 from orchestration.sweeps.picture import describe_left_out, names_to_draw
+from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity.numbers import require_complete
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 BANDS = "draws"
 _EVEN = (BANDS, "latin-hypercube", "sobol")  # designs whose cases have equal weights
@@ -23,7 +27,7 @@ _USUAL = (0.05, 0.5, 0.95)
 _AT_ONCE = 1_000_000  # values that are sorted at a time
 
 
-def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> xarray.Dataset:
+def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> SweepResult:
     """Return quantiles of every output over the cases of a sweep with randomly chosen parameters.
 
     With the draws of a fit they show how uncertain parameters make the outputs. The noise of
@@ -38,7 +42,7 @@ def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> xarray.
 
     Returns
     -------
-    xarray.Dataset
+    SweepResult
         For each trace, such as ``voltage``, its quantiles ``voltage_band`` over ``quantile`` and
         ``time``, and for each number those over ``quantile``, with their units.
 
@@ -79,7 +83,7 @@ def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> xarray.
     if "time" in found.coords:
         coordinates["time"] = found["time"]
     attributes = {"model": found.attrs["model"], "design": found.attrs["design"]}
-    return xarray.Dataset(values, coordinates, attributes)
+    return SweepResult(values, coordinates, attributes)
 
 
 def _checked_levels(quantiles: Sequence[float]) -> Array:
@@ -119,23 +123,19 @@ def table(found: xarray.Dataset) -> Table:
     return made
 
 
-def draw(found: xarray.Dataset, path: Path) -> list[str]:
+def draw(found: xarray.Dataset, path: Path | None = None) -> Figure:
     """Draw bands over time, and below each the distance of its quantiles from the middle one.
-
-    Returns
-    -------
-    list of str
-        What the picture leaves out, in a line each.
 
     Raises
     ------
     UserError
         If there is no trace to draw, or the file cannot be written.
     """
-    traces = [str(name) for name, band in found.items() if "time" in band.dims]
-    names = names_to_draw(traces)
+    names = names_to_draw(_traces(found))
     if not names:
-        raise UserError(f"--plot {path}: bands are drawn over time, which --keep trace keeps")
+        raise UserError(
+            f"no picture: bands are drawn over time, which {option('keep', ['trace'])} keeps"
+        )
     title = f"{found.attrs['model']}: quantiles over cases"
     figure, panels = pictures.panels(2 * len(names), title)
     levels = [f"{100.0 * level:g} %" for level in found["quantile"].values]
@@ -151,8 +151,18 @@ def draw(found: xarray.Dataset, path: Path) -> list[str]:
     panels[0].legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1
     )
-    pictures.save(figure, path)
-    return describe_left_out(traces)
+    if path is not None:
+        pictures.save(figure, path)
+    return figure
+
+
+def left_out(found: xarray.Dataset) -> list[str]:
+    """Return what the picture of bands leaves out, in a line each."""
+    return describe_left_out(_traces(found))
+
+
+def _traces(found: xarray.Dataset) -> list[str]:
+    return [str(name) for name, band in found.items() if "time" in band.dims]
 
 
 def _draw_band(panel: Any, time: Array, band: Array, levels: Sequence[str]) -> None:

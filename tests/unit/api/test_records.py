@@ -55,7 +55,7 @@ def test_other_files_are_held_out_beside_labels(folder, model):
 
 
 def test_a_label_that_is_none_is_refused_with_those_there_are(folder, model):
-    with pytest.raises(UserError, match="--holdout 2,7: 7 is neither a file nor one of"):
+    with pytest.raises(UserError, match="holdout='2,7': 7 is neither a file nor one of"):
         held(folder, model, "2,7")
 
 

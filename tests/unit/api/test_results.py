@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import html
 import inspect
 import json
 import runpy
@@ -92,7 +94,10 @@ def test_figures_are_plain_and_the_same_everywhere(result):
     after, before = (figures["errors"][f"holdout_nrmse_{when}"] for when in ("after", "before"))
     assert all(after[o] < before[o] for o in before)
     assert str(result).splitlines()[0] == result.sentence
-    assert result._repr_html_().startswith("<pre>")
+    shown = result._repr_mimebundle_()
+    assert shown["text/html"].startswith(f"<p>{html.escape(result.sentence)}</p>")
+    assert "<table" in shown["text/html"]
+    assert base64.b64decode(shown["image/png"]).startswith(b"\x89PNG")
     assert list(result.to_frame()["law"]) == [one["law"] for one in result.law_map]
     assert result.diagnosis.causes == []
 

@@ -27,7 +27,7 @@ from orchestration.discrepancy.report.laws.law_report import (
 )
 from orchestration.discrepancy.report.wording import format_percent
 from orchestration.identify.uncertainty import Estimate
-from orchestration.reporting import Markup, escaped
+from orchestration.reporting import Markup, escaped, option
 
 _NOTHING = "No law is found to lack anything."
 _LETTERS = {"": "a", "_width": "w", "_beside": "b"}  # by what the name of a parameter ends with
@@ -321,13 +321,13 @@ def next_steps(law_report: LawReport) -> list[str]:
     indistinguishable = law_report.indistinguishable(best)
     if is_confirmed(best):
         steps = [
-            "Go on with it: --effect-out law.py writes it as a class of a few lines to lay over the"
-            " model, and --fmu better.fmu the model with it."
+            f"Go on with it: {option('effect_out', 'law.py')} writes it as a class of a few lines"
+            f" to lay over the model, and {option('fmu', 'better.fmu')} the model with it."
         ]
     else:
         steps = [
             f"Do not build on it yet. Take another record in which {signal} goes through"
-            " the same range, and give it as --holdout: what is real is there again."
+            f" the same range, and give it as {option('holdout')}: what is real is there again."
         ]
     if indistinguishable:
         steps.append(

@@ -21,6 +21,7 @@ from orchestration.records import (
     read_record,
     read_table,
 )
+from orchestration.reporting import option
 
 _UNEVEN = 0.01  # of a sample period, by which samples may be off it
 
@@ -103,7 +104,7 @@ def _not_signals(table: Table, output: str, inputs: Sequence[str], step: float |
     except UserError:
         raise UserError(
             f"{table.path}: no column is a time, and the first, {first.name!r}, is in"
-            f" {first.unit or 'no unit'}; give the sample period, --step"
+            f" {first.unit or 'no unit'}; give the sample period, {option('step')}"
         ) from None
     return [time.name, *(column.name for column in able if holds_instants(column))]
 
@@ -136,8 +137,8 @@ def _check_count(table: Table, used: Container[str]) -> None:
         return
     if _is_time(first):
         raise UserError(
-            f"{table.path}: the first column, {first.name!r}, is a time in {first.unit}; --step is"
-            " for a file without"
+            f"{table.path}: the first column, {first.name!r}, is a time in {first.unit};"
+            f" {option('step')} is for a file without"
         )
     count = numbers(table, first)
     # written as a negation, so that NaN, a gap, counts as a step that is off
@@ -147,7 +148,7 @@ def _check_count(table: Table, used: Container[str]) -> None:
         next_one = count[uneven[0] + 1]
         raise UserError(
             f"{table.path}: the first column, {first.name!r}, goes from {one:g} to {next_one:g};"
-            " --step is for a file whose first column counts samples by ones"
+            f" {option('step')} is for a file whose first column counts samples by ones"
         )
 
 

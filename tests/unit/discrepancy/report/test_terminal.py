@@ -24,11 +24,11 @@ def test_a_missing_input_and_what_cannot_be_known_are_in_the_headline(actuator):
     result = diagnose(rig_record(None, "current", "voltage"), actuator, options=NOTHING)
     headline = wording.headline(result)
     assert (
-        "lab record.csv has no force: taken to be 0 N throughout; --set force=... says otherwise; "
-        in headline
+        "lab record.csv has no force: taken to be 0 N throughout; settings={'force': '...'} says"
+        " otherwise; " in headline
     )
     assert (
-        "the record does not determine alpha, k1, b1, k2, b2: hold what you know (--hold NAME)"
+        "the record does not determine alpha, k1, b1, k2, b2: hold what you know (hold=['NAME'])"
         in headline
     )
     assert diagnosis_summary(result)["headline"] == headline

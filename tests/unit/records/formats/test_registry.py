@@ -41,7 +41,7 @@ from tests.support.record_forms import PLAIN, refusal, write
         ("time [s];current [A]\n0.5;1,5\n1;2\n", "decimal comma or decimal point"),
         ("time [s],current [V]\n0,1\n1,2\n", "column 'current' is in V, but current is in A"),
         ("time [s],current [blorg]\n0,1\n1,2\n", "unknown unit 'blorg'"),
-        ("sample [1],current [A]\n0,1\n1,2\n", "--map 'sample=time[s]'"),
+        ("sample [1],current [A]\n0,1\n1,2\n", "mapping={'sample': 'time[s]'}"),
         ("current [A],displacement [m]\n0,1\n1,2\n", "no time column"),
         ("time [s],time [s],current [A]\n0,0,1\n1,1,2\n", "2 columns are called time"),
         ("time [s],current [A],current [A]\n0,0,1\n1,1,2\n", "2 columns are called 'current'"),

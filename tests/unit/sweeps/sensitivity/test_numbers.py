@@ -32,7 +32,7 @@ def swept():
 def test_the_numbers_of_each_case_are_neither_traces_nor_failures(swept):
     assert parameters_of(swept) == ["R1", "C"]
     assert numbers(swept) == ["x_last"]
-    with pytest.raises(UserError, match="kept no numbers, such as --keep last"):
+    with pytest.raises(UserError, match=r"kept no numbers, such as keep=\['last'\]"):
         numbers(swept.drop_vars("x_last"))
 
 

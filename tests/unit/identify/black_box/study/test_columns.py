@@ -31,7 +31,7 @@ def test_a_step_is_for_a_file_that_counts_by_ones(tmp_path, name):
         (np.arange(600) // 100 * 5.0, "from 0 to 0"),
     ):
         with pytest.raises(
-            UserError, match=f"the first column, '{name}', {said}|{said}; --step is for"
+            UserError, match=f"the first column, '{name}', {said}|{said}; step= is for"
         ):
             read_columns(counted(tmp_path / "clock.csv", count, name), "y", step=1.0)
     found = read_columns(counted(tmp_path / "count.csv", np.arange(7, 607), name), "y", step=2.0)
