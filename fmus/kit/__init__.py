@@ -68,6 +68,15 @@ from .functions import (
     where,
 )
 from .layout import Layout, law_of
+from .titles import (
+    capitalised,
+    effect_title,
+    in_words,
+    law_title,
+    titled,
+    variable_title,
+    within_sentence,
+)
 
 if TYPE_CHECKING:
     from .arms import lag_effect, storing_wall
@@ -112,6 +121,7 @@ __all__ = [
     "absolute",
     "arccos",
     "arctan2",
+    "capitalised",
     "clip",
     "correction",
     "cos",
@@ -120,12 +130,15 @@ __all__ = [
     "describe_error",
     "effect_family",
     "effect_name",
+    "effect_title",
     "effects_by_name",
     "exp",
     "floor",
     "hypot",
+    "in_words",
     "lag_effect",
     "law_of",
+    "law_title",
     "log",
     "logical_and",
     "logical_not",
@@ -150,9 +163,12 @@ __all__ = [
     "summary",
     "table",
     "tanh",
+    "titled",
     "transport_delay",
     "unstack",
+    "variable_title",
     "where",
+    "within_sentence",
 ]
 
 _HOMES = {

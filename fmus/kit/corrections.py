@@ -21,6 +21,7 @@ from .declare import Constant, Parameter, State
 from .errors import UserError, suggestion
 from .functions import absolute, smooth_table
 from .layout import law_of
+from .titles import capitalised, in_words, law_title
 
 KINDS = ("add", "multiply")
 MEMORIES = ("", "lagged", "leading", "heat", "integrated", "throughput")
@@ -259,6 +260,7 @@ def correction(
         f"{own}_correction".title().replace("_", ""),
         body | function.declared | remembers,
         id=law,
+        title=f"{capitalised(law_title(component, law))} that depends on {in_words(source.words)}",
         term=Term(law, source.words, function.text, family, suffix),
         neutral=own,
         assumption=(

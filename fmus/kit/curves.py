@@ -20,6 +20,7 @@ from .declare import Constant, Declaration, Parameter
 from .errors import UserError, suggestion
 from .functions import absolute, clip, exp, maximum, minimum, sqrt, tanh
 from .layout import law_of
+from .titles import generic_title, law_title
 
 ANY = 1e12  # bound of parameters that may have any value, in nominal values
 # exponent beyond which an exponential is cut off: ten million million times its unit
@@ -210,6 +211,7 @@ def curve(
         members,
         id=called.id or shape,
         term=Term(law, signal, chosen.text, f"{law} over {signal}", called.qualifier),
+        title=generic_title(called.id or shape, law_title(component, law)),
         assumption=f"{law} has no part {chosen.text} with x = {signal}",
     )
 

@@ -71,6 +71,8 @@ class Declaration:
         SI unit as pint reads it (``"N*s/m"``, ``"ohm"``, ``"1"``).
     doc : str
         One sentence for the FMI ``description``.
+    title : str
+        Name for people, such as ``"series resistance"``; the identifier in words where empty.
     min, max : float
         Inclusive range of meaningful values.
     nominal : float
@@ -87,6 +89,7 @@ class Declaration:
 
     unit: str
     doc: str = ""
+    title: str = ""
     min: float = -inf
     max: float = inf
     nominal: float = 1.0

@@ -353,7 +353,7 @@ class DiagnosisResult(_Result):
         diagnosis = result.diagnosis
         errors = result.gain or diagnosis
         self.verdict: Verdict = diagnosis.verdict
-        self.sentence: str = headline(result)
+        self.sentence: str = str(headline(result))
         self.causes: list[str] = diagnosis.causes
         self.alternatives: list[str] = diagnosis.alternatives
         self.parameters: dict[str, Estimate] = diagnosis.estimates

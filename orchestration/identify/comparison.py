@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,12 +15,13 @@ from fmus.kit.arrays import Array
 from orchestration.fmu import Model, Value, numeric, simulate
 from orchestration.fmu.isolation import limits_of
 from orchestration.identify import presentation
+from orchestration.identify.fit_page import fit_page
 from orchestration.identify.fitting import FmuWithDifferences
 from orchestration.identify.grey_box import Fit, fit_grey_box
 from orchestration.identify.metrics import fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
 from orchestration.records import Arrays, Record, read_record, read_runs
-from orchestration.reporting import Displayable, one_line, option
+from orchestration.reporting import Displayable, one_line, option, path_of_report
 
 if TYPE_CHECKING:
     import pandas
@@ -128,6 +130,36 @@ class Comparison(Displayable):
             If the file cannot be written.
         """
         return presentation.draw(self, None if path is None else Path(path))
+
+    def report(self, path: str | Path, command: str = "") -> Path:
+        """Write a page on the fit, to look at and pass on.
+
+        Parameters
+        ----------
+        path : str or Path
+            An ``.html`` file.
+        command : str
+            What made it, for the page; unless given, one that does the same.
+
+        Raises
+        ------
+        UserError
+            If nothing was fitted, or the page cannot be written, or its name does not end in
+            ``.html``.
+        """
+        target = path_of_report(path)
+        if self.fit is None:
+            raise UserError(f"{target}: nothing was fitted, so there is nothing to report")
+        fit_page(self, self.fit, command or self._command(self.fit)).write(target)
+        return target
+
+    def _command(self, fit: Fit) -> str:
+        """Return a command that makes the same fit."""
+        words = ["ppy", "identify", str(self.record.source), "--model", self.model.name]
+        words += ["--fit", ",".join(fit.estimates)]
+        for name, value in self.parameters.items():
+            words += ["--set", f"{name}={value}"]
+        return shlex.join(words)
 
 
 def read_for(model: Model, path: Path | Arrays, mapping: Mapping[str, str] | None = None) -> Record:

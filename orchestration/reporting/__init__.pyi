@@ -1,4 +1,5 @@
 from . import console as console
+from . import elements as elements
 from . import pictures as pictures
 from .background import BackgroundWriter as BackgroundWriter
 from .console import alarm as alarm
@@ -15,6 +16,9 @@ from .console import verbosity as verbosity
 from .console import warn as warn
 from .console import wrote as wrote
 from .datasets import ResultDataset as ResultDataset
+from .elements import Bar as Bar
+from .elements import format_quantities as format_quantities
+from .elements import format_range as format_range
 from .notebook import Displayable as Displayable
 from .notebook import one_line as one_line
 from .page import Markup as Markup

@@ -70,13 +70,14 @@ def test_a_result_prints_as_the_command_does(hidden, result, tmp_path, monkeypat
 def test_what_was_found_is_reachable_by_name(result):
     assert result.verdict == "cause"
     assert result.causes == ["strain_saturation"]
-    assert "strain_saturation" in result.sentence
+    assert result.sentence.startswith("Strain that levels off at large charge: ")
     low, high = result.parameters["R1"].interval
     assert low < result.parameters["R1"].value < high
     assert result.parameters["R1"].unit == "ohm"
     assert result.gain.after["displacement"] < 0.5 * result.gain.before["displacement"]
     assert len(repr(result)) < 120
-    assert result._repr_html_().startswith("<p>cause  What the model gets wrong")
+    headline = "<p>cause  Strain that levels off at large charge: "
+    assert result._repr_html_().startswith(headline)
 
 
 def test_a_result_is_drawn_reported_and_built(result, tmp_path):

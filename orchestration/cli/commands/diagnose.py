@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 from collections.abc import Sequence
 
 import typer
@@ -11,7 +9,7 @@ import typer
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import DiagnoseCommand, LawsCommand
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import standard_output_for
+from orchestration.cli.outputs import standard_output_for, typed_command
 
 
 @command(DiagnoseCommand)
@@ -25,7 +23,7 @@ def diagnose(options: DiagnoseCommand) -> None:
             if options["system"] is not None:
                 work.run_system(options, options["system"])
             else:
-                result = work.run_diagnosis(options, shlex.join(["ppy", *sys.argv[1:]]))
+                result = work.run_diagnosis(options, typed_command())
                 _require(options["require"], result.verdict)
 
 
@@ -44,4 +42,4 @@ def laws(options: LawsCommand) -> None:
     from orchestration.cli import diagnose as work
 
     with standard_output_for(options["json"]):
-        work.run_laws(options, shlex.join(["ppy", *sys.argv[1:]]))
+        work.run_laws(options, typed_command())

@@ -234,6 +234,12 @@ class RunCommand(
     """Options of ``ppy run``."""
 
 
+class ReportOption(TypedDict, total=False):
+    """The page of a result."""
+
+    report: Annotated[Path | None, Option("Page (.html) with all of it, to look at and pass on.")]
+
+
 class OverOption(TypedDict, total=False):
     """The values that parameters of a sweep go through."""
 
@@ -282,6 +288,7 @@ class SweepCommand(
     SweepEngineOptions,
     DatasetOption,
     PlotOption,
+    ReportOption,
     RuntimeOption,
     IsolationOptions,
     total=False,
@@ -378,6 +385,7 @@ class IdentifyCommand(
     ProfileOptions,
     JsonOption,
     PlotOption,
+    ReportOption,
     IsolateOption,
     total=False,
 ):
@@ -437,12 +445,6 @@ class JudgedOptions(TypedDict, total=False):
             complete="component",
         ),
     ]
-
-
-class ReportOption(TypedDict, total=False):
-    """The page of a diagnosis."""
-
-    report: Annotated[Path | None, Option("Page (.html) with all of it, to look at and pass on.")]
 
 
 class DiagnoseOutputs(TypedDict, total=False):
