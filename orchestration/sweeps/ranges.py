@@ -18,6 +18,7 @@ from orchestration.reporting import option
 
 MOST = 10_000_000  # values of one parameter
 _RANGE = re.compile(r"(?P<low>.+?)\.\.(?P<high>[^:]+?)(:(?P<count>[^:]*?))?(?P<log>\s+log)?$")
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def read_range(text: str, model: Model) -> Range:
     text : str
         ``NAME=FROM..TO:COUNT``, both ends among the values; ``NAME=FROM..TO`` for a design that
         chooses them; either with ``log`` behind it for equal ratios; or ``NAME=VALUE, VALUE, ...``.
-        Values may have units.
+        Values may have units; that of TO holds for a FROM without one.
     model : Model
 
     Raises
@@ -76,7 +77,7 @@ def read_range(text: str, model: Model) -> Range:
     if match is None:
         listed = [_value(one, signal, text) for one in given.split(",")]
         return Range(name, signal.unit, np.array(listed))
-    low = _value(match["low"], signal, text)
+    low = _value(_with_unit_of(match["high"], match["low"]), signal, text)
     high = _value(match["high"], signal, text)
     is_logarithmic = bool(match["log"])
     if not low < high:
@@ -147,6 +148,16 @@ def _count(given: str, text: str) -> int:
             f"{_over(text)}: {given or 'nothing'} is no count of values, which is 2 to {MOST:,}"
         )
     return int(given)
+
+
+def _with_unit_of(other: str, given: str) -> str:
+    """Return an amount that has the unit of another one unless it has its own."""
+    return f"{given} {_unit(other)}" if not _unit(given) else given
+
+
+def _unit(given: str) -> str:
+    number = _NUMBER.match(given.strip())
+    return given.strip()[number.end() :].strip() if number else ""
 
 
 def _value(given: str, signal: Signal, text: str) -> float:
