@@ -10,9 +10,9 @@ from typing import Any
 
 from fmus.kit import (
     Declaration,
-    InputDeclaration,
-    ParameterDeclaration,
-    TextDeclaration,
+    DiscreteDeclaration,
+    OutputDeclaration,
+    StateDeclaration,
     UserError,
     units,
 )
@@ -24,6 +24,9 @@ _LARGEST = 2**31 - 1  # integers of FMI 2.0 have 32 bits
 
 # the value of a variable: a number in the FMU's unit (0 and 1 for a boolean), or a text
 Value = float | str
+
+# What is computed at the start, so that its FMU declares no start value.
+_CALCULATED = (OutputDeclaration, StateDeclaration, DiscreteDeclaration)
 
 
 @dataclass
@@ -137,9 +140,7 @@ def declared_signal(variable: Declaration) -> Signal:
         max=variable.max,
         doc=variable.doc,
         text=str(start) if is_string else "",
-        declares_start=isinstance(
-            variable, InputDeclaration | ParameterDeclaration | TextDeclaration
-        ),
+        declares_start=not isinstance(variable, _CALCULATED),
     )
 
 

@@ -21,7 +21,7 @@ from orchestration.identify.grey_box import Fit, fit_grey_box
 from orchestration.identify.metrics import fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
 from orchestration.records import Arrays, Record, read_record, read_runs
-from orchestration.reporting import Displayable, one_line, option, path_of_report
+from orchestration.reporting import Displayable, flag, one_line, option, path_of_report
 
 if TYPE_CHECKING:
     import pandas
@@ -156,9 +156,9 @@ class Comparison(Displayable):
     def _command(self, fit: Fit) -> str:
         """Return a command that makes the same fit."""
         words = ["ppy", "identify", str(self.record.source), "--model", self.model.name]
-        words += ["--fit", ",".join(fit.estimates)]
+        words += [flag("fit"), ",".join(fit.estimates)]
         for name, value in self.parameters.items():
-            words += ["--set", f"{name}={value}"]
+            words += [flag("settings"), f"{name}={value}"]
         return shlex.join(words)
 
 

@@ -15,7 +15,7 @@ from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from fmus.kit.units import convert, printed, write_prefixed
 from orchestration.identify import ranks
-from orchestration.reporting import Markup, Page, escaped
+from orchestration.reporting import Markup, Page, escaped, option
 from orchestration.sweeps.reductions import REDUCTIONS
 from orchestration.sweeps.sensitivity import failures, parameters_of
 from orchestration.sweeps.storage import iterate_pieces
@@ -70,8 +70,8 @@ def extremes(data: xarray.Dataset) -> Iterator[Extreme]:
             largest = np.fmax(largest, np.fmax.reduce(part, axis=None))
         if np.isfinite(smallest):
             unit = array.attrs.get("display_units", array.units)
-            ends = convert(np.array([smallest, largest]), array.units, unit)
-            yield Extreme(str(name), *map(float, ends), unit)
+            low, high = convert(np.array([smallest, largest]), array.units, unit)
+            yield Extreme(str(name), float(low), float(high), unit)
 
 
 def sweep_page(
@@ -185,14 +185,17 @@ def _add_picture(page: Page, draw: Callable[[Path], object]) -> None:
 def _next_steps(data: xarray.Dataset) -> list[str]:
     """Return what to ask next, by the design of the sweep."""
     steps = {
-        "grid": "Ask which parameters matter most: --design sobol-indices, or --design tornado.",
+        "grid": (
+            "Find out which parameters matter most:"
+            f" {option('kind', 'sobol-indices')}, or {option('kind', 'tornado')}."
+        ),
         "tornado": "Sweep the parameters at the top of the tornado alone, on a finer grid.",
     }
     design = str(data.attrs["design"])
     return [
         *([f"Look at the {len(failures(data))} cases that failed."] if failures(data) else []),
         steps.get(design, "Sweep the parameters that matter alone, on a grid."),
-        "Keep the cases for other tools with --out sweep.nc.",
+        f"Keep the cases for other tools with {option('out', 'sweep.nc')}.",
     ]
 
 

@@ -127,7 +127,7 @@ def _finish(data: xarray.Dataset, folder: Path | None, options: SweepCommand) ->
     shown = data
     whole = data
     draw: Callable[[xarray.Dataset, Path], object] = picture.draw
-    left_out = picture.left_out
+    left_out: Callable[[xarray.Dataset], list[str]] = picture.left_out
     try:
         if analysis is not None:
             shown = analysis.analyse(data)

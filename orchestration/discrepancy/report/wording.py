@@ -553,13 +553,13 @@ _NEXT = {
         "Nothing has to change. A record that moves more asks more of the model.",
     ),
     Verdict.RECALIBRATE: (
-        "Take the fitted values over: --fmu better.fmu writes the model with them.",
-        "Confirm them on another record: --holdout other.csv.",
+        "Take the fitted values over: {FMU} writes the model with them.",
+        "Confirm them on another record: {HOLDOUT}.",
     ),
-    Verdict.CAUSE: ("Go on with the extended model: --fmu better.fmu writes it.",),
+    Verdict.CAUSE: ("Go on with the extended model: {FMU} writes it.",),
     Verdict.AMBIGUOUS: (
-        "Run an experiment that tells these apart (--experiment experiment.toml writes one), and"
-        " diagnose its record.",
+        "Run an experiment that tells these apart ({EXPERIMENT} writes one), and diagnose"
+        " its record.",
     ),
     Verdict.UNEXPLAINED: (
         "Look at the bench: a line at one frequency is mostly mains, a fan or a pump, and a jump"
@@ -570,8 +570,8 @@ _NEXT = {
 _NEXT_WHERE_MISREAD = "Put the record right as it says above, and diagnose it again."
 _NEXT_WHERE_NOTHING_MOVES = "Record again with inputs that move."
 _NEXT_WHERE_UNCONFIRMED = (
-    "Confirm it on another record, in which it acts: --holdout other.csv. Until then it is no more"
-    " than likely."
+    "Confirm it on another record, in which it acts: {HOLDOUT}. Until then it is no more than"
+    " likely."
 )
 _NEXT_WHERE_SOMETHING_IS_LEFT = (
     "Then diagnose the extended model with the same record: something is left, which is described"
@@ -592,7 +592,12 @@ def next_steps(result: Result) -> list[str]:
         steps.append(_NEXT_WHERE_UNCONFIRMED)
     if _has_note(diagnosis, NoteCode.SOMETHING_LEFT):
         steps.append(_NEXT_WHERE_SOMETHING_IS_LEFT)
-    return steps
+    options = {
+        "FMU": option("fmu", "better.fmu"),
+        "HOLDOUT": option("holdout", ["other.csv"]),
+        "EXPERIMENT": option("experiment", "experiment.toml"),
+    }
+    return [step.format(**options) for step in steps]
 
 
 def _has_note(diagnosis: Diagnosis, code: NoteCode) -> bool:

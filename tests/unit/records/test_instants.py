@@ -2,13 +2,15 @@
 be two dates is refused with what settles it, and that settles it.
 """
 
+import ast
+import re
 from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
 
 from fmus.kit import UserError
-from orchestration.records import instants, parse_mapping, read_record
+from orchestration.records import instants, read_record
 from orchestration.records.table import Column, Table
 from tests.support.record_forms import write
 
@@ -93,7 +95,8 @@ def test_a_duration_that_starts_again_is_no_midnight():
 
 
 def test_a_form_without_seconds_is_said_and_can_be_stated():
-    assert "read as hh:mm (if it is mm:ss: --map 'Zeit=time[mm:ss]')" in seconds(["01:30"])[1][0]
+    said = "read as hh:mm (if it is mm:ss: mapping={'Zeit': 'time[mm:ss]'})"
+    assert said in seconds(["01:30"])[1][0]
     assert seconds(["01:30", "01:31"], "mm:ss")[0].tolist() == [0.0, 1.0]
 
 
@@ -114,10 +117,9 @@ def test_an_ambiguous_date_is_refused_and_either_advice_works_when_followed(tmp_
     path = write(tmp_path, "Datum,I [A]\n01/02/2026,1\n02/02/2026,2\n")
     with pytest.raises(UserError, match=r"row 2, column 'Datum': is '01/02/2026' in Feb") as caught:
         read_record(path, {"I": "A"})
-    advised = str(caught.value).split("--map '")[1:]
+    advised = re.findall(r"mapping=({.*?})", str(caught.value))
     times = [
-        read_record(path, {"I": "A"}, mapping=parse_mapping([text.partition("'")[0]])).time[1]
-        for text in advised
+        read_record(path, {"I": "A"}, mapping=ast.literal_eval(text)).time[1] for text in advised
     ]
     assert times == [86400.0, 31 * 86400.0]
 
@@ -140,7 +142,7 @@ def test_what_is_no_date_is_refused_with_its_row(cells, says):
 
 def test_a_unit_of_a_column_of_dates_is_refused_with_what_works(tmp_path):
     path = write(tmp_path, "Datum,I [A]\n2026-01-01,1\n2026-01-02,2\n")
-    with pytest.raises(UserError, match="--map 'Datum=time' reads them"):
+    with pytest.raises(UserError, match=r"mapping=\{'Datum': 'time'\} reads them"):
         read_record(path, {"I": "A"}, mapping={"Datum": "time[h]"})
     assert read_record(path, {"I": "A"}, mapping={"Datum": "time"}).time[1] == 86400.0
 

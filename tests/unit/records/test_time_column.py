@@ -2,13 +2,14 @@
 taken and it is said; without one the advice that is printed works, or there is none.
 """
 
+import ast
 import re
 
 import numpy as np
 import pytest
 
 from fmus.kit import UserError
-from orchestration.records import parse_mapping, read_record
+from orchestration.records import read_record
 from tests.support.record_forms import write
 
 
@@ -65,8 +66,8 @@ def test_the_advice_of_a_file_without_time_works_when_followed(tmp_path):
     rows = [("a", 5, 1), ("b", 6, 2), ("c", 7, 3)]
     with pytest.raises(UserError, match="no time column") as caught:
         read(tmp_path, "note;sample [1];I [A]", rows)
-    advice = re.search(r"--map '(.*)'", str(caught.value))[1]
-    record = read(tmp_path, "note;sample [1];I [A]", rows, mapping=parse_mapping([advice]))
+    advice = ast.literal_eval(re.search(r"mapping=({.*})", str(caught.value))[1])
+    record = read(tmp_path, "note;sample [1];I [A]", rows, mapping=advice)
     assert record.time.tolist() == [5.0, 6.0, 7.0]
 
 
