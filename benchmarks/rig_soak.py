@@ -97,7 +97,7 @@ def _run(proxies: Sequence[Fmu], watched: Mapping[str, _Watched], seconds: float
         if now - begin >= settled:
             for each in watched.values():
                 each.look()
-            progress = f"{now - begin:.0f} s of {seconds:.0f} s"
+            progress = f"{(k + 1) / RATE:.0f} s of {seconds:.0f} s, in {now - begin:.0f} s"
             print(progress, end="\r", flush=True, file=sys.stderr)
 
 

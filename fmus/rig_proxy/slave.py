@@ -192,13 +192,15 @@ class ProxySlave:
     def _due(self, begin: float, step: float) -> float:
         """Return when a step ends that begins some time after the start of the simulation, s.
 
-        What a master does before its first step takes no time of the rig; nor is a delay of a step
-        or more made up for: what is measured would be as old as ever in a time that goes faster,
-        and a loop over it diverges.
+        What a master does before its first step takes no time of the rig; nor is more than a step
+        of a delay made up for: what is measured would be as old as ever in a time that goes faster,
+        and a loop over it diverges. That one step is what a proxy lags behind another one of the
+        same master, which waits for the clock as well.
         """
         now = monotonic()
-        if self._begin is None or now >= self._begin + begin + step:
+        if self._begin is None:
             self._begin = now - begin
+        self._begin = max(self._begin, now - begin - step)
         return self._begin + begin + step
 
     def _exchange(self, link: Link, time: float, step: float, timeout: float) -> bool:

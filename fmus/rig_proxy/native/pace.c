@@ -36,12 +36,14 @@ static bool reach(Engine *engine, double time, double step, double due, double l
     }
 }
 
-/* When a step ends. What a master does before its first step takes no time of the rig; nor is a delay of a step or more
-   made up for: what is measured would be as old as ever in a time that goes faster, and a loop over it diverges. */
+/* When a step ends. What a master does before its first step takes no time of the rig; nor is more than a step of a delay
+   made up for: what is measured would be as old as ever in a time that goes faster, and a loop over it diverges. That one
+   step is what a proxy lags behind another one of the same master, which waits for the clock as well. */
 static double due_time(Engine *engine, double time, double step, double entry) {
     double begin = time - engine->start_time;
-    if (isnan(engine->origin) || entry >= engine->origin + begin + step)
+    if (isnan(engine->origin))
         engine->origin = entry - begin;
+    engine->origin = fmax(engine->origin, entry - begin - step);
     return engine->origin + begin + step;
 }
 

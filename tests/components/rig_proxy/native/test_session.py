@@ -101,7 +101,7 @@ def test_a_simulation_that_is_late_by_steps_does_not_race(engine):
         begin = time.monotonic()
         for k in range(1, 11):
             engine.advance(0.02 * k, 0.02)
-        assert time.monotonic() - begin > 0.2 - 1e-3
+        assert time.monotonic() - begin > 0.18 - 1e-3
 
 
 def test_what_is_late_by_less_than_a_step_is_made_up_for(engine):
