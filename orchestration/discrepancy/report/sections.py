@@ -23,7 +23,7 @@ from orchestration.discrepancy.candidates import FittedCandidate, label
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.discrepancy.note import Action, notes_by_action
+from orchestration.discrepancy.note import Action, Note, notes_by_action
 from orchestration.discrepancy.pipeline import Result, file_names
 from orchestration.discrepancy.report import figures, html_elements, wording
 from orchestration.discrepancy.report.effect_picture import effect_chart
@@ -469,10 +469,19 @@ def add_notes(page: Page, result: Result, done: bool) -> None:
     done : bool
         Whether those are added about which nothing has to be done; else the others are.
     """
+    titles = {label(effect): within_sentence(effect_title(effect)) for effect in result.effects}
     for action, notes in notes_by_action(result.notes).items():
         if (action is Action.NONE) is done:
             page.subheading(action)
-            page.items([capitalised(wording.message(note)) for note in notes])
+            page.items([_note_line(note, titles) for note in notes])
+
+
+def _note_line(note: Note, titles: Mapping[str, str]) -> str:
+    """Return a note, which calls an effect by its title, with the identifier behind."""
+    if note.subject not in titles:
+        return capitalised(wording.message(note))
+    said = capitalised(wording.message(replace(note, subject=titles[note.subject])))
+    return Markup(f"{escaped(said)} <code>{escaped(note.subject)}</code>")
 
 
 def add_data(page: Page, records: Sequence[Record]) -> None:

@@ -88,6 +88,17 @@ def test_notes_are_grouped_by_what_to_do(results):
     assert "Nothing to do, but good to know Slack was not judged" in sure
 
 
+def test_a_note_calls_an_effect_by_its_title_and_has_its_identifier_behind(results):
+    result = results["cause"]
+    effect = next(effect for effect in result.effects if effect.title and not effect.output)
+    notes = [Note(NoteCode.NO_TRACE, effect.id)]
+    text = words_of(diagnosis_page(replace(result, notes=notes), COMMAND).html())
+    assert (
+        f"{effect.title} was not judged: it leaves no trace in what was measured {effect.id}"
+        in text
+    )
+
+
 def test_parameters_have_intervals_and_marks(results, made):
     diagnosis = results["cause"].diagnosis
     rows = re.findall(r"<tr>(.*?)</tr>", made["cause"])
