@@ -219,7 +219,7 @@ _NOTES = {
     NoteCode.NOT_IN_VALIDATION_DATA: "not in the record held out, so nothing of it is judged there",
     NoteCode.NO_TRACE: "{subject} was not judged: it leaves no trace in what was measured",
     NoteCode.UNIDENTIFIABLE: (
-        "{subject} was not judged: on this record other parameters do the same"
+        "{subject} was not judged: this record cannot tell it from parameters of the model"
     ),
     NoteCode.NOT_SIMULATED: "{subject} was not judged: {reason}",
     NoteCode.NOT_IN_ALL_SAMPLES: (
@@ -483,10 +483,10 @@ def _gain(diagnosis: Diagnosis) -> list[str]:
     output = max(before, key=lambda o: (before[o] - after[o]) / (before[o] or 1.0))
     if not after[output] < before[output]:
         return []
-    verb = "Together they take" if diagnosis.causes[1:] else "It takes"
+    effects = "them" if diagnosis.causes[1:] else "it"
     return [
-        f"{verb} the error{_of_output(diagnosis, output)} from {format_percent(before[output])} to"
-        f" {format_percent(after[output])} on {UNSEEN}."
+        f"With {effects} in the model the error{_of_output(diagnosis, output)} falls from"
+        f" {format_percent(before[output])} to {format_percent(after[output])} on {UNSEEN}."
     ]
 
 
@@ -553,10 +553,10 @@ _NEXT = {
         "Nothing has to change. A record that moves more asks more of the model.",
     ),
     Verdict.RECALIBRATE: (
-        "Take the fitted values over: {FMU} writes the model with them.",
+        "Take the fitted values over: the same diagnosis with {FMU} writes the model with them.",
         "Confirm them on another record: {HOLDOUT}.",
     ),
-    Verdict.CAUSE: ("Go on with the extended model: {FMU} writes it.",),
+    Verdict.CAUSE: ("Go on with the extended model: the same diagnosis with {FMU} writes it.",),
     Verdict.AMBIGUOUS: (
         "Run an experiment that tells these apart ({EXPERIMENT} writes one), and diagnose"
         " its record.",
