@@ -102,6 +102,7 @@ navigation = {
         "docs/bench-records",
         "docs/hidden-laws",
         "docs/laws-public",
+        "docs/public-records",
         "docs/foreign-fmus",
         "docs/black-box-structures",
         "docs/sweep-sizing",

@@ -208,8 +208,8 @@ def laws(
     subject = as_declared(model)
     if subject.cls is None:
         raise UserError(
-            f"{subject.path.name}: an FMU without equations has no laws to ask; what its inputs and"
-            " outputs lack is asked by diagnose, and by nothing else there with"
+            f"{subject.path.name}: an FMU without equations has no laws to ask; diagnose searches"
+            " for what its inputs and outputs lack, and for nothing else with"
             f" {option('effects', [])}"
         )
     progress = options["progress"]

@@ -6,7 +6,17 @@ An option of one name is about the same in every command.
 from __future__ import annotations
 
 _PANELS = {
-    "Model": ("model", "laid_over", "settings", "preset", "runtime", "system", "connectors", "law"),
+    "Model": (
+        "model",
+        "of_model",
+        "laid_over",
+        "settings",
+        "preset",
+        "runtime",
+        "system",
+        "connectors",
+        "law",
+    ),
     "Record": ("mapping", "input_file", "runs", "each", "holdout", "interpolate"),
     "Time": ("stop", "step", "rate", "max_age"),
     "Columns": ("output", "inputs"),
