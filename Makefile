@@ -5,12 +5,14 @@ BIN := $(VENV)/bin
 # the tests start Python some thousand times, and each start would compile our modules anew
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fuzz fuzz-models demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark chromium clean help
+.PHONY: fuzz fuzz-models demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark docs docs-version chromium dist clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
 	@echo "make test       checks and tests"
 	@echo "make test-slow  the tests that take longer, and every case of those that have many: nightly, and before a release"
+	@echo "make docs       the site in build/site, its notebooks run anew; a warning is an error"
+	@echo "make docs-version the site of this version beside those of others in build/versions; ADDRESS=URL where it is served"
 	@echo "make fuzz       damaged files to whatever reads files, for ten minutes; SEED=N and SECONDS=N likewise"
 	@echo "make naming     how often a hidden effect is named, over hundreds of records; SEED=N draws others"
 	@echo "make clean-study what is said of hundreds of records in which nothing is hidden, and of public ones"
@@ -29,6 +31,7 @@ help:
 	@echo "make soak       ten minutes at 100 Hz beside a hostile peer: memory and descriptors must stay flat; SECONDS=60 for a quick look"
 	@echo "make hil-latency the rig's server beside a bare ZeroMQ echo"
 	@echo "make benchmark  speed, as ratios measured in one run"
+	@echo "make dist       wheel and source distribution in dist/, FMUs and systems for all platforms in dist/release/"
 
 demo: $(VENV)/installed
 	$(BIN)/ppy demo --out demo-output
@@ -36,6 +39,12 @@ demo: $(VENV)/installed
 # one worker more than the usual two cores: a fifth of the time is tests that wait
 test: $(VENV)/installed-dev check chromium
 	$(BIN)/pytest -n 3 --dist loadfile
+
+docs: $(VENV)/installed-dev
+	$(BIN)/python -m sphinx -W --keep-going -q -c docs/site -d build/doctrees . build/site
+
+docs-version: $(VENV)/installed-dev
+	$(BIN)/python docs/site/versions.py $(if $(ADDRESS),--address $(ADDRESS))
 
 fuzz: $(VENV)/installed-dev
 	$(BIN)/python -m tests.support.fuzz --seconds $(or $(SECONDS),600) --seed $(or $(SEED),0)
@@ -101,6 +110,11 @@ check: $(VENV)/installed-dev
 benchmark: $(VENV)/installed-dev
 	$(BIN)/python -m benchmarks
 
+dist: $(VENV)/installed-dev
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist .
+	$(BIN)/python -m studies.release.folder --out dist/release
+
 # The report is looked at in a real browser; without the rights to install one, that test says why it is skipped.
 chromium:
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
@@ -120,4 +134,4 @@ $(VENV)/installed-dev: $(VENV)/bin/python pyproject.toml constraints.txt
 	@touch $@ $(VENV)/installed
 
 clean:
-	rm -rf $(VENV) demo-output build *.egg-info
+	rm -rf $(VENV) demo-output build dist *.egg-info

@@ -27,6 +27,13 @@ import orchestration as ppy
 Everything that the command does, as functions. Made from the docstrings and the declared options by
 `docs/make_python_reference.py`; the examples are run by the tests. An option that a command takes
 has its name there.
+
+A result prints as a text, and is one line where it is a part of something. In a notebook the last
+line of a cell shows its tables and its picture; `plot()` returns the picture as a figure of
+matplotlib, which shows itself there without pyplot, and `to_frame()` the figures as a table of
+pandas. A time is a number of seconds or a text such as `"10s"`; where several names are taken, one
+may stand by itself, as in `fit="R1"`. What cannot be used raises `ppy.UserError`, whose message
+names arguments as Python has them.
 """
 _FEW = 3  # commands that take an option are named
 _FIELDS = ("Parameters", "Attributes", "Returns", "Yields", "Raises")
@@ -36,7 +43,8 @@ def public() -> dict[str, Any]:
     """Collect what the front door offers, by name."""
     import orchestration
 
-    return {name: getattr(orchestration, name) for name in orchestration.__all__}
+    names = [name for name in orchestration.__all__ if not name.startswith("_")]
+    return {name: getattr(orchestration, name) for name in names}
 
 
 def results(things: Mapping[str, Any]) -> dict[str, type]:
@@ -135,7 +143,8 @@ def commands() -> dict[str, Mapping[str, Any]]:
 def entry(name: str, thing: Any, level: int = 2) -> Iterator[str]:
     """Lines on a function, a class with its own public methods and properties, or any of these."""
     yield f"{'#' * level} {name}\n"
-    if callable(thing):
+    is_error = inspect.isclass(thing) and issubclass(thing, Exception)
+    if callable(thing) and not is_error:
         yield f"```python\n{name}{signature(thing)}\n```\n"
     parts = sections(inspect.getdoc(thing) or "")
     yield f"{markdown(parts.pop(''))}\n"

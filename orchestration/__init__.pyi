@@ -1,3 +1,5 @@
+from .api import UserError as UserError
+from .api import __version__ as __version__
 from .api import black_box as black_box
 from .api import build as build
 from .api import check as check

@@ -26,6 +26,7 @@ class LeadResistance(EstimatorEffect):
     """
 
     id = "lead_resistance"
+    title = "Resistance of the leads in the measured voltage"
     neutral = "resistance_of_leads"
     assumption = 5
     term = Term("measured_voltage", "current", "v + R_l i", "measured_voltage over current")
@@ -53,6 +54,7 @@ class VoltageGain(EstimatorEffect):
     """
 
     id = "voltage_gain"
+    title = "A scale error of the sampled voltage"
     neutral = "voltage_gain_error"
     assumption = 5
     term = Term("measured_voltage", "voltage", "g v", "measured_voltage over voltage")
@@ -82,6 +84,7 @@ class SamplingSkew(EstimatorEffect):
     """
 
     id = "sampling_skew"
+    title = "Voltage sampled before the current"
     neutral = "voltage_skew"
     assumption = 2
     term = Term(

@@ -53,6 +53,9 @@ def _next_element(row: int, column: int) -> Callable[[Any], Any]:
 class Regression(Excitation):
     """Estimate of ``b0``, ``b1`` and ``a`` while there is excitation."""
 
+    # a matrix whose elements have as many units, as bare numbers
+    unchecked = ("gain", "estimate", "next_covariance")
+
     forgetting_time = Parameter(
         600.0,
         "s",

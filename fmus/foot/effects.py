@@ -57,6 +57,7 @@ class PlantarTendonAcrossArch(FootEffect):
     """
 
     id = "plantar_tendon_across_arch"
+    title = "A plantar tendon that crosses the arch"
     neutral = "pl_arch_radius"
     assumption = 3
     term = Term("joint_torques", "pl_tension", "a T_pl", "joint_torques over pl_tension")
@@ -117,6 +118,7 @@ class TendonStretch(FootEffect):
     """
 
     id = "tendon_stretch"
+    title = "Tendons that stretch"
     neutral = "tendon_compliance"
     assumption = 7
     term = Term(
@@ -188,6 +190,7 @@ class TendonFriction(FootEffect):
     """
 
     id = "tendon_friction"
+    title = "Tendons that rub in their guides"
     neutral = "tendon_wrap_friction"
     assumption = 7
     term = Term("tensions", "", "T exp(w tanh(v / v_w))", "tensions over length rates")
@@ -242,6 +245,7 @@ def _dry_friction(joint: str) -> type[Effect]:
 
     Relaxes assumption 8, that friction in the joints is viscous; ``M_c = 0`` is the base model.
     """,
+        f"Dry friction of the {joint} joint",
     )
 
 

@@ -23,6 +23,7 @@ class CurrentSaturation(GalvanostatEffect):
     """
 
     id = "current_saturation"
+    title = "A drive that clips too early"
     neutral = "current_limit_loss"
     term = Term(
         "maximum_current", "current_command", "(1 - l) I", "maximum_current over current_command"
@@ -52,6 +53,7 @@ class CurrentOffset(GalvanostatEffect):
     """
 
     id = "current_offset"
+    title = "An offset of the current"
     neutral = "drive_offset"
     assumption = 2
     term = Term("tolerated_current", "", "b", "tolerated_current offset")
@@ -79,6 +81,7 @@ class CurrentGain(GalvanostatEffect):
     """
 
     id = "current_gain"
+    title = "A scale error of the current"
     neutral = "drive_gain_error"
     assumption = 2
     term = Term(

@@ -24,6 +24,7 @@ from .component import (
     unstack,
 )
 from .declare import (
+    Constant,
     Declaration,
     Discrete,
     DiscreteDeclaration,
@@ -41,7 +42,7 @@ from .declare import (
     name_declaration,
     summary,
 )
-from .errors import UserError, suggestion
+from .errors import DeclarationError, UserError, suggestion
 from .functions import (
     absolute,
     arccos,
@@ -67,6 +68,15 @@ from .functions import (
     where,
 )
 from .layout import Layout, law_of
+from .titles import (
+    capitalised,
+    effect_title,
+    in_words,
+    law_title,
+    titled,
+    variable_title,
+    within_sentence,
+)
 
 if TYPE_CHECKING:
     from .arms import lag_effect, storing_wall
@@ -83,7 +93,9 @@ __all__ = [
     "MEMORIES",
     "SHAPES",
     "Component",
+    "Constant",
     "Declaration",
+    "DeclarationError",
     "Discrete",
     "DiscreteDeclaration",
     "Effect",
@@ -109,6 +121,7 @@ __all__ = [
     "absolute",
     "arccos",
     "arctan2",
+    "capitalised",
     "clip",
     "correction",
     "cos",
@@ -117,12 +130,15 @@ __all__ = [
     "describe_error",
     "effect_family",
     "effect_name",
+    "effect_title",
     "effects_by_name",
     "exp",
     "floor",
     "hypot",
+    "in_words",
     "lag_effect",
     "law_of",
+    "law_title",
     "log",
     "logical_and",
     "logical_not",
@@ -147,9 +163,12 @@ __all__ = [
     "summary",
     "table",
     "tanh",
+    "titled",
     "transport_delay",
     "unstack",
+    "variable_title",
     "where",
+    "within_sentence",
 ]
 
 _HOMES = {

@@ -17,6 +17,7 @@ from .declare import Declaration, Discrete, Parameter, State
 from .errors import UserError, suggestion
 from .functions import absolute, clip, where
 from .sampling import Sampling
+from .titles import generic_title, in_words, law_title
 
 # a sample period, in s, that leaves one sample in any simulation: the one at the start
 _ONCE = 1e9
@@ -194,6 +195,7 @@ def lag_effect(
         members,
         id=called.id or kind,
         term=Term(law, signal, ARMS[kind].text, loop, called.qualifier),
+        title=generic_title(called.id or kind, law_title(component, law)),
         assumption=f"{law} remembers nothing of {signal}",
     )
 
@@ -295,6 +297,7 @@ def storing_wall(
         lambda self: getattr(self, conductance) * beyond(self),
         members,
         term=Term(law, "", "G (w x + (1 - w) y - s)", f"store within {law}", law),
+        title=f"A store between {in_words(one.name)} and {in_words(other.name)}",
         assumption=f"nothing is stored between {one.name} and {other.name}",
     )
 

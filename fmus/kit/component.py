@@ -42,7 +42,7 @@ class Engine:
     libraries: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-_SAID = frozenset({"id", "output", "term", "neutral", "assumption"})  # of an effect
+_SAID = frozenset({"id", "title", "output", "term", "neutral", "assumption"})  # of an effect
 _LONGEST_NAME = 120  # file systems allow 255 bytes, with a prefix and a suffix of the cache
 
 
@@ -85,6 +85,8 @@ class Component:
         Computes it in place of laws; None where it has laws.
     limits : Mapping of str to str
         Laws that limit another one, each with the law that it is where the limit is not reached.
+    unchecked : tuple of str
+        Laws that compute with bare numbers, so that their units are not checked.
     declared : dict of str to Declaration
         Variables that this class itself declares, by name.
     layout : Layout
@@ -103,6 +105,7 @@ class Component:
     presets: ClassVar[Mapping[str, Preset]] = {}
     engine: ClassVar[Engine | None] = None
     limits: ClassVar[Mapping[str, str]] = {}
+    unchecked: ClassVar[tuple[str, ...]] = ()
     declared: ClassVar[dict[str, Declaration]] = {}
     layout: ClassVar[Layout]
     time: Any
@@ -197,24 +200,24 @@ class EffectType(type):
     _about: dict[str, Any]
 
     def __new__(
-        mcs, title: str, bases: tuple[type, ...], body: dict[str, Any], **about: Any
+        mcs, name: str, bases: tuple[type, ...], body: dict[str, Any], /, **about: Any
     ) -> EffectType:
         """Make a class; in its body, what is said of it are numbers, texts and a term."""
-        alike = {name: body[name] for name in _SAID & body.keys()}
-        own = {name: value for name, value in alike.items() if isinstance(value, str | int | Term)}
+        alike = {key: body[key] for key in _SAID & body.keys()}
+        own = {key: value for key, value in alike.items() if isinstance(value, str | int | Term)}
         apart = {
-            name: name_declaration(value, name)
-            for name, value in alike.items()
+            key: name_declaration(value, key)
+            for key, value in alike.items()
             if isinstance(value, Declaration)
         }
-        laws = {name: value for name, value in body.items() if name not in own | apart}
-        laws |= {n: v.law for n, v in apart.items() if isinstance(v, OutputDeclaration)}
-        return super().__new__(mcs, title, bases, laws | {"_about": own | about, APART: apart})
+        laws = {key: value for key, value in body.items() if key not in own | apart}
+        laws |= {key: v.law for key, v in apart.items() if isinstance(v, OutputDeclaration)}
+        return super().__new__(mcs, name, bases, laws | {"_about": own | about, APART: apart})
 
     def __init__(
-        cls, title: str, bases: tuple[type, ...], body: dict[str, Any], **about: Any
+        cls, name: str, bases: tuple[type, ...], body: dict[str, Any], /, **about: Any
     ) -> None:
-        super().__init__(title, bases, body)
+        super().__init__(name, bases, body)
 
 
 def _said_of_effect(name: str) -> property:
@@ -244,6 +247,8 @@ class Effect(Component, metaclass=EffectType):
     ----------
     id : str
         Name in the effect catalogue.
+    title : str
+        Name for people, a noun phrase such as ``"A second RC pair"``; its id in words where empty.
     output : str
         The output whose measurement it concerns; empty for effects of the physics.
     term : Term
@@ -255,26 +260,27 @@ class Effect(Component, metaclass=EffectType):
     """
 
     id: ClassVar[str] = ""
+    title: ClassVar[str] = ""
     output: ClassVar[str] = ""
     term: ClassVar[Term] = Term()
     neutral: ClassVar[str] = ""
     assumption: ClassVar[int | str] = ""
 
 
-def make_effect(title: str, body: Mapping[str, Any], **about: Any) -> type[Effect]:
+def make_effect(name: str, body: Mapping[str, Any], /, **about: Any) -> type[Effect]:
     """Make the class of an effect.
 
     Parameters
     ----------
-    title : str
-        Name of the class.
+    name : str
+        Of the class.
     body : Mapping of str to object
         Laws and declared variables, ``__doc__`` and ``__module__``.
     **about
         What is said of it: the attributes of `Effect`; ``made_by`` and ``made_with``, a function
         and its arguments after the component by which it can be made anew.
     """
-    effect = cast("type[Effect]", EffectType(title, (Effect,), dict(body), **about))
+    effect = cast("type[Effect]", EffectType(name, (Effect,), dict(body), **about))
     return effect
 
 

@@ -17,10 +17,11 @@ from typing import Any
 
 from .component import Component, Effect, Term, make_effect
 from .curves import ANY, SHAPES, coefficient, in_brackets, per, width_parameter
-from .declare import Parameter, State
+from .declare import Constant, Parameter, State
 from .errors import UserError, suggestion
 from .functions import absolute, smooth_table
 from .layout import law_of
+from .titles import capitalised, in_words, law_title
 
 KINDS = ("add", "multiply")
 MEMORIES = ("", "lagged", "leading", "heat", "integrated", "throughput")
@@ -259,6 +260,7 @@ def correction(
         f"{own}_correction".title().replace("_", ""),
         body | function.declared | remembers,
         id=law,
+        title=f"{capitalised(law_title(component, law))} that depends on {in_words(source.words)}",
         term=Term(law, source.words, function.text, family, suffix),
         neutral=own,
         assumption=(
@@ -309,6 +311,7 @@ def _shaped(values: _Values, signal: SignalTerm, shape: str, beside: bool) -> _F
     width = f"{own}_width"
     constant = f"{own}_beside"
     text = with_constant(chosen.text) if beside else chosen.text
+    scale = Constant(signal.scale, signal.unit_of_memory)
     typical = signal.scale**chosen.power
     declared = {
         own: coefficient(
@@ -333,7 +336,7 @@ def _shaped(values: _Values, signal: SignalTerm, shape: str, beside: bool) -> _F
     def value(self: Any, x: Any) -> Any:
         argument = x - signal.zero if signal.zero else x
         w = getattr(self, width) if chosen.width else 1.0
-        form = chosen.form(argument, w, signal.scale)
+        form = chosen.form(argument, w, scale)
         return getattr(self, own) * (form + getattr(self, constant) if beside else form)
 
     return _Function(text, value, declared)

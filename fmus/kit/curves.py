@@ -16,10 +16,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from .component import Component, Effect, Term, make_effect
-from .declare import Declaration, Parameter
+from .declare import Constant, Declaration, Parameter
 from .errors import UserError, suggestion
 from .functions import absolute, clip, exp, maximum, minimum, sqrt, tanh
 from .layout import law_of
+from .titles import generic_title, law_title
 
 ANY = 1e12  # bound of parameters that may have any value, in nominal values
 # exponent beyond which an exponential is cut off: ten million million times its unit
@@ -172,12 +173,13 @@ def curve(
     size = scale or argument.nominal
     called = names or EffectNames()
     standard = (f"{law}_{shape}", f"{law}_{shape}_width")
+    typical = Constant(argument.nominal, argument.unit)
     amount, width = (*called.variables, *standard[len(called.variables) :])
 
     def added_value(self: Any) -> Any:
         x = getattr(self, signal)
         w = getattr(self, width) if chosen.width else 1.0
-        return getattr(self, amount) * chosen.form(x, w, argument.nominal)
+        return getattr(self, amount) * chosen.form(x, w, typical)
 
     members: dict[str, Any] = {
         "__doc__": f"More in {law}: {chosen.text} with x = {signal}; a = 0 is the base model.",
@@ -209,6 +211,7 @@ def curve(
         members,
         id=called.id or shape,
         term=Term(law, signal, chosen.text, f"{law} over {signal}", called.qualifier),
+        title=generic_title(called.id or shape, law_title(component, law)),
         assumption=f"{law} has no part {chosen.text} with x = {signal}",
     )
 

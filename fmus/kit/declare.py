@@ -39,6 +39,28 @@ def summary(documented: Any) -> str:
     return " ".join(lines).rstrip(".")
 
 
+class Constant(float):
+    """A number with a unit that is written into laws, such as the acceleration of gravity.
+
+    A parameter is better where somebody may want another value. What is computed of two constants
+    has no unit.
+
+    Parameters
+    ----------
+    value : float
+    unit : str
+        As pint reads it.
+    """
+
+    unit: str
+
+    def __new__(cls, value: float, unit: str) -> Constant:
+        """Make the number."""
+        made = super().__new__(cls, value)
+        made.unit = unit
+        return made
+
+
 @dataclass(kw_only=True, eq=False)
 class Declaration:
     """The attributes that every variable has: a name, a unit, a range and a description.
@@ -49,6 +71,8 @@ class Declaration:
         SI unit as pint reads it (``"N*s/m"``, ``"ohm"``, ``"1"``).
     doc : str
         One sentence for the FMI ``description``.
+    title : str
+        Name for people, such as ``"series resistance"``; the identifier in words where empty.
     min, max : float
         Inclusive range of meaningful values.
     nominal : float
@@ -65,6 +89,7 @@ class Declaration:
 
     unit: str
     doc: str = ""
+    title: str = ""
     min: float = -inf
     max: float = inf
     nominal: float = 1.0

@@ -13,6 +13,24 @@ class UserError(ValueError):
     """
 
 
+class DeclarationError(UserError):
+    """A mistake in a declaration of a class body.
+
+    Parameters
+    ----------
+    text : str
+        With the names of class and variable.
+    owner : str
+        Name of the class.
+    variable : str
+    """
+
+    def __init__(self, text: str, owner: str, variable: str):
+        super().__init__(text)
+        self.owner = owner
+        self.variable = variable
+
+
 def suggestion(name: str, known: Collection[str], few: int = 20) -> str:
     """Return a hint for a name that is not known.
 

@@ -160,6 +160,8 @@ def table(x: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
         If there are no points, or not as many values as abscissae.
     """
     _check_table(xs, ys)
+    if hasattr(x, "looked_up"):  # a number of which only the unit is known
+        return x.looked_up(xs, ys)
     result = ys[0]
     for start, end, low, high in zip(xs, xs[1:], ys, ys[1:], strict=False):
         result = where(x > start, low + (high - low) / (end - start) * (x - start), result)
@@ -193,6 +195,8 @@ def smooth_table(x: Any, xs: Sequence[float], ys: Sequence[Any]) -> Any:
         If there are no points, or not as many values as abscissae.
     """
     _check_table(xs, ys)
+    if hasattr(x, "looked_up"):
+        return x.looked_up(xs, ys)
     if len(xs) == 1:
         return ys[0]
     ends = slopes(xs, ys)

@@ -57,6 +57,7 @@ def coulomb_friction(
         "friction is viscous",
         "Dry friction, ``F_c tanh(v / v_c)`` more; a sign of the velocity that is smooth within "
         "``v_c``.",
+        "Dry friction",
     )
 
 
@@ -96,6 +97,7 @@ def asymmetric_friction(
         effect,
         "friction is the same in both directions",
         "Viscous friction that differs in the two directions: ``d |v|`` more.",
+        "Friction that differs in the two directions",
     )
 
 
@@ -133,6 +135,7 @@ def force_offset(
             offset: coefficient(unit, nominal, f"constant part of {law}"),
         },
         term=Term(law, "", "a"),
+        title="A constant force",
         assumption="nothing pushes at rest",
     )
 
@@ -170,6 +173,7 @@ def cubic_stiffness(
         "the spring is linear",
         "Spring that hardens, or softens, with the stroke: ``k_3 x^3`` more, after Duffing; "
         "``k_3 = 0`` is the base model.",
+        "A spring that hardens or softens with the stroke",
     )
 
 
@@ -226,10 +230,13 @@ def extra_kelvin(
         "creep has no further time constant",
         "One more Kelvin element in a chain that creeps: ``J f`` more, where ``T df/dt = F - f`` is"
         " its spring's force.",
+        f"A {ordinal} creep time constant",
     )
 
 
-def describe_effect(effect: type[Effect], assumption: int | str, text: str) -> type[Effect]:
+def describe_effect(
+    effect: type[Effect], assumption: int | str, text: str, title: str = ""
+) -> type[Effect]:
     """Give an effect the description and the assumption that it has in a component's catalogue.
 
     Parameters
@@ -240,6 +247,8 @@ def describe_effect(effect: type[Effect], assumption: int | str, text: str) -> t
         The assumption it relaxes: its number in the component's README, or words.
     text : str
         Docstring of the effect; its first line describes it in reports and in FMUs.
+    title : str
+        Its name for people, a noun phrase; the one it has unless given.
 
     Returns
     -------
@@ -248,4 +257,5 @@ def describe_effect(effect: type[Effect], assumption: int | str, text: str) -> t
     """
     effect.__doc__ = text
     effect.assumption = assumption
+    effect.title = title or effect.title
     return effect

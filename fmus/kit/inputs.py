@@ -22,6 +22,7 @@ from .declare import Declaration, InputDeclaration, Parameter, State
 from .errors import UserError, suggestion
 from .functions import clip, sqrt
 from .sampling import Sampling
+from .titles import generic_title, in_words
 
 _ANY = 1e6  # bound of parameters, in typical magnitudes of the input
 
@@ -116,6 +117,7 @@ def _changed(
             **{law: rate_law(rate) for law, rate in change.rates.items()},
         },
         id=make.__name__,
+        title=generic_title(make.__name__, in_words(name)),
         term=Term("", name, change.text, change.family.format(name), name),
         assumption=f"{name} arrives as it is commanded",
         neutral=switch,

@@ -21,7 +21,7 @@ from .declare import (
     TextDeclaration,
     make_start_parameter,
 )
-from .errors import UserError
+from .errors import DeclarationError, UserError, suggestion
 
 _TYPES = ("real", "integer", "boolean")
 APART = "_apart"  # declarations of a class body that have left it already
@@ -292,7 +292,9 @@ def _check_name(owner: Any, v: Declaration, taken: set[str]) -> None:
     # what has a setter computes the variable, as an input that arrives late
     is_taken = held is not None and not hasattr(held, "__set__")
     if v.name in component.__annotations__ or is_taken:
-        raise _mistake(owner, v, "has the name of something else in the class")
+        raise _mistake(
+            owner, v, "has the name of something else in the class; give one of both another name"
+        )
 
 
 def _check_type_and_start(owner: Any, v: Declaration) -> None:
@@ -344,14 +346,16 @@ def _check_references(owner: Any, layout: Layout) -> None:
 def _check_method(owner: Any, variable: Declaration, kind: str, name: str) -> None:
     """Check that a declaration names a method of the class."""
     if law_of(owner, name) is None:
-        raise _mistake(owner, variable, f"has the {kind} {name!r}, which is no method of the class")
+        component = owner.__mro__[-2]
+        laws = [n for n in dir(owner) if law_of(owner, n) and not hasattr(component, n)]
+        reason = f"has the {kind} {name!r}, which is no method of the class{suggestion(name, laws)}"
+        raise _mistake(owner, variable, reason)
 
 
 def _mistake(owner: Any, variable: Declaration, reason: str) -> UserError:
     """Return the error for a mistake in a declaration."""
-    return UserError(
-        f"{owner.__module__}.{owner.__qualname__}: variable {variable.name!r} {reason}"
-    )
+    text = f"{owner.__module__}.{owner.__qualname__}: variable {variable.name!r} {reason}"
+    return DeclarationError(text, owner.__qualname__, variable.name)
 
 
 def _span(variable: Declaration) -> str:

@@ -23,6 +23,7 @@ from .declare import Declaration, Discrete, Parameter, State
 from .errors import UserError, suggestion
 from .functions import clip, exp, maximum, minimum, where
 from .sampling import DELAY_SAMPLES, Sampling
+from .titles import in_words
 
 Law = Callable[[Any], Any]
 Factory = Callable[..., type[Effect]]
@@ -79,17 +80,19 @@ class _Quantity:
         return {"unit": self.unit + per, "nominal": self.nominal * scale, "display": display}
 
 
-def _measurement(assumption: str) -> Callable[[Callable[[_Quantity], dict[str, Any]]], Factory]:
+def _measurement(
+    assumption: str, title: str
+) -> Callable[[Callable[[_Quantity], dict[str, Any]]], Factory]:
     """Make a factory of effects from a function that returns the class body for one output.
 
     The docstring of that function is the docstring of the effects, unless the body has one; the
-    first variable of the body switches them.
+    first variable of the body switches them. Their title has a place for the output.
     """
-    return lambda body: _factory(assumption, body)
+    return lambda body: _factory(assumption, title, body)
 
 
-def _factory(assumption: str, body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
-    """Make a factory of effects that relax an assumption."""
+def _factory(assumption: str, title: str, body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
+    """Make a factory of effects that relax an assumption, and are called by a title."""
 
     def make(
         component: type[Component], output: str, sampling: Sampling | None = None
@@ -119,6 +122,7 @@ def _factory(assumption: str, body: Callable[[_Quantity], dict[str, Any]]) -> Fa
             f"{body.__name__}_of_{output}".title().replace("_", ""),
             members,
             id=body.__name__,
+            title=title.format(in_words(output)),
             output=output,
             neutral=next(n for n, value in members.items() if isinstance(value, Declaration)),
             assumption=assumption,
@@ -134,7 +138,7 @@ def _factory(assumption: str, body: Callable[[_Quantity], dict[str, Any]]) -> Fa
     return make
 
 
-@_measurement("the sensor follows at once")
+@_measurement("the sensor follows at once", "A lag of the {} sensor")
 def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
     """First-order lag of a sensor, in equilibrium at the start.
 
@@ -196,7 +200,7 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
     }
 
 
-@_measurement("the measurement arrives at once")
+@_measurement("the measurement arrives at once", "A delay of the measured {}")
 def transport_delay(quantity: _Quantity) -> dict[str, Any]:
     """Pure delay, of up to 64 periods of 20 ms.
 
@@ -291,7 +295,7 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
     return members
 
 
-@_measurement("the sensor is calibrated")
+@_measurement("the sensor is calibrated", "A scale error of the {} sensor")
 def sensor_gain(quantity: _Quantity) -> dict[str, Any]:
     """Scale error of a sensor: it reads ``g u``; ``g = 1`` is without."""
     gain = f"{quantity.name}_gain"
@@ -307,7 +311,7 @@ def sensor_gain(quantity: _Quantity) -> dict[str, Any]:
     }
 
 
-@_measurement("the sensor has its zero at zero")
+@_measurement("the sensor has its zero at zero", "An offset of the {} sensor")
 def sensor_offset(quantity: _Quantity) -> dict[str, Any]:
     """Bias of a sensor: it reads ``u + b``; ``b = 0`` is without."""
     offset = f"{quantity.name}_offset"
@@ -323,7 +327,7 @@ def sensor_offset(quantity: _Quantity) -> dict[str, Any]:
     }
 
 
-@_measurement("the zero of the sensor stays")
+@_measurement("the zero of the sensor stays", "A drift of the {} sensor")
 def sensor_drift(quantity: _Quantity) -> dict[str, Any]:
     """Bias of a sensor that grows steadily: it reads ``u + d t`` at the time ``t``."""
     drift = f"{quantity.name}_drift"

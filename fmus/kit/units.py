@@ -55,6 +55,13 @@ _COHERENT: dict[str, dict[str, int]] = {
     "Wb": {"A": -1, "kg": 1, "m": 2, "s": -2},
 }
 _PREFIXES = {"n": -9, "u": -6, "m": -3, "c": -2, "k": 3, "M": 6}  # powers of ten
+_LETTERS = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_POWER = re.compile(r"(?:\^|\*\*)\(?(-?\d+)\)?")
+_INVERSE = re.compile(r"1/([A-Za-z]+)(?:\^(\d+))?")
+_MICRO = re.compile(r"(?<![A-Za-z])u(?=[A-Za-zΩ])")
+_WRITTEN_OUT = 1e6  # below which a number has no power of ten
+_SIGNS = {"ohm": "Ω", "degC": "°C", "deg": "°", "percent": "%"}
 _TENS = 300  # power of ten that a number may have
 _PREFIXED = ("m", "s", "A", "N", "J", "W", "Pa", "V", "ohm", "C", "F", "Hz", "H")
 _LONGEST = 100  # characters of a unit
@@ -425,6 +432,102 @@ def unit_of_differences(variable: Described) -> str:
     """
     unit = variable.display or variable.unit
     return unit if convert(0.0, variable.unit, unit) == 0.0 else variable.unit
+
+
+def format_prefixed(value: float, variable: Described, digits: int = 3) -> str:
+    """Write a value with an SI prefix, as people say it: ``13.0 mΩ``, ``18.0 s``, ``1.70 MN·s/m``.
+
+    Parameters
+    ----------
+    value : float
+        SI.
+    variable : Described
+        Its display unit is taken where that is no power of ten of the SI unit, such as degC.
+    digits : int
+        Significant ones, zeros at the end included.
+
+    Returns
+    -------
+    str
+    """
+    if variable.type == "boolean":
+        return format_value(value, variable)
+    display = variable.display or variable.unit
+    if display != variable.unit and not _is_prefixed(display):
+        shown = convert(float(value), variable.unit, display)
+        return f"{_rounded(shown, digits)} {printed(display)}"
+    return write_prefixed(float(value), variable.unit, digits)
+
+
+def write_prefixed(value: float, unit: str, digits: int = 3) -> str:
+    """Write a value in an SI unit with a prefix: ``9.80 mN·m``.
+
+    Parameters
+    ----------
+    value : float
+    unit : str
+    digits : int
+        Significant ones, zeros at the end included.
+
+    Returns
+    -------
+    str
+    """
+    number, shown = with_prefix(_round(value, digits), unit)
+    return f"{_rounded(number, digits)} {shown}".removesuffix(" 1")
+
+
+def _is_prefixed(unit: str) -> bool:
+    """Return whether a unit is one of SI times a power of ten."""
+    shown = base_unit(unit)
+    return not shown.offset and math.log10(shown.factor).is_integer()
+
+
+def with_prefix(value: float, unit: str) -> tuple[float, str]:
+    """Return a value for a unit with an SI prefix, and that unit as it is printed.
+
+    Parameters
+    ----------
+    value : float
+    unit : str
+        Of SI, without prefix.
+
+    Returns
+    -------
+    value : float
+    unit : str
+    """
+    powers = powers_of_names(unit) if _without_pint(unit) is not None else {}
+    first, power = next(iter(powers.items()), ("", 0))
+    if first not in _PREFIXED or power != 1 or not value or not math.isfinite(value):
+        return value, printed(unit)
+    largest = 0 if first == "s" else 9  # nobody says kiloseconds
+    tens = min(max(3 * math.floor(math.log10(abs(value)) / 3.0), -9), largest)
+    return value / 10.0**tens, _LETTERS[tens] + printed(unit)
+
+
+def _round(value: float, digits: int) -> float:
+    return float(f"{value:.{digits - 1}e}")
+
+
+def _rounded(number: float, digits: int) -> str:
+    """Write a number with so many digits, zeros at the end included."""
+    if not math.isfinite(number) or not number:
+        return f"{number:g}"
+    if 10.0 ** (digits - 1) <= abs(number) < _WRITTEN_OUT:
+        return f"{_round(number, digits):.0f}".replace("-", "−")
+    return f"{number:#.{digits}g}".removesuffix(".").replace("-", "−")
+
+
+def printed(unit: str) -> str:
+    """Write a unit as it is printed: ``N·s/m``, ``mΩ``, ``C⁻²``."""
+    inverse = _INVERSE.fullmatch(unit)
+    if inverse:
+        unit = f"{inverse[1]}^-{inverse[2] or 1}"
+    text = _POWER.sub(lambda power: power[1].translate(_SUPERSCRIPTS), unit)
+    for name, sign in _SIGNS.items():
+        text = re.sub(rf"(?<![A-Za-z])([numkMG]?){name}(?![A-Za-z])", rf"\g<1>{sign}", text)
+    return _MICRO.sub("µ", text).replace("*", "·")
 
 
 def _with_unit(value: float, unit: str, display: str, digits: int) -> str:

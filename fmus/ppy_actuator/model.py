@@ -29,13 +29,26 @@ class Actuator(Component):
         min=0,
         max=1e6,
         source=_TABLE,
+        title="series resistance",
         doc="series resistance: ion diffusion, contacts and electrolyte",
     )
     R2 = Parameter(
-        2.35, "ohm", min=1e-6, max=1e12, source=_TABLE, doc="leakage resistance across R1 and C"
+        2.35,
+        "ohm",
+        min=1e-6,
+        max=1e12,
+        source=_TABLE,
+        title="leakage resistance",
+        doc="leakage resistance across R1 and C",
     )
     C = Parameter(
-        2.70, "F", min=1e-9, max=1e9, source=_TABLE, doc="bulk capacitance of the polymer films"
+        2.70,
+        "F",
+        min=1e-9,
+        max=1e9,
+        source=_TABLE,
+        title="capacitance",
+        doc="bulk capacitance of the polymer films",
     )
     alpha = Parameter(
         6.8e-5,
@@ -44,19 +57,44 @@ class Actuator(Component):
         max=1.0,
         display="mm/C",
         source="thesis fig. 3-10",
+        title="displacement per charge",
         doc="displacement per charge",
     )
     k1 = Parameter(
-        6300.0, "N/m", min=1e-6, max=1e15, source=_FIGURE, doc="instantaneous (Maxwell) stiffness"
+        6300.0,
+        "N/m",
+        min=1e-6,
+        max=1e15,
+        source=_FIGURE,
+        title="instantaneous stiffness",
+        doc="instantaneous (Maxwell) stiffness",
     )
     b1 = Parameter(
-        1.7e6, "N*s/m", min=1e-6, max=1e18, source=_FIGURE, doc="viscous flow (Maxwell) damping"
+        1.7e6,
+        "N*s/m",
+        min=1e-6,
+        max=1e18,
+        source=_FIGURE,
+        title="viscous damping",
+        doc="viscous flow (Maxwell) damping",
     )
     k2 = Parameter(
-        1.0e4, "N/m", min=1e-6, max=1e15, source=_FIGURE, doc="delayed (Kelvin) stiffness"
+        1.0e4,
+        "N/m",
+        min=1e-6,
+        max=1e15,
+        source=_FIGURE,
+        title="delayed stiffness",
+        doc="delayed (Kelvin) stiffness",
     )
     b2 = Parameter(
-        2.0e6, "N*s/m", min=1e-6, max=1e18, source=_FIGURE, doc="delayed (Kelvin) damping"
+        2.0e6,
+        "N*s/m",
+        min=1e-6,
+        max=1e18,
+        source=_FIGURE,
+        title="delayed damping",
+        doc="delayed (Kelvin) damping",
     )
 
     current = Input("A", doc="current into the actuator")

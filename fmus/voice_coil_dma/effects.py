@@ -48,6 +48,7 @@ class CoulombFriction(BenchEffect):
     """
 
     id = "coulomb_friction"
+    title = "Dry friction of the slide"
     neutral = "coulomb_force"
     term = Term("slide_friction", "velocity", "F_c tanh(v / v_c)", "slide_friction over velocity")
     assumption = 1
@@ -82,6 +83,7 @@ class AsymmetricFriction(BenchEffect):
     """
 
     id = "asymmetric_friction"
+    title = "Friction that differs in the two directions"
     neutral = "asymmetric_force"
     term = Term("slide_friction", "velocity", "F_a s (1 + s) / 2", "slide_friction over velocity")
     assumption = 1
@@ -119,6 +121,7 @@ class PositionDependentForceConstant(BenchEffect):
     """
 
     id = "position_dependent_force_constant"
+    title = "Force constant that falls off the centre"
     neutral = "force_constant_falloff"
     term = Term(
         "force_constant", "position", "K / (1 + c (x - x_c)^2)", "force_constant over position"
@@ -162,6 +165,7 @@ class AmplifierSaturation(BenchEffect):
     """
 
     id = "amplifier_saturation"
+    title = "An amplifier that levels off below its rails"
     neutral = "amplifier_saturation_coefficient"
     term = Term(
         "drive_voltage",
@@ -209,6 +213,7 @@ _STRIBECK = describe_effect(
 
     Relaxes assumption 1, that friction is viscous; ``F_s = 0`` is the base model.
     """,
+    "Friction that is larger at low speed",
 )
 _STOPS = describe_effect(
     curve(
@@ -229,6 +234,7 @@ _STOPS = describe_effect(
 
     Relaxes assumption 4, that the stroke is not limited; ``k = 0`` is the base model.
     """,
+    "Stops at the ends of the stroke",
 )
 _HEATING = describe_effect(
     lag_effect(
@@ -253,6 +259,7 @@ _HEATING = describe_effect(
     resistance is constant;
     ``a = 0`` is the base model.
     """,
+    "A coil whose resistance rises as it warms",
 )
 
 EFFECTS: dict[str, type[Effect]] = effects_by_name(

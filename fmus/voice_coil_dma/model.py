@@ -36,16 +36,55 @@ class VoiceCoilDma(Component):
 
     name = "voice_coil_dma"
     experiment = (2.0, 1e-3)
+    unchecked = ("next_command",)  # a force, or a voltage if the controller is off
 
-    R = Parameter(3.0, "ohm", min=1e-3, max=1e3, source=_A1, doc="resistance of the coil")
+    R = Parameter(
+        3.0,
+        "ohm",
+        min=1e-3,
+        max=1e3,
+        source=_A1,
+        title="coil resistance",
+        doc="resistance of the coil",
+    )
     L = Parameter(
-        1e-3, "H", min=1e-5, max=10.0, nominal=1e-3, source=_A1, doc="inductance of the coil"
+        1e-3,
+        "H",
+        min=1e-5,
+        max=10.0,
+        nominal=1e-3,
+        source=_A1,
+        title="coil inductance",
+        doc="inductance of the coil",
     )
     K = Parameter(
-        3.9, "N/A", min=0, max=1e3, source=_A1, doc="force constant, and back-EMF constant in V*s/m"
+        3.9,
+        "N/A",
+        min=0,
+        max=1e3,
+        source=_A1,
+        title="force constant",
+        doc="force constant, and back-EMF constant in V*s/m",
     )
-    m = Parameter(0.03, "kg", min=1e-4, max=1e2, nominal=0.01, source=_A1, doc="moving mass")
-    b_vc = Parameter(6.0, "N*s/m", min=0, max=1e4, source=_A1, doc="viscous damping of the slide")
+    m = Parameter(
+        0.03,
+        "kg",
+        min=1e-4,
+        max=1e2,
+        nominal=0.01,
+        source=_A1,
+        title="moving mass",
+        doc="moving mass",
+    )
+    b_vc = Parameter(
+        6.0,
+        "N*s/m",
+        min=0,
+        max=1e4,
+        source=_A1,
+        title="viscous damping of the slide",
+        doc="viscous damping of the slide",
+    )
 
     force_cutoff = Parameter(
         100.0,

@@ -8,6 +8,8 @@ from .identification import fit as fit
 from .linear_models import black_box as black_box
 from .models import build as build
 from .models import check as check
+from .package import UserError as UserError
+from .package import __version__ as __version__
 from .records import held_out as held_out
 from .records import read_record as read_record
 from .results import DiagnosisResult as DiagnosisResult

@@ -20,6 +20,7 @@ from types import UnionType
 from typing import Any, ForwardRef, NamedTuple, TypeVar, Union, cast, get_args, get_origin
 
 from fmus.kit import suggestion
+from orchestration.reporting import flag
 
 Declared = TypeVar("Declared")
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -43,12 +44,16 @@ class Form(NamedTuple):
         Of what is typed, such as ``str`` or ``list[str]``; the type of the option unless given.
     parse : callable, optional
         Of a text; returns the value, or raises ValueError with what is wrong.
+    given : callable
+        Of a value given in Python, and the name of the argument, for messages; returns the value as
+        it is used, such as a list of names for a single one.
     """
 
     read: Callable[[Any, str], Any] = lambda typed, flag: typed
     write: Callable[[Any], list[str]] = lambda value: [str(value)]
     typed: Any = None
     parse: Callable[[str], Any] | None = None
+    given: Callable[[Any, str], Any] = lambda value, name: value
 
 
 AS_IT_IS = Form()
@@ -113,13 +118,17 @@ class Option(NamedTuple):
     @property
     def flags(self) -> list[str]:
         """Names on the command line; of a switch the one that turns it on, then the other."""
-        return (self.flag or f"--{self.name.replace('_', '-')}").split("/")
+        return (self.flag or flag(self.name)).split("/")
 
     def read(self, typed: Any) -> Any:
         """Return the value for what was typed, which is None or empty where nothing was."""
         if typed is None or typed == []:
             return self.default
         return self.form.read(typed, self.flags[0])
+
+    def given(self, value: Any) -> Any:
+        """Return a value that was given in Python as it is used."""
+        return value if value is None else self.form.given(value, f"{self.name} =")
 
     def words(self, value: Any) -> list[str]:
         """Return the words that give this value on the command line, none for the default."""
@@ -212,7 +221,8 @@ def takes(*declared: type) -> Callable[[Function], Function]:
                     raise TypeError(
                         f"{function.__name__}() got an unexpected keyword argument {name!r}{near}"
                     )
-            return function(*arguments, **defaults | given)
+            used = {n: options[n].given(v) if n in options else v for n, v in given.items()}
+            return function(*arguments, **defaults | used)
 
         made = cast(Any, call if added else function)
         if added:

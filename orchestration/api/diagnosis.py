@@ -9,6 +9,7 @@ from typing import Unpack
 from fmus.kit import MEASUREMENTS, UserError
 from orchestration.api.command import equivalent_command
 from orchestration.api.declaration import takes
+from orchestration.api.forms import optional_seconds
 from orchestration.api.options import (
     DiagnoseKeywords,
     DiagnoseOptions,
@@ -17,13 +18,14 @@ from orchestration.api.options import (
 )
 from orchestration.api.records import Records, held_out, matching_record
 from orchestration.api.results import DiagnosisResult, LawsResult
-from orchestration.api.simulation import values_of
+from orchestration.api.simulation import as_declared, values_of
 from orchestration.discrepancy import UnusableRecordError, before_after, pipeline, search_laws
 from orchestration.discrepancy.foreign import WrappedFmu, wrap
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.laws import LawReport
-from orchestration.fmu import Model, Value, find_model, numeric
+from orchestration.fmu import Model, Value, built, numeric
 from orchestration.records import Record
+from orchestration.reporting import option
 from orchestration.rig import INPUT_RANGES, LOOP_BANDWIDTH, RIG_COMPONENT
 
 _LINEARISATIONS = 4  # of an FMU at most
@@ -39,9 +41,9 @@ def diagnose(
 
     Parameters
     ----------
-    record : Record, str or Path, or sequence of these
-        From `read_record`, or a file. A file whose clock restarts holds several records, numbered
-        from 1.
+    record : Record, str, Path, DataFrame, Mapping of str to array_like, or sequence of these
+        From `read_record`, or what that reads. A file whose clock restarts holds several records,
+        numbered from 1.
     model : Model or str
         A component, ``path/to/file.py:Class``, any FMU, or what `find_model` returned.
 
@@ -64,7 +66,7 @@ def diagnose(
     ['strain_saturation']
     >>> low, high = result.parameters["R1"].interval
     """
-    subject = find_model(model) if isinstance(model, str) else model
+    subject = as_declared(model)
     progress = options["progress"]
     mapping = options["mapping"]
     given = values_of(subject, options["settings"])
@@ -73,6 +75,7 @@ def diagnose(
     diagnosis_options = _pipeline_options(subject, given, options)
     compare = options["compare"]
     later = None if compare is None else matching_record(compare, subject, mapping)
+    subject = built(subject)
     around = None
     try:
         if subject.cls is None:
@@ -137,7 +140,7 @@ def _pipeline_options(
         interpolate=options["interpolate"],
         limits=INPUT_RANGES if on_rig else None,
         highest_frequency=LOOP_BANDWIDTH if on_rig else float("inf"),
-        time=options["time"],
+        time=optional_seconds(options["time"]),
         laws=options["laws"],
     )
 
@@ -179,9 +182,9 @@ def laws(
 
     Parameters
     ----------
-    record : Record, str or Path, or sequence of these
-        From `read_record`, or a file. A file whose clock restarts holds several records, numbered
-        from 1.
+    record : Record, str, Path, DataFrame, Mapping of str to array_like, or sequence of these
+        From `read_record`, or what that reads. A file whose clock restarts holds several records,
+        numbered from 1.
     model : Model or str
         A component, ``path/to/file.py:Class``, or what `find_model` returned.
 
@@ -202,11 +205,12 @@ def laws(
     >>> print(ppy.laws("right.csv").sentence)
     No law is found to lack anything.
     """
-    subject = find_model(model) if isinstance(model, str) else model
+    subject = as_declared(model)
     if subject.cls is None:
         raise UserError(
-            f"{subject.path.name}: an FMU without equations has no laws to ask; what its inputs and"
-            " outputs lack is asked by ppy diagnose, and by nothing else there with --effects none"
+            f"{subject.path.name}: an FMU without equations has no laws to ask; diagnose searches"
+            " for what its inputs and outputs lack, and for nothing else with"
+            f" {option('effects', [])}"
         )
     progress = options["progress"]
     diagnosis_options = pipeline.DiagnosisOptions(
@@ -215,11 +219,12 @@ def laws(
         hold=options["hold"],
         each=options["each"],
         interpolate=options["interpolate"],
-        time=options["time"],
+        time=optional_seconds(options["time"]),
     )
     measured, unseen = held_out(
         record, options["holdout"], subject, options["mapping"], options["runs"]
     )
+    subject = built(subject)
     try:
         result = pipeline.diagnose_only(measured, subject, unseen, diagnosis_options, progress)
     except UnusableRecordError as error:

@@ -33,6 +33,24 @@ def some_of(advice: str) -> Form:
             raise UserError(f"{flag} {text!r}: {advice}")
         return names
 
+    return NAMES._replace(read=read)
+
+
+def given_names(value: str | Sequence[str], name: str) -> list[str]:
+    """Return names that were given in Python: a sequence of them, or a text as in a shell."""
+    return comma_list(value, name) if isinstance(value, str) else list(value)
+
+
+def names_among(known: Sequence[str]) -> Form:
+    """Return the form of names separated by commas, each of them one of those known."""
+
+    def read(text: str, flag: str) -> list[str]:
+        names = comma_list(text, flag)
+        for name in names:
+            if name not in known:
+                raise UserError(f"{flag} {name}: there are {', '.join(known)}")
+        return names
+
     return Form(read, _joined, str | None)
 
 
@@ -51,17 +69,34 @@ def numbers(least: int) -> Form:
     return Form(read, _joined, str)
 
 
-def seconds(text: str) -> float:
-    """Read a time: a number of seconds, or one with a unit."""
-    from orchestration.fmu import read_amount
-
+def seconds(given: str | float) -> float:
+    """Read a time: a number of seconds, or a text with a unit."""
     try:
-        return float(text)  # what makes no sense, such as nan, is refused where its sense is known
+        return float(given)  # what makes no sense, such as nan, is refused where its sense is known
     except ValueError:
-        return read_amount(text, "s", f"{text!r}")
+        from orchestration.fmu import read_amount
+
+        return read_amount(str(given), "s", f"{given!r}")
 
 
-def _in_seconds(value: float) -> str:
+def percent(text: str) -> float:
+    """Read a share above 0 % and up to 100 %, written with its sign or without."""
+    try:
+        value = float(text.strip().removesuffix("%"))
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value <= 100.0:
+        raise ValueError(f"{text!r}: write a share above 0% and up to 100%, such as 95%")
+    return value
+
+
+def optional_seconds(given: str | float | None) -> float | None:
+    """Read a time that may be left open."""
+    return None if given is None else seconds(given)
+
+
+def _in_seconds(given: str | float) -> str:
+    value = seconds(given)
     return f"{value:.12g}s" if isfinite(value) else f"{value}"
 
 
@@ -98,12 +133,18 @@ def _pairs(values: Mapping[str, object]) -> list[str]:
     return [f"{name}={value}" for name, value in values.items()]
 
 
-NAMES = Form(comma_list, _joined, str | None)
-EFFECTS = Form(_read_effects, lambda names: [",".join(names) or "none"], str | None)
+NAMES = Form(comma_list, _joined, str | None, given=given_names)
+EFFECTS = Form(
+    _read_effects,
+    lambda names: [",".join(names) or "none"],
+    str | None,
+    given=lambda value, name: _read_effects(value, name) if isinstance(value, str) else list(value),
+)
 MAPPING = Form(_read_mapping, _pairs, list[str] | None)
 SETTINGS = Form(_read_settings, _pairs, list[str] | None)
 TEXTS = Form(typed=list[str] | None, write=list)
 TIME = Form(write=lambda value: [_in_seconds(value)], typed=float | None, parse=seconds)
+PERCENT = Form(write=lambda value: [f"{value:g}%"], typed=float | None, parse=percent)
 LEFT_OUT = Form(read=lambda typed, flag: not typed, typed=bool)
 EFFECTS_OR_NONE = EFFECTS._replace(read=lambda text, flag: _read_effects(text, flag) or [])
 ONE_OR_ALL = Form(

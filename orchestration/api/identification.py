@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Unpack
 
 from fmus.kit import Component
 from orchestration.api.declaration import takes
+from orchestration.api.forms import given_names
 from orchestration.api.options import CompareKeywords, FitKeywords
-from orchestration.api.records import matching_record
-from orchestration.api.simulation import as_model, values_of
-from orchestration.fmu import Model
+from orchestration.api.records import Data, matching_record
+from orchestration.api.simulation import as_declared, values_of
+from orchestration.fmu import Model, built
 from orchestration.identify import Comparison, Fit, comparison
-from orchestration.records import Record
 
 
 @takes(CompareKeywords)
 def compare(
-    record: Record | str | Path,
+    record: Data,
     model: Model | type[Component] | str = "ppy_actuator",
     **options: Unpack[CompareKeywords],
 ) -> Comparison:
@@ -26,8 +25,8 @@ def compare(
 
     Parameters
     ----------
-    record : Record, str or Path
-        From `read_record`, or a file.
+    record : Record, str, Path, DataFrame or Mapping of str to array_like, shape (n,)
+        From `read_record`, or what that reads.
     model : Model, type[Component] or str
         A component, any FMU, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
 
@@ -49,17 +48,18 @@ def compare(
     >>> bool(compared.after["voltage"].fit_percent > compared.before["voltage"].fit_percent)
     True
     """
-    subject = as_model(model)
-    given = values_of(subject, options["settings"])
-    data = matching_record(record, subject, options["mapping"])
+    declared = as_declared(model)
+    given = values_of(declared, options["settings"])
+    data = matching_record(record, declared, options["mapping"])
+    subject = built(declared)
     return comparison.compare(subject, data, given, options["fit"], workers=options["workers"])
 
 
 @takes(FitKeywords)
 def fit(
-    record: Record | str | Path,
+    record: Data,
     model: Model | type[Component] | str,
-    names: Sequence[str],
+    names: str | Sequence[str],
     **options: Unpack[FitKeywords],
 ) -> Fit:
     """Fit parameters so that the free-running simulation follows a record (output error).
@@ -69,11 +69,11 @@ def fit(
 
     Parameters
     ----------
-    record : Record, str or Path
-        From `read_record`, or a file.
+    record : Record, str, Path, DataFrame or Mapping of str to array_like, shape (n,)
+        From `read_record`, or what that reads.
     model : Model, type[Component] or str
         A component, any FMU, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
-    names : sequence of str
+    names : str or sequence of str
         Parameters to fit; start values of states too where the equations are known.
 
     Returns
@@ -95,11 +95,18 @@ def fit(
     >>> sorted(fitted.values)
     ['C', 'R1']
     """
-    subject = as_model(model)
-    given = values_of(subject, options["settings"])
-    data = matching_record(record, subject, options["mapping"])
+    declared = as_declared(model)
+    given = values_of(declared, options["settings"])
+    data = matching_record(record, declared, options["mapping"])
+    subject = built(declared)
     inputs = {name: values for name, values in data.signals.items() if name in subject.inputs}
     measured = {name: values for name, values in data.signals.items() if name in subject.outputs}
     return comparison.fit_model(
-        subject, data.time, inputs, measured, list(names), given, workers=options["workers"]
+        subject,
+        data.time,
+        inputs,
+        measured,
+        given_names(names, "names ="),
+        given,
+        workers=options["workers"],
     )

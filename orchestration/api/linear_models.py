@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Unpack
 
 from orchestration.api.declaration import only, takes
+from orchestration.api.forms import given_names, optional_seconds
 from orchestration.api.options import BlackBoxKeywords, InputsOption, StudyKeywords
 from orchestration.identify.black_box.study import BlackBox, read_columns, study
 
@@ -56,5 +57,6 @@ def black_box(
     >>> found.chosen.structure, [round(float(abs(z)), 2) for z in found.model.poles("u")]
     ('OE', [0.8])
     """
-    columns = read_columns(Path(record), output, inputs, options["step"])
+    driving = given_names(inputs, "inputs =")
+    columns = read_columns(Path(record), output, driving, optional_seconds(options["step"]))
     return study(columns, **only(StudyKeywords, options))

@@ -11,7 +11,7 @@ from fmus.kit.build import host_platform
 from orchestration.api.declaration import takes
 from orchestration.api.options import BuildKeywords
 from orchestration.fmu import find_class
-from orchestration.fmu.check import Finding, check_fmu
+from orchestration.fmu.check import Findings, check_fmu
 
 
 @takes(BuildKeywords)
@@ -47,7 +47,7 @@ def build(model: type[Component] | str, path: str | Path, **options: Unpack[Buil
     return Path(path)
 
 
-def check(path: str | Path) -> list[Finding]:
+def check(path: str | Path) -> Findings:
     """Check an FMU, ours or anybody's, against the static part of the contract.
 
     Parameters
@@ -57,8 +57,9 @@ def check(path: str | Path) -> list[Finding]:
 
     Returns
     -------
-    list of Finding
-        Errors first, then warnings, then notes; empty if there is nothing to say.
+    Findings
+        A list of `orchestration.fmu.check.Finding`: errors first, then warnings, then notes; empty
+        if there is nothing to say.
 
     Raises
     ------

@@ -45,7 +45,6 @@ class MappingOption(TypedDict, total=False):
             "Which column is which signal, e.g. U_cell=voltage or stress=force[N]. Repeatable.",
             'Column of a file to signal of the model, such as ``{"stress": "force[N]"}``, for'
             " records that are given as files.",
-            flag="--map",
             metavar="COLUMN=SIGNAL[UNIT]",
             form=MAPPING,
         ),
@@ -61,7 +60,6 @@ class SettingsOption(TypedDict, total=False):
             "Set a parameter, e.g. R1=0.61 or k1=6.3N/mm. Repeatable.",
             "Values of parameters, which a fit starts from, and of inputs that stay at a value:"
             ' numbers in the model\'s units, or texts with a unit such as ``"6.3 N/mm"``.',
-            flag="--set",
             metavar="NAME=VALUE[UNIT]",
             form=SETTINGS,
         ),
@@ -125,7 +123,7 @@ class SearchOptions(SettingsOption, total=False):
         ),
     ]
     time: Annotated[
-        float | None,
+        float | str | None,
         Option(
             "Processor time of each search, e.g. 60s or inf; then the best answer so far. Default"
             " 60 s for 60,000 samples or less, and in proportion beyond.",
@@ -133,7 +131,7 @@ class SearchOptions(SettingsOption, total=False):
             " a note; a minute for up to 60,000 samples and in proportion beyond, unless given. A"
             " busy machine gives the same answer, and with ``inf`` nothing hangs on how fast the"
             " machine is. With a later record to compare it holds for each of three searches.",
-            unit="s",
+            kind='float in s or str such as "10s", optional',
             metavar="TIME",
             form=TIME,
         ),
@@ -237,21 +235,21 @@ class GridOptions(TypedDict, total=False):
     """The points in time of a simulation, where no record has them."""
 
     stop: Annotated[
-        float | None,
+        float | str | None,
         Option(
             f"Stop time, {_TIMES}",
             "Last point; the FMU's own unless given.",
-            unit="s",
+            kind='float in s or str such as "10s", optional',
             metavar="TIME",
             form=TIME,
         ),
     ]
     step: Annotated[
-        float | None,
+        float | str | None,
         Option(
             f"Communication step, {_TIMES}",
             "From point to point; the FMU's own unless given.",
-            unit="s",
+            kind='float in s or str such as "10s", optional',
             metavar="TIME",
             form=TIME,
         ),
@@ -317,9 +315,12 @@ class BuildKeywords(TypedDict, total=False):
         ),
     ]
     effects: Annotated[
-        Sequence[str], Option(doc="Effects of the catalogue to lay over it.", default=())
+        Sequence[str],
+        Option(doc="Effects of the catalogue to lay over it.", default=(), form=NAMES),
     ]
-    platforms: Annotated[Sequence[str] | None, Option(doc="FMI platforms; default this machine's.")]
+    platforms: Annotated[
+        Sequence[str] | None, Option(doc="FMI platforms; default this machine's.", form=NAMES)
+    ]
 
 
 # --- compare and fit -----------------------------------------------------------------------------
@@ -394,7 +395,6 @@ class StudyOptions(TypedDict, total=False):
             "Of the path from every input, all combinations.",
             "Orders of the path from every input; every combination with `noise_orders` is tried.",
             default=(1, 2, 3),
-            flag="--orders",
             form=numbers(1),
         ),
     ]
@@ -433,11 +433,11 @@ class SamplePeriodOption(TypedDict, total=False):
     """The sample period of a file that has no time."""
 
     step: Annotated[
-        float | None,
+        float | str | None,
         Option(
             "Sample period of a file without time, such as 1s.",
             "Sample period of a file that has no time.",
-            unit="s",
+            kind='float in s or str such as "10s", optional',
             metavar="TIME",
             form=TIME,
         ),
@@ -493,7 +493,6 @@ class SweepDesignOptions(TypedDict, total=False):
             "Design; `sensitivity` and `tornado` tell what the last two come to, and `bands` what"
             " cases come to that were drawn at random, such as those of ``fit(...).draws(200)``.",
             default="grid",
-            flag="--design",
             choices=(
                 "grid",
                 "list",

@@ -9,25 +9,30 @@ from fmus.kit import UserError
 from orchestration.api.declaration import takes
 from orchestration.api.options import MappingOption
 from orchestration.discrepancy.data import record_labels
-from orchestration.fmu import Model, find_model
+from orchestration.fmu import Model, declared_model
 from orchestration.identify import read_for, read_runs_for
-from orchestration.records import Record
+from orchestration.records import Arrays, Record
+from orchestration.reporting import option
 
-Records = Record | str | Path | Sequence[Record | str | Path]
+Data = Record | str | Path | Arrays
+Records = Data | Sequence[Data]
 
 
 @takes(MappingOption)
 def read_record(
-    path: str | Path, model: Model | str = "ppy_actuator", mapping: Mapping[str, str] | None = None
+    path: str | Path | Arrays,
+    model: Model | str = "ppy_actuator",
+    mapping: Mapping[str, str] | None = None,
 ) -> Record:
-    """Read a measured record: CSV, Parquet, LabVIEW TDMS or text, MATLAB.
+    """Read a measured record: CSV, Parquet, LabVIEW TDMS or text, MATLAB, a DataFrame, arrays.
 
     Every repair is in ``record.repairs``.
 
     Parameters
     ----------
-    path : str or Path
-        Its columns are ``name [unit]``, the first one time.
+    path : str, Path, DataFrame or Mapping of str to array_like, shape (n,)
+        A file as an instrument writes it, or its columns by ``name [unit]``. One column is the
+        time; of a DataFrame it may be the index.
     model : Model or str
         Whose signals it holds: a component, an FMU file, ``path/to/file.py:Class``, or what
         `find_model` returned.
@@ -54,7 +59,12 @@ def read_record(
     >>> record.repairs
     []
     """
-    return read_for(find_model(model) if isinstance(model, str) else model, Path(path), mapping)
+    subject = declared_model(model) if isinstance(model, str) else model
+    return read_for(subject, _source(path), mapping)
+
+
+def _source(data: str | Path | Arrays) -> Path | Arrays:
+    return Path(data) if isinstance(data, str | Path) else data
 
 
 def matching_runs(
@@ -69,12 +79,14 @@ def matching_runs(
         if isinstance(record, Record):
             runs.append(record)
         else:
-            runs += read_runs_for(model, Path(record), mapping, column)
+            runs += read_runs_for(model, _source(record), mapping, column)
     return runs
 
 
-def _listed(records: Records) -> list[Record | str | Path]:
-    return [records] if isinstance(records, Record | str | Path) else list(records)
+def _listed(records: Records) -> list[Data]:
+    if isinstance(records, Sequence) and not isinstance(records, str):
+        return list(records)
+    return [records]
 
 
 def held_out(
@@ -88,8 +100,9 @@ def held_out(
 
     Parameters
     ----------
-    records : Record, file, or sequence of either
-    holdout : Record, file, labels (``"7,8,9"``), or sequence of these, optional
+    records : Record, file, DataFrame, arrays by name, or sequence of these
+    holdout : Record, file, DataFrame, arrays by name, sequence of these, or labels, optional
+        Labels are listed like ``"7,8,9"``.
     model : Model
     mapping : Mapping of str to str, optional
     column : str, optional
@@ -108,13 +121,13 @@ def held_out(
     held_labels: list[str] = []
     others: list[Record] = []
     for item in _listed(holdout):
-        if isinstance(item, Record) or Path(item).exists() or len(by_label) < 2:
+        if not isinstance(item, str | Path) or Path(item).exists() or len(by_label) < 2:
             others += matching_runs(item, model, mapping, column)
         else:
             held_labels += _labels_in(str(item), by_label)
     fitted = [run for label, run in by_label.items() if label not in held_labels]
     if not fitted:
-        raise UserError("--holdout: every record is held out, and none is left to fit to")
+        raise UserError("holdout: every record is held out, and none is left to fit to")
     return fitted, [*(by_label[label] for label in dict.fromkeys(held_labels)), *others]
 
 
@@ -124,14 +137,12 @@ def _labels_in(text: str, known: Collection[str]) -> list[str]:
     unknown = next((label for label in named if label not in known), None)
     if unknown is not None:
         raise UserError(
-            f"--holdout {text}: {unknown} is neither a file nor one of the records"
+            f"{option('holdout', text)}: {unknown} is neither a file nor one of the records"
             f" {', '.join(known)}"
         )
     return named
 
 
-def matching_record(
-    record: Record | str | Path, model: Model, mapping: Mapping[str, str] | None = None
-) -> Record:
+def matching_record(record: Data, model: Model, mapping: Mapping[str, str] | None = None) -> Record:
     """Return a record of a model's signals, read from a file if that is what is given."""
     return record if isinstance(record, Record) else read_record(record, model, mapping)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from fmus.kit import Component, UserError, files, stack
 from fmus.kit.build import host_platform
@@ -15,10 +17,12 @@ from orchestration.discrepancy.design import DiscriminatingExperiment
 from orchestration.discrepancy.foreign import WrappedFmu, corrected_system
 from orchestration.discrepancy.laws import Correction, LawMapResult
 from orchestration.discrepancy.report import (
+    TriedEffect,
     diagnosis_page,
     diagnosis_summary,
     picture,
     terminal,
+    tried_effects,
     wording,
 )
 from orchestration.discrepancy.report import laws as laws_report
@@ -30,9 +34,16 @@ from orchestration.discrepancy.report.laws import (
     law_map,
     laws_page,
 )
-from orchestration.identify.uncertainty import Estimate
+from orchestration.identify.uncertainty import Estimate, estimates_frame
 from orchestration.records import Record
-from orchestration.reporting import path_of_report, plain_text, preformatted
+from orchestration.reporting import (
+    Displayable,
+    in_shell,
+    one_line,
+    path_of_report,
+    pictures,
+    plain_table,
+)
 from orchestration.system.ssp import write as write_ssp
 
 if TYPE_CHECKING:
@@ -44,7 +55,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class ProposedExperiment:
+class ProposedExperiment(Displayable):
     """The experiment that would tell more.
 
     Attributes
@@ -58,14 +69,55 @@ class ProposedExperiment:
     design: DiscriminatingExperiment
     component: str
 
-    def __str__(self) -> str:
-        return wording.describe_experiment(self.design)
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield the stimuli and what is expected of them, in words."""
+        yield wording.describe_experiment(self.design)
 
     def __repr__(self) -> str:
         kinds = ", ".join(
             f"{name}: {stimulus.kind}" for name, stimulus in self.design.stimuli.items()
         )
-        return f"<ProposedExperiment {kinds}; {self.design.duration:g} s>"
+        return one_line(f"ProposedExperiment {kinds}; {self.design.duration:g} s")
+
+    def _figure(self) -> Figure:
+        return self.plot()
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the stimuli as a table over time, SI.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        import pandas
+
+        points = np.arange(0.0, self.design.duration, self.design.step)
+        stimuli = {name: one.values(points) for name, one in self.design.stimuli.items()}
+        return pandas.DataFrame(stimuli, index=pandas.Index(points, name="time"))
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the stimuli over time.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Picture (.png, .svg or .pdf) to write as well.
+
+        Raises
+        ------
+        UserError
+            If the file cannot be written.
+        """
+        stimuli = self.to_frame()
+        figure, axes = pictures.panels(len(stimuli.columns), "proposed experiment")
+        declared = {v.name: v.unit for v in self.design.model.candidate.cls.layout.inputs}
+        for axis, (name, values) in zip(axes, stimuli.items(), strict=True):
+            axis.plot(stimuli.index, values, color=pictures.MODEL, drawstyle="steps-post")
+            pictures.label(axis, str(name), declared[str(name)])
+        if path is not None:
+            pictures.save(figure, Path(path))
+        return figure
 
     def toml(self) -> str:
         """Return it as ``ppy run`` reads it."""
@@ -96,7 +148,79 @@ class DiagnosisGain(NamedTuple):
     after: dict[str, float]
 
 
-class _Result:
+@dataclass(frozen=True)
+class Evidence(Displayable):
+    """The evidence for and against every effect that was tried, those named first.
+
+    Attributes
+    ----------
+    tried : tuple of TriedEffect
+    """
+
+    tried: tuple[TriedEffect, ...]
+
+    def __repr__(self) -> str:
+        named = ", ".join(f"{row.candidate.effect_name} {row.verdict}" for row in self.tried[:3])
+        return one_line(f"Evidence for {len(self.tried)} tried: {named or 'nothing'}")
+
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield a table of all effects that were tried."""
+        if not self.tried:
+            yield "no effect was tried"
+            return
+        table = plain_table("evidence", "effect", "fall of BIC", "verdict", "")
+        for row in self.tried:
+            table.add_row(row.candidate.effect_name, f"{row.gain:.1f}", row.verdict, row.reason)
+        yield table
+
+    def _figure(self) -> Figure | None:
+        return self.plot() if self.tried else None
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the evidence as a table, a row for each effect.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        import pandas
+
+        columns = ["effect", "delta_bic", "p_value", "verdict", "reason"]
+        rows = [
+            (row.candidate.effect_name, row.gain, row.p_value, row.verdict, row.reason)
+            for row in self.tried
+        ]
+        return pandas.DataFrame(rows, columns=columns).set_index("effect")
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw by how much BIC falls with every effect, those named in another colour.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Picture (.png, .svg or .pdf) to write as well.
+
+        Raises
+        ------
+        UserError
+            If nothing was tried, or the file cannot be written.
+        """
+        if not self.tried:
+            raise UserError("no effect was tried, so there is nothing to draw")
+        rows = [row for row in reversed(self.tried) if np.isfinite(row.gain)]
+        height = 0.6 + 0.22 * len(rows)
+        figure, (axis,) = pictures.panels(1, "evidence for each effect", "fall of BIC [1]", height)
+        colours = [pictures.FITTED if row.verdict == "named" else pictures.MODEL for row in rows]
+        axis.barh(range(len(rows)), [row.gain for row in rows], color=colours)
+        names = [row.candidate.effect_name.replace("_", " ") for row in rows]
+        axis.set_yticks(range(len(rows)), names)
+        if path is not None:
+            pictures.save(figure, Path(path))
+        return figure
+
+
+class _Result(Displayable):
     """A result that prints as its command does, is written as a page, and has a model to build."""
 
     _LACKING = ""  # said where there is no model to build
@@ -115,12 +239,6 @@ class _Result:
         """Return the page to look at and pass on, with the command that made it."""
         raise NotImplementedError
 
-    def __str__(self) -> str:
-        return "\n".join(plain_text(part) for part in self.overview())
-
-    def _repr_html_(self) -> str:
-        return preformatted(str(self))
-
     def report(self, path: str | Path, command: str = "") -> Path:
         """Write the page to look at and pass on.
 
@@ -137,7 +255,8 @@ class _Result:
             If it cannot be written, or its name does not end in ``.html``.
         """
         target = path_of_report(path)
-        self._page(command or self._command).write(target)
+        with in_shell():  # as the command has it that the page repeats
+            self._page(command or self._command).write(target)
         return target
 
     def fmu(
@@ -206,6 +325,8 @@ class DiagnosisResult(_Result):
         All that the model was fitted to.
     notes : list of str
         What could not be judged, and why.
+    evidence : Evidence
+        For and against every effect that was tried.
     changes : list of Change or None
         What changed in a later record, where one was given.
     later : DiagnosisResult or None
@@ -232,7 +353,7 @@ class DiagnosisResult(_Result):
         diagnosis = result.diagnosis
         errors = result.gain or diagnosis
         self.verdict: Verdict = diagnosis.verdict
-        self.sentence: str = headline(result)
+        self.sentence: str = str(headline(result))
         self.causes: list[str] = diagnosis.causes
         self.alternatives: list[str] = diagnosis.alternatives
         self.parameters: dict[str, Estimate] = diagnosis.estimates
@@ -245,6 +366,7 @@ class DiagnosisResult(_Result):
         self.record: Record = result.record
         self.records: list[Record] = list(result.records)
         self.notes: list[str] = [wording.message(note) for note in result.notes]
+        self.evidence = Evidence(tuple(tried_effects(diagnosis)))
         self.law_map: list[dict[str, Any]] = law_map(LawReport(result, result.laws))
 
     @property
@@ -265,14 +387,18 @@ class DiagnosisResult(_Result):
 
     def __repr__(self) -> str:
         causes = f" {', '.join(self.causes)}" if self.causes else ""
-        return (
-            f"<DiagnosisResult {self.verdict}{causes}: {self._result.model.name},"
-            f" {self._result.files}>"
+        return one_line(
+            f"DiagnosisResult {self.verdict}{causes}: {self._result.model.name},"
+            f" {self._result.files}"
         )
+
+    def _figure(self) -> Figure | None:
+        return self.plot() if self.gain.before else None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON: the form that ``ppy diagnose --json`` writes."""
-        figures = diagnosis_summary(self._result)
+        with in_shell():
+            figures = diagnosis_summary(self._result)
         if self.changes is not None and self.later is not None:
             figures |= {
                 "comparison": [change.to_dict() for change in self.changes],
@@ -288,19 +414,7 @@ class DiagnosisResult(_Result):
         ImportError
             If pandas is not installed.
         """
-        import pandas
-
-        rows = {
-            name: {
-                "value": e.value,
-                "low": e.interval[0],
-                "high": e.interval[1],
-                "nominal": e.nominal,
-                "unit": e.unit,
-            }
-            for name, e in self.parameters.items()
-        }
-        return pandas.DataFrame.from_dict(rows, orient="index")
+        return estimates_frame(self.parameters)
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw the output that gained most over the validation data.
@@ -398,11 +512,16 @@ class LawsResult(_Result):
 
     def __repr__(self) -> str:
         best = f" {self._report.best.entry.label}" if self._report.best else " nothing found"
-        return f"<LawsResult{best}: {self._report.result.model.name}, {self._report.result.files}>"
+        result = self._report.result
+        return one_line(f"LawsResult{best}: {result.model.name}, {result.files}")
+
+    def _figure(self) -> Figure | None:
+        return self.plot() if self._report.best else None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON: the form that ``ppy laws --json`` writes."""
-        return laws_report.summary.laws_summary(self._report)
+        with in_shell():
+            return laws_report.summary.laws_summary(self._report)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the corrections as a table, a row for each, the best first.

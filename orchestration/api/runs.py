@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack, overload
+from typing import Any, Unpack, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,15 +12,12 @@ from numpy.typing import ArrayLike
 from fmus.kit import UserError
 from orchestration.api.declaration import takes
 from orchestration.api.options import RunKeywords
-from orchestration.experiment import UnfinishedExperiment, read
+from orchestration.experiment import ExperimentResult, UnfinishedExperiment, read
 from orchestration.experiment import run as make
 from orchestration.fmu.isolation import Limits, isolation
 from orchestration.master import Run
 from orchestration.master import run as run_system
 from orchestration.system import System
-
-if TYPE_CHECKING:
-    import xarray
 
 
 @overload
@@ -30,7 +27,7 @@ def run(
 
 
 @overload
-def run(what: str | Path, **options: Unpack[RunKeywords]) -> xarray.Dataset: ...
+def run(what: str | Path, **options: Unpack[RunKeywords]) -> ExperimentResult: ...
 
 
 @takes(RunKeywords)
@@ -42,7 +39,7 @@ def run(
     settings: Mapping[str, object] | None = None,
     isolate: bool | Limits = False,
     **options: Any,
-) -> Run | xarray.Dataset:
+) -> Run | ExperimentResult:
     """Run an experiment, or a system over time.
 
     Parameters
@@ -60,9 +57,9 @@ def run(
 
     Returns
     -------
-    xarray.Dataset or Run
-        Signals over time with units and all that it takes to run the experiment again; or the run
-        of a system.
+    ExperimentResult or Run
+        Signals over time with units and all that it takes to run the experiment again, a dataset
+        of xarray; or the run of a system.
 
     Raises
     ------

@@ -2,34 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
-from rich.table import Table
 
 from fmus.kit import Component, UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.symbolic import check_component
 from fmus.kit.units import format_value
 from orchestration.api.declaration import takes
+from orchestration.api.forms import seconds
 from orchestration.api.options import SimulateKeywords
-from orchestration.fmu import Model, Value, find_model, grid, model_of, plot, read_description
+from orchestration.fmu import (
+    Model,
+    Value,
+    built,
+    declared_model,
+    declared_model_of,
+    grid,
+    plot,
+    read_description,
+)
 from orchestration.fmu import simulate as run_fmu
 from orchestration.fmu.isolation import isolation
 from orchestration.records import write_record
-from orchestration.reporting import plain_text, preformatted
+from orchestration.reporting import Displayable, one_line, plain_table
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 Inputs = Mapping[str, ArrayLike | Callable[[Array], ArrayLike]]
 
 
 @dataclass(frozen=True)
-class Simulation:
+class Simulation(Displayable):
     """Inputs and outputs of a model over time.
 
     Attributes
@@ -50,26 +62,27 @@ class Simulation:
         """Return the values of an input or an output (n,)."""
         return (self.inputs | self.outputs)[name]
 
-    def __str__(self) -> str:
-        table = Table(box=None, pad_edge=False)
-        for column in ("output", "smallest", "largest", "last"):
-            table.add_column(column, justify="left" if column == "output" else "right")
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield the extent in time, and a table of what the outputs come to."""
+        columns = ("smallest", "largest", "last")
+        table = plain_table(None, "output", *columns, right=columns)
         for name, values in self.outputs.items():
             signal = self.model.outputs[name]
             table.add_row(
                 name, *(format_value(v, signal) for v in (values.min(), values.max(), values[-1]))
             )
-        head = (
+        yield (
             f"{self.model.name}: {self.time.size} points from {self.time[0]:g} s to"
             f" {self.time[-1]:g} s"
         )
-        return f"{head}\n{plain_text(table)}"
+        yield table
 
     def __repr__(self) -> str:
-        return f"<Simulation {self.model.name}: {self.time.size} points to {self.time[-1]:g} s>"
+        extent = f"{self.time.size} points to {self.time[-1]:g} s"
+        return one_line(f"Simulation {self.model.name}: {extent}")
 
-    def _repr_html_(self) -> str:
-        return preformatted(str(self))
+    def _figure(self) -> Figure:
+        return self.plot()
 
     def to_dict(self) -> dict[str, Any]:
         """Return time and signals as lists."""
@@ -104,16 +117,25 @@ class Simulation:
         write_record(Path(path), self.time, signals, {name: known[name].unit for name in signals})
         return Path(path)
 
-    def plot(self, path: str | Path) -> Path:
-        """Draw inputs and outputs over time (.png, .svg or .pdf).
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw inputs and outputs over time, one panel each, in the units that people read.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Picture (.png, .svg or .pdf) to write as well.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
 
         Raises
         ------
         UserError
             If the file cannot be written.
         """
-        plot(Path(path), self.model, self.time, self.inputs | self.outputs)
-        return Path(path)
+        target = None if path is None else Path(path)
+        return plot(target, self.model, self.time, self.inputs | self.outputs)
 
 
 @takes(SimulateKeywords)
@@ -163,16 +185,15 @@ def simulate(
 
 
 def points_of(
-    model: Model, time: ArrayLike | None, stop: float | None, step: float | None
+    model: Model, time: ArrayLike | None, stop: float | str | None, step: float | str | None
 ) -> Array:
     """Return the points in time of a simulation (n,) in s, as `simulate` takes them."""
     if time is not None:
         return np.asarray(time, dtype=float)
     own = read_description(model.path).defaultExperiment
-    last = stop if stop is not None else float(getattr(own, "stopTime", None) or 10.0)
-    if step is None:
-        step = float(getattr(own, "stepSize", None) or last / 1000)
-    return grid(0.0, last, step)
+    last = seconds(stop if stop is not None else getattr(own, "stopTime", None) or 10.0)
+    even = seconds(step if step is not None else getattr(own, "stepSize", None) or last / 1000)
+    return grid(0.0, last, even)
 
 
 def inputs_over(model: Model, inputs: Inputs, points: Array) -> dict[str, Array]:
@@ -192,9 +213,16 @@ def inputs_over(model: Model, inputs: Inputs, points: Array) -> dict[str, Array]
 
 def as_model(model: Model | type[Component] | str) -> Model:
     """Return a model to run: as it is, of a component's class, or found by its name."""
+    return built(as_declared(model))
+
+
+def as_declared(model: Model | type[Component] | str) -> Model:
+    """Return a model like `as_model`, but unbuilt: a record is read, and refused, before."""
     if isinstance(model, type):
-        return model_of(model)
-    return find_model(model) if isinstance(model, str) else model
+        if model.__module__ == "__main__":  # written where it is used, such as in a notebook
+            check_component(model)
+        return declared_model_of(model)
+    return declared_model(model) if isinstance(model, str) else model
 
 
 def values_of(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import Unpack
 
 from fmus.kit import Component, UserError, suggestion
 from fmus.kit.arrays import Array
@@ -13,10 +13,12 @@ from orchestration.api.options import NoteOption, SweepFileKeywords, SweepKeywor
 from orchestration.api.simulation import Inputs, as_model, inputs_over, points_of, values_of
 from orchestration.fmu import Model
 from orchestration.fmu.isolation import Limits
+from orchestration.reporting import option
 from orchestration.sweeps import (
     KEPT,
     MOST_WORKERS,
     TRACE,
+    SweepResult,
     Task,
     checked_reductions,
     choose_equations,
@@ -28,9 +30,6 @@ from orchestration.sweeps import (
 )
 from orchestration.sweeps.sensitivity import SOBOL_INDICES, TORNADO
 
-if TYPE_CHECKING:
-    import xarray
-
 
 @takes(SweepKeywords)
 def sweep(
@@ -38,7 +37,7 @@ def sweep(
     over: Mapping[str, str | Sequence[float] | Array],
     inputs: Inputs | None = None,
     **options: Unpack[SweepKeywords],
-) -> xarray.Dataset:
+) -> SweepResult:
     """Run a model over many values of its parameters.
 
     Parameters
@@ -52,8 +51,9 @@ def sweep(
 
     Returns
     -------
-    xarray.Dataset
-        With units, over one dimension for each parameter of a grid, else over ``case``.
+    SweepResult
+        A dataset of xarray with units, over one dimension for each parameter of a grid, else over
+        ``case``.
 
     Raises
     ------
@@ -90,7 +90,9 @@ def sweep(
     cases = design(ranges, kind, options["samples"], options["seed"], starts)
     keep = checked_reductions(KEPT if options["keep"] is None else options["keep"])
     if kind in (SOBOL_INDICES, TORNADO) and not {*keep} - {TRACE}:
-        raise UserError(f"--keep {TRACE}: --design {kind} asks for numbers, such as last")
+        raise UserError(
+            f"{option('keep', [TRACE])}: {option('kind', kind)} asks for numbers, such as last"
+        )
     twice = next((name for name in cases.names if name in settings or name in driven), None)
     if twice is not None:
         raise UserError(f"{twice} is swept, and set to one value besides")
@@ -142,7 +144,7 @@ def sweep_file(
     *,
     note: Callable[[str], None] = lambda line: None,
     **options: Unpack[SweepFileKeywords],
-) -> xarray.Dataset:
+) -> SweepResult:
     """Run a sweep that a TOML file describes.
 
     Parameters
@@ -152,8 +154,8 @@ def sweep_file(
 
     Returns
     -------
-    xarray.Dataset
-        As of `sweep`.
+    SweepResult
+        A dataset of xarray, as of `sweep`.
 
     Raises
     ------

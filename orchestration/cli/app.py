@@ -11,103 +11,63 @@ from inspect import cleandoc
 from typing import Annotated, Any, NoReturn
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperGroup
 
 from fmus.kit import UserError
+from orchestration.cli.examples import epilog
 from orchestration.cli.real_time import IncompleteRecord
+from orchestration.reporting import in_shell
 
-_HELP = (
-    "Components of a polypyrrole artificial-muscle rig as FMUs: build, run, compare with measured"
-    " data.\n\nStart with [bold]ppy demo[/] (everything once, with pictures) or [bold]ppy list[/]"
-    " (what there is)."
-)
 _LONGEST = 300  # characters of a name that are shown
 _INTERRUPTED = 130  # 128 + SIGINT, as shells have it
-# A line for ``ppy --help``, and the function or group of commands in a module of `commands`.
-_COMMANDS = {
-    "list": ("List the components.", "list:list_components"),
-    "info": (
-        "Show a model's variables, units, defaults, ranges, effects, and where they come from.",
-        "info:info",
-    ),
-    "build": ("Build FMUs: OUT/python/NAME.fmu and OUT/native/NAME.fmu.", "build:build"),
-    "check": (
-        (
-            "Check FMUs against the static part of the contract: structure, units, documentation,"
-            " binaries."
+# By what they are for: a line for ``ppy --help``, which has room for one at 80 columns, and the
+# function or group of commands in a module of `commands`.
+_GROUPS = {
+    "Find out what is wrong": {
+        "diagnose": (
+            "Name what a model gets wrong on a record, and extend it by that.",
+            "diagnose:diagnose",
         ),
-        "check:check",
-    ),
-    "simulate": ("Simulate a component or any FMU.", "simulate:simulate"),
-    "run": (
-        (
-            "Run an experiment: one of the thesis's by name, a TOML file, or a result again, bit by"
-            " bit."
+        "laws": (
+            "Ask every law what it lacks: over which signal, by which curve.",
+            "diagnose:laws",
         ),
-        "run:run",
-    ),
-    "sweep": (
-        (
-            "Run a component or any FMU over many values of its parameters, or a sweep that a TOML"
-            " file describes."
+        "compare": (
+            "Hold a model against a record: fit in percent; --fit recalibrates.",
+            "compare:compare",
         ),
-        "sweep:sweep",
-    ),
-    "compare": (
-        (
-            "Hold a model against a measured record: fit in percent, RMS error, whiteness;"
-            " recalibrate with --fit."
+        "identify": (
+            "Identify parameters of a component or any FMU from a record.",
+            "identify:identify",
         ),
-        "compare:compare",
-    ),
-    "identify": (
-        (
-            "Identify parameters of a component or any FMU from a record: values, intervals, and a"
-            " file to bind them."
+        "black-box": (
+            "Identify ARX to Box-Jenkins models of a column, and choose one.",
+            "black_box:black_box",
         ),
-        "identify:identify",
-    ),
-    "black-box": (
-        (
-            "Identify ARX, ARMAX, OE, state-space and Box-Jenkins models of one column of a record,"
-            " and choose one."
-        ),
-        "black_box:black_box",
-    ),
-    "diagnose": (
-        (
-            "Name what a model gets wrong on a record, extend it, and measure the gain on data it"
-            " has not seen."
-        ),
-        "diagnose:diagnose",
-    ),
-    "laws": (
-        (
-            "Ask every law of a model what it lacks on a record: which signal it hangs on besides,"
-            " and by which curve."
-        ),
-        "diagnose:laws",
-    ),
-    "demo": (
-        (
-            "Do everything once: build, run the thesis's experiments, compare with an emulated rig,"
-            " recalibrate, report."
-        ),
-        "thesis:demo",
-    ),
-    "thesis": (
-        (
-            "Recompute the thesis: every table and simulated figure, what holds, what does not and"
-            " why."
-        ),
-        "thesis:thesis",
-    ),
-    "system": ("Systems of components: show, draw, check, and export as SSP.", "system:systems"),
-    "rig": (
-        "The other end of the cable: serve a rig to proxies, watch it, record from it, stop it.",
-        "rig:rig",
-    ),
+        "demo": ("Do everything once, with pictures and a report.", "thesis:demo"),
+    },
+    "Models and FMUs": {
+        "list": ("List the components.", "list:list_components"),
+        "info": ("Show a model's variables, units, ranges, effects, sources.", "info:info"),
+        "new": ("Write a model, an effect or a rig's backend to start from.", "new:new"),
+        "build": ("Build FMUs: OUT/python/NAME.fmu and OUT/native/NAME.fmu.", "build:build"),
+        "check": ("Check FMUs: structure, units, documentation, binaries.", "check:check"),
+    },
+    "Systems and experiments": {
+        "simulate": ("Simulate a component, any FMU, or a system (.ssp).", "simulate:simulate"),
+        "run": ("Run an experiment, a system, or a result again, bit by bit.", "run:run"),
+        "system": ("Show, draw and check systems of FMUs; export them as SSP.", "system:systems"),
+        "thesis": ("Recompute the thesis: what holds, what does not and why.", "thesis:thesis"),
+    },
+    "Sweeps": {
+        "sweep": ("Run a model over many values of its parameters.", "sweep:sweep"),
+    },
+    "Rig": {
+        "rig": ("Serve a rig, watch it, record from it, stop it.", "rig:rig"),
+    },
 }
+_COMMANDS = {name: about for group in _GROUPS.values() for name, about in group.items()}
+_OPTIONS = "-q --quiet, -v --verbose, --version, --install-completion, --help"
 
 
 class _Commands(TyperGroup):
@@ -116,8 +76,6 @@ class _Commands(TyperGroup):
     Putting together all of them takes longer than ``ppy list`` does.
     """
 
-    _listing = False
-
     def list_commands(self, ctx: Any) -> list[str]:
         return names()
 
@@ -125,20 +83,28 @@ class _Commands(TyperGroup):
         if cmd_name not in _COMMANDS:
             return None
         summary, _ = _COMMANDS[cmd_name]
-        if self._listing:
-            return TyperCommand(cmd_name, help=summary)
         loaded = load(cmd_name)
         if isinstance(loaded, typer.Typer):
-            return typer.main.get_command(loaded)
+            group: Any = typer.main.get_command(loaded)
+            group.help = summary
+            for name, one in group.commands.items():
+                one.epilog = epilog(f"{cmd_name} {name}")
+            return group
         alone = typer.Typer(rich_markup_mode="rich", add_completion=False)
         _, _, details = (loaded.__doc__ or "").partition("\n\n")
-        alone.command(cmd_name, help=f"{summary}\n\n{cleandoc(details)}")(loaded)
+        text = f"{summary}\n\n{cleandoc(details)}"
+        alone.command(cmd_name, help=text, epilog=epilog(cmd_name))(loaded)
         return typer.main.get_command(alone)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        self._listing = True
-        super().format_help(ctx, formatter)
-        self._listing = False
+        """Write the commands by what they are for; the whole fits a terminal of 24 lines."""
+        formatter.write("Usage: ppy [OPTIONS] COMMAND ...  (examples: ppy COMMAND --help)\n")
+        width = max(map(len, _COMMANDS))
+        for title, group in _GROUPS.items():
+            formatter.write(typer.style(title, bold=True) + "\n")
+            for name, (summary, _) in group.items():
+                formatter.write(f"  {name:{width}}  {summary}\n")
+        formatter.write(f"Options: {_OPTIONS}\n")
 
 
 def names() -> list[str]:
@@ -165,7 +131,7 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback(invoke_without_command=True, help=_HELP)
+@app.callback(invoke_without_command=True)
 def start(
     context: typer.Context,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Only results and errors.")] = False,
@@ -190,7 +156,7 @@ def start(
 
         context.with_resource(verbosity(quiet, verbose))
     if context.invoked_subcommand is None:
-        print(context.get_help())
+        typer.echo(context.get_help())
 
 
 def main() -> None:
@@ -201,7 +167,8 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        code = app(standalone_mode=False, prog_name="ppy")
+        with in_shell():
+            code = app(standalone_mode=False, prog_name="ppy")
         if code == _INTERRUPTED:  # typer has taken the interrupt for itself
             raise KeyboardInterrupt
     except (KeyboardInterrupt, typer.Abort):
@@ -236,6 +203,11 @@ def _message(error: Exception) -> str:
         name = error.filename  # and what the system says of this file
         shown = name if len(name) < _LONGEST else f"{name[:_LONGEST]}..."
         return f"{shown}: {error.strerror}"
+    from orchestration.fmu.loading import faulty_place
+
+    place = faulty_place(error)
+    if place:
+        return f"{place}: {type(error).__name__}: {error}"
     return (
         f"internal error, please report: {type(error).__name__}: {error}  (PPY_DEBUG=1 shows where)"
     )

@@ -10,6 +10,7 @@ import typer
 
 from fmus import MODELS
 from orchestration.api.declaration import REQUIRED, Option, options_of
+from orchestration.cli.panels import panel_of
 
 DEFAULT_MODEL = "ppy_actuator"
 Body = Callable[..., None]
@@ -68,6 +69,7 @@ def _parameter(option: Option) -> Parameter:
         "min": option.least,
         "max": option.most,
         "autocompletion": _completion(option),
+        "rich_help_panel": None if option.argument else panel_of(option.name),
     }
     names = () if option.argument else ("/".join(option.flags),)
     about = typer.Argument(**more) if option.argument else typer.Option(*names, **more)

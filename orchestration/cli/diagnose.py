@@ -18,13 +18,13 @@ from orchestration.api.options import (
 )
 from orchestration.cli.command import DEFAULT_MODEL
 from orchestration.cli.commands.options import DiagnoseCommand, LawsCommand, SystemOption
-from orchestration.cli.models import model_file, note_neutral, open_model
+from orchestration.cli.models import build_model, model_file, note_neutral
 from orchestration.cli.options import IsolateOption, JsonOption, platform_list
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
 from orchestration.discrepancy import fmu_paths
 from orchestration.discrepancy.report import system_diagnosis_summary, system_overview
 from orchestration.discrepancy.systems import diagnose_system
-from orchestration.fmu import Model
+from orchestration.fmu import Model, declared_model
 from orchestration.records import Record
 from orchestration.reporting import note, out, progress, tell_repairs, wrote
 
@@ -172,12 +172,12 @@ def open_judged(options: DiagnoseCommand | LawsCommand) -> Judged:
     name = options["model"] or DEFAULT_MODEL
     file = model_file(name)
     check_files(options, [] if file is None else [file])
-    model = open_model(name, effects=options["laid_over"])
-    note_neutral(model, options["settings"] or {})
+    declared = declared_model(name, options["laid_over"])
+    note_neutral(declared, options["settings"] or {})
     records, holdouts = held_out(
         options["records"],
         options["holdout"] or None,
-        model,
+        declared,
         options["mapping"],
         options["runs"],
     )
@@ -192,7 +192,7 @@ def open_judged(options: DiagnoseCommand | LawsCommand) -> Judged:
                 if repair.kind != "constant"
             ]
         )
-    return Judged(model, records, holdouts)
+    return Judged(build_model(declared), records, holdouts)
 
 
 def _title(record: Record) -> str:

@@ -32,25 +32,26 @@ def open_measured(options: MeasuredOptions, runtime: str = "native") -> Measured
         If either cannot be read, or they do not fit.
     """
     from orchestration.api import values_of
+    from orchestration.fmu import declared_model
     from orchestration.identify import read_for
     from orchestration.reporting import tell_repairs
 
-    model = open_model(options["model"], runtime, options["laid_over"])
-    parameters = values_of(model, options["settings"], options["preset"])
-    record = read_for(model, options["record"], options["mapping"])
+    declared = declared_model(options["model"], options["laid_over"])
+    parameters = values_of(declared, options["settings"], options["preset"])
+    record = read_for(declared, options["record"], options["mapping"])
     tell_repairs(record.repairs)
-    check_inputs(model, record.signals, parameters)
-    return MeasuredModel(model, record, parameters)
+    check_inputs(declared, record.signals, parameters)
+    return MeasuredModel(build_model(declared, runtime), record, parameters)
 
 
 def model_file(name: str) -> Path | None:
     """Return the file that a model is read from; None for a component of ours."""
     from fmus import MODELS
-    from orchestration.fmu import names_class
+    from orchestration.fmu import file_of_class, names_class
 
     if name in MODELS:
         return None
-    return Path(name.rpartition(":")[0]) if names_class(name) else Path(name)
+    return Path(file_of_class(name) if names_class(name) else name)
 
 
 def open_model(name: str, runtime: str = "native", effects: Sequence[str] = ()) -> Model:
@@ -61,14 +62,19 @@ def open_model(name: str, runtime: str = "native", effects: Sequence[str] = ()) 
     UserError
         If there is none, or it cannot be built.
     """
-    from fmus import MODELS
-    from orchestration.fmu import find_model, names_class
+    from orchestration.fmu import declared_model
+
+    return build_model(declared_model(name, effects), runtime)
+
+
+def build_model(declared: Model, runtime: str = "native") -> Model:
+    """Build the FMU of a model that is declared, if it has none; tell what to know of it."""
+    from orchestration.fmu import built
 
     with progress() as tell:
-        if effects or name in MODELS or names_class(name):
-            over = f" with {', '.join(effects)}" if effects else ""
-            tell(f"building {name}{over} ({runtime}) unless it is there")
-        model = find_model(name, runtime, effects)
+        if not declared.foreign:
+            tell(f"building {declared.title} ({runtime}) unless it is there")
+        model = built(declared, runtime)
     for text in model.notes:
         note(text)
     detail(f"{model.title}: {model.path}")

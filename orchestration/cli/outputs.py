@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,6 +17,11 @@ STANDARD_OUTPUT = Path("-")
 JSON = (".json",)
 PAGE = (".html", ".htm")
 SIGNALS = (".nc", ".csv", ".parquet")  # as in experiment.results, which takes half a second to load
+
+
+def typed_command() -> str:
+    """Return the command as it was typed, for a page to repeat."""
+    return shlex.join(["ppy", *sys.argv[1:]])
 
 
 class Outputs(NamedTuple):

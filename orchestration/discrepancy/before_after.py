@@ -20,6 +20,7 @@ from orchestration.discrepancy.pipeline import (
     parameters_given,
 )
 from orchestration.records import Record, base_name
+from orchestration.reporting import option
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,7 @@ def _diagnose_later(
         raise UserError(
             f"{after.source}: it lacks an output of the record before, {', '.join(missing)}"
         )
-    refuse_same([*result.records, after], result.model.outputs, "--compare")
+    refuse_same([*result.records, after], result.model.outputs, option("compare"))
     progress(f"diagnosing {after.source.name}")
     try:
         return diagnose_data(

@@ -35,6 +35,7 @@ from orchestration.fmu import Fmu, simulate_instance
 from orchestration.identify.noise import WHITENESS_SAMPLES, Noise, Whiteness, whiteness
 from orchestration.identify.uncertainty import Estimate
 from orchestration.records import join_records
+from orchestration.reporting import option
 
 
 @dataclass(frozen=True)
@@ -189,14 +190,15 @@ def fmu_paths(path: Path, records: Iterable[Path]) -> dict[str, Path]:
         If the name is not that of an FMU, or one of them is a record or a folder.
     """
     if path.suffix != ".fmu":
-        raise UserError(f"--fmu {path}: the name of an FMU ends in .fmu")
+        raise UserError(f"{option('fmu', str(path))}: the name of an FMU ends in .fmu")
     places = {"native": path, "python": path.with_suffix(".python.fmu")}
     kept = [record for record in records if record.exists()]
     for place in places.values():
+        given_as = option("fmu", str(place))
         if place.is_dir():
-            raise UserError(f"--fmu {place}: this is a folder")
+            raise UserError(f"{given_as}: this is a folder")
         if place.exists() and any(place.samefile(record) for record in kept):
-            raise UserError(f"--fmu {place}: this is the record itself; it will not be overwritten")
+            raise UserError(f"{given_as}: this is the record itself; it will not be overwritten")
     return places
 
 

@@ -114,6 +114,64 @@ MIXED_UP = (
 )
 
 
+class Action(StrEnum):
+    """What to do about a note."""
+
+    CHECK = "Check columns, units, signs and clocks"
+    MEASURE = "Measure again, or something else"
+    CHOOSE = "Set, hold or choose what you know"
+    WAIT = "Give the search more time"
+    NONE = "Nothing to do, but good to know"
+
+
+_ACTIONS = {
+    Action.CHECK: (
+        *MIXED_UP,
+        NoteCode.UNRELATED,
+        NoteCode.LARGE_ERROR,
+        NoteCode.IMPLAUSIBLE,
+        NoteCode.AT_BOUND,
+        NoteCode.NOT_MOVED,
+    ),
+    Action.MEASURE: (
+        NoteCode.CLIPPED,
+        NoteCode.CLIPPED_REPEATEDLY,
+        NoteCode.STUCK,
+        NoteCode.STUCK_WHILE_DRIVEN,
+        NoteCode.DEAD_CONSTANT,
+        NoteCode.DEAD_TOGGLING,
+        NoteCode.DEAD_TO_THE_END,
+        NoteCode.DEAD_WHILE_DRIVEN,
+        NoteCode.UNUSABLE,
+        NoteCode.NOTHING_USABLE,
+        NoteCode.QUANTISED,
+        NoteCode.CONSTANT_INPUT,
+        NoteCode.NO_EXCITATION,
+        NoteCode.EXCITATION_BELOW_NOISE,
+        NoteCode.TOO_FEW_SAMPLES,
+        NoteCode.ENDS_EARLY,
+        NoteCode.MANY_GAPS,
+        NoteCode.NOT_IN_VALIDATION_DATA,
+        NoteCode.UNIDENTIFIABLE,
+        NoteCode.CONFOUNDED,
+        NoteCode.NOT_FOLLOWED,
+        NoteCode.END_NOT_FOLLOWED,
+        NoteCode.INPUT_NOISE_DOES_THE_SAME,
+        NoteCode.NO_GAIN,
+    ),
+    Action.CHOOSE: (
+        NoteCode.ABSENT_INPUT,
+        NoteCode.INTERSAMPLE_OPEN,
+        NoteCode.INTERSAMPLE_CONTRADICTED,
+        NoteCode.UNDETERMINED,
+        NoteCode.DETERMINED_TOGETHER,
+        NoteCode.NOT_CONVERGED,
+    ),
+    Action.WAIT: (NoteCode.TIME_SPENT,),
+}
+_ACTION_OF = {code: action for action, codes in _ACTIONS.items() for code in codes}
+
+
 @dataclass(frozen=True)
 class Note:
     """A note of a diagnosis.
@@ -134,9 +192,20 @@ class Note:
     facts: Mapping[str, Any] = field(default_factory=dict)
     held_out: bool = False
 
+    @property
+    def action(self) -> Action:
+        """What to do about it."""
+        return _ACTION_OF.get(self.code, Action.NONE)
+
     def of_holdout(self) -> Note:
         """Return the same note, about the record that was held out."""
         return replace(self, held_out=True)
+
+
+def notes_by_action(notes: Sequence[Note]) -> dict[Action, list[Note]]:
+    """Return notes grouped by what to do about them, in the order of `Action`."""
+    groups = {action: [note for note in notes if note.action is action] for action in Action}
+    return {action: group for action, group in groups.items() if group}
 
 
 class UnusableRecordError(UserError):

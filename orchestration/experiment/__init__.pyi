@@ -14,9 +14,11 @@ from .preparation import points as points
 from .preparation import prepare as prepare
 from .preparation import stimulus_values as stimulus_values
 from .reading import files as files
+from .reading import is_result as is_result
 from .reading import movable as movable
 from .reading import read as read
 from .reading import read_toml as read_toml
+from .results import ExperimentResult as ExperimentResult
 from .results import about_experiment as about_experiment
 from .results import about_pace as about_pace
 from .subjects import subject as subject

@@ -23,6 +23,8 @@ from orchestration.master.reference import imbalance
 if TYPE_CHECKING:
     import xarray
 
+    from orchestration.experiment.results import ExperimentResult
+
 
 class UnfinishedExperiment(UserError):
     """An experiment that an FMU has stopped, or that could not keep pace.
@@ -30,7 +32,7 @@ class UnfinishedExperiment(UserError):
     `result` is what has been computed of it.
     """
 
-    def __init__(self, message: str, result: xarray.Dataset):
+    def __init__(self, message: str, result: ExperimentResult):
         super().__init__(message)
         self.result = result
 
@@ -44,7 +46,7 @@ def run(
     fits: Callable[[xarray.Dataset], None] = lambda sketch: None,
     live: Live | None = None,
     isolation: Callable[[bool], Limits | None] = lambda foreign: None,
-) -> xarray.Dataset:
+) -> ExperimentResult:
     """Make an experiment.
 
     Parameters
@@ -68,7 +70,7 @@ def run(
 
     Returns
     -------
-    xarray.Dataset
+    ExperimentResult
         Inputs and recorded outputs over time in the FMU's units, with all that it takes to make the
         experiment again. Of each mechanical coupling of a system the energy that it made, the
         running sign of coupling error. After an interrupt, what was computed, with the attribute
@@ -99,7 +101,7 @@ def run(
     return data.assign_attrs({"failure": failure} if failure else {})
 
 
-def _first_point(prepared: Preparation) -> xarray.Dataset:
+def _first_point(prepared: Preparation) -> ExperimentResult:
     """Return results of one point, all zero, for a format to say whether it can hold them."""
     signals = prepared.signals
     zeros = {name: np.zeros(1) for name in signals}
@@ -169,7 +171,7 @@ def _with_links_recorded(experiment: Experiment, on: Subject) -> Experiment:
 
 def _dataset(
     prepared: Preparation, ran: Run, where: str, note: Callable[[str], None]
-) -> xarray.Dataset:
+) -> ExperimentResult:
     """Return the results of a run: inputs, what was measured, and energies that couplings made."""
     for line in ran.notes:
         note(line)
@@ -217,7 +219,7 @@ def _about(prepared: Preparation, ran: Run, where: str) -> dict[str, Any]:
     on = prepared.on
     units = {name: signal.unit for name, signal in on.parameters.items()}
     numbers = {
-        n: v if isinstance(v, str) else f"{v!r} {units.get(n, '')}"
+        n: v if isinstance(v, str) else f"{v!r} {units.get(n, '')}".removesuffix(" 1")
         for n, v in prepared.settings.items()
     }
     return (

@@ -17,6 +17,7 @@ from orchestration.experiment.stimulus import Place
 from orchestration.experiment.subjects import Subject, known
 from orchestration.fmu import Signal, Value, check_type, is_text, read_setting
 from orchestration.fmu import simulation as simulate
+from orchestration.system import checking
 
 _NOISE = 1  # parts the random numbers of a signal's noise from those of a stimulus
 _IMBALANCE = "Energy that the coupling made since the start, an error of co-simulation"
@@ -101,6 +102,9 @@ def prepare(
     time = points(experiment, where)
     settings = dict(on.settings) | _settings(experiment, on, where)
     inputs = _inputs(experiment, on, time, where, note)
+    for name, signal in on.open_inputs.items():
+        if name not in settings:
+            note(checking.describe_open_input(name, signal))
     record = _recorded_outputs(experiment, on, where)
     recorded = {name: on.outputs[name] for name in record}
     noise = {

@@ -1,4 +1,7 @@
-"""Reading of experiments: from a TOML file, by the name of one that ships, or out of a result."""
+"""Reading of experiments: from a TOML file, by the name of one that ships, or out of a result.
+
+A system's file is read as the experiment that runs it as it is.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +16,13 @@ from fmus.kit.files import is_file
 from orchestration.experiment.library import shipped
 from orchestration.experiment.model import Experiment, NoiseTable, parse
 from orchestration.experiment.stimulus import KINDS
+from orchestration.reporting import option
+from orchestration.system.ssp import ENDINGS
 
 if TYPE_CHECKING:
     import xarray
 
+_TOML = ".toml"
 _INNER = {  # keys that the entries of a table can have
     "inputs": {key for kind in KINDS for key in kind.model_fields},
     "noise": set(NoiseTable.model_fields),
@@ -29,10 +35,10 @@ def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
     Parameters
     ----------
     name_or_path : str
-        Name of one that ships, a ``.toml`` file, or a result (``.nc``, ``.parquet``) whose
-        experiment is wanted again. Inputs from files are then those that the result holds, so that
-        the files need not be there any more. Of an incomplete result it is the part that was
-        computed, unless there are settings.
+        Name of one that ships, a ``.toml`` file, a system (``.ssp``, ``.ssd``), or a result
+        (``.nc``, ``.parquet``) whose experiment is wanted again. Inputs from files are then those
+        that the result holds, so that the files need not be there any more. Of an incomplete result
+        it is the part that was computed, unless there are settings.
     settings : sequence of str
         ``key=value`` over what the file says: a key of the file with dots between table and key
         (``inputs.current.amplitude=0.5A``), or a parameter (``R1=610mohm``).
@@ -49,10 +55,24 @@ def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
         raise UserError(
             f"{name_or_path}: {'a folder' if path.is_dir() else 'no such file or experiment'}{hint}"
         )
-    given = read_toml(path) if path.suffix.lower() == ".toml" else _from_result(path, not settings)
+    given = _tables(path, not settings)
     for setting in settings:
         _set(given, setting)
     return parse(given, name_or_path, str(path.parent))
+
+
+def is_result(path: Path) -> bool:
+    """Return True for the file of a result, which can be made again and compared."""
+    return is_file(path) and path.suffix.lower() not in (_TOML, *ENDINGS)
+
+
+def _tables(path: Path, unchanged: bool) -> dict[str, Any]:
+    """Return the tables of an experiment's file, of a system's or of a result's."""
+    if path.suffix.lower() == _TOML:
+        return read_toml(path)
+    if path.suffix.lower() in ENDINGS:
+        return {"system": path.name}
+    return _from_result(path, unchanged)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -77,8 +97,8 @@ def _from_result(path: Path, unchanged: bool) -> dict[str, Any]:
     if is_part:
         if result.time.size < 2:
             raise UserError(
-                f"{path}: incomplete, with its first point only; there is nothing to repeat (--set"
-                " starts anew)"
+                f"{path}: incomplete, with its first point only; there is nothing to repeat"
+                f" ({option('settings')} starts anew)"
             )
         given["duration"] = float(result.time[-1])
     for name, stimulus in given.get("inputs", {}).items():
@@ -123,13 +143,17 @@ def _set(given: dict[str, Any], setting: str) -> None:
     """Put a setting ``key=value`` into the tables of an experiment."""
     key, equals, text = (part.strip() for part in setting.partition("="))
     if not equals or not key or not text:
-        raise UserError(f"--set {setting!r}: write key=value, e.g. duration=20s or R1=0.61")
+        raise UserError(
+            f"{option('settings', setting)}: write key=value, e.g. duration=20s or R1=0.61"
+        )
     place = _place(key, given)
     table: Any = given
     for part in place[:-1]:
         table = table.setdefault(part, {})
         if not isinstance(table, dict):
-            raise UserError(f"--set {setting}: {part} is a value, not a table with keys")
+            raise UserError(
+                f"{option('settings', {key: text})}: {part} is a value, not a table with keys"
+            )
     table[place[-1]] = _value(text)
 
 

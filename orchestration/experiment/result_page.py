@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import xarray
 
-from fmus.kit import units
-from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
+from orchestration.experiment import results
 from orchestration.reporting import Page, pictures
 
 if TYPE_CHECKING:
@@ -42,23 +41,16 @@ def figure(data: xarray.Dataset) -> Figure:
     names = [name for name in data if name != over][:_MOST_PANELS]
     title = data.attrs["title"] + ("" if data.attrs["complete"] else " (incomplete)")
     drawn, panels = pictures.panels(max(1, len(names)), title)
-    across, unit = _displayed(data, over)
+    across, unit = results.displayed(data[over])
     for panel, name in zip(panels, names, strict=False):
         held = data[name].role == "input" and over == "time"
-        values, own = _displayed(data, str(name))
+        values, own = results.displayed(data[name])
         panel.plot(
             across, values, color=pictures.MODEL, drawstyle="steps-post" if held else "default"
         )
         pictures.label(panel, str(name), own)
     panels[-1].set_xlabel(over.replace("_", " ") + ("" if unit == "1" else f" [{unit}]"))
     return drawn
-
-
-def _displayed(data: xarray.Dataset, name: str) -> tuple[Array, str]:
-    """Return the values of a signal in its display unit, and that unit."""
-    array = data[name]
-    unit = array.attrs.get("display_units", array.units)
-    return units.convert(array.values, array.units, unit), unit
 
 
 def plot(data: xarray.Dataset, path: Path) -> None:
@@ -79,7 +71,7 @@ def extremes(data: xarray.Dataset) -> list[tuple[str, ...]]:
     """Return name, smallest, largest and last value of every signal, as people read them."""
     rows = []
     for name in data:
-        values, unit = _displayed(data, str(name))
+        values, unit = results.displayed(data[name])
         texts = (
             f"{x:.6g}" + ("" if unit == "1" else f" {unit}")
             for x in (values.min(), values.max(), values[-1])

@@ -13,22 +13,50 @@ from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray
 from pydantic import BaseModel, Json
 
-from fmus.kit import UserError, files
+from fmus.kit import UserError, files, units
 from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from orchestration.experiment.model import Experiment, checked, parse
 from orchestration.fmu import Signal
 from orchestration.master import Pacing
 from orchestration.records import write_record
+from orchestration.reporting import ResultDataset
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FORMATS = (".nc", ".csv", ".parquet")
 _ABOUT = b"ppy_rig"  # key of the metadata in a Parquet file
+
+
+class ExperimentResult(ResultDataset):
+    """Signals of an experiment over time, and all that it takes to make it again.
+
+    A dataset of xarray, whose picture a notebook shows beside its variables; ``plot()`` draws it,
+    and ``plot("file.png")`` writes it as well.
+    """
+
+    __slots__ = ()
+
+    def draw(self) -> Figure:
+        """Draw every signal, over time or over the signal that the experiment names.
+
+        Raises
+        ------
+        UserError
+            If it is a part of an experiment only.
+        """
+        from orchestration.experiment import result_page
+
+        if "experiment" not in self.attrs or "time" not in self.dims:
+            raise UserError("this is a part of an experiment, of which there is no picture")
+        return result_page.figure(self)
 
 
 def dataset(
@@ -37,7 +65,7 @@ def dataset(
     signals: Mapping[str, Signal],
     inputs: Collection[str],
     about: Mapping[str, Any],
-) -> xarray.Dataset:
+) -> ExperimentResult:
     """Gather results.
 
     Parameters
@@ -67,7 +95,13 @@ def dataset(
         for name, array in values.items()
     }
     clock = {"time": ("time", time, {"units": "s", "long_name": "time"})}
-    return xarray.Dataset(variables, clock, dict(about))
+    return ExperimentResult(variables, clock, dict(about))
+
+
+def displayed(array: xarray.DataArray) -> tuple[Array, str]:
+    """Return the values of a signal in its display unit, and that unit."""
+    unit = array.attrs.get("display_units", array.units)
+    return units.convert(array.values, array.units, unit), unit
 
 
 def about_experiment(experiment: Experiment, where: str) -> dict[str, Any]:

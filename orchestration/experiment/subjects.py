@@ -72,6 +72,8 @@ class Subject:
     inputs, parameters, outputs : Mapping of str to Signal
         What can be driven, set and recorded; in a system the latter two are ``member.variable``.
         Inputs of members that nothing feeds can be set.
+    open_inputs : Mapping of str to Signal
+        Those of them that have no value yet.
     why_not_settable : Mapping of str to str
         Inputs that cannot be set, and why.
     recorded_by_default : list of str
@@ -94,6 +96,7 @@ class Subject:
     inputs: Mapping[str, Signal]
     why_not_settable: Mapping[str, str]
     parameters: Mapping[str, Signal]
+    open_inputs: Mapping[str, Signal]
     outputs: Mapping[str, Signal]
     recorded_by_default: Sequence[str]
     settings: Mapping[str, Value]
@@ -181,6 +184,10 @@ def _subject_of(system: System, experiment: Experiment, prefix: str = "") -> Sub
                 and v.type != "String"
                 and f"{prefix}{name}" not in why_not_settable
             )
+        },
+        open_inputs={
+            str(port).removeprefix(prefix): signal
+            for port, signal in check.open_inputs(system).items()
         },
         outputs=outputs,
         recorded_by_default=named_outputs

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from fmus.kit import UserError, effect_name, suggestion, unstack
-from orchestration.fmu.loading import is_subclass
+from orchestration.fmu.loading import is_subclass, load_subclass, names_class
 
 if TYPE_CHECKING:
     from fmus.kit import Component, Effect, Sampling
@@ -42,6 +42,29 @@ def catalogue(cls: type[Component]) -> dict[str, type[Effect]]:
     if not is_valid:
         raise UserError(f"{module.__file__}: EFFECTS must be a dictionary from id to effect class")
     return dict(listed)
+
+
+def check_catalogue(cls: type[Component]) -> None:
+    """Check the laws of the effects that a user's file lists, each laid over the file's component.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        Of a file with several components some effects are of another one; they are not checked.
+
+    Raises
+    ------
+    UserError
+        With file, line, and what to write instead.
+    """
+    from fmus.kit import Component, stack
+    from fmus.kit.symbolic import check_component
+
+    module = sys.modules[unstack(cls)[0].__module__]
+    components = {c for c in vars(module).values() if is_subclass(c, Component) and c.name}
+    if len(components) == 1:
+        for effect in catalogue(cls).values():
+            check_component(stack(cls, effect))
 
 
 def known_effects(
@@ -112,7 +135,7 @@ def find_effects(
     ----------
     cls : type[Component]
     names : sequence of str
-        Such as ``strain_saturation`` or ``sensor_lag(voltage)``.
+        Such as ``strain_saturation``, ``sensor_lag(voltage)`` or ``path/to/file.py:Effect``.
     model_name : str
         Name of the component in messages.
     sampling : Sampling, optional
@@ -123,11 +146,12 @@ def find_effects(
     UserError
         For an unknown name, with the known ones.
     """
-    from fmus.kit import MEASUREMENTS
+    from fmus.kit import MEASUREMENTS, Effect
 
     if not names:
         return []
-    known = known_effects(cls, sampling)
+    own = {name: load_subclass(name, Effect)[2] for name in names if names_class(name)}
+    known = known_effects(cls, sampling) | own
     if any(name not in known for name in names):
         known = families(cls, sampling=sampling) | known
     for name in names:

@@ -9,6 +9,7 @@ from collections import Counter
 
 from orchestration.fmu.isolation import shared_progress
 from orchestration.fmu.kernel import load_exit_watch
+from orchestration.reporting import option
 
 _NOTICE_SIZE = 500  # bytes
 _open_count = ctypes.c_int(0)
@@ -33,7 +34,7 @@ def note_closed(label: str) -> None:
 
 def _update_notice() -> None:
     names = ", ".join(sorted(+_open_fmus))
-    notice = f"error: {names}: the FMU has ended this process; give --isolate\n"
+    notice = f"error: {names}: the FMU has ended this process; give {option('isolate', True)}\n"
     _notice.value = notice.encode()[: _NOTICE_SIZE - 1]
     _open_count.value = _open_fmus.total()
 

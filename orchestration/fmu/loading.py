@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import sys
 import traceback
 from hashlib import sha256
@@ -11,14 +12,22 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError, suggestion
+from orchestration.fmu.authoring import check_names, describe, line_of, remarks
 
 if TYPE_CHECKING:
     from fmus.kit import Component
 
+_LOADED: set[str] = set()  # names of users' files that were run
+
 
 def names_class(name: str) -> bool:
-    """Return whether a text has the form ``path/to/file.py:Class``."""
-    return name.rpartition(":")[0].endswith(".py")
+    """Return True for ``path/to/file.py:Class``, and for a file of Python without its class."""
+    return file_of_class(name).endswith(".py")
+
+
+def file_of_class(name: str) -> str:
+    """Return the file of ``path/to/file.py:Class``, with or without the class."""
+    return name if name.endswith(".py") else name.rpartition(":")[0]
 
 
 def load_class(place: str) -> type[Component]:
@@ -37,18 +46,35 @@ def load_class(place: str) -> type[Component]:
     Raises
     ------
     UserError
-        If the file cannot be read or run, or has no such component.
+        If the file cannot be read or run, has no such component, or a law of it does not work on
+        signals or does not fit its units; with the line and what to write.
     """
     from fmus.kit import Component
+    from fmus.kit.symbolic import check_component
 
     path, name, cls, models = load_subclass(place, Component)
     if not cls.name:
-        raise UserError(
-            f"{path}: {name} has no name, so it is a base or an effect and no"
-            f" model{suggestion(name, models)}"
-        )
+        raise UserError(_nameless(path, name, cls, models))
+    check_component(cls)
     loaded: type[Component] = cls
     return loaded
+
+
+def _nameless(path: Path, name: str, cls: Any, models: list[str]) -> str:
+    """Return what a class lacks that is no model."""
+    from fmus.kit import Effect
+
+    line = line_of(path.read_bytes(), name)
+    place = f"{path}, line {line}" if line else str(path)
+    if is_subclass(cls, Effect):
+        base = "file.py:Component" if not models else f"{path}:{models[0]}"
+        return f"{place}: {name} is an effect and no model; name what it is laid over, as {base}"
+    others = [model for model in models if model != name]
+    own = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+    return (
+        f'{place}: {name} has no name, so it is a base and no model; write name = "{own}" into'
+        f" its body{suggestion(name, others, few=0) if others else ''}"
+    )
 
 
 def load_subclass(place: str, base: type) -> tuple[Path, str, Any, list[str]]:
@@ -71,22 +97,33 @@ def load_subclass(place: str, base: type) -> tuple[Path, str, Any, list[str]]:
     UserError
         If the file cannot be read or run, or has no such class.
     """
-    file, colon, name = place.rpartition(":")
-    if not (colon and file and name):
+    file = file_of_class(place)
+    name = place.removeprefix(file).removeprefix(":")
+    if not file or place.endswith(":"):
         raise UserError(f"{place}: write path/to/file.py:Class")
     path = Path(file)
     module = _load(path)
-    cls: Any = getattr(module, name, None)
     known = [
         n
         for n, c in vars(module).items()
         if is_subclass(c, base) and c.__module__ == module.__name__
     ]
+    if not name:
+        raise UserError(f"{path}: {_classes_to_name(path, module, known, base)}")
+    cls: Any = getattr(module, name, None)
     if cls is None:
         raise UserError(f"{path}: there is no class {name!r} in it{suggestion(name, known)}")
     if not is_subclass(cls, base):
         raise UserError(f"{path}: {name} is not a {base.__name__}{suggestion(name, known)}")
     return path, name, cls, known
+
+
+def _classes_to_name(path: Path, module: ModuleType, known: list[str], base: type) -> str:
+    """Return which classes of a file can be named; a component without a name is an effect."""
+    places = [f"{path}:{name}" for name in known if getattr(vars(module)[name], "name", name)]
+    if not places:
+        return f"there is no {base.__name__} in it"
+    return f"name a class in it, such as {', '.join(places)}"
 
 
 def is_subclass(thing: object, base: type) -> bool:
@@ -100,6 +137,7 @@ def _load(path: Path) -> ModuleType:
         text = path.read_bytes()
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+    check_names(path, text)
     name = f"{path.stem}_{sha256(str(path.resolve()).encode() + text).hexdigest()[:12]}"
     if name in sys.modules:
         return sys.modules[name]
@@ -115,28 +153,41 @@ def _load(path: Path) -> ModuleType:
         del sys.modules[name]
         if isinstance(error, (KeyboardInterrupt, GeneratorExit)):
             raise
-        raise UserError(_describe_in_one_line(path, error)) from error
+        raise UserError(describe(path, text, error)) from error
+    _LOADED.add(spec.origin)
     return module
 
 
-def _describe_in_one_line(path: Path, error: BaseException) -> str:
-    """Describe an error in a user's file, with the line of the file."""
-    line = _line_number(path, error)
-    place = f"{path}, line {line}" if line else str(path)
-    return f"{place}: {' '.join(_description(error).split())}"
+def remarks_on(place: str) -> tuple[str, ...]:
+    """Return what works in the class of a user's model, but is better written otherwise.
+
+    Parameters
+    ----------
+    place : str
+        ``path/to/file.py:Class``, which can be loaded.
+
+    Returns
+    -------
+    tuple of str
+    """
+    file, _, name = place.rpartition(":")
+    return remarks(Path(file), Path(file).read_bytes(), name)
 
 
-def _line_number(path: Path, error: BaseException) -> int | None:
-    if isinstance(error, SyntaxError):
-        return error.lineno
-    frames = traceback.extract_tb(error.__traceback__)
-    lines = [frame.lineno for frame in frames if Path(frame.filename) == path]
-    return lines[-1] if lines else None
+def faulty_place(error: BaseException) -> str:
+    """Return where in a user's file an error came up while what it defines was used.
 
+    Parameters
+    ----------
+    error : BaseException
 
-def _description(error: BaseException) -> str:
-    if isinstance(error, SyntaxError):
-        return f"{type(error).__name__}: {error.msg}"
-    if isinstance(error, UserError) and str(error):
-        return str(error)
-    return ": ".join(filter(None, (type(error).__name__, str(error))))
+    Returns
+    -------
+    str
+        File, line and function; empty if it came up elsewhere.
+    """
+    place = ""
+    for frame in traceback.extract_tb(error.__traceback__):
+        if frame.filename in _LOADED:
+            place = f"{frame.filename}, line {frame.lineno}, in {frame.name}"
+    return place

@@ -6,7 +6,7 @@ that is its equations, is restored from that; no code of the FMU is run for it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -15,18 +15,25 @@ from typing import TYPE_CHECKING, Any
 from fmus.kit import UserError, suggestion
 from fmus.kit.build import Provenance, read_provenance
 from fmus.kit.files import is_file, is_folder
+from fmus.kit.units import format_range, format_value
 from orchestration.fmu.archive import Archive, read_description
-from orchestration.fmu.effects import catalogue, find_effects
-from orchestration.fmu.loading import load_class, names_class
+from orchestration.fmu.effects import catalogue, check_catalogue, find_effects
+from orchestration.fmu.loading import load_class, names_class, remarks_on
 from orchestration.fmu.signal import Signal, Value, declared_signal, read_setting, read_signal
+from orchestration.reporting import Displayable, one_line, option
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from fmus.kit import Component
 
 # the parts of a model's name can be imported from here too
 __all__ = [
     "Model",
+    "built",
     "catalogue",
+    "declared_model",
+    "declared_model_of",
     "find_class",
     "find_model",
     "load_class",
@@ -36,8 +43,11 @@ __all__ = [
 ]
 
 
+_NOT_BUILT = Path()
+
+
 @dataclass(frozen=True)
-class Model:
+class Model(Displayable):
     """An FMU to run, with its class if its equations are known.
 
     Attributes
@@ -45,7 +55,7 @@ class Model:
     name : str
         The name that the user gave; of an FMU the file's name.
     path : Path
-        The FMU file.
+        The FMU file; of a model that `declared_model` returned none yet, see `built`.
     cls : type[Component] or None
     inputs, outputs, parameters : dict of str to Signal
     effects : tuple of str
@@ -62,6 +72,24 @@ class Model:
     parameters: Mapping[str, Signal]
     effects: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        inputs = ", ".join(self.inputs) or "no inputs"
+        return one_line(f"Model {self.title}: {inputs} -> {', '.join(self.outputs)}")
+
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield its name, and a table of its variables in the units that people read."""
+        from orchestration.reporting import plain_table
+
+        yield self.title
+        columns = ("start", "allowed", "meaning")
+        table = plain_table(None, "name", "is", *columns, right=columns[:2])
+        groups = {"input": self.inputs, "output": self.outputs, "parameter": self.parameters}
+        for kind, signals in groups.items():
+            for signal in signals.values():
+                table.add_row(signal.name, kind, *_described(signal), signal.doc)
+        yield table
+        yield from self.notes
 
     @property
     def title(self) -> str:
@@ -106,6 +134,13 @@ class Model:
         return values | read_settings(self.name, texts, {**self.parameters, **self.inputs})
 
 
+def _described(signal: Signal) -> tuple[str, str]:
+    """Return start value and range as people read them; a text has no range."""
+    if signal.type == "string":
+        return signal.text, ""
+    return format_value(signal.start, signal), format_range(signal)
+
+
 def read_settings(
     model_name: str, texts: Sequence[str], known: Mapping[str, Signal]
 ) -> dict[str, Value]:
@@ -133,10 +168,10 @@ def read_settings(
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not equals:
-            raise UserError(f"--set {text!r}: write name=value or name=value[unit]")
+            raise UserError(f"{option('settings', text)}: write name=value or name=value[unit]")
         if name not in known:
             raise UserError(f"{model_name}: no parameter named {name!r}{suggestion(name, known)}")
-        values[name] = read_setting(value, known[name], f"--set {name}={value}")
+        values[name] = read_setting(value, known[name], option("settings", {name: value}))
     return values
 
 
@@ -149,7 +184,7 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
         One of our components, ``path/to/file.py:Class``, or an FMU that was built from either.
     effects : sequence of str
         Names of effects to add, innermost first: its own by id, measurements as
-        ``sensor_lag(voltage)``.
+        ``sensor_lag(voltage)``, others as ``path/to/file.py:Effect``.
 
     Raises
     ------
@@ -158,11 +193,13 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
     """
     from fmus import MODELS, component
     from fmus.kit import stack
+    from fmus.kit.symbolic import check_component
 
     if name_or_path in MODELS:
         cls = component(name_or_path)
     elif names_class(name_or_path):
         cls = load_class(name_or_path)
+        check_catalogue(cls)
     else:
         model = _read_model(name_or_path)
         if model.cls is None:
@@ -171,7 +208,12 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
                 reason = model.notes[0]
             raise UserError(f"{reason}; name a component (see ppy list) or file.py:Class")
         cls = model.cls
-    return stack(cls, *find_effects(cls, effects, name_or_path)) if effects else cls
+    if not effects:
+        return cls
+    stacked = stack(cls, *find_effects(cls, effects, name_or_path))
+    if any(map(names_class, (name_or_path, *effects))):
+        check_component(stacked)
+    return stacked
 
 
 def find_model(name_or_path: str, runtime: str = "native", effects: Sequence[str] = ()) -> Model:
@@ -200,12 +242,51 @@ def find_model(name_or_path: str, runtime: str = "native", effects: Sequence[str
     >>> model.parameters["R1"].unit
     'ohm'
     """
+    return built(declared_model(name_or_path, effects), runtime)
+
+
+def declared_model(name_or_path: str, effects: Sequence[str] = ()) -> Model:
+    """Find a model without building its FMU: enough to read a record of it, and to refuse one.
+
+    Parameters
+    ----------
+    name_or_path, effects
+        See :func:`find_model`.
+
+    Raises
+    ------
+    UserError
+        If there is no such component, class, effect or file.
+    """
     from fmus import MODELS
 
     if not effects and name_or_path not in MODELS and not names_class(name_or_path):
         return _read_model(name_or_path)
-    model = model_of(find_class(name_or_path, effects), runtime)
-    return replace(model, name=name_or_path, effects=tuple(effects))
+    model = declared_model_of(find_class(name_or_path, effects))
+    notes = remarks_on(name_or_path) if names_class(name_or_path) else ()
+    return replace(model, name=name_or_path, effects=tuple(effects), notes=notes)
+
+
+def declared_model_of(cls: type[Component]) -> Model:
+    """Return the model of a component, whose FMU is not built yet."""
+    layout = cls.layout
+    inputs, outputs, parameters = (
+        {v.name: declared_signal(v) for v in variables}
+        for variables in (
+            layout.inputs,
+            layout.measurable,
+            (*layout.parameters, *layout.texts),
+        )
+    )
+    return Model(cls.name, _NOT_BUILT, cls, inputs, outputs, parameters)
+
+
+def built(model: Model, runtime: str = "native") -> Model:
+    """Return a model with its FMU, which is built if it is not in the cache."""
+    if model.path != _NOT_BUILT or model.cls is None:
+        return model
+    made = model_of(model.cls, runtime)
+    return replace(made, name=model.name, effects=model.effects, notes=model.notes)
 
 
 def model_of(cls: type[Component], runtime: str = "native") -> Model:

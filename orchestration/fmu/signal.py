@@ -8,7 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from fmus.kit import Declaration, UserError, units
+from fmus.kit import (
+    Declaration,
+    DiscreteDeclaration,
+    OutputDeclaration,
+    StateDeclaration,
+    UserError,
+    units,
+)
 from fmus.kit.units import format_range, format_value
 
 _QUANTITY = re.compile(r"^\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>.*)$")
@@ -17,6 +24,9 @@ _LARGEST = 2**31 - 1  # integers of FMI 2.0 have 32 bits
 
 # the value of a variable: a number in the FMU's unit (0 and 1 for a boolean), or a text
 Value = float | str
+
+# What is computed at the start, so that its FMU declares no start value.
+_CALCULATED = (OutputDeclaration, StateDeclaration, DiscreteDeclaration)
 
 
 @dataclass
@@ -39,6 +49,8 @@ class Signal:
         Description.
     text : str
         Start value of a string, whose `start` is 0.
+    declares_start : bool
+        False where the FMU declares no start value, so that `start` is 0.
     """
 
     name: str
@@ -50,6 +62,7 @@ class Signal:
     max: float
     doc: str = ""
     text: str = ""
+    declares_start: bool = True
 
     @property
     def default(self) -> Value:
@@ -93,6 +106,7 @@ def read_signal(variable: Any) -> Signal:
         low,
         high,
         doc,
+        declares_start=bool(variable.start),
     )
 
 
@@ -126,6 +140,7 @@ def declared_signal(variable: Declaration) -> Signal:
         max=variable.max,
         doc=variable.doc,
         text=str(start) if is_string else "",
+        declares_start=not isinstance(variable, _CALCULATED),
     )
 
 

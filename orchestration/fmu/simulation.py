@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,10 @@ from orchestration.fmu.kernel import library, one_fmu
 from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Value
 from orchestration.records import Record
+from orchestration.reporting import option
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _MOST_STEPS = 1e7
 
@@ -40,8 +45,8 @@ def grid(start: float, stop: float, step: float) -> Array:
     """
     if not (np.isfinite([start, stop, step]).all() and step > 0.0 and stop > start):
         raise UserError(
-            f"cannot step from {start:g} s to {stop:g} s by {step:g} s: --stop must come later and"
-            " --step be positive"
+            f"cannot step from {start:g} s to {stop:g} s by {step:g} s: {option('stop')} must come"
+            f" later and {option('step')} be positive"
         )
     if (stop - start) / step > _MOST_STEPS:
         raise UserError(
@@ -84,8 +89,8 @@ def points(recorded: Array, stop: float | None, step: float | None) -> Array:
         return grid(first, last, step)
     if not first < last <= end:
         raise UserError(
-            f"--stop {last:g} s is not within the record, which goes from {first:g} s to {end:g} s "
-            "(with --step, its last values are held beyond its end)"
+            f"{option('stop', last)} is not within the record, which goes from {first:g} s"
+            f" to {end:g} s (with {option('step')}, its last values are held beyond its end)"
         )
     return recorded[recorded <= last]
 
@@ -298,13 +303,13 @@ def check_inputs(fmu: Fmu, names: Iterable[str]) -> None:
 
 
 def plot(
-    path: Path, model: Model, time: Array, signals: Mapping[str, Array], title: str = ""
-) -> None:
+    path: Path | None, model: Model, time: Array, signals: Mapping[str, Array], title: str = ""
+) -> Figure:
     """Plot inputs and outputs over time, one panel each, in display units.
 
     Parameters
     ----------
-    path : Path
+    path : Path or None
         The picture to write.
     model : Model
     time : ndarray, shape (n,)
@@ -333,4 +338,6 @@ def plot(
             drawstyle=style,
         )
         pictures.label(panel, name, signal.display)
-    pictures.save(figure, path)
+    if path is not None:
+        pictures.save(figure, path)
+    return figure

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,15 +15,18 @@ from fmus.kit.arrays import Array
 from orchestration.fmu import Model, Value, numeric, simulate
 from orchestration.fmu.isolation import limits_of
 from orchestration.identify import presentation
+from orchestration.identify.fit_page import fit_page
 from orchestration.identify.fitting import FmuWithDifferences
 from orchestration.identify.grey_box import Fit, fit_grey_box
 from orchestration.identify.metrics import fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
-from orchestration.records import Record, read_record, read_runs
-from orchestration.reporting import plain_text, preformatted
+from orchestration.records import Arrays, Record, read_record, read_runs
+from orchestration.reporting import Displayable, flag, one_line, option, path_of_report
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,7 @@ class GoodnessOfFit:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Displayable):
     """A model against a record, before and, if parameters were fitted, after the fit.
 
     Attributes
@@ -75,17 +79,28 @@ class Comparison:
     fit: Fit | None
     after: dict[str, GoodnessOfFit] | None
 
-    def __str__(self) -> str:
-        warnings = self.fit.warning_lines if self.fit else []
-        return "\n".join([plain_text(presentation.overview(self)), *warnings])
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield what ``ppy compare`` prints."""
+        yield presentation.overview(self)
+        yield from self.fit.warning_lines if self.fit else ()
 
     def __repr__(self) -> str:
         runs = self.before if self.after is None else self.after
         percents = ", ".join(f"{output} {g.fit_percent:.1f} %" for output, g in runs.items())
-        return f"<Comparison {percents}: {self.model.name}, {self.record.source.name}>"
+        return one_line(f"Comparison {percents}: {self.model.name}, {self.record.source.name}")
 
-    def _repr_html_(self) -> str:
-        return preformatted(str(self))
+    def _figure(self) -> Figure:
+        return self.plot()
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return how well every output is followed as a table, a row for each output and run.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        return presentation.frame(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON, as ``ppy compare --json`` writes them.
@@ -116,14 +131,44 @@ class Comparison:
         """
         return presentation.draw(self, None if path is None else Path(path))
 
+    def report(self, path: str | Path, command: str = "") -> Path:
+        """Write a page on the fit, to look at and pass on.
 
-def read_for(model: Model, path: Path, mapping: Mapping[str, str] | None = None) -> Record:
+        Parameters
+        ----------
+        path : str or Path
+            An ``.html`` file.
+        command : str
+            What made it, for the page; unless given, one that does the same.
+
+        Raises
+        ------
+        UserError
+            If nothing was fitted, or the page cannot be written, or its name does not end in
+            ``.html``.
+        """
+        target = path_of_report(path)
+        if self.fit is None:
+            raise UserError(f"{target}: nothing was fitted, so there is nothing to report")
+        fit_page(self, self.fit, command or self._command(self.fit)).write(target)
+        return target
+
+    def _command(self, fit: Fit) -> str:
+        """Return a command that makes the same fit."""
+        words = ["ppy", "identify", str(self.record.source), "--model", self.model.name]
+        words += [flag("fit"), ",".join(fit.estimates)]
+        for name, value in self.parameters.items():
+            words += [flag("settings"), f"{name}={value}"]
+        return shlex.join(words)
+
+
+def read_for(model: Model, path: Path | Arrays, mapping: Mapping[str, str] | None = None) -> Record:
     """Read a record of which some columns are the model's inputs and outputs.
 
     Parameters
     ----------
     model : Model
-    path : Path
+    path : Path, DataFrame or Mapping of str to array_like, shape (n,)
     mapping : Mapping of str to str, optional
         Column of the file to signal of the model.
 
@@ -142,7 +187,10 @@ def read_for(model: Model, path: Path, mapping: Mapping[str, str] | None = None)
 
 
 def read_runs_for(
-    model: Model, path: Path, mapping: Mapping[str, str] | None = None, column: str | None = None
+    model: Model,
+    path: Path | Arrays,
+    mapping: Mapping[str, str] | None = None,
+    column: str | None = None,
 ) -> list[Record]:
     """Read the runs of a file that may have several.
 
@@ -176,8 +224,8 @@ def _check_outputs(record: Record, model: Model) -> None:
     if not any(name in model.outputs for name in record.signals):
         known = ", ".join(model.outputs)
         raise UserError(
-            f"{record.source}: no column is an output of {model.name} ({known}); rename with --map"
-            " column=signal"
+            f"{record.source}: no column is an output of {model.name} ({known}); say which is, with"
+            f" {option('mapping', {'column': 'signal'})}, as ppy info of the record proposes it"
         )
 
 
@@ -214,7 +262,7 @@ def compare(
         If the FMU fails, or a parameter cannot be fitted.
     """
     given = dict(parameters or {})
-    _check_names(model, names, "--fit: ")
+    _check_names(model, names, f"{option('fit', [*names])}: ")
     inputs = {name: values for name, values in record.signals.items() if name in model.inputs}
     measured = {name: values for name, values in record.signals.items() if name in model.outputs}
     progress(f"simulating {model.path.name} over {record.time.size} samples")

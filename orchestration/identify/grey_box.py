@@ -8,7 +8,7 @@ or by differences for an FMU without equations. Intervals allow for coloured res
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -37,15 +37,18 @@ from orchestration.identify.uncertainty import (
     Covariance,
     Estimate,
     Profile,
+    estimates_frame,
     joint_distribution,
     parameter_covariance,
     profile_likelihood,
     sandwich_covariance,
 )
-from orchestration.reporting import plain_text, preformatted
+from orchestration.reporting import Displayable, one_line
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 # The parameters have no prior, and their values are the result: search on to where rounding begins.
 _METHOD = Method(tolerance=1e-6, passes=5, settled=1e-3)
@@ -56,7 +59,7 @@ _FEW = 50  # independent values below which the colour of a residual is not know
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(Displayable):
     """The result of :func:`fit_grey_box`.
 
     Attributes
@@ -197,18 +200,45 @@ class Fit:
         """Warnings as they are printed."""
         return [f"warning: {text}" for text in self.all_warnings]
 
-    def __str__(self) -> str:
-        return "\n".join([plain_text(presentation.parameters(self)), *self.warning_lines])
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield a table of the parameters, and the warnings."""
+        yield presentation.parameters(self)
+        yield from self.warning_lines
 
     def __repr__(self) -> str:
         values = ", ".join(
             f"{name} = {format_value(e.value, self.declared[name])}"
             for name, e in self.estimates.items()
         )
-        return f"<Fit {values}>"
+        return one_line(f"Fit {values}")
 
-    def _repr_html_(self) -> str:
-        return preformatted(str(self))
+    def _figure(self) -> Figure:
+        return self.plot()
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw every parameter with its 95 % interval, and where it started from.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Picture (.png, .svg or .pdf) to write as well.
+
+        Raises
+        ------
+        UserError
+            If the file cannot be written.
+        """
+        return presentation.draw_fit(self, None if path is None else Path(path))
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the parameters as a table, a row for each, SI.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        return estimates_frame(self.estimates)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON."""

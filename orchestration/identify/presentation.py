@@ -12,16 +12,18 @@ from rich.table import Table
 from rich.text import Text
 
 from fmus.kit import units
-from fmus.kit.units import format_difference, format_value, unit_of_differences
+from fmus.kit.units import Described, format_difference, format_value, unit_of_differences
 from orchestration.identify.metrics import finite_or_none
 from orchestration.reporting import pictures, plain_table
 
 if TYPE_CHECKING:
+    import pandas
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from orchestration.identify.comparison import Comparison, GoodnessOfFit
     from orchestration.identify.grey_box import Fit
+    from orchestration.identify.uncertainty import Estimate
 
 _MUCH_LARGER = 25.0  # ratio of residuals from which on the larger one is not drawn
 
@@ -103,6 +105,24 @@ def coupled(fit: Fit) -> list[Text]:
     return [Text(f"known together better than each, by their correlation: {', '.join(pairs)}")]
 
 
+def frame(comparison: Comparison) -> pandas.DataFrame:
+    """Return a row for every output and run: fit, RMS error with its unit, whiteness."""
+    import pandas
+
+    rows = {
+        (output, label): {
+            "fit_percent": run[output].fit_percent,
+            "rms": run[output].rms,
+            "unit": comparison.model.outputs[output].unit,
+            "white": test.is_white if (test := run[output].whiteness) else None,
+        }
+        for output in comparison.before
+        for label, run in _runs(comparison).items()
+    }
+    made = pandas.DataFrame.from_dict(rows, orient="index")
+    return made.rename_axis(["output", "run"])
+
+
 def figures(comparison: Comparison) -> dict[str, Any]:
     """Return the figures, ready for JSON: numbers with their units, None for NaN.
 
@@ -170,6 +190,49 @@ def draw(comparison: Comparison, path: Path | None = None) -> Figure:
     if path is not None:
         pictures.save(figure, path)
     return figure
+
+
+def draw_fit(fit: Fit, path: Path | None = None) -> Figure:
+    """Draw every fitted parameter with its 95 % interval, and where it started from.
+
+    Parameters
+    ----------
+    fit : Fit
+    path : Path, optional
+        Picture to write.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written.
+    """
+    title = "fitted parameters with 95 % intervals"
+    figure, axes = pictures.panels(len(fit.estimates), title, "", 0.75, shared=False)
+    for axis, (name, estimate) in zip(axes, fit.estimates.items(), strict=True):
+        _draw_estimate(axis, name, estimate, fit.declared[name])
+    axes[0].legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1
+    )
+    if path is not None:
+        pictures.save(figure, path)
+    return figure
+
+
+def _draw_estimate(axis: Axes, name: str, estimate: Estimate, declared: Described) -> None:
+    """Draw one parameter; an interval with an open end goes to the edge of the picture."""
+    unit = declared.display or declared.unit
+    value, nominal, *ends = (
+        units.convert(x, declared.unit, unit)
+        for x in (estimate.value, estimate.nominal, *estimate.interval)
+    )
+    axis.plot(nominal, 0.0, "o", mfc="none", color=pictures.MEASURED, label="started from")
+    axis.plot(value, 0.0, "o", color=pictures.FITTED, label="fitted")
+    axis.margins(0.1, 0.5)
+    edges = axis.get_xlim()
+    shown = [x if math.isfinite(x) else edge for x, edge in zip(ends, edges, strict=True)]
+    axis.plot(shown, [0.0, 0.0], color=pictures.FITTED, lw=2, label="95 % interval", zorder=1)
+    axis.set_yticks([0.0], [name.replace("_", " ")])
+    axis.set_xlabel("" if unit == "1" else f"[{unit}]")
 
 
 def _draw_output(comparison: Comparison, output: str, over: Axes, below: Axes) -> None:

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.master.pacing import Pacing
+from orchestration.reporting import Displayable, one_line, pictures, plain_table
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+    from rich.console import RenderableType
+
+_MOST_PANELS = 16  # more in one picture are not looked at
 
 
 @dataclass(frozen=True)
@@ -57,7 +68,7 @@ class Statistics:
 
 
 @dataclass(frozen=True)
-class Run:
+class Run(Displayable):
     """The result of a run.
 
     Attributes
@@ -87,6 +98,68 @@ class Run:
     statistics: Statistics
     guids: dict[str, str]
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return one_line(f"Run {self._extent} of {len(self.signals)} signals")
+
+    @property
+    def _extent(self) -> str:
+        """Its points and its end."""
+        end = f" to {self.time[-1]:g} s" if self.time.size else ""
+        return f"{self.time.size} points{end}{'' if self.complete else ', incomplete'}"
+
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield the extent in time, tables of signals and of the members' effort, and remarks."""
+        yield self._extent + (f": {self.message}" if self.message else "")
+        columns = ("smallest", "largest", "last")
+        signals = plain_table(None, "signal", *columns, "unit", right=columns)
+        for name, values in self.signals.items():
+            ends = (values.min(), values.max(), values[-1]) if values.size else ()
+            signals.add_row(name, *(f"{x:.6g}" for x in ends), self.units[name])
+        yield signals
+        effort = ("steps", "share of the time")
+        members = plain_table(None, "member", *effort, right=effort)
+        for name, one in self.statistics.components.items():
+            members.add_row(name, f"{one.steps:,}", f"{100.0 * one.share:.0f} %")
+        yield members
+        yield from self.notes
+
+    def _figure(self) -> Figure | None:
+        return self.plot() if self.time.size and self.signals else None
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the signals over time, one panel each; of many only the first.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Picture (.png, .svg or .pdf) to write as well.
+
+        Raises
+        ------
+        UserError
+            If the file cannot be written.
+        """
+        shown = list(self.signals.items())[:_MOST_PANELS]
+        figure, axes = pictures.panels(max(1, len(shown)), self._extent)
+        for axis, (name, values) in zip(axes, shown, strict=False):
+            axis.plot(self.time, values, color=pictures.MODEL)
+            pictures.label(axis, name, self.units[name])
+        if path is not None:
+            pictures.save(figure, Path(path))
+        return figure
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the signals as a table over time.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        import pandas
+
+        return pandas.DataFrame(self.signals, index=pandas.Index(self.time, name="time"))
 
 
 class Stopped(UserError):

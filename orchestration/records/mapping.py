@@ -1,14 +1,15 @@
 """Mapping of columns to signals of a model: by equal names, or by ``--map column=signal[unit]``."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from fmus.kit import UserError, suggestion
+from orchestration.records.instants import holds_instants, joined
+from orchestration.records.proposal import propose
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Column, Table, split_header_cell
-
-TIME = "time"
-_TIME_NAMES = frozenset({"time", "t", "x_value"})
+from orchestration.records.time_column import TIME, find_time, other_half
+from orchestration.reporting import option
 
 
 @dataclass(frozen=True)
@@ -58,12 +59,13 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
             or (unit is None and "[" in target)
         ):
             raise UserError(
-                f"--map '{entry}': the form is file_column=signal or file_column=signal[unit]"
+                f"{option('mapping', entry)}: the form is file_column=signal or"
+                " file_column=signal[unit]"
             )
         if column in mapping:
-            raise UserError(f"--map '{entry}': column '{column}' is mapped twice")
+            raise UserError(f"{option('mapping', entry)}: column '{column}' is mapped twice")
         if signal in (split_header_cell(other)[0] for other in mapping.values()):
-            raise UserError(f"--map '{entry}': signal '{signal}' is mapped twice")
+            raise UserError(f"{option('mapping', entry)}: signal '{signal}' is mapped twice")
         mapping[column] = target
     return mapping
 
@@ -73,7 +75,7 @@ def _find_column(table: Table, name: str, why: str) -> Column:
     called = [
         column
         for column in table.columns
-        if name in (column.name, f"{column.name} [{column.unit}]")
+        if name in (column.name, column.title, f"{column.name} [{column.unit}]")
     ]
     if len(called) > 1:
         raise refuse(table.path, f"{len(called)} columns are called '{name}'; rename them")
@@ -114,35 +116,46 @@ def match_columns(
     matches = _mapped(table, signals, mapping)
     taken = [match.column for match in matches.values()]
     if len({id(column) for column in taken}) != len(taken):
-        raise refuse(table.path, "--map gives one column to two signals")
+        raise refuse(table.path, f"{option('mapping')} gives one column to two signals")
     if TIME not in matches:
-        matches[TIME] = Match(_find_time(table, signals, taken), TIME, None)
+        matches[TIME] = Match(find_time(table, signals, _free(table, taken)), TIME, None)
     taken.append(matches[TIME].column)
+    _complete_time(table, matches, taken)
     for signal in signals:
         if signal not in matches:
             _match_name(table, signal, matches, taken)
     _match_members(table, signals, matches, taken)
     ignored = [column.name for column in _free(table, taken)]
+    absent = [signal for signal in signals if signal not in matches]
+    advice = _advice(table, _free(table, taken), {signal: signals[signal] for signal in absent})
     for signal in required:
         if signal not in matches:
             raise refuse(
                 table.path,
                 f"the signal '{signal}' [{signals.get(signal, '?')}] is required and not among the"
-                f" columns{suggestion(signal, ignored)}; to rename one: --map 'column={signal}'",
+                f" columns{suggestion(signal, ignored)}{advice}",
             )
     if len(matches) == 1:
         raise refuse(
             table.path,
             f"none of the columns {', '.join(table.names())} is a signal of the model"
-            f" ({', '.join(signals)}); to rename one: --map 'column=signal'",
+            f" ({', '.join(signals)}){advice}",
         )
     if ignored:
-        absent = [signal for signal in signals if signal not in matches]
         hints = [f"'{name}'{suggestion(name, absent, few=0)}" for name in ignored]
         table.repairs.append(
             Repair("ignored columns", f"not signals of the model, so ignored: {', '.join(hints)}")
         )
     return [matches[TIME], *(matches[signal] for signal in signals if signal in matches)]
+
+
+def _advice(table: Table, free: Sequence[Column], absent: Mapping[str, str]) -> str:
+    """Return the mapping that probably gives a model what it lacks, or that one is needed."""
+    columns = {table.map_name(column): (column.unit or "", "") for column in free}
+    likely = propose(columns, absent).mapping
+    if likely:
+        return f"; probably: {option('mapping', likely)}"
+    return f"; say which column it is: {option('mapping', {'column': 'signal'})}"
 
 
 def _mapped(
@@ -152,20 +165,29 @@ def _mapped(
     matches: dict[str, Match] = {}
     for name, target in mapping.items():
         signal, unit = split_header_cell(target)
+        given_as = option("mapping", {name: target})
         if signal != TIME and signal not in signals:
             raise UserError(
-                f"--map '{name}={target}': the model has no signal"
-                f" '{signal}'{suggestion(signal, signals)}"
+                f"{given_as}: the model has no signal '{signal}'{suggestion(signal, signals)}"
             )
         if signal in matches:
-            raise UserError(f"--map '{name}={target}': signal '{signal}' is mapped twice")
-        matches[signal] = Match(_find_column(table, name, f"--map '{name}={target}'"), signal, unit)
+            raise UserError(f"{given_as}: signal '{signal}' is mapped twice")
+        matches[signal] = Match(_find_column(table, name, given_as), signal, unit)
     return matches
 
 
 def _free(table: Table, taken: list[Column]) -> list[Column]:
     """Columns that are no signal yet."""
     return [column for column in table.columns if not any(column is other for other in taken)]
+
+
+def _complete_time(table: Table, matches: dict[str, Match], taken: list[Column]) -> None:
+    """Join the time of day to the date, where they are in two columns."""
+    time = matches[TIME]
+    other = other_half(time.column, _free(table, taken)) if holds_instants(time.column) else None
+    if other is not None:
+        taken.append(other)
+        matches[TIME] = Match(joined(table, time.column, other), TIME, time.unit)
 
 
 def _match_name(table: Table, signal: str, matches: dict[str, Match], taken: list[Column]) -> None:
@@ -194,38 +216,3 @@ def _match_members(
                 " name"
             )
             table.repairs.append(Repair("member", message))
-
-
-def _find_time(table: Table, signals: Mapping[str, str], taken: list[Column]) -> Column:
-    """Find the time column: the one called time, else the first column if its unit is a time."""
-    from fmus.kit.units import parse
-
-    free = _free(table, taken)
-    named = [
-        column
-        for column in free
-        if column.name.casefold() in _TIME_NAMES and column.name not in signals
-    ]
-    exact = [column for column in named if column.name.casefold() == TIME] or named
-    if len(exact) > 1:
-        raise refuse(
-            table.path, f"{len(exact)} columns are called time; keep one, or --map 'column=time'"
-        )
-    if exact:
-        return exact[0]
-    first = table.columns[0]
-    if (
-        any(first is column for column in free)
-        and first.unit is not None
-        and first.name not in signals
-    ):
-        try:
-            if parse(first.unit).dimensionality == {"[time]": 1}:
-                return first
-        except UserError:
-            pass
-    raise refuse(
-        table.path,
-        f"no time column: the first column is '{first.name}' [{first.unit or 'no unit'}], and none"
-        f" is called time; to say which it is: --map '{first.name}=time[s]'",
-    )

@@ -10,14 +10,17 @@ from fmus.kit.arrays import Array
 from orchestration.records.channels import mask_infinite, notice_channels, repair_holes
 from orchestration.records.clock import Samples, repair_clock
 from orchestration.records.formats import read_table
+from orchestration.records.frames import Arrays, table_of
+from orchestration.records.instants import FORMS, holds_instants, seconds
 from orchestration.records.mapping import TIME, Match, match_columns
 from orchestration.records.record import Record, Repair, refuse
 from orchestration.records.runs import divided_at_restarts, divided_by, run_marks
 from orchestration.records.table import Table, numbers
+from orchestration.reporting import option
 
 
 def read_record(
-    path: str | Path,
+    path: str | Path | Arrays,
     signals: Mapping[str, str],
     *,
     mapping: Mapping[str, str] | None = None,
@@ -28,8 +31,9 @@ def read_record(
 
     Parameters
     ----------
-    path : str or Path
-        CSV, Parquet, LabVIEW TDMS or text, or MATLAB file; its content decides which.
+    path : str, Path, DataFrame or Mapping of str to array_like, shape (n,)
+        CSV, Parquet, LabVIEW TDMS or text, or MATLAB file; its content decides which. Or the
+        columns themselves, see `orchestration.records.frames.table_of`.
     signals : mapping of str to str
         The model's signals and the SI unit of each, as pint understands it: ``{"current": "A"}``.
     mapping : mapping of str to str, optional
@@ -51,14 +55,12 @@ def read_record(
     UserError
         If the file cannot be used: file, row, reason.
     """
-    samples = _samples(
-        _table(Path(path), signals, required, inputs), signals, mapping or {}, required
-    )
+    samples = _samples(_table(path, signals, required, inputs), signals, mapping or {}, required)
     return _record(samples, signals, required, inputs)
 
 
 def read_runs(
-    path: str | Path,
+    path: str | Path | Arrays,
     signals: Mapping[str, str],
     *,
     mapping: Mapping[str, str] | None = None,
@@ -85,7 +87,7 @@ def read_runs(
     UserError
         If the file or a run in it cannot be used.
     """
-    table = _table(Path(path), signals, required, inputs)
+    table = _table(path, signals, required, inputs)
     marks = None
     if column is not None:
         marks = run_marks(table, column, mapping or {})
@@ -96,12 +98,15 @@ def read_runs(
 
 
 def _table(
-    path: Path, signals: Mapping[str, str], required: Collection[str], inputs: Collection[str]
+    path: str | Path | Arrays,
+    signals: Mapping[str, str],
+    required: Collection[str],
+    inputs: Collection[str],
 ) -> Table:
     for name in (*required, *inputs):
         if name not in signals:
             raise UserError(f"'{name}' is not a signal of the model; it has: {', '.join(signals)}")
-    return read_table(path)
+    return read_table(Path(path)) if isinstance(path, str | Path) else table_of(path)
 
 
 def _samples(
@@ -109,9 +114,27 @@ def _samples(
 ) -> Samples:
     """Read the columns of the signals, as the file has them, in the model's units."""
     matches = match_columns(table, signals, mapping, required)
-    units = {TIME: "s", **signals} if TIME not in signals else {**signals, TIME: "s"}
-    values = {match.signal: _column_in_unit(table, match, units[match.signal]) for match in matches}
+    values = {
+        match.signal: time_in_seconds(table, match)
+        if match.signal == TIME
+        else _column_in_unit(table, match, signals[match.signal])
+        for match in matches
+    }
     return Samples(table.path, values.pop(TIME), values, table.rows, table.repairs)
+
+
+def time_in_seconds(table: Table, match: Match) -> np.ndarray:
+    """Give the time in seconds; dates and times of day count from the first row."""
+    if not holds_instants(match.column):
+        return _column_in_unit(table, match, "s")
+    if match.unit is not None and match.unit not in FORMS:
+        raise refuse(
+            table.path,
+            f"column '{match.column.name}' has dates or times of day, and no number in"
+            f" {match.unit}: {option('mapping', {match.column.name: 'time'})} reads them; in"
+            f" brackets only their form can stand, {', '.join(FORMS)}",
+        )
+    return seconds(table, match.column, match.unit or "")
 
 
 def _record(
@@ -185,13 +208,15 @@ def _convert(
     except UserError as error:
         raise refuse(
             path,
-            f"column '{column}': {error}; to state it yourself: --map '{column}={signal}[unit]'",
+            f"column '{column}': {error}; if it is in {expected}:"
+            f" {option('mapping', {column: f'{signal}[{expected}]'})}",
         ) from error
     if not units.measure_alike(unit, expected):
         raise refuse(
             path,
             f"column '{column}' is in {unit}, but {signal} is in {expected}, "
             f"and {unit} cannot be converted to {expected}; "
-            f"to read the numbers as another unit: --map '{column}={signal}[{expected}]'",
+            "to read the numbers as another unit:"
+            f" {option('mapping', {column: f'{signal}[{expected}]'})}",
         )
     return np.asarray(units.convert(values, unit, expected), dtype=float)

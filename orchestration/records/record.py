@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.reporting import pictures
+from orchestration.reporting import Displayable, one_line, pictures
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 REPAIRING_KINDS = frozenset(
     {
@@ -57,7 +60,7 @@ class Repair:
 
 
 @dataclass
-class Record:
+class Record(Displayable):
     """A measured record in SI units.
 
     Parameters
@@ -84,22 +87,41 @@ class Record:
     label: str = ""
 
     def __str__(self) -> str:
-        seconds = float(self.time[-1] - self.time[0]) if self.time.size else 0.0
         signals = ", ".join(f"{name} [{self.units[name]}]" for name in self.signals)
-        which = f", run {self.label}" if self.label else ""
-        lines = [
-            f"{self.source.name}{which}: {self.time.size} samples over {seconds:.6g} s: {signals}"
-        ]
-        lines += [f"{'repaired' if r.changed_data else 'noted'}: {r.message}" for r in self.repairs]
-        return "\n".join(lines)
+        return "\n".join([f"{self._extent}: {signals}", *self._repair_lines])
 
     def __repr__(self) -> str:
-        return f"<Record {self.source.name}: {self.time.size} samples of {', '.join(self.signals)}>"
+        signals = ", ".join(self.signals)
+        return one_line(f"Record {self.source.name}: {self.time.size} samples of {signals}")
 
-    def _repr_html_(self) -> str:
-        from orchestration.reporting import preformatted
+    @property
+    def _extent(self) -> str:
+        """The file with its samples and its duration."""
+        seconds = float(self.time[-1] - self.time[0]) if self.time.size else 0.0
+        which = f", run {self.label}" if self.label else ""
+        return f"{self.source.name}{which}: {self.time.size} samples over {seconds:.6g} s"
 
-        return preformatted(str(self))
+    @property
+    def _repair_lines(self) -> list[str]:
+        return [f"{'repaired' if r.changed_data else 'noted'}: {r.message}" for r in self.repairs]
+
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield what a notebook shows: the extent, a table of the signals, what was repaired."""
+        from orchestration.reporting import plain_table
+
+        columns = ("smallest", "largest", "missing")
+        table = plain_table(None, "signal", "unit", *columns, right=columns)
+        for name, values in self.signals.items():
+            known = values[np.isfinite(values)]
+            ends = [f"{end(known):.6g}" if known.size else "" for end in (np.min, np.max)]
+            missing = f"{values.size - known.size}"
+            table.add_row(name, self.units[name], *ends, missing)
+        yield self._extent
+        yield table
+        yield from self._repair_lines
+
+    def _figure(self) -> Figure | None:
+        return self.plot() if self.signals and self.time.size else None
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the signals as a table over time.

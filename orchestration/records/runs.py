@@ -11,6 +11,7 @@ from fmus.kit.arrays import Mask
 from orchestration.records.clock import Samples, restarts
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Table, parse_cell
+from orchestration.reporting import option
 
 MOST = 1000
 """Runs in one file; a column with more values tells no runs apart."""
@@ -36,15 +37,18 @@ def run_marks(table: Table, column: str, mapping: Mapping[str, str]) -> list[str
     UserError
         If there is no such column, a row has no value in it, or it has too many values.
     """
+    given_as = option("runs", column)
     named = [c for c in table.columns if c.name == column]
     if len(named) != 1:
         what = "no column is" if not named else f"{len(named)} columns are"
         raise refuse(
             table.path,
-            f"--runs {column}: {what} called {column!r}{suggestion(column, table.names())}",
+            f"{given_as}: {what} called {column!r}{suggestion(column, table.names())}",
         )
     if column in mapping:
-        raise UserError(f"--runs {column}: this column is mapped to the signal {mapping[column]}")
+        raise UserError(
+            f"{option('runs', column)}: this column is mapped to the signal {mapping[column]}"
+        )
     marks = [_label(cell) for cell in named[0].cells]
     if "" in marks:
         raise refuse(

@@ -48,11 +48,14 @@ class Column:
     cells : sequence of str or ndarray, shape (n,)
         Text cells are turned into numbers only when the column is used, so text in an unused column
         does no harm.
+    title : str
+        The whole header cell as the file has it.
     """
 
     name: str
     unit: str | None
     cells: Sequence[str] | Array
+    title: str = ""
 
 
 @dataclass
@@ -85,6 +88,10 @@ class Table:
             Without units.
         """
         return [column.name for column in self.columns]
+
+    def map_name(self, column: Column) -> str:
+        """Return what ``--map`` calls a column: its name, or its whole header if names repeat."""
+        return column.name if self.names().count(column.name) == 1 else column.title
 
 
 Reader = Callable[[Path, bytes], Table]
@@ -193,10 +200,9 @@ def as_numbers(values: np.ndarray) -> np.ndarray | list[str]:
         column is used.
     """
     if values.dtype.kind == "M":
-        seconds = (
-            (values - values[0]) / np.timedelta64(1, "s") if values.size else values.astype(float)
-        )
-        return np.asarray(seconds, dtype=float)
+        known = values[~np.isnat(values)]
+        first = known[0] if known.size else np.datetime64("NaT")
+        return np.asarray((values - first) / np.timedelta64(1, "s"), dtype=float)
     if values.dtype.kind == "m":
         return np.asarray(values / np.timedelta64(1, "s"), dtype=float)
     if values.dtype.kind in "biuf":

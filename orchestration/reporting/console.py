@@ -5,7 +5,6 @@ What would be printed is a text, too, for ``str()`` of a result and for notebook
 
 from __future__ import annotations
 
-import html
 import io
 import os
 import sys
@@ -124,18 +123,20 @@ def plain_table(title: str | None, *columns: str, right: Collection[str] = ()) -
 
 
 def plain_text(renderable: RenderableType) -> str:
-    """Return what would be printed, without colours."""
+    """Return what would be printed, without colours, wherever this is: a notebook too."""
     text = io.StringIO()
     plain = Console(
-        file=text, width=TEXT_WIDTH, highlight=False, markup=False, emoji=False, soft_wrap=True
+        file=text,
+        width=TEXT_WIDTH,
+        highlight=False,
+        markup=False,
+        emoji=False,
+        soft_wrap=True,
+        force_terminal=False,
+        force_jupyter=False,  # where it would print, and leave the text empty
     )
     plain.print(renderable)
     return "\n".join(line.rstrip() for line in text.getvalue().rstrip("\n").split("\n"))
-
-
-def preformatted(text: str) -> str:
-    """Return a text as HTML that keeps its columns, for a notebook."""
-    return f"<pre>{html.escape(text)}</pre>"
 
 
 class Tell:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,8 @@ from fmus.kit.arrays import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from orchestration.reporting.figure import ShownFigure
 
 FORMATS = (".png", ".svg", ".pdf")
 MEASURED, MODEL, FITTED = "#8a97a3", "#0b6aa2", "#d1495b"
@@ -32,7 +33,7 @@ _STYLE = {
 
 def panels(
     count: int, title: str, below: str = "time [s]", height: float = 1.9, shared: bool = True
-) -> tuple[Figure, list[Axes]]:
+) -> tuple[ShownFigure, list[Axes]]:
     """Make a figure of panels, one above the other, that share a horizontal axis such as time.
 
     Parameters
@@ -47,10 +48,11 @@ def panels(
         Whether there is one horizontal axis for all.
     """
     import matplotlib.style
-    from matplotlib.figure import Figure
+
+    from orchestration.reporting.figure import ShownFigure
 
     with matplotlib.style.context(_STYLE):
-        figure = Figure(figsize=(9, 1.0 + height * count), layout="constrained")
+        figure = ShownFigure(figsize=(9, 1.0 + height * count), layout="constrained")
         axes = figure.subplots(count, 1, sharex=shared, squeeze=False)
     title = title.encode(
         errors="backslashreplace"
@@ -98,8 +100,7 @@ def save(figure: Figure, path: Path) -> None:
     UserError
         If it cannot be written, or the ending is no picture format.
     """
+    from orchestration.reporting.figure import rendered
+
     kind = picture_format(path)
-    figure.align_ylabels()
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format=kind)
-    files.write(path, drawn.getvalue())
+    files.write(path, rendered(figure, kind))

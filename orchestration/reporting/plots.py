@@ -1,23 +1,29 @@
-"""Interactive plots for plotly.js: panels above a shared axis, thinned to what can be seen."""
+"""Charts of a page: panels above a shared axis, thinned to what a screen can show.
+
+Lines are drawn as SVG that is stretched to the width of the page, and texts stand beside them as
+HTML, so that a chart is as readable on a phone as on a desk, and needs neither a script nor a
+library.
+"""
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.reporting.page import escaped
+from orchestration.reporting.page import Markup, escaped
 
 _GAP = 10.0  # times the steps on either side, from which on a line is broken
-# points of a trace; of more, the smallest and the largest of each of half as many bins are drawn
-MOST = 8000
-_TITLE, _LEGEND, _STRIP, _BOTTOM = 26, 34, 18, 46  # pixels
-_GREY, _GRID, _INK = "#9aa5af", "#e3e8ec", "#1c2733"
-_FONT = {"family": "system-ui, sans-serif", "size": 13, "color": _INK}
+MOST = 1600  # points of a line: two for every pixel of a wide page
+_MOST_OF_ALL = 40_000  # points of a chart, which are shared out among its lines
+_WIDTH, _HEIGHT = 2000, 1000  # of the coordinates of a panel, whatever its size on the screen
+_MARGIN = 0.05  # of the range of a panel, above and below its lines
+_TICKS = 5
+_FARTHEST = 1e150  # value on an axis: the range of runaway simulations has to be a number
+_DARK = 0.5  # share of the darkest ground of a map, from which on ink is white
+_FEWEST_DECADES = 2  # of a logarithmic axis, below which values between powers of ten are told
 
 
 @dataclass(frozen=True)
@@ -30,22 +36,36 @@ class Trace:
         Traces of one label, wherever they are, are one entry of the legend; none for an empty one.
     x, y : ndarray, shape (n,)
         NaN in y is a gap.
-    style : dict
-        Of the line, as plotly.js has it: color, width, dash, shape.
-    more : dict
-        Other attributes, as plotly.js has them.
+    colour : str
+        As CSS has it.
+    width : float
+        Pixels.
+    dashed : bool
+    stepped : bool
+        Whether values are held until the next one.
+    low : ndarray, shape (n,), optional
+        Lower edge of a band, of which y is the upper one; the line is not drawn then.
+    dots : bool
+        Whether there is a tick at every value, in place of a line.
+    makes_room : bool
+        Whether the axis reaches as far as the line; else the line is cut off at the panel.
     """
 
     label: str
     x: Array
     y: Array
-    style: dict[str, Any]
-    more: dict[str, Any] = field(default_factory=dict)
+    colour: str
+    width: float = 1.5
+    dashed: bool = False
+    stepped: bool = False
+    low: Array | None = None
+    dots: bool = False
+    makes_room: bool = True
 
 
 @dataclass(frozen=True)
 class Panel:
-    """Curves and marks that share a vertical axis.
+    """Lines that share a vertical axis.
 
     Attributes
     ----------
@@ -78,22 +98,69 @@ class Boundary:
     after: str
 
 
-def envelope(x: Array, y: Array) -> tuple[Array, Array]:
+@dataclass(frozen=True)
+class _Axis:
+    """An axis from one end to the other, linear or logarithmic."""
+
+    low: float
+    high: float
+    logarithmic: bool = False
+
+    @classmethod
+    def over(cls, values: Sequence[Array], logarithmic: bool, margin: float = 0.0) -> _Axis:
+        """Return the axis that holds all values, with a margin as a share of their range."""
+        known = [v[np.isfinite(v) & ((v > 0.0) | (not logarithmic))] for v in values]
+        ends = [float(end) for v in known if len(v) for end in (v.min(), v.max())]
+        ends = [min(max(end, -_FARTHEST), _FARTHEST) for end in ends] or [0.1, 1.0]
+        low, high = min(ends), max(ends)
+        if logarithmic:
+            room = (high / low) ** margin if high > low else 2.0
+            return cls(low / room, high * room, True)
+        room = margin * (high - low) if high > low else 0.5 * abs(high) or 0.5
+        return cls(low - room, high + room)
+
+    def share(self, values: Array) -> Array:
+        """Return where values are, from 0 at the lower end to 1 at the upper one."""
+        if not self.logarithmic:
+            return np.asarray((values - self.low) / (self.high - self.low))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.log(values / self.low) / np.log(self.high / self.low))
+
+    def ticks(self) -> list[float]:
+        """Return a few round values on it."""
+        if self.logarithmic:
+            powers = np.arange(np.ceil(np.log10(self.low)), np.floor(np.log10(self.high)) + 1.0)
+            if len(powers) > _FEWEST_DECADES:
+                every = -(-len(powers) // (_TICKS + 1))
+                return [float(10.0**power) for power in powers[::every]]
+            powers = np.arange(np.floor(np.log10(self.low)), np.ceil(np.log10(self.high)) + 1.0)
+            known = [float(m * 10.0**power) for power in powers for m in (1.0, 2.0, 5.0)]
+            return [value for value in known if self.low <= value <= self.high]
+        rough = (self.high - self.low) / _TICKS
+        power = 10.0 ** np.floor(np.log10(rough))
+        step = power * next(m for m in (1.0, 2.0, 5.0, 10.0) if m * power >= rough)
+        first, last = np.ceil(self.low / step), np.floor(self.high / step)
+        return [float(k * step) for k in np.arange(first, last + 1.0)]
+
+
+def envelope(x: Array, y: Array, most: int = MOST) -> tuple[Array, Array]:
     """Thin out a line: of every bin the smallest and the largest value, each where it is.
 
     Parameters
     ----------
     x, y : ndarray, shape (n,)
+    most : int
+        Points that are left.
 
     Returns
     -------
     x, y : ndarray, shape (m,)
-        As they were if `MOST` or fewer.
+        As they were if there are no more.
     """
     n = len(y)
-    if n <= MOST:
+    if n <= most:
         return x, y
-    size = -(-n // (MOST // 2))
+    size = -(-n // (most // 2))
     bins = np.full((-(-n // size), size), np.nan)
     bins.flat[:n] = y
     gap = np.isnan(bins)
@@ -115,7 +182,7 @@ def stacked(
     logarithmic: bool = False,
     boundary: Boundary | None = None,
     marks: Sequence[tuple[float, str]] = (),
-) -> dict[str, Any]:
+) -> Markup:
     """Draw panels, one above the other.
 
     Parameters
@@ -131,159 +198,149 @@ def stacked(
 
     Returns
     -------
-    dict
-        ``data`` and ``layout``.
+    Markup
     """
-    inner = sum(panel.height + _TITLE for panel in panels)
-    top = _LEGEND + (_STRIP if boundary or marks else 0)
-    layout: dict[str, Any] = {
-        "height": inner + top + _BOTTOM,
-        "font": _FONT,
-        "hovermode": "x unified",
-        "hoversubplots": "axis",
-        "margin": {"l": 62, "r": 8, "t": top, "b": _BOTTOM},
-        "paper_bgcolor": "#fff",
-        "plot_bgcolor": "rgba(0,0,0,0)",
-        "legend": {
-            "orientation": "h",
-            "x": 0,
-            "xanchor": "left",
-            "xref": "container",
-            "y": 1,
-            "yanchor": "top",
-            "yref": "container",
-            "groupclick": "togglegroup",
-            "font": {"size": 13},
-        },
-        "hoverlabel": {"font": {"size": 12}},
-        "shapes": [],
-        "annotations": [],
-        "xaxis": _axis(logarithmic)
-        | {"title": {"text": across, "standoff": 8, "font": _FONT}, "anchor": _y(len(panels) - 1)},
-    }
-    data: list[dict[str, Any]] = []
-    named: set[str] = set()
-    down = 0
-    for k, panel in enumerate(panels):
-        high, low = inner - down - _TITLE, inner - down - _TITLE - panel.height
-        ends: dict[str, Any] = {"domain": [low / inner, high / inner], "nticks": 5}
-        ends |= {"range": list(panel.span)} if panel.span else {}
-        layout[_y(k).replace("y", "yaxis")] = _axis(panel.logarithmic) | ends
-        layout["annotations"].append(_note(panel.title, 0.0, high / inner, "left"))
-        if panel.band:
-            ends = {
-                "y0": panel.band[0],
-                "y1": panel.band[1],
-                "xref": "paper",
-                "x0": 0,
-                "x1": 1,
-                "yref": _y(k),
-            }
-            layout["shapes"].append(_box(ends, "#e1e5e8"))
-        for trace in panel.traces:
-            data.append(_drawn(trace, k, bool(trace.label) and trace.label not in named))
-            named.add(trace.label)
-        down += panel.height + _TITLE
-    if boundary:
-        place = float(np.log10(boundary.place)) if logarithmic else boundary.place
-        last = max(float(trace.x[-1]) for panel in panels for trace in panel.traces)
-        ends = {"xref": "x", "x0": boundary.place, "x1": last, "yref": "paper", "y0": 0, "y1": 1}
-        layout["shapes"].append(_box(ends, "#fbf5e6"))
-        line = {"color": "#b98a2f", "width": 1, "dash": "dash"}
-        layout["shapes"].append({**ends, "type": "line", "x1": boundary.place, "line": line})
-        for text, side, shift in (
-            (f"{boundary.before} ◂", "right", -3),
-            (f"▸ {boundary.after}", "left", 3),
-        ):
-            more = {"xref": "x", "xshift": shift, "font": {"size": 12, "color": "#8a6116"}}
-            layout["annotations"].append(_note(text, place, 1.0, side) | more)
-    for place, text in marks:
-        ends = {"xref": "x", "x0": place, "x1": place, "yref": "paper", "y0": 0, "y1": 1}
-        name = {
-            "text": text,
-            "textposition": "end",
-            "textangle": 0,
-            "xanchor": "right",
-            "font": {"size": 12},
-        }
-        layout["shapes"].append(
-            {**ends, "type": "line", "line": {"color": "#b98a2f", "dash": "dot"}, "label": name}
-        )
-    return {"data": data, "layout": layout}
-
-
-def _drawn(trace: Trace, panel: int, in_legend: bool) -> dict[str, Any]:
-    """Return a line as plotly has it, thinned and broken at gaps."""
-    x, y = envelope(*broken(trace.x, trace.y))
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "x": _packed(x, "<f8"),
-        "y": _packed(y, "<f4" if _is_single(y) else "<f8"),
-        "xaxis": "x",
-        "yaxis": _y(panel),
-        "name": escaped(trace.label),
-        "legendgroup": trace.label,
-        "showlegend": in_legend,
-        "line": trace.style,
-        "hovertemplate": "%{y:.5~g}",
-        "connectgaps": False,
-        **trace.more,
-    }
-
-
-def _is_single(values: Array) -> bool:
-    """Return whether all values but gaps are within the range of single precision."""
-    return bool((np.abs(values[np.isfinite(values)]) <= np.finfo(np.float32).max).all())
-
-
-def _packed(values: Array, kind: str) -> dict[str, str]:
-    """Return numbers as plotly.js unpacks them; text would be four times as long."""
-    return {"dtype": kind[1:], "bdata": base64.b64encode(values.astype(kind).tobytes()).decode()}
-
-
-def _axis(logarithmic: bool) -> dict[str, Any]:
-    about = {"type": "log"} if logarithmic else {"type": "linear"}
-    shown = (
-        {"tickformat": "~g"} if logarithmic else {"exponentformat": "none", "hoverformat": ".6~g"}
+    traces = [trace for panel in panels for trace in panel.traces]
+    axis = _Axis.over([trace.x for trace in traces], logarithmic)
+    most = min(MOST, max(_MOST_OF_ALL // max(len(traces), 1), 100))
+    places = [place for place, _ in marks] + ([boundary.place] if boundary else [])
+    lines = [float(axis.share(np.array(place))) for place in places]
+    held = float(axis.share(np.array(boundary.place))) if boundary else None
+    parts = [_legend(traces), _strip(axis, boundary, marks)]
+    parts += [_draw_panel(panel, axis, most, lines, held) for panel in panels]
+    labels = "".join(
+        f'<span style="left:{_percent(share)}">{_number(tick)}</span>'
+        for tick, share in _shares(axis)
     )
-    line = {
-        "gridcolor": _GRID,
-        "zerolinecolor": _GREY,
-        "linecolor": _GREY,
-        "showline": True,
-        "ticks": "outside",
-    }
-    return {
-        **about,
-        **shown,
-        **line,
-        "tickcolor": _GREY,
-        "tickfont": {"size": 12},
-        "automargin": False,
-    }
+    parts.append(f'<div class="x">{labels}</div><p class="across">{escaped(across)}</p>')
+    return Markup(f'<div class="chart">{"".join(parts)}</div>')
 
 
-def _note(text: str, x: float, y: float, side: str) -> dict[str, Any]:
-    return {
-        "text": escaped(text),
-        "x": x,
-        "y": y,
-        "xref": "paper",
-        "yref": "paper",
-        "xanchor": side,
-        "yanchor": "bottom",
-        "showarrow": False,
-        "font": {"size": 13, "color": _INK},
-    }
+def _legend(traces: Sequence[Trace]) -> str:
+    """Return the entries of the legend, one for every label."""
+    named = {trace.label: trace for trace in reversed(traces) if trace.label}
+    entries = "".join(
+        f'<li><i style="background:{trace.colour}"></i>{escaped(label)}</li>'
+        for label, trace in reversed(named.items())
+    )
+    return f"<ul>{entries}</ul>" if entries else ""
 
 
-def _box(ends: dict[str, Any], colour: str) -> dict[str, Any]:
-    return {"type": "rect", "layer": "below", "line": {"width": 0}, "fillcolor": colour, **ends}
+def _strip(axis: _Axis, boundary: Boundary | None, marks: Sequence[tuple[float, str]]) -> str:
+    """Return the words above the panels, beside the places that they are about."""
+    texts = [(place, text, "before") for place, text in marks]
+    if boundary:
+        texts += [
+            (boundary.place, f"{boundary.before} ◂", "before"),
+            (boundary.place, f"▸ {boundary.after}", "after"),
+        ]
+    words = ""
+    for place, text, side in texts:
+        share = float(axis.share(np.array(place)))
+        edge = "left" if side == "after" else "right"
+        words += (
+            f'<span style="{edge}:{_percent(share if side == "after" else 1.0 - share)}">'
+            f"{escaped(text)}</span>"
+        )
+    return f'<div class="strip">{words}</div>' if words else ""
 
 
-def _y(panel: int) -> str:
-    return f"y{panel + 1}" if panel else "y"
+def _draw_panel(
+    panel: Panel, axis: _Axis, most: int, lines: Sequence[float], held: float | None
+) -> str:
+    """Return a panel with its title, its grid, its lines, and the values beside its axis."""
+    upright = _upright_axis(panel)
+    drawn = "" if held is None else _box(held, 1.0, 0.0, 1.0, "#fbf5e6")
+    if panel.band is not None:
+        low, high = upright.share(np.array(panel.band))
+        drawn += _box(0.0, 1.0, float(low), float(high), "#e1e5e8")
+    ticks = _shares(upright)
+    drawn += "".join(f'<path class="grid" d="M0 {_down(y)}h{_WIDTH}"/>' for _, y in ticks)
+    drawn += "".join(f'<path class="grid" d="M{_along(x)} 0v{_HEIGHT}"/>' for _, x in _shares(axis))
+    drawn += "".join(f'<path class="mark" d="M{_along(x)} 0v{_HEIGHT}"/>' for x in lines)
+    drawn += "".join(_draw_trace(trace, axis, upright, most) for trace in panel.traces)
+    values = "".join(
+        f'<span style="bottom:{_percent(share)}">{_number(tick)}</span>' for tick, share in ticks
+    )
+    title = escaped(panel.title)
+    return (
+        f'<p class="title">{title}</p><div class="plot" style="height:{panel.height}px">'
+        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" preserveAspectRatio="none" role="img"'
+        f' aria-label="{title}">{drawn}</svg>{values}</div>'
+    )
+
+
+def _upright_axis(panel: Panel) -> _Axis:
+    if panel.span is not None:
+        return _Axis(*panel.span, panel.logarithmic)
+    shown = [trace for trace in panel.traces if trace.makes_room] or panel.traces
+    values = [edge for trace in shown for edge in (trace.y, trace.low) if edge is not None]
+    return _Axis.over(values, panel.logarithmic, _MARGIN)
+
+
+def _draw_trace(trace: Trace, axis: _Axis, upright: _Axis, most: int) -> str:
+    """Return a line, a band or ticks as a path of SVG."""
+    if trace.low is not None:
+        edges = [envelope(trace.x, edge, most) for edge in (trace.y, trace.low)]
+        there, back = (_points(x, y, axis, upright) for x, y in edges)
+        path = _path(np.concatenate((there, back[::-1])))
+        return f'<path d="{path}z" fill="{trace.colour}" stroke="none"/>'
+    if trace.dots:
+        places = _points(*envelope(trace.x, trace.y, most), axis, upright)
+        path = "".join(f"M{x} {y - 20}v40" for x, y in places.tolist())
+    else:
+        x, y = envelope(*broken(trace.x, trace.y), most)
+        if trace.stepped:
+            x, y = np.repeat(x, 2)[1:], np.repeat(y, 2)[:-1]
+        points = _points(x, y, axis, upright)
+        runs = np.split(np.arange(len(y)), np.flatnonzero(~np.isfinite(y)))
+        path = "".join(_path(points[run[np.isfinite(y[run])]]) for run in runs)
+    dashes = ' stroke-dasharray="6 4"' if trace.dashed else ""
+    return f'<path d="{path}" stroke="{trace.colour}" stroke-width="{trace.width:g}"{dashes}/>'
+
+
+def _points(x: Array, y: Array, axis: _Axis, upright: _Axis) -> Array:
+    """Return whole coordinates of points, shape (n, 2); what is far off the panel stays near it."""
+    high = np.clip(np.nan_to_num(1.0 - upright.share(y)), -1.0, 2.0)
+    along = np.nan_to_num(axis.share(x))
+    return np.column_stack((np.rint(_WIDTH * along), np.rint(_HEIGHT * high))).astype(int)
+
+
+def _path(points: Array) -> str:
+    """Return a line through points as the commands of a path, each relative to the one before."""
+    if not len(points):
+        return ""
+    steps = " ".join(f"{x} {y}" for x, y in np.diff(points, axis=0).tolist())
+    return f"M{points[0, 0]} {points[0, 1]}l{steps}" if steps else f"M{points[0, 0]} {points[0, 1]}"
+
+
+def _box(left: float, right: float, low: float, high: float, colour: str) -> str:
+    return (
+        f'<rect x="{_along(left)}" width="{_along(right) - _along(left)}" y="{_down(high)}"'
+        f' height="{_down(low) - _down(high)}" fill="{colour}"/>'
+    )
+
+
+def _along(share: float) -> int:
+    return round(_WIDTH * min(max(share, 0.0), 1.0))
+
+
+def _down(share: float) -> int:
+    return round(_HEIGHT * (1.0 - min(max(share, 0.0), 1.0)))
+
+
+def _shares(axis: _Axis) -> list[tuple[float, float]]:
+    """Return the ticks of an axis, each with its place."""
+    return [(tick, float(axis.share(np.array(tick)))) for tick in axis.ticks()]
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2f}%"
+
+
+def _number(value: float) -> str:
+    """Write the value of a tick, without the noise of its last digits."""
+    return f"{float(f'{value:.10g}') + 0.0:g}".replace("-", "−")
 
 
 def heat_map(
@@ -292,8 +349,8 @@ def heat_map(
     values: Array,
     texts: Sequence[Sequence[str]],
     title: str,
-) -> dict[str, Any]:
-    """Draw a table of positive numbers as colours on a logarithmic scale.
+) -> Markup:
+    """Draw a table of positive numbers on grounds that are the darker the larger they are.
 
     Parameters
     ----------
@@ -304,57 +361,30 @@ def heat_map(
     texts : sequence of sequence of str
         What is told of each.
     title : str
-        Of the colours.
+        Of the numbers.
 
     Returns
     -------
-    dict
-        ``data`` and ``layout``.
+    Markup
     """
     powers = np.log10(values)
-    known = powers[np.isfinite(powers)]
-    low, high = (np.floor(known.min()), np.ceil(known.max())) if len(known) else (0.0, 1.0)
-    high = max(high, low + 1.0)
-    ticks = np.unique(np.round(np.linspace(low, high, 5)))
-    longest = max((len(name) for name in columns), default=0)
-    bottom, left = (
-        24 + min(5 * longest, 170),
-        24 + min(7 * max((len(name) for name in rows), default=0), 150),
+    axis = _Axis.over([powers], False)
+    head = "".join(f'<th scope="col"><span>{escaped(name)}</span></th>' for name in columns)
+    body = ""
+    for name, numbers, shares, words in zip(rows, values, axis.share(powers), texts, strict=True):
+        cells = "".join(map(_heat_cell, numbers, shares, words))
+        body += f'<tr><th scope="row">{escaped(name)}</th>{cells}</tr>'
+    return Markup(
+        f'<div class="scroll" tabindex="0" role="region" aria-label="{escaped(title)}">'
+        f'<table class="heat"><tr><th>{escaped(title)}</th>{head}</tr>{body}</table></div>'
     )
-    drawn = {
-        "type": "heatmap",
-        "x": list(map(escaped, columns)),
-        "y": list(map(escaped, rows)),
-        "xgap": 2,
-        "ygap": 2,
-        "z": [[None if not np.isfinite(v) else float(v) for v in row] for row in powers],
-        "zmin": low,
-        "zmax": high,
-        "text": [list(map(escaped, row)) for row in texts],
-        "hovertemplate": "%{text}<extra></extra>",
-        "colorscale": [[0.0, "#eef3f7"], [0.5, "#7fb0d0"], [0.8, "#0b6aa2"], [1.0, "#08304a"]],
-        "colorbar": {
-            "title": {"text": title, "font": _FONT},
-            "tickvals": ticks.tolist(),
-            "thickness": 14,
-            "ticktext": [f"{10.0**t:,.0f}" for t in ticks],
-            "outlinewidth": 0,
-        },
-    }
-    axis = {
-        "showgrid": False,
-        "zeroline": False,
-        "ticks": "",
-        "fixedrange": True,
-        "automargin": False,
-    }
-    layout = {
-        "height": 30 * len(rows) + bottom + 40 + max(0, 110 - 30 * len(rows)),
-        "font": _FONT,
-        "margin": {"l": left, "r": 8, "t": 16, "b": bottom},
-        "paper_bgcolor": "#fff",
-        "plot_bgcolor": "#fff",
-        "xaxis": {**axis, "tickangle": -40, "type": "category"},
-        "yaxis": {**axis, "autorange": "reversed", "type": "category"},
-    }
-    return {"data": [drawn], "layout": layout}
+
+
+def _heat_cell(number: float, share: float, text: str) -> str:
+    """Return a number on a ground between white and dark blue, in ink that can be read on it."""
+    if not np.isfinite(number):
+        return "<td></td>"
+    red, green, blue = (round(238 + share * (dark - 238)) for dark in (8, 48, 74))
+    ink = "#fff" if share > _DARK else "#1c2733"
+    style = f"background:rgb({red},{green},{blue});color:{ink}"
+    return f'<td style="{style}" title="{escaped(text)}">{number:.3g}</td>'

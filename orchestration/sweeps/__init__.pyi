@@ -13,4 +13,8 @@ from .ranges import read_range as read_range
 from .reductions import KEPT as KEPT
 from .reductions import TRACE as TRACE
 from .reductions import checked_reductions as checked_reductions
+from .result import SweepResult as SweepResult
+from .sweep_page import case_count as case_count
+from .sweep_page import extremes as extremes
+from .sweep_page import sweep_page as sweep_page
 from .task import Task as Task

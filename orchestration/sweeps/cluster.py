@@ -18,6 +18,7 @@ from typing import Any
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
+from orchestration.reporting import option
 from orchestration.sweeps.chunking import QUEUED, Chunks
 from orchestration.sweeps.local_workers import RowsAndOutcomes
 from orchestration.sweeps.task import CaseRunner, Outcomes, Task, failed
@@ -116,17 +117,19 @@ def _connected(address: str) -> tuple[Any, int]:
     try:
         from distributed import Client
     except ImportError as error:
-        raise UserError("--scheduler needs distributed: pip install 'ppy-rig[cluster]'") from error
+        raise UserError(
+            f"{option('scheduler')} needs distributed: pip install 'ppy-rig[cluster]'"
+        ) from error
     _check_address(address)
     try:
         client: Any = Client(address, timeout=10.0, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
-        raise UserError(f"--scheduler {address}: no scheduler answers there") from error
+        raise UserError(f"{option('scheduler', address)}: no scheduler answers there") from error
     try:
         client.wait_for_workers(1, timeout=_PATIENCE)
     except TimeoutError as error:
         client.close()
-        raise UserError(f"--scheduler {address}: it has no workers") from error
+        raise UserError(f"{option('scheduler', address)}: it has no workers") from error
     return client, max(1, sum(client.nthreads().values()))
 
 
@@ -145,13 +148,14 @@ def _check_address(address: str) -> None:
             raise ValueError
     except (ValueError, ImportError) as error:
         raise UserError(
-            f"--scheduler {address}: no address of a scheduler, such as tcp://10.0.0.5:8786"
+            f"{option('scheduler', address)}: no address of a scheduler, such as tcp://10.0.0.5:8786"
         ) from error
     certified = Security().get_connection_args("client").get("ssl_context") is not None
     certified = certified or bool(dask.config.get("distributed.client.security-loader", None))
     if address.startswith(("tls:", "wss:")) and not certified:
         raise UserError(
-            f"--scheduler {address}: Dask has no certificates for it (distributed.comm.tls)"
+            f"{option('scheduler', address)}: Dask has no certificates for it"
+            " (distributed.comm.tls)"
         )
 
 
@@ -166,8 +170,8 @@ def _done(client: Any, running: dict[Any, list[int]], address: str) -> list[Any]
         except TimeoutError as error:
             if not client.nthreads():
                 raise UserError(
-                    f"--scheduler {address}: all its workers are gone; with --out the same command"
-                    " goes on where it was"
+                    f"{option('scheduler', address)}: all its workers are gone; with"
+                    f" {option('folder')} the same sweep goes on where it was"
                 ) from error
 
 
@@ -189,7 +193,7 @@ def _result(future: Any, task: Task, is_alone: bool, address: str) -> Outcomes |
         raise
     except Exception as error:
         line = " ".join(str(error).split()) or type(error).__name__
-        raise UserError(f"--scheduler {address}: a worker failed ({line})") from error
+        raise UserError(f"{option('scheduler', address)}: a worker failed ({line})") from error
 
 
 # ---- on a worker

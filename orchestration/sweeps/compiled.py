@@ -11,6 +11,7 @@ import numpy as np
 from fmus.kit import UserError
 from fmus.kit.arrays import Array, Mask
 from orchestration.fmu import Model, Value, read_description
+from orchestration.reporting import option
 
 ENGINES = ("auto", "fmu", "compiled")
 # Internal steps of a case, beyond which its FMU runs it: a few tenths of a second, in which no
@@ -68,7 +69,7 @@ def choose_equations(model: Model, engine: str) -> Equations | None:
         If there is no such engine, or ``compiled`` is impossible.
     """
     if engine not in ENGINES:
-        raise UserError(f"--engine {engine}: it is one of {', '.join(ENGINES)}")
+        raise UserError(f"{option('engine', engine)}: it is one of {', '.join(ENGINES)}")
     if engine == "fmu":
         return None
     try:
@@ -76,7 +77,7 @@ def choose_equations(model: Model, engine: str) -> Equations | None:
     except UserError as error:
         if engine == "auto":
             return None
-        raise UserError(f"--engine compiled: {error}") from error
+        raise UserError(f"{option('engine', 'compiled')}: {error}") from error
 
 
 def _equations(model: Model) -> Equations:

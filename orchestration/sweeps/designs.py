@@ -9,6 +9,7 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from orchestration.reporting import option
 from orchestration.sweeps.ranges import Range
 from orchestration.sweeps.sensitivity import indices
 from orchestration.sweeps.sensitivity import one_at_a_time as tornado
@@ -86,24 +87,24 @@ def design(
         If the ranges, the kind of design and the number of samples do not go together.
     """
     if kind not in DESIGNS:
-        raise UserError(f"--design {kind}: it is one of {', '.join(DESIGNS)}")
+        raise UserError(f"{option('kind', kind)}: it is one of {', '.join(DESIGNS)}")
     if not ranges:
         raise UserError(
-            "nothing to sweep: name a parameter with --over, such as --over R1=0.3..0.7:41"
+            f"nothing to sweep: name a parameter, such as {option('over', {'R1': '0.3..0.7:41'})}"
         )
     if seed < 0:
         raise UserError(f"seed {seed}: zero or more")
     names = [one.name for one in ranges]
     for name in names:
         if names.count(name) > 1:
-            raise UserError(f"--over names {name} twice")
+            raise UserError(f"{option('over')} names {name} twice")
     chosen = tuple(ranges)
     if kind in GIVEN:
         return _given(chosen, kind, samples)
     for one in chosen:
         if one.counted:
             raise UserError(
-                f"--over {one.name} has its values, which --design {kind} chooses: write from..to"
+                f"{one.name} has its values, which {option('kind', kind)} chooses: write from..to"
             )
     if kind == tornado.TORNADO:
         _refuse_samples(kind, samples)
@@ -114,7 +115,8 @@ def design(
 def _refuse_samples(kind: str, samples: int | None) -> None:
     if samples is not None:
         raise UserError(
-            f"--samples {samples} is of --design {', '.join(SAMPLED)}; a {kind} has its own values"
+            f"{option('samples', samples)} is of {option('kind')} {', '.join(SAMPLED)}; a {kind}"
+            " has its own values"
         )
 
 
@@ -124,8 +126,7 @@ def _given(ranges: tuple[Range, ...], kind: str, samples: int | None) -> Design:
     for one in ranges:
         if not one.counted:
             raise UserError(
-                f"--over {one.name} names no count of values, as in 0.3..0.7:41, which a {kind}"
-                " needs"
+                f"{one.name} names no count of values, as in 0.3..0.7:41, which a {kind} needs"
             )
     return _grid(ranges) if kind == "grid" else _one_by_one(ranges, kind)
 
@@ -135,7 +136,7 @@ def _grid(ranges: tuple[Range, ...]) -> Design:
     for one in ranges:
         distinct, counts = np.unique(one.values, return_counts=True)
         if len(distinct) < len(one.values):
-            raise UserError(f"--over {one.name}: {distinct[counts > 1][0]:g} stands there twice")
+            raise UserError(f"{one.name}: {distinct[counts > 1][0]:g} stands there twice")
     lengths = [len(one.values) for one in ranges]
     _refuse_too_many(float(np.prod(np.array(lengths, dtype=float))))
     grid = np.meshgrid(*(one.values for one in ranges), indexing="ij")
@@ -147,7 +148,9 @@ def _one_by_one(ranges: tuple[Range, ...], kind: str) -> Design:
     lengths = [len(one.values) for one in ranges]
     if len(set(lengths)) > 1:
         listed = ", ".join(f"{one.name} {len(one.values)}" for one in ranges)
-        raise UserError(f"--design {kind} takes as many values of every parameter, not {listed}")
+        raise UserError(
+            f"{option('kind', kind)} takes as many values of every parameter, not {listed}"
+        )
     _refuse_too_many(lengths[0])
     return Design(kind, ranges, np.column_stack([one.values.ravel() for one in ranges]))
 
@@ -160,17 +163,17 @@ def _refuse_too_many(count: float) -> None:
 def _sampled(ranges: tuple[Range, ...], kind: str, samples: int | None, seed: int) -> Design:
     """Return a design of values that are chosen between the ends of the ranges."""
     if samples is None or not 1 <= samples <= MOST:
-        raise UserError(f"--design {kind} needs --samples, from 1 to {MOST:,}")
+        raise UserError(f"{option('kind', kind)} needs {option('samples')}, from 1 to {MOST:,}")
     if kind != "latin-hypercube" and samples & (samples - 1):
         raise UserError(
-            f"--samples {samples}: points of Sobol are even for powers of two only, such as 128"
-            " and 256"
+            f"{option('samples', samples)}: points of Sobol are even for powers of two only, such"
+            " as 128 and 256"
         )
     if kind == indices.SOBOL_INDICES:
         if samples < FEWEST:
             raise UserError(
-                f"--samples {samples}: --design {kind} takes {FEWEST} or more; fewer say nothing of"
-                " a variance"
+                f"{option('samples', samples)}: {option('kind', kind)} takes {FEWEST} or more;"
+                " fewer say nothing of a variance"
             )
         _refuse_too_many(samples * (len(ranges) + 2))
         unit = indices.sampled(len(ranges), samples, seed)

@@ -8,16 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from orchestration.fmu import Model, Signal, read_description
+from orchestration.reporting import option
 from orchestration.sweeps.cluster import run_on_cluster
 from orchestration.sweeps.designs import Design
 from orchestration.sweeps.local_workers import RowsAndOutcomes, run_cases
 from orchestration.sweeps.reductions import TRACE
+from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.storage import SweepJournal, check, locked_folder
 from orchestration.sweeps.task import Outcomes, Task
 
@@ -35,7 +36,7 @@ def run_sweep(
     *,
     progress: Callable[[int, int], None] = lambda done, whole: None,
     scheduler: str | None = None,
-) -> xarray.Dataset:
+) -> SweepResult:
     """Run all cases of a design that were not run yet.
 
     Parameters
@@ -56,7 +57,7 @@ def run_sweep(
 
     Returns
     -------
-    xarray.Dataset
+    SweepResult
         See `dataset`.
 
     Raises
@@ -138,9 +139,9 @@ def check_memory(task: Task, cases: Design) -> None:
     size = 8.0 * len(cases.cases) * len(task.outputs) * len(task.time)
     if size > _MOST_IN_MEMORY:
         raise UserError(
-            f"--keep {TRACE}: {size / 1e9:.3g} GB of traces, and at most {_MOST_IN_MEMORY / 1e9:g}"
-            " GB are taken into memory; name a store, such as --out traces.zarr (in Python a"
-            " folder)"
+            f"{option('keep', [TRACE])}: {size / 1e9:.3g} GB of traces, and at most"
+            f" {_MOST_IN_MEMORY / 1e9:g} GB are taken into memory; name a store, such as"
+            f" {option('folder', 'traces.zarr')}"
         )
 
 
@@ -154,7 +155,7 @@ def _repeats(cases: Design, open_cases: Sequence[int]) -> Mapping[int, Sequence[
     return {rows[0]: rows for rows in groups.values()}
 
 
-def dataset(model: Model, task: Task, cases: Design, journal: SweepJournal) -> xarray.Dataset:
+def dataset(model: Model, task: Task, cases: Design, journal: SweepJournal) -> SweepResult:
     """Return the outcomes of a sweep as a labelled dataset.
 
     Parameters
@@ -167,7 +168,7 @@ def dataset(model: Model, task: Task, cases: Design, journal: SweepJournal) -> x
 
     Returns
     -------
-    xarray.Dataset
+    SweepResult
         A variable for each output and reduction, such as ``displacement_last``, and for each trace;
         over one dimension for each parameter of a grid, else over ``case`` with the parameters
         beside it. ``failure`` is a text where a case failed. Everything has its unit.
@@ -191,7 +192,7 @@ def dataset(model: Model, task: Task, cases: Design, journal: SweepJournal) -> x
     if TRACE in task.keep:
         coordinates["time"] = (("time",), task.time, {"units": "s", "long_name": "time"})
     attributes = {"design": cases.kind, "over": " ".join(cases.names)}
-    return xarray.Dataset(values, coordinates, attributes)
+    return SweepResult(values, coordinates, attributes)
 
 
 def _coordinates(model: Model, cases: Design) -> dict[str, _Variable]:

@@ -18,6 +18,7 @@ from fmus.kit.units import format_range
 from orchestration.experiment import checked
 from orchestration.fmu import Model, Value, show
 from orchestration.identify.uncertainty import Distribution, Estimate, joint_distribution
+from orchestration.reporting import option
 from orchestration.sweeps.designs import MOST
 
 
@@ -89,10 +90,10 @@ class SweepFit:
         """
         if samples is None:
             raise UserError(
-                f"{self.path}: how many cases are drawn from it is said by --samples, such as 200"
+                f"{self.path}: how many cases are drawn from it is said by {option('samples', 200)}"
             )
         if samples < 1:
-            raise UserError(f"--samples {samples}: one or more are drawn from {self.path}")
+            raise UserError(f"{option('samples', samples)}: one or more are drawn from {self.path}")
         if samples > MOST:
             raise UserError(f"{samples:.3g} cases; at most {MOST:,} are made")
         drawn = self.distribution.draws(samples, seed)

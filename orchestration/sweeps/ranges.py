@@ -14,9 +14,11 @@ import numpy as np
 from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
 from orchestration.fmu import Model, Signal, read_setting
+from orchestration.reporting import option
 
 MOST = 10_000_000  # values of one parameter
 _RANGE = re.compile(r"(?P<low>.+?)\.\.(?P<high>[^:]+?)(:(?P<count>[^:]*?))?(?P<log>\s+log)?$")
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ def read_range(text: str, model: Model) -> Range:
     text : str
         ``NAME=FROM..TO:COUNT``, both ends among the values; ``NAME=FROM..TO`` for a design that
         chooses them; either with ``log`` behind it for equal ratios; or ``NAME=VALUE, VALUE, ...``.
-        Values may have units.
+        Values may have units; that of TO holds for a FROM without one.
     model : Model
 
     Raises
@@ -69,22 +71,22 @@ def read_range(text: str, model: Model) -> Range:
     """
     name, equals, given = (part.strip() for part in text.partition("="))
     if not equals or not given:
-        raise UserError(f"--over {text!r}: write name=from..to:count or name=value, value, ...")
+        raise UserError(f"{_over(text)}: write name=from..to:count or name=value, value, ...")
     signal = _signal(name, model, text)
     match = _RANGE.match(given)
     if match is None:
         listed = [_value(one, signal, text) for one in given.split(",")]
         return Range(name, signal.unit, np.array(listed))
-    low = _value(match["low"], signal, text)
+    low = _value(_with_unit_of(match["high"], match["low"]), signal, text)
     high = _value(match["high"], signal, text)
     is_logarithmic = bool(match["log"])
     if not low < high:
         raise UserError(
-            f"--over {text!r}: a range goes up, which {low:g} to {high:g} {signal.unit} does not"
+            f"{_over(text)}: a range goes up, which {low:g} to {high:g} {signal.unit} does not"
         )
     if is_logarithmic and low <= 0.0:
         raise UserError(
-            f"--over {text!r}: equal ratios need positive ends, which {low:g} {signal.unit} is not"
+            f"{_over(text)}: equal ratios need positive ends, which {low:g} {signal.unit} is not"
         )
     if match["count"] is None:
         ends = np.array((low, high))
@@ -129,21 +131,37 @@ def _signal(name: str, model: Model, text: str) -> Signal:
         )
     if known[name].type != "real":
         raise UserError(
-            f"--over {text!r}: {name} is of type {known[name].type}; real numbers can be swept"
+            f"{_over(text)}: {name} is of type {known[name].type}; real numbers can be swept"
         )
     return known[name]
+
+
+def _over(text: str) -> str:
+    """Return the option that gives a range, as it is written."""
+    name, equals, values = (part.strip() for part in text.partition("="))
+    return option("over", {name: values} if equals else name)
 
 
 def _count(given: str, text: str) -> int:
     if not given.isdigit() or not 2 <= int(given) <= MOST:
         raise UserError(
-            f"--over {text!r}: {given or 'nothing'} is no count of values, which is 2 to {MOST:,}"
+            f"{_over(text)}: {given or 'nothing'} is no count of values, which is 2 to {MOST:,}"
         )
     return int(given)
 
 
+def _with_unit_of(other: str, given: str) -> str:
+    """Return an amount that has the unit of another one unless it has its own."""
+    return f"{given} {_unit(other)}" if not _unit(given) else given
+
+
+def _unit(given: str) -> str:
+    number = _NUMBER.match(given.strip())
+    return given.strip()[number.end() :].strip() if number else ""
+
+
 def _value(given: str, signal: Signal, text: str) -> float:
-    value = read_setting(given.strip(), signal, f"--over {text}")
+    value = read_setting(given.strip(), signal, _over(text))
     if isinstance(value, str) or not np.isfinite(value):
-        raise UserError(f"--over {text!r}: {given.strip()!r} is no number")
+        raise UserError(f"{_over(text)}: {given.strip()!r} is no number")
     return float(value)

@@ -8,6 +8,7 @@ import numpy as np
 
 from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
+from orchestration.reporting import option
 
 REDUCTIONS: dict[str, Callable[[Array], Array]] = {
     "last": lambda y: y[:, -1],
@@ -32,11 +33,11 @@ def checked_reductions(names: Sequence[str]) -> list[str]:
     for name in names:
         if name not in known:
             raise UserError(
-                f"--keep {name}: no such reduction{suggestion(name, known)}; there are"
+                f"{option('keep', [name])}: no such reduction{suggestion(name, known)}; there are"
                 f" {', '.join(known)}"
             )
     if not names:
-        raise UserError(f"--keep names nothing; there are {', '.join(known)}")
+        raise UserError(f"{option('keep')} names nothing; there are {', '.join(known)}")
     return list(dict.fromkeys(names))
 
 

@@ -1,4 +1,7 @@
-"""Checks of a system: connections exist and fit, and no input is without a value."""
+"""Checks of a system: connections exist and fit, and no input is without a value.
+
+An input that nothing feeds stays at the start value that its FMU declares.
+"""
 
 from __future__ import annotations
 
@@ -64,8 +67,8 @@ def check(system: System) -> None:
     UserError
         In one line, with both ends of a connection that does not fit: members of one name, a
         missing FMU, an end of a connection that does not exist or has the wrong causality, types or
-        units that differ, two sources for one input, an input that has none, a value that cannot be
-        set.
+        units that differ, two sources for one input, an input that has none and whose FMU declares
+        no start value, a value that cannot be set.
     """
     try:
         _check(system)
@@ -94,7 +97,7 @@ def _check(system: System) -> None:
         _check_system_input(system, models, name, ports)
     for port in system.outputs.values():
         _find_end(system, models, port, "output")
-    _check_sources(system, models)
+    _check_sources(system)
 
 
 def _check_names(system: System) -> None:
@@ -209,7 +212,7 @@ def _check_system_input(
                 )
 
 
-def _check_sources(system: System, models: Mapping[str, Model]) -> None:
+def _check_sources(system: System) -> None:
     """Refuse inputs with several sources, or with neither a source nor a value."""
     sources: dict[Port, str] = {}
     pairs = [(str(connection.source), connection.target) for connection in system.connections]
@@ -220,14 +223,30 @@ def _check_sources(system: System, models: Mapping[str, Model]) -> None:
         if target in sources:
             raise UserError(f"{target} has two sources, {sources[target]} and {source}")
         sources[target] = source
-    for member in system.members:
-        for name in models[member.name].inputs:
-            port = Port(member.name, name)
-            if port not in sources and name not in member.parameters:
-                raise UserError(
-                    f"{port} is not connected, no input of the system feeds it, and it is given no"
-                    " value"
-                )
+    for port, signal in open_inputs(system).items():
+        if not signal.declares_start:
+            raise UserError(
+                f"{port} is not connected, no input of the system feeds it, and it is given no"
+                " value, nor does its FMU declare a start value"
+            )
+
+
+def open_inputs(system: System) -> dict[Port, Signal]:
+    """Return the inputs of members that nothing feeds and the system gives no value."""
+    fed = {connection.target for connection in system.connections}
+    fed |= {port for ports in system.inputs.values() for port in ports}
+    return {
+        Port(member.name, name): signal
+        for member in system.members
+        for name, signal in interface(member).inputs.items()
+        if Port(member.name, name) not in fed and name not in member.parameters
+    }
+
+
+def describe_open_input(name: str, signal: Signal) -> str:
+    """Say at which value an input stays that nothing feeds."""
+    start = units.format_value(signal.start, signal)
+    return f"nothing feeds {name}; it stays at {start}, the start value of its FMU"
 
 
 def warnings(system: System) -> list[str]:
@@ -237,7 +256,7 @@ def warnings(system: System) -> list[str]:
     -------
     list of str
         FMUs that cannot be run on this machine, factors that are not those of the units, inputs
-        that feed nothing.
+        that feed nothing or that nothing feeds.
     """
     lines = []
     for member in system.members:
@@ -262,6 +281,9 @@ def warnings(system: System) -> list[str]:
             )
     lines += [
         f"system input {name} feeds nothing" for name, ports in system.inputs.items() if not ports
+    ]
+    lines += [
+        describe_open_input(str(port), signal) for port, signal in open_inputs(system).items()
     ]
     return lines
 

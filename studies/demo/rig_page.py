@@ -110,7 +110,7 @@ def _link(run: Run) -> list[list[str]]:
         values = _MILLI * run.signals[f"rig.{signal}"]
         rows.append([name, f"{np.median(values):.3g} ms", f"{np.max(values):.3g} ms"])
     rows.append(
-        ["missed deadlines of the link", "", f"{run.signals['rig.missed_deadlines'][-1]:.0f}"]
+        ["missed deadlines of the link", "", f"{run.signals['rig.missed_deadlines'][-1]:.0f} steps"]
     )
     return rows
 

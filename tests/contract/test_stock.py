@@ -183,10 +183,10 @@ class Clock(Component):
     """Shows the time."""
 
     name = "clock"
-    x = State("1", rate="x_rate")
+    x = State("s", rate="x_rate")
 
     def x_rate(self):
-        return self.x + 1.0
+        return 1.0
 
     @Output("s")
     def now(self):

@@ -17,6 +17,7 @@ from orchestration.fmu.model import find_model, load_class
 from orchestration.identify.grey_box import fit_grey_box
 from orchestration.identify.metrics import fit_percent
 from orchestration.records import read_record
+from tests.support.cell_record import Cell, pulses
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -220,6 +221,29 @@ def test_creep_has_three_kelvin_elements_and_no_fourth(public_data):
     assert share[2] > 99.87
 
 
+# --- a battery cell
+# ----------------------------------------------------------------------------------------
+
+
+def test_a_cell_has_the_parameters_that_it_was_made_with():
+    """The cell of the record has one pair, as the model has, and rests at the table's voltages, or
+    some millivolts beside it between them.
+    """
+    cell = Cell(capacity=2.45, series=0.027, pairs=((0.015, 40.0),), hysteresis=0.0)
+    random = np.random.default_rng(3)
+    current = pulses(random)
+    voltage = cell.voltage(current) + 5e-4 * random.standard_normal(current.size)
+    cls, _ = example("battery_cell.py:BatteryCell")
+    names = ["capacity", "R0", "R1", "C1", "charge_start"]
+    time = np.arange(float(current.size))
+    found = fit_grey_box(cls, time, {"current": current}, {"voltage": voltage}, names).values
+    assert found["capacity"] == pytest.approx(cell.capacity, rel=0.05)
+    assert found["R0"] == pytest.approx(cell.series, rel=0.01)
+    assert found["R1"] == pytest.approx(0.015, rel=0.05)
+    assert found["R1"] * found["C1"] == pytest.approx(40.0, rel=0.05)
+    assert found["charge_start"] == pytest.approx(cell.charge, abs=0.01)
+
+
 # --- models that are not ours, by file and class
 # ----------------------------------------------------------------------
 
@@ -276,11 +300,11 @@ HEAD = "from fmus.kit import Component, Effect, State\n"
             r"own\.py: there is no class 'B' in it \(there are: A\)",
         ),
         (HEAD + "A = 3\n", "A", r"own\.py: A is not a Component$"),
-        (HEAD, "Effect", r"own\.py: Effect has no name, so it is a base or an effect"),
+        (HEAD, "Effect", r"own\.py: Effect is an effect and no model"),
         (
             HEAD + 'class A(Component):\n    name = "a"\n    x = State("1", rate="r")\n',
             "A",
-            r"line 2: .*which is no met",
+            r"line 4: .*which is no met",
         ),
         ("", "", r"write path/to/file\.py:Class"),
     ],

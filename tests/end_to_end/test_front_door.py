@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import orchestration as ppy
-from fmus.kit.errors import UserError
 from orchestration.reporting import console
 from studies.emulator.records import draw, write
 from tests.support.command import works
@@ -43,7 +42,7 @@ def test_importing_loads_neither_numpy_nor_any_name():
 
 
 def test_every_name_is_there_and_says_how_it_is_used():
-    for name in ppy.__all__:
+    for name in set(ppy.__all__) - {"__version__"}:
         value = getattr(ppy, name)
         assert inspect.getdoc(value), name
         assert name in dir(ppy)
@@ -71,13 +70,14 @@ def test_a_result_prints_as_the_command_does(hidden, result, tmp_path, monkeypat
 def test_what_was_found_is_reachable_by_name(result):
     assert result.verdict == "cause"
     assert result.causes == ["strain_saturation"]
-    assert "strain_saturation" in result.sentence
+    assert result.sentence.startswith("Strain that levels off at large charge: ")
     low, high = result.parameters["R1"].interval
     assert low < result.parameters["R1"].value < high
     assert result.parameters["R1"].unit == "ohm"
     assert result.gain.after["displacement"] < 0.5 * result.gain.before["displacement"]
     assert len(repr(result)) < 120
-    assert result._repr_html_().startswith("<pre>cause  What the model gets wrong")
+    headline = "<p>cause  Strain that levels off at large charge: "
+    assert result._repr_html_().startswith(headline)
 
 
 def test_a_result_is_drawn_reported_and_built(result, tmp_path):
@@ -90,7 +90,7 @@ def test_a_result_is_drawn_reported_and_built(result, tmp_path):
     )
     assert native.exists()
     assert python.exists()
-    with pytest.raises(UserError, match=r"ends in \.html"):
+    with pytest.raises(ppy.UserError, match=r"ends in \.html"):
         result.report(tmp_path / "d.txt")
 
 
@@ -119,27 +119,27 @@ def test_an_ambiguous_record_comes_with_an_experiment(tmp_path):
     result = ppy.diagnose(path, effects=[])
     assert result.verdict == "ambiguous"
     assert result.model is None
-    with pytest.raises(UserError, match="nothing to make an FMU of"):
+    with pytest.raises(ppy.UserError, match="nothing to make an FMU of"):
         result.fmu(tmp_path / "none.fmu")
     written = result.experiment.to_toml(tmp_path / "next.toml").read_text(encoding="utf-8")
     assert written.startswith(f"# {result.experiment}")
 
 
 def test_what_cannot_be_used_is_refused_in_a_line(hidden, tmp_path):
-    with pytest.raises(UserError, match="no component named 'ppy_actuatr'"):
+    with pytest.raises(ppy.UserError, match="no component named 'ppy_actuatr'"):
         ppy.diagnose(hidden, "ppy_actuatr")
-    with pytest.raises(UserError, match="no effect named 'strain_saturatoin'"):
+    with pytest.raises(ppy.UserError, match="no effect named 'strain_saturatoin'"):
         ppy.diagnose(hidden, effects=["strain_saturatoin"])
-    with pytest.raises(UserError, match="no parameter named 'R3'"):
+    with pytest.raises(ppy.UserError, match="no parameter named 'R3'"):
         ppy.diagnose(hidden, hold=["R3"])
-    with pytest.raises(UserError, match="no input named 'curent'"):
+    with pytest.raises(ppy.UserError, match="no input named 'curent'"):
         ppy.simulate("ppy_actuator", {"curent": 1.0})
-    with pytest.raises(UserError, match=r"current: shape \(3,\) for 101 points"):
+    with pytest.raises(ppy.UserError, match=r"current: shape \(3,\) for 101 points"):
         ppy.simulate("ppy_actuator", {"current": [1.0, 2.0, 3.0]}, stop=10.0)
     flat = tmp_path / "flat.csv"
     drawn = draw(None, 1, duration=300.0, rate=5.0)
     for values in drawn.outputs.values():
         values[:] = 1.0
     write(drawn, flat)
-    with pytest.raises(UserError, match="no output is left that could be trusted"):
+    with pytest.raises(ppy.UserError, match="no output is left that could be trusted"):
         ppy.diagnose(flat, effects=[])

@@ -64,6 +64,7 @@ from studies.emulator.hidden_unknown import (
 from studies.emulator.physics import RigParameters, Transition, together
 from studies.emulator.records import draw, draw_cached, write
 from studies.emulator.variations import CATALOGUE, UNKNOWN, VARIATIONS
+from tests.support.completeness import check_complete
 
 NOMINAL = RigParameters()
 TIGHT = RigParameters(R2=1e12)  # nothing leaks: all of the current charges the films
@@ -81,7 +82,9 @@ def truth(hidden=None, parameters=NOMINAL, time=TIME, current=CURRENT, force=FOR
 
 
 def test_every_effect_of_the_catalogue_has_a_variation():
-    assert set(CATALOGUE) == {effect.id for effect in EFFECTS.values()} | set(MEASUREMENTS)
+    ids = {effect.id for effect in EFFECTS.values()} | set(MEASUREMENTS)
+    where = "CATALOGUE of studies/emulator/variations.py, with a class of a module hidden_..."
+    check_complete(CATALOGUE, ids, where)
     assert not set(UNKNOWN) & set(CATALOGUE)
     assert len(UNKNOWN) >= 4
 

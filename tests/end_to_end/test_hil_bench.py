@@ -15,7 +15,6 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +22,7 @@ import pytest
 
 from orchestration.experiment import results
 from tests.support.command import posix, ppy
+from tests.support.processes import busy
 from tests.support.rig.process import Server
 from tests.support.rig.small_rig import SmallRig
 
@@ -156,19 +156,6 @@ def test_a_rig_that_falls_silent_ends_the_run_and_not_the_record(rig, tmp_path):
     assert 10 < data.time.size < 6000
 
 
-@contextmanager
-def busy_processes(count: int, seconds: float) -> Iterator[None]:
-    """Processes beside the test that do nothing but compute, for so long at most."""
-    code = f"import time\nend = time.monotonic() + {seconds}\nwhile time.monotonic() < end: pass"
-    beside = [subprocess.Popen([sys.executable, "-c", code]) for _ in range(count)]
-    try:
-        yield
-    finally:
-        for process in beside:
-            process.kill()
-            process.wait()
-
-
 def chosen(rig: SmallRig, **settings: object) -> list[str]:
     """Arguments of a run of the bench in real time, in a process that a test may hold up."""
     given = {"proxy.endpoint": rig.endpoint, "inputs.current.initial": 0.4, **settings}
@@ -190,7 +177,7 @@ def held_up(rig: SmallRig, folder: Path, pauses: Sequence[float], beside: int, *
     ) as process:
         while process.poll() is None and not rig.heard:
             time.sleep(0.01)
-        with busy_processes(beside, 30.0):
+        with busy(beside, 30.0):
             while process.poll() is None and not rig.of_type("exchange"):
                 time.sleep(0.01)
             for pause in pauses:

@@ -1,6 +1,4 @@
-"""Claims: the commands in the README, on records that nobody here made, give the figures known to
-hold for them.
-"""
+"""Claims: the commands of the page on public records give the figures known to hold for them."""
 
 import json
 import re
@@ -13,12 +11,12 @@ import pytest
 from tests.support.command import ppy
 
 ROOT = Path(__file__).parents[2]
-README = ROOT / "README.md"
+PAGE = ROOT / "docs" / "public-records.md"
 
 
-def readme_command(record):
-    """The README's command for a record, as arguments."""
-    text = README.read_text(encoding="utf-8").replace("\\\n", " ")
+def command_of(record):
+    """The page's command for a record, as arguments."""
+    text = PAGE.read_text(encoding="utf-8").replace("\\\n", " ")
     found = [
         line for line in text.splitlines() if line.startswith("ppy compare") and record in line
     ]
@@ -27,9 +25,9 @@ def readme_command(record):
 
 
 def run(record, public_data, folder):
-    """Run the README's command where the record is; returns the figures, and what was told."""
+    """Run the page's command where the record is; returns the figures, and what was told."""
     path = public_data(record)
-    arguments = [str(path) if a.endswith(record) else a for a in readme_command(record)]
+    arguments = [str(path) if a.endswith(record) else a for a in command_of(record)]
     done = ppy(*arguments, "--out", "figures.json", cwd=folder)
     assert done.returncode == 0, done.stderr
     picture = folder / arguments[arguments.index("--plot") + 1]
@@ -47,7 +45,7 @@ def test_creep_of_a_polyethylene_melt(public_data, tmp_path):
     fitted = figures["fitted"]["outputs"]["displacement"]
     assert figures["outputs"]["displacement"]["fit_percent"] < 0.0  # an actuator is no melt
     assert fitted["fit_percent"] == pytest.approx(99.75, abs=0.02)
-    for page in (README, ROOT / "docs" / "explanation.md"):
+    for page in (PAGE, ROOT / "docs" / "explanation.md"):
         assert f"fits {fitted['fit_percent']:.2f} %" in page.read_text(encoding="utf-8")
     assert fitted["white"] is False
     # flow at the end of the record: a viscosity of strain rate over stress, by hand from its last
@@ -64,21 +62,21 @@ def test_creep_of_a_polyethylene_melt(public_data, tmp_path):
     assert viscosity == pytest.approx(10.0 / slope, rel=0.05)
 
 
-def in_the_readme():
-    """The least fit that the README promises for the cell, in percent."""
-    found = re.search(r"the cell more than (\d+) %", README.read_text(encoding="utf-8"))
+def on_the_page():
+    """The least fit that the page promises for the cell, in percent."""
+    found = re.search(r"the cell more than (\d+) %", PAGE.read_text(encoding="utf-8"))
     assert found is not None
     return float(found[1])
 
 
-@pytest.mark.parametrize(("age", "least"), [("before", in_the_readme()), ("after", 90.0)])
+@pytest.mark.parametrize(("age", "least"), [("before", on_the_page()), ("after", 90.0)])
 def test_a_supercapacitor(public_data, tmp_path, age, least):
-    """The cell before ageing is the README's command; after it is the same with the other file."""
+    """The cell before ageing is the page's command; after it is the same with the other file."""
     if age == "before":
         figures, done = run("supercapacitor_before_ageing_5mV_per_s.csv", public_data, tmp_path)
     else:
         other = public_data("supercapacitor_after_ageing_5mV_per_s.csv")
-        command = readme_command("supercapacitor_before_ageing_5mV_per_s.csv")
+        command = command_of("supercapacitor_before_ageing_5mV_per_s.csv")
         arguments = [str(other) if a.endswith(".csv") else a for a in command]
         done = ppy(*arguments, "--out", "figures.json", cwd=tmp_path)
         assert done.returncode == 0, done.stderr

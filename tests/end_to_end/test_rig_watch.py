@@ -220,12 +220,38 @@ def test_an_old_value_never_looks_fresh(tab):
         until(lambda: tab.run(SHOWN).get("voltage"))
         rig.measures = False
         until(lambda: re.fullmatch(r"age at most \d\.\d s", tab.run(SHOWN)["voltage"]["age"]))
-        assert tab.run(
-            "document.querySelector('[data-signal=voltage] .age').classList.contains('old')"
-        )
+        assert tab.run("document.querySelector('[data-signal=voltage]').classList.contains('old')")
+        assert opacity(tab, "voltage") == "0.5"
+        assert opacity(tab, "current") == "1"  # which is known to be applied
         rig.plant, rig.measures = lambda inputs, now: {"voltage": None, "displacement": 0.0}, True
         until(lambda: tab.run(SHOWN)["voltage"]["value"] == "–")
         assert tab.run(SHOWN)["voltage"]["age"] == "no value"
+
+
+def opacity(tab, signal):
+    return tab.run(
+        f"getComputedStyle(document.querySelector('[data-signal={signal}] .value')).opacity"
+    )
+
+
+def test_after_a_safe_state_commands_are_zero_or_dimmed_with_their_age(tab):
+    """A rig in lockstep says no more once it is safe: what is shown then was the last command."""
+    with SmallRig(mode="lockstep") as rig, watching(rig.port) as watch:
+        tab.open(watch.address, 1280)
+        with Driver(rig.endpoint, lambda number: (0.5, 1.0)):
+            until(lambda: tab.run(SHOWN).get("current", {}).get("value") == "0.500")
+        rig.publishes = False
+        rig.safe("somebody pulled the plug")
+        until(lambda: is_safe(tab))
+        until(
+            lambda: (
+                re.fullmatch(r"last command, \d\.\d s ago", tab.run(SHOWN)["current"]["age"])
+                and opacity(tab, "current") == "0.5"
+            )
+        )
+        rig.publishes = True
+        until(lambda: tab.run(SHOWN)["current"]["value"] == "0.000")
+        assert opacity(tab, "current") == "1"
 
 
 def test_state_and_reason_and_events(tab):
@@ -329,7 +355,8 @@ def test_no_server_at_all(tab):
     with watching(free_port()) as watch:
         tab.open(watch.address, 1280)
         until(lambda: is_lost(tab), PROMISED + ALLOWANCE)
-        assert "No contact" in text(tab, "alarm")
+        until(lambda: "No contact" in text(tab, "alarm"))
+        assert "or the keys do not match" in text(tab, "alarm")
 
 
 @posix

@@ -132,8 +132,22 @@ def test_the_public_workflow_tests_every_system_and_the_oldest_python() -> None:
     assert {name.partition("-")[0] for name in matrix["os"]} == {"ubuntu", "macos", "windows"}
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["requires-python"] == f">={matrix['python'][0]}"
+
+
+@pytest.mark.parametrize("name", ["ci", "release"])
+def test_a_public_workflow_calls_what_there_is(name: str) -> None:
+    workflow = yaml.safe_load((ROOT / f".github/workflows/{name}.yml").read_text(encoding="utf-8"))
     targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
     steps = [step for job in workflow["jobs"].values() for step in job["steps"]]
     called = re.findall(r"make ([\w-]+)", "\n".join(step.get("run", "") for step in steps))
     assert called
     assert set(called) <= set(targets)
+
+
+def test_a_release_is_made_of_a_tag_and_publishes_without_a_secret() -> None:
+    text = (ROOT / ".github/workflows/release.yml").read_text(encoding="utf-8")
+    workflow = yaml.safe_load(text)
+    assert workflow[True] == {"push": {"tags": ["v*"]}}  # YAML 1.1 reads `on` as true
+    assert workflow["jobs"]["pypi"]["permissions"] == {"id-token": "write"}
+    assert workflow["jobs"]["pypi"]["needs"] == workflow["jobs"]["page"]["needs"] == "dist"
+    assert "secrets." not in text

@@ -179,10 +179,20 @@ class Tab:
         self.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
     def _go(self, address: str) -> None:
+        self.follow("Page.navigate", url=address)
+
+    def follow(self, method: str, **parameters: Any) -> None:
+        """Do what leads to another page, and wait until that is loaded."""
         before = self._loaded
-        self.call("Page.navigate", url=address)
+        self.call(method, **parameters)
         while self._loaded == before:
             self._pipe.listen()
+
+    def press(self, key: str) -> None:
+        """Press a key that writes nothing, and let it go."""
+        code = {"Tab": 9}[key]
+        for kind in ("keyDown", "keyUp"):
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=code)
 
     def run(self, script: str) -> Any:
         """Value of an expression in the page; a promise is waited for."""

@@ -7,39 +7,44 @@ import pytest
 
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
+from tests.support.completeness import Listed
 
 BASES = [PpyActuator, PpyActuatorLengthDriven]
 NEUTRAL = {name: effect.neutral for name, effect in EFFECTS.items()}
-ACTIVE = {
-    "double_layer": {"double_layer_resistance": 0.2, "double_layer_time": 0.3},
-    "diffusion": {"diffusion_share": 0.6, "diffusion_time": 7.0},
-    "nonlinear_leakage": {"leakage_growth": 0.3, "leakage_onset": 0.5},
-    "charge_dependent_capacitance": {"capacitance_falloff": 0.15},
-    "charge_dependent_capacitance(modulus)": {"capacitance_falloff_either_way": -0.12},
-    "charge_dependent_capacitance(even)": {"capacitance_bend": -0.07},
-    "resistance_growth": {"resistance_growth_rate": 0.02},
-    "capacitance_fade": {"capacitance_fade_rate": 0.01},
-    "self_heating": {
-        "conductance_rise_per_kelvin": 0.02,
-        "thermal_resistance": 30.0,
-        "thermal_time": 40.0,
+ACTIVE = Listed(
+    "ACTIVE",
+    __name__,
+    {
+        "double_layer": {"double_layer_resistance": 0.2, "double_layer_time": 0.3},
+        "diffusion": {"diffusion_share": 0.6, "diffusion_time": 7.0},
+        "nonlinear_leakage": {"leakage_growth": 0.3, "leakage_onset": 0.5},
+        "charge_dependent_capacitance": {"capacitance_falloff": 0.15},
+        "charge_dependent_capacitance(modulus)": {"capacitance_falloff_either_way": -0.12},
+        "charge_dependent_capacitance(even)": {"capacitance_bend": -0.07},
+        "resistance_growth": {"resistance_growth_rate": 0.02},
+        "capacitance_fade": {"capacitance_fade_rate": 0.01},
+        "self_heating": {
+            "conductance_rise_per_kelvin": 0.02,
+            "thermal_resistance": 30.0,
+            "thermal_time": 40.0,
+        },
+        "force_to_voltage": {"voltage_per_force": 0.03},
+        "quadratic_strain": {"beta": 7e-6},
+        "quadratic_strain(modulus)": {"strain_asymmetry": 9e-6},
+        "strain_saturation": {"strain_saturation_coefficient": 0.4**2},
+        "strain_saturation(slow)": {"strain_levelling": 0.2},
+        "strain_lag": {"lag_time": 1.5},
+        "strain_lag(two_stages)": {"staged_lag_time": 1.3},
+        "strain_hysteresis": {"hysteresis_share": 0.3, "hysteresis_width": 0.4},
+        "charge_dependent_stiffness": {"softening_per_charge": 0.1},
+        "second_kelvin": {"second_creep_compliance": 4e-5, "second_creep_time": 8.0},
+        "nonlinear_stiffness": {"load_softening": 0.4, "softening_load": 1.2},
+        "asymmetric_creep": {"recovery_slowness": 0.7},
+        "yield_threshold": {"yield_force": 0.6},
+        "slack": {"slack_compliance": 1.5, "preload": 0.8},
+        "slack(smooth)": {"fading_compliance": 1.2, "fading_load": 0.6},
     },
-    "force_to_voltage": {"voltage_per_force": 0.03},
-    "quadratic_strain": {"beta": 7e-6},
-    "quadratic_strain(modulus)": {"strain_asymmetry": 9e-6},
-    "strain_saturation": {"strain_saturation_coefficient": 0.4**2},
-    "strain_saturation(slow)": {"strain_levelling": 0.2},
-    "strain_lag": {"lag_time": 1.5},
-    "strain_lag(two_stages)": {"staged_lag_time": 1.3},
-    "strain_hysteresis": {"hysteresis_share": 0.3, "hysteresis_width": 0.4},
-    "charge_dependent_stiffness": {"softening_per_charge": 0.1},
-    "second_kelvin": {"second_creep_compliance": 4e-5, "second_creep_time": 8.0},
-    "nonlinear_stiffness": {"load_softening": 0.4, "softening_load": 1.2},
-    "asymmetric_creep": {"recovery_slowness": 0.7},
-    "yield_threshold": {"yield_force": 0.6},
-    "slack": {"slack_compliance": 1.5, "preload": 0.8},
-    "slack(smooth)": {"fading_compliance": 1.2, "fading_load": 0.6},
-}
+)
 POSITIVE = ("throughput", "fading_throughput", "temperature_rise")
 bases = pytest.mark.parametrize("base", BASES, ids=lambda cls: cls.name)
 effects = pytest.mark.parametrize("name", EFFECTS)

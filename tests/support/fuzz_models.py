@@ -52,7 +52,7 @@ FAULTS: tuple[str, ...] = (
     r"the input '\w+' has no value in rows? \d+( to \d+)?, at the \w+ of the record",
     r"only one instant \(row \d+\); a record needs at least two different times",
     r"it lacks an output of the record before",
-    r"--set .* is out of range; allowed is",
+    r"(--set |settings=).* is out of range; allowed is",
     r"it has none of the outputs of the record",
     r"samples are too few for a diagnosis; \d+ are the least",
     r"no column is an output of",

@@ -229,6 +229,8 @@ def written(model: FuzzedModel) -> str:
 def _class_lines(model: FuzzedModel) -> list[str]:
     lines = ["", "class Fuzzed(Component):", f"    name = {model.name!r}"]
     lines += [f"    experiment = ({100 * model.step!r}, {model.step!r})"]
+    # units are drawn at random, and would be refused
+    lines += [f"    unchecked = {tuple(law.name for law in model.laws)!r}"]
     for v in model.variables:
         start = f", {v.value!r}" if v.kind == "Input" else f", start={v.value!r}"
         value = f"{v.value!r}, {v.unit!r}" if v.kind == "Parameter" else f"{v.unit!r}{start}"

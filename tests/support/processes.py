@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import subprocess
+import sys
+from collections.abc import Iterator
 
 import psutil
 
@@ -19,3 +22,16 @@ def of_fmus() -> list[psutil.Process]:
         with contextlib.suppress(psutil.Error):  # it has ended, and nobody has asked how
             found += [child] if "isolation.child" in " ".join(child.cmdline()) else []
     return found
+
+
+@contextlib.contextmanager
+def busy(count: int, seconds: float) -> Iterator[None]:
+    """Processes that do nothing but compute, for so long at most."""
+    code = f"import time\nend = time.monotonic() + {seconds}\nwhile time.monotonic() < end: pass"
+    beside = [subprocess.Popen([sys.executable, "-c", code]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in beside:
+            process.kill()
+            process.wait()

@@ -37,6 +37,7 @@ RUNTIME_MODULES = (
     "sampling",
     "sensors",
     "slave",
+    "titles",
 )
 _KIT = "fmus.kit"
 _KIT_FOLDER = Path(__file__).parents[1]

@@ -1,4 +1,6 @@
 from . import codegen as codegen
+from .checking import check_component as check_component
+from .families import NAMELESS as NAMELESS
 from .families import families_for as families_for
 from .families import list_laws as list_laws
 from .forcing import ComponentAlong as ComponentAlong

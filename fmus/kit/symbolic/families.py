@@ -199,6 +199,7 @@ _ANYTHING = {
     "lagging": "lagging_law",
     "leading": "storing_law",
 }
+NAMELESS = frozenset(_ANYTHING.values())  # ids of effects that no field has a name for
 
 
 def list_laws(cls: type[Component]) -> list[LawOfModel]:

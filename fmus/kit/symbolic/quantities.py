@@ -20,7 +20,7 @@ import numpy as np
 from fmus.kit import units
 
 # of NumPy, by what they take and give: all in one unit, and that
-_MATCHING = {
+MATCHING = {
     "absolute",
     "fabs",
     "floor",
@@ -33,11 +33,11 @@ _MATCHING = {
     "fmin",
     "fmax",
 }
-_PURE = {"exp", "expm1", "log", "log10", "log1p", "sin", "cos", "tan", "sinh", "cosh", "tanh"}
-_ANGLES = {"arccos", "arcsin", "arctan"}
-_ROOTS = {"sqrt": 0.5, "square": 2}
-_COMPARISONS = {"equal", "not_equal", "less", "less_equal", "greater", "greater_equal"}
-_OF_TWO = {"add", "subtract", "arctan2"} | _MATCHING | _COMPARISONS
+PURE = {"exp", "expm1", "log", "log10", "log1p", "sin", "cos", "tan", "sinh", "cosh", "tanh"}
+ANGLES = {"arccos", "arcsin", "arctan"}
+ROOTS = {"sqrt": 0.5, "square": 2}
+COMPARISONS = {"equal", "not_equal", "less", "less_equal", "greater", "greater_equal"}
+_OF_TWO = {"add", "subtract", "arctan2"} | MATCHING | COMPARISONS
 _OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
     "multiply": operator.mul,
     "divide": operator.truediv,
@@ -100,7 +100,7 @@ class Unit:
         """
         if self.powers == other.powers:
             return
-        is_same = _dimension(self) == _dimension(other)
+        is_same = dimension(self) == dimension(other)
         if is_same and isclose(self.factor, other.factor, rel_tol=1e-9):
             return
         if self.is_open and not other.is_open:
@@ -253,7 +253,7 @@ class Quantity:
 
 def _of_two(name: str, first: Quantity, value: Any) -> Any:
     """Return the result of a function of NumPy of two numbers in one unit, the first's."""
-    if name in ("add", "subtract") or name in _MATCHING:
+    if name in ("add", "subtract") or name in MATCHING:
         return Quantity(value, first.unit)
     if name == "arctan2":
         return Quantity(value, {"rad": 1.0})
@@ -262,12 +262,12 @@ def _of_two(name: str, first: Quantity, value: Any) -> Any:
 
 def _of_one(name: str, one: Quantity, function: Any) -> Any:
     """Return the result of a function of NumPy of one number."""
-    if name in _MATCHING:
+    if name in MATCHING:
         return Quantity(function(one.value), one.unit)
-    if name in _PURE or name in _ANGLES:
-        return Quantity(function(float(one)), {"rad": 1.0} if name in _ANGLES else {})
-    if name in _ROOTS:
-        return Quantity(function(one.value), (one ** _ROOTS[name]).unit)
+    if name in PURE or name in ANGLES:
+        return Quantity(function(float(one)), {"rad": 1.0} if name in ANGLES else {})
+    if name in ROOTS:
+        return Quantity(function(one.value), (one ** ROOTS[name]).unit)
     if name == "negative":
         return -one
     if name == "sign":
@@ -280,7 +280,7 @@ def _own_kind(one: Any) -> Any:
     return one.item() if isinstance(one, np.generic) else one
 
 
-def _dimension(unit: Unit) -> dict[str, float]:
+def dimension(unit: Unit) -> dict[str, float]:
     """Return the exponents without those of an angle."""
     return {base: power for base, power in unit.exponents.items() if base != "rad"}
 

@@ -16,6 +16,7 @@ class ResistanceGrowth(ActuatorEffect):
     """
 
     id = "resistance_growth"
+    title = "Series resistance that grows with use"
     neutral = "resistance_growth_rate"
     term = Term(
         "series_resistance", "throughput", "R1 gamma q", "series_resistance over throughput"
@@ -52,6 +53,7 @@ class CapacitanceFade(ActuatorEffect):
     """
 
     id = "capacitance_fade"
+    title = "Capacitance that fades with use"
     neutral = "capacitance_fade_rate"
     term = Term(
         "capacitance", "fading_throughput", "C / (1 + phi q)", "capacitance over throughput"
@@ -92,6 +94,7 @@ class SelfHeating(ActuatorEffect):
     """
 
     id = "self_heating"
+    title = "Self-heating of the actuator"
     neutral = "conductance_rise_per_kelvin"
     term = Term(
         "series_resistance",

@@ -27,6 +27,7 @@ class ForceToVoltage(ActuatorEffect):
     """
 
     id = "force_to_voltage"
+    title = "Load that changes the voltage"
     neutral = "voltage_per_force"
     term = Term("capacitor_voltage", "force", "s F", "capacitor_voltage over force")
     assumption = 5
@@ -54,6 +55,7 @@ class QuadraticStrain(ActuatorEffect):
     """
 
     id = "quadratic_strain"
+    title = "Strain with a quadratic part"
     neutral = "beta"
     term = Term("charge_elongation", "charge", "beta Q^2", _EVEN)
     assumption = 5
@@ -65,6 +67,7 @@ class QuadraticStrain(ActuatorEffect):
         max=1.0,
         nominal=1e-5,
         display="mm/C^2",
+        title="quadratic displacement coefficient",
         doc="quadratic displacement coefficient",
     )
 
@@ -82,6 +85,7 @@ class UnequalStrain(ActuatorEffect):
     """
 
     id = "quadratic_strain"
+    title = "Strain that differs for the two signs of charge"
     neutral = "strain_asymmetry"
     assumption = 5
     term = Term("charge_elongation", "charge", "beta_1 |Q|", _EVEN, "modulus")
@@ -112,6 +116,7 @@ class StrainSaturation(ActuatorEffect):
     """
 
     id = "strain_saturation"
+    title = "Strain that levels off at large charge"
     neutral = "strain_saturation_coefficient"
     term = Term("charge_elongation", "charge", "alpha Q_sat tanh(Q / Q_sat)", _ODD)
     assumption = 5
@@ -145,6 +150,7 @@ class SlowStrainSaturation(ActuatorEffect):
     """
 
     id = "strain_saturation"
+    title = "Strain that levels off slowly at large charge"
     neutral = "strain_levelling"
     assumption = 5
     term = Term("charge_elongation", "charge", "alpha Q / (1 + c_1 |Q|)", _ODD, "slow")
@@ -175,6 +181,7 @@ class StrainLag(ActuatorEffect):
     """
 
     id = "strain_lag"
+    title = "Strain that lags behind charge"
     neutral = "lag_time"
     term = Term("charge_elongation", "charge", "1 / (T s + 1)", _BEHIND)
     assumption = 5
@@ -210,6 +217,7 @@ class TwoStageStrainLag(ActuatorEffect):
     """
 
     id = "strain_lag"
+    title = "Strain that lags behind charge in two stages"
     neutral = "staged_lag_time"
     assumption = 5
     term = Term("charge_elongation", "charge", "1 / (T/2 s + 1)^2", _BEHIND, "two_stages")
@@ -254,6 +262,7 @@ class StrainHysteresis(ActuatorEffect):
     """
 
     id = "strain_hysteresis"
+    title = "Hysteresis of strain over charge"
     neutral = "hysteresis_share"
     term = Term(
         "charge_elongation",
@@ -302,6 +311,7 @@ class ChargeDependentStiffness(ActuatorEffect):
     """
 
     id = "charge_dependent_stiffness"
+    title = "Stiffness that changes with charge"
     neutral = "softening_per_charge"
     term = Term("spring_elongation", "charge", "exp(s Q)", _SOFTNESS)
     assumption = 1

@@ -29,6 +29,7 @@ class DoubleLayer(ActuatorEffect):
     """
 
     id = "double_layer"
+    title = "A double layer, a second RC pair"
     neutral = "double_layer_resistance"
     term = Term(
         "capacitor_voltage",
@@ -94,6 +95,7 @@ class Diffusion(ActuatorEffect):
     """
 
     id = "diffusion"
+    title = "Diffusion into the films"
     neutral = "diffusion_share"
     term = Term(
         "capacitor_voltage",
@@ -159,6 +161,7 @@ class NonlinearLeakage(ActuatorEffect):
     """
 
     id = "nonlinear_leakage"
+    title = "Leakage that grows above an onset voltage"
     neutral = "leakage_growth"
     term = Term(
         "supply_current", "voltage", "g max(|V| - V_on, 0)^2", "supply_current over voltage"
@@ -206,6 +209,7 @@ class ChargeDependentCapacitance(ActuatorEffect):
     """
 
     id = "charge_dependent_capacitance"
+    title = "Capacitance that changes with charge"
     neutral = "capacitance_falloff"
     term = Term("film_voltage", "charge", "(exp(a Q) - 1) / (a Q)", _CAPACITANCE)
     assumption = 8
@@ -233,6 +237,7 @@ class CapacitanceOverModulus(ActuatorEffect):
     """
 
     id = "charge_dependent_capacitance"
+    title = "Capacitance that changes with the modulus of charge"
     neutral = "capacitance_falloff_either_way"
     assumption = 8
     term = Term("film_voltage", "charge", "(exp(a |Q|) - 1) / (a |Q|)", _CAPACITANCE, "modulus")
@@ -263,6 +268,7 @@ class EvenCapacitance(ActuatorEffect):
     """
 
     id = "charge_dependent_capacitance"
+    title = "Capacitance that bends with charge"
     neutral = "capacitance_bend"
     assumption = 8
     term = Term("film_voltage", "charge", "sqrt(1 + b Q^2)", _CAPACITANCE, "even")

@@ -19,6 +19,7 @@ class SecondKelvin(ActuatorEffect):
     """
 
     id = "second_kelvin"
+    title = "A second creep time constant"
     neutral = "second_creep_compliance"
     term = Term("creep", "force", "J / (T s + 1)", "creep remembering force")
     assumption = 9
@@ -64,6 +65,7 @@ class NonlinearStiffness(ActuatorEffect):
     """
 
     id = "nonlinear_stiffness"
+    title = "Stiffness that changes with load"
     neutral = "load_softening"
     term = Term("spring_elongation", "force", "n (sqrt(F^2 + S^2) - S)", _SPRING)
     assumption = 9
@@ -110,6 +112,7 @@ class AsymmetricCreep(ActuatorEffect):
     """
 
     id = "asymmetric_creep"
+    title = "Recovery that is slower than creep"
     neutral = "recovery_slowness"
     term = Term(
         "kelvin_rate", "kelvin_rate", "1 / (1 + r) below 0", "kelvin_rate over its direction"
@@ -140,6 +143,7 @@ class YieldThreshold(ActuatorEffect):
     """
 
     id = "yield_threshold"
+    title = "A yield force of the viscous flow"
     neutral = "yield_force"
     term = Term("flow_force", "force", "F - clip(F, -F_y, F_y)", "flow_force over force")
     assumption = 9
@@ -163,6 +167,7 @@ class Slack(ActuatorEffect):
     """
 
     id = "slack"
+    title = "Slack at small load"
     neutral = "slack_compliance"
     term = Term("spring_elongation", "force", "m min(F, P)", _SPRING)
     assumption = 3
@@ -203,6 +208,7 @@ class SmoothSlack(ActuatorEffect):
     """
 
     id = "slack"
+    title = "Slack that fades with load"
     neutral = "fading_compliance"
     assumption = 3
     term = Term("spring_elongation", "force", "m F P / (P + |F|)", _SPRING, "smooth")

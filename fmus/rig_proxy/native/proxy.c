@@ -110,7 +110,8 @@ static bool connect_to_rig(Engine *engine, Message message) {
     Link *link = &engine->link;
     if (!link_open(link, engine->start_time, clock_now() + timeout, message)) {
         if (message[0] == '\0')
-            snprintf(message, MESSAGE_SIZE, "no answer within %.10g s from %s; is `ppy rig serve` running?", timeout,
+            snprintf(message, MESSAGE_SIZE,
+                     "no answer within %.10g s from %s; is `ppy rig serve` running, or do the keys not match?", timeout,
                      link->endpoint);
         return false;
     }

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import typer
+
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import CompareCommand
 from orchestration.cli.isolation import isolating
@@ -35,6 +37,22 @@ def compare(options: CompareCommand) -> None:
         with standard_output_for(options["json"]):
             show(comparison)
             _write(comparison, options)
+    if options["require"] is not None:
+        _require(comparison, options["require"])
+
+
+def _require(comparison: Comparison, percent: float) -> None:
+    """End with exit status 1 where an output does not fit as well as is required."""
+    from orchestration.reporting import warn
+
+    judged = comparison.before if comparison.after is None else comparison.after
+    short = {
+        name: one.fit_percent for name, one in judged.items() if not one.fit_percent >= percent
+    }
+    for name, reached in short.items():
+        warn(f"--require {percent:g}%: {name} fits {reached:.4g} %")
+    if short:
+        raise typer.Exit(1)
 
 
 def _write(comparison: Comparison, options: CompareCommand) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
+from collections.abc import Sequence
+
+import typer
 
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import DiagnoseCommand, LawsCommand
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import standard_output_for
+from orchestration.cli.outputs import standard_output_for, typed_command
 
 
 @command(DiagnoseCommand)
@@ -22,7 +23,17 @@ def diagnose(options: DiagnoseCommand) -> None:
             if options["system"] is not None:
                 work.run_system(options, options["system"])
             else:
-                work.run_diagnosis(options, shlex.join(["ppy", *sys.argv[1:]]))
+                result = work.run_diagnosis(options, typed_command())
+                _require(options["require"], result.verdict)
+
+
+def _require(verdicts: Sequence[str], verdict: str) -> None:
+    """End with exit status 1 where a diagnosis does not come to a verdict that is required."""
+    from orchestration.reporting import warn
+
+    if verdicts and verdict not in verdicts:
+        warn(f"--require {','.join(verdicts)}: the verdict is {verdict}")
+        raise typer.Exit(1)
 
 
 @command(LawsCommand)
@@ -31,4 +42,4 @@ def laws(options: LawsCommand) -> None:
     from orchestration.cli import diagnose as work
 
     with standard_output_for(options["json"]):
-        work.run_laws(options, shlex.join(["ppy", *sys.argv[1:]]))
+        work.run_laws(options, typed_command())

@@ -10,7 +10,14 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.compare import show
 from orchestration.cli.commands.options import IdentifyCommand
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+from orchestration.cli.outputs import (
+    JSON,
+    PAGE,
+    Outputs,
+    standard_output_for,
+    typed_command,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from orchestration.identify import Comparison
@@ -30,12 +37,14 @@ def identify(options: IdentifyCommand) -> None:
             "--json": options["json"],
             "--plot": options["plot"],
             "--profile-plot": options["profile_plot"],
+            "--report": options["report"],
         },
         {
             "--ssv": (".ssv",),
             "--json": JSON,
             "--plot": pictures.FORMATS,
             "--profile-plot": pictures.FORMATS,
+            "--report": PAGE,
         },
     ).check()
     with isolating(options["isolate"]):
@@ -66,12 +75,13 @@ def _fitted(options: IdentifyCommand, profiled: list[str]) -> Comparison:
 
 
 def _write(comparison: Comparison, options: IdentifyCommand) -> None:
-    """Write the parameter set and the pictures."""
+    """Write the parameter set, the pictures and the page."""
     from orchestration.identify import parameter_set
     from orchestration.reporting import wrote
 
     ssv = options["ssv"]
     plot = options["plot"]
+    report = options["report"]
     profile_plot = options["profile_plot"]
     assert comparison.fit is not None
     if ssv is not None:
@@ -84,6 +94,8 @@ def _write(comparison: Comparison, options: IdentifyCommand) -> None:
     if profile_plot is not None:
         comparison.fit.plot_profiles(profile_plot)
         wrote(profile_plot)
+    if report is not None:
+        wrote(comparison.report(report, typed_command()))
 
 
 def _profiled(options: IdentifyCommand) -> list[str]:

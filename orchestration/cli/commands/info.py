@@ -1,11 +1,11 @@
-"""``ppy info``: what one needs to know of a model to use it."""
+"""``ppy info``: what one needs to know of a model, or of a record, to use it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from fmus.kit import summary
+from fmus.kit import UserError, summary
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import InfoCommand
 from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
@@ -17,11 +17,17 @@ if TYPE_CHECKING:
 
 @command(InfoCommand)
 def info(options: InfoCommand) -> None:
-    """Show a model's variables, units, defaults, ranges, effects, and where they come from."""
+    """Show a model's variables, units, ranges, effects; or a record's columns, rate and gaps."""
     from orchestration.cli.models import model_file
+    from orchestration.cli.record_overview import is_record, record_info
 
     model = options["model"]
     path = options["json"]
+    if is_record(model):
+        record_info(options)
+        return
+    if options["of_model"] is not None:
+        raise UserError(f"--model: {model} is no record; --model is for ppy info RECORD")
     Outputs({"the model": model_file(model)}, {"--json": path}, {"--json": JSON}).check()
     known = _facts(model, options["laid_over"])
     with standard_output_for(path):

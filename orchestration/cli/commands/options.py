@@ -9,7 +9,7 @@ from typing import Annotated, TypedDict
 
 from fmus.rig_proxy import ENDPOINT, PORT
 from orchestration.api.declaration import REQUIRED, Option
-from orchestration.api.forms import NAMES, TEXTS, TIME, some_of
+from orchestration.api.forms import NAMES, PERCENT, TEXTS, TIME, names_among, some_of
 from orchestration.api.options import (
     DiagnoseOptions,
     FittedOption,
@@ -42,8 +42,28 @@ from orchestration.cli.options import (
 # --- components and FMUs -------------------------------------------------------------------------
 
 
-class InfoCommand(ModelArgument, LaidOverOption, JsonOption, total=False):
+class InfoCommand(LaidOverOption, JsonOption, total=False):
     """Options of ``ppy info``."""
+
+    model: Annotated[
+        str,
+        Option(
+            "A component (see ppy list), path/to/file.py:Class, an .fmu file; or a record.",
+            default=REQUIRED,
+            metavar="MODEL|RECORD",
+            complete="component",
+            argument=True,
+        ),
+    ]
+    of_model: Annotated[
+        str | None,
+        Option(
+            "Model that a record is for: tells the --map that it needs.",
+            flag="--model",
+            metavar="MODEL",
+            complete="component",
+        ),
+    ]
 
 
 class CheckCommand(JsonOption, total=False):
@@ -80,6 +100,40 @@ class BuildOptions(TypedDict, total=False):
 
 class BuildCommand(LaidOverOption, SettingsOption, PlatformsOption, BuildOptions, total=False):
     """Options of ``ppy build``."""
+
+
+class NewOptions(TypedDict, total=False):
+    """What is written to start from, and where."""
+
+    kind: Annotated[
+        str,
+        Option(
+            "component, effect or backend.",
+            default=REQUIRED,
+            metavar="KIND",
+            argument=True,
+            choices=("component", "effect", "backend"),
+        ),
+    ]
+    name: Annotated[
+        str,
+        Option(
+            "In small letters, such as dry_friction.",
+            default=REQUIRED,
+            metavar="NAME",
+            argument=True,
+        ),
+    ]
+
+
+class NewCommand(NewOptions, ModelOption, total=False):
+    """Options of ``ppy new``."""
+
+    law: Annotated[
+        str,
+        Option("Law of the model that an effect changes; any other lists them.", default=""),
+    ]
+    out: Annotated[Path, Option("Folder that gets the files.", default=Path("."))]
 
 
 # --- simulations ---------------------------------------------------------------------------------
@@ -126,8 +180,8 @@ class ExperimentOptions(TypedDict, total=False):
     experiment: Annotated[
         str | None,
         Option(
-            "One of --list, a file, or a result to make again.",
-            metavar="NAME|FILE.toml|RESULT",
+            "One of --list, a file, a system, or a result to make again.",
+            metavar="NAME|FILE.toml|SYSTEM.ssp|RESULT",
             complete="experiment",
             argument=True,
         ),
@@ -180,6 +234,12 @@ class RunCommand(
     """Options of ``ppy run``."""
 
 
+class ReportOption(TypedDict, total=False):
+    """The page of a result."""
+
+    report: Annotated[Path | None, Option("Page (.html) with all of it, to look at and pass on.")]
+
+
 class OverOption(TypedDict, total=False):
     """The values that parameters of a sweep go through."""
 
@@ -228,6 +288,7 @@ class SweepCommand(
     SweepEngineOptions,
     DatasetOption,
     PlotOption,
+    ReportOption,
     RuntimeOption,
     IsolationOptions,
     total=False,
@@ -256,9 +317,23 @@ class MeasuredOptions(
     """A model, and the record that it is held against."""
 
 
+class RequiredPercentOption(TypedDict, total=False):
+    """The fit that a comparison has to reach."""
+
+    require: Annotated[
+        float | None,
+        Option(
+            "Exit status 1 unless every output fits that well, such as 95%; after --fit if given.",
+            metavar="PERCENT",
+            form=PERCENT,
+        ),
+    ]
+
+
 class CompareCommand(
     MeasuredOptions,
     FittedOption,
+    RequiredPercentOption,
     FiguresOption,
     JsonOption,
     PlotOption,
@@ -310,6 +385,7 @@ class IdentifyCommand(
     ProfileOptions,
     JsonOption,
     PlotOption,
+    ReportOption,
     IsolateOption,
     total=False,
 ):
@@ -371,12 +447,6 @@ class JudgedOptions(TypedDict, total=False):
     ]
 
 
-class ReportOption(TypedDict, total=False):
-    """The page of a diagnosis."""
-
-    report: Annotated[Path | None, Option("Page (.html) with all of it, to look at and pass on.")]
-
-
 class DiagnoseOutputs(TypedDict, total=False):
     """The files that a diagnosis makes, beside figures and page."""
 
@@ -403,10 +473,28 @@ class SystemOption(TypedDict, total=False):
     ]
 
 
+VERDICTS = ("consistent", "recalibrate", "cause", "ambiguous", "unexplained")
+
+
+class RequiredVerdictOption(TypedDict, total=False):
+    """The verdicts that a diagnosis has to come to."""
+
+    require: Annotated[
+        Sequence[str],
+        Option(
+            f"Exit status 1 unless the verdict is one of these: {', '.join(VERDICTS)}.",
+            default=(),
+            metavar="VERDICTS",
+            form=names_among(VERDICTS),
+        ),
+    ]
+
+
 class DiagnoseCommand(
     JudgedOptions,
     LaidOverOption,
     DiagnoseOptions,
+    RequiredVerdictOption,
     JsonOption,
     ReportOption,
     DiagnoseOutputs,

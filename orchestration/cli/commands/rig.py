@@ -33,12 +33,7 @@ if TYPE_CHECKING:
     from orchestration.rig import Endpoint
     from orchestration.rig.record import RecordingPlan
 
-rig = typer.Typer(
-    name="rig",
-    add_completion=False,
-    rich_markup_mode="rich",
-    help="The other end of the cable: serve a rig to proxies, watch it, record from it, stop it.",
-)
+rig = typer.Typer(name="rig", add_completion=False, rich_markup_mode="rich")
 
 
 @rig.command("serve")

@@ -1,4 +1,4 @@
-"""``ppy run``: an experiment made, or one made again and compared bit by bit."""
+"""``ppy run``: an experiment or a system run, or one made again and compared bit by bit."""
 
 from __future__ import annotations
 
@@ -10,23 +10,25 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from fmus.kit import UserError
-from fmus.kit.files import is_file
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import RunCommand
-from orchestration.cli.isolation import hearing_ctrl_c, limits
+from orchestration.cli.experiments import refuse_part, run_and_write
+from orchestration.cli.isolation import hearing_ctrl_c
 from orchestration.cli.outputs import JSON, SIGNALS, Outputs, standard_output_for, write_json
-from orchestration.cli.real_time import IncompleteRecord, keep, live_run, status_line
+from orchestration.cli.real_time import live_run
 
 if TYPE_CHECKING:
     import xarray
 
-    from orchestration.experiment import Experiment, Live
-    from orchestration.fmu.isolation import Limits
+    from orchestration.experiment import Live
 
 
 @command(RunCommand)
 def run(options: RunCommand) -> None:
-    """Run an experiment: one that ships, a TOML file, or a result again, bit by bit."""
+    """Run an experiment: one that ships, a TOML file, a system, or a result again, bit by bit.
+
+    A system (.ssp) runs over its own default experiment; --set inputs.NAME=VALUE drives an input.
+    """
     if options["show_list"]:
         _list()
         return
@@ -42,10 +44,7 @@ def run(options: RunCommand) -> None:
     ctrl_c_watch = hearing_ctrl_c(None) if without_isolation else nullcontext()
     with standard_output_for(options["json"]), ctrl_c_watch:
         data, reproduced = _run(experiment, options, live)
-    if "failure" in data.attrs:
-        raise (UserError if live is None else IncompleteRecord)(data.attrs["failure"])
-    if not data.attrs["complete"]:  # it was interrupted, and what was computed is stored
-        raise KeyboardInterrupt
+    refuse_part(data, live)
     if not reproduced:
         raise typer.Exit(1)
 
@@ -62,88 +61,30 @@ def _list() -> None:
 
 def _run(name: str, options: RunCommand, live: Live | None) -> tuple[xarray.Dataset, bool]:
     """Run an experiment; return its result, and whether every bit is that of an earlier result."""
-    from orchestration.experiment import files, movable, read, result_page, results
-    from orchestration.reporting import note, pictures, wrote
+    from orchestration.experiment import files, is_result, read, results
+    from orchestration.reporting import note, pictures
 
     out = options["out"]
     plot = options["plot"]
     source = Path(name)
-    is_result = is_file(source) and source.suffix.lower() != ".toml"
     chosen = [*options["settings"]]
     if options["runtime"]:
         chosen.append(f"runtime={options['runtime']}")
     experiment = read(name, chosen)
-    reads = {"result" if is_result else "experiment": source} | files(experiment)
+    made_again = is_result(source)
+    reads = {"result" if made_again else "experiment": source} | files(experiment)
     Outputs(
         {f"the {role}": path for role, path in reads.items()},
         {"--out": out, "--plot": plot, "--json": options["json"]},
         {"--out": SIGNALS, "--plot": (*pictures.FORMATS, ".html"), "--json": JSON},
     ).check()
-    earlier = results.read(source) if is_result and not chosen else None
+    earlier = results.read(source) if made_again and not chosen else None
     if earlier is not None and not earlier.attrs["complete"]:
         note(f"{name} is incomplete; it is repeated as far as it goes, {experiment.duration:g} s")
-    data = _make(experiment, name, options, live)
-    _show(data)
-    if out is not None:
-        if live is None:
-            results.write(movable(data, out.parent), out)
-        else:
-            keep(data, out, live)
-        wrote(out, "" if data.attrs["complete"] else "incomplete")
-    if plot is not None:
-        result_page.plot(data, plot)
-        wrote(plot)
+    data = run_and_write(experiment, name, options, live)
     differences = None if earlier is None else _compare(data, earlier, name)
     write_json(options["json"], _as_json(data, name if earlier is not None else None, differences))
     return data, not differences
-
-
-def _make(
-    experiment: Experiment, name: str, options: RunCommand, live: Live | None
-) -> xarray.Dataset:
-    """Run an experiment, telling how far it is."""
-    from orchestration.experiment import results
-    from orchestration.experiment import run as make
-    from orchestration.reporting import err, note, progress
-
-    out = options["out"]
-
-    def fits(sketch: xarray.Dataset) -> None:
-        if out is not None:
-            results.check(sketch, out)
-
-    def isolation(foreign: bool) -> Limits | None:
-        return limits(foreign and live is None, options)
-
-    if live is None:
-        with progress() as tell:
-            tell(f"running {name} (FMUs that are not in the cache are built first)")
-            return make(
-                experiment, name, progress=tell.done, note=note, fits=fits, isolation=isolation
-            )
-    # no bar: what draws it is a thread, and takes its time when the next step should begin
-    err.print(
-        f"running {name} in real time (FMUs that are not in the cache are built first)",
-        soft_wrap=True,
-    )
-    until = f"until {out} is written, what is recorded goes to {live.journal}"
-    note("without --out nothing is kept" if out is None else until)
-    with status_line(live) as telling:
-        return make(experiment, name, note=note, fits=fits, live=telling, isolation=isolation)
-
-
-def _show(data: xarray.Dataset) -> None:
-    from orchestration.experiment import result_page
-    from orchestration.reporting import out, plain_table
-
-    columns = ("smallest", "largest", "last")
-    table = plain_table(None, "signal", *columns, right=columns)
-    for row in result_page.extremes(data):
-        table.add_row(*row)
-    out.print(result_page.state(data))
-    if "deadlines" in data.attrs:
-        out.print(result_page.pace(data))
-    out.print(table)
 
 
 def _compare(data: xarray.Dataset, earlier: xarray.Dataset, name: str) -> Mapping[str, float]:

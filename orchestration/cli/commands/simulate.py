@@ -1,4 +1,4 @@
-"""``ppy simulate``: a model over a record's inputs or constant ones."""
+"""``ppy simulate``: a model or a system over a record's inputs or constant ones."""
 
 from __future__ import annotations
 
@@ -14,29 +14,52 @@ from orchestration.cli.outputs import SIGNALS, Outputs
 
 if TYPE_CHECKING:
     from orchestration.fmu import Array, Model, Value
+    from orchestration.records import Record
+
+
+_SYSTEMS = (".ssp", ".ssd")  # as in system.ssp, which takes half a second to load
 
 
 @command(SimulateCommand)
 def simulate(options: SimulateCommand) -> None:
-    """Simulate a component or any FMU."""
-    from orchestration.api import values_of
-    from orchestration.cli.models import model_file, open_model
-    from orchestration.fmu import simulation as work
-    from orchestration.reporting import note, pictures, progress, wrote
+    """Simulate a component, any FMU, or a system of FMUs."""
+    from orchestration.cli.models import model_file
+    from orchestration.reporting import pictures
 
-    out = options["out"]
-    plot = options["plot"]
     if options["mapping"] and options["input_file"] is None:
         raise UserError("--map renames the columns of a record; give the record with --input")
     Outputs(
         {"the record": options["input_file"], "the model": model_file(options["model"])},
-        {"--out": out, "--plot": plot},
+        {"--out": options["out"], "--plot": options["plot"]},
         {"--out": SIGNALS, "--plot": pictures.FORMATS},
     ).check()
-    model = open_model(options["model"], options["runtime"], options["laid_over"])
-    parameters = values_of(model, options["settings"], options["preset"])
+    if Path(options["model"]).suffix.lower() in _SYSTEMS:
+        _simulate_system(options)
+    else:
+        _simulate_model(options)
+
+
+def _simulate_system(options: SimulateCommand) -> None:
+    from orchestration.cli.experiments import experiment_on_system, refuse_part, run_and_write
+
+    refuse_part(run_and_write(experiment_on_system(options), options["model"], options))
+
+
+def _simulate_model(options: SimulateCommand) -> None:
+    from orchestration.api import values_of
+    from orchestration.cli.models import build_model
+    from orchestration.fmu import declared_model
+    from orchestration.fmu import simulation as work
+    from orchestration.reporting import note, progress, wrote
+
+    out = options["out"]
+    plot = options["plot"]
+    declared = declared_model(options["model"], options["laid_over"])
+    parameters = values_of(declared, options["settings"], options["preset"])
+    recorded = _recorded(declared, parameters, options)
+    model = build_model(declared, options["runtime"])
     isolation = limits(model.foreign, options)
-    time, inputs = _stimulus(model, parameters, options)
+    time, inputs = _stimulus(model, recorded, parameters, options)
     try:
         with hearing_ctrl_c(isolation), progress() as tell:
             tell(f"simulating {model.title}")
@@ -65,8 +88,29 @@ def simulate(options: SimulateCommand) -> None:
         wrote(plot)
 
 
-def _stimulus(
+def _recorded(
     model: Model, parameters: Mapping[str, Value], options: SimulateCommand
+) -> Record | None:
+    """Read the record of inputs, if one is given."""
+    from orchestration.cli.models import check_inputs
+    from orchestration.records import read_record
+    from orchestration.reporting import tell_repairs
+
+    file = options["input_file"]
+    if file is None:
+        return None
+    units = {signal.name: signal.unit for signal in model.inputs.values()}
+    record = read_record(file, units, mapping=options["mapping"], inputs=list(units))
+    tell_repairs(record.repairs)
+    check_inputs(model, record.signals, parameters)
+    return record
+
+
+def _stimulus(
+    model: Model,
+    record: Record | None,
+    parameters: Mapping[str, Value],
+    options: SimulateCommand,
 ) -> tuple[Array, dict[str, Array]]:
     """Return communication points (n,) in s, and inputs over them.
 
@@ -74,22 +118,15 @@ def _stimulus(
     """
     import numpy as np
 
-    from orchestration.api import points_of
-    from orchestration.cli.models import check_inputs
+    from orchestration.api import forms, points_of
     from orchestration.fmu import simulation as work
-    from orchestration.records import read_record
-    from orchestration.reporting import tell_repairs
 
-    file = options["input_file"]
     recorded: dict[str, Array] = {}
-    if file is None:
+    if record is None:
         time = points_of(model, None, options["stop"], options["step"])
     else:
-        units = {signal.name: signal.unit for signal in model.inputs.values()}
-        record = read_record(file, units, mapping=options["mapping"], inputs=list(units))
-        tell_repairs(record.repairs)
-        check_inputs(model, record.signals, parameters)
-        time = work.points(record.time, options["stop"], options["step"])
+        stop, step = (forms.optional_seconds(options[name]) for name in ("stop", "step"))
+        time = work.points(record.time, stop, step)
         recorded = {signal: work.held(record, signal, time) for signal in record.signals}
     constant = {
         name: np.full(time.size, value)

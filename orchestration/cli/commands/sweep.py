@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +20,10 @@ from orchestration.api.options import (
     SweepKeywords,
 )
 from orchestration.cli.command import command
-from orchestration.cli.commands.options import DatasetOption, SweepCommand
+from orchestration.cli.commands.options import DatasetOption, ReportOption, SweepCommand
 from orchestration.cli.isolation import given_limits
 from orchestration.cli.options import IsolationOptions, ModelArgument, PlotOption
-from orchestration.cli.outputs import Outputs
+from orchestration.cli.outputs import PAGE, Outputs, typed_command
 
 if TYPE_CHECKING:
     import xarray
@@ -37,7 +38,14 @@ _ZARR = ".zarr"
 _TOML = (".toml",)
 _RAN = {"fmu": "FMU", "compiled": "compiled"}
 # what is left to the command line where a file says what is run
-_BESIDE_FILE = (ModelArgument, SweepEngineOptions, DatasetOption, PlotOption, IsolationOptions)
+_BESIDE_FILE = (
+    ModelArgument,
+    SweepEngineOptions,
+    DatasetOption,
+    PlotOption,
+    ReportOption,
+    IsolationOptions,
+)
 
 
 @command(SweepCommand)
@@ -63,7 +71,7 @@ def sweep(options: SweepCommand, context: typer.Context) -> None:
         how["progress"] = tell.done
         data = work(how)
     _show(data)
-    _finish(data, out, folder, options["plot"])
+    _finish(data, folder, options)
     if "failure" in data and (data["failure"] != "").all():
         raise UserError(f"not one of the {data['failure'].size:,} cases could be run")
 
@@ -78,8 +86,12 @@ def _check_outputs(options: SweepCommand) -> None:
     store = out if out is not None and out.suffix.lower() == _ZARR else None
     Outputs(
         {"the model": model_file(options["model"]), "the fit": options["fitted"]},
-        {"--out": None if store else out, "--plot": options["plot"]},
-        {"--out": _DATASET, "--plot": pictures.FORMATS},
+        {
+            "--out": None if store else out,
+            "--plot": options["plot"],
+            "--report": options["report"],
+        },
+        {"--out": _DATASET, "--plot": pictures.FORMATS, "--report": PAGE},
         {"--out": store} if store else {},
     ).check()
     if store is not None:
@@ -101,21 +113,27 @@ def _check(out: Path | None, plot: Path | None) -> Callable[[Task, Design], None
     return check
 
 
-def _finish(data: xarray.Dataset, out: Path | None, folder: Path | None, plot: Path | None) -> None:
+def _finish(data: xarray.Dataset, folder: Path | None, options: SweepCommand) -> None:
     """Say what a sweep comes to, write it and draw it."""
     from orchestration.reporting import console
-    from orchestration.sweeps import picture
+    from orchestration.sweeps import picture, sweep_page
     from orchestration.sweeps.sensitivity import analysis_of, merge_analysis
 
+    out = options["out"]
+    plot = options["plot"]
+    report = options["report"]
+    tables = []
     analysis = analysis_of(data.attrs["design"])
     shown = data
     whole = data
-    draw: Callable[[xarray.Dataset, Path], None] = picture.draw
+    draw: Callable[[xarray.Dataset, Path], object] = picture.draw
+    left_out: Callable[[xarray.Dataset], list[str]] = picture.left_out
     try:
         if analysis is not None:
             shown = analysis.analyse(data)
-            draw = analysis.draw
-            console.out.print(analysis.table(shown))
+            draw, left_out = analysis.draw, analysis.left_out
+            tables = [analysis.table(shown)]
+            console.out.print(*tables)
             whole = merge_analysis(data, shown)
     finally:  # cases are kept where there is nothing to be said of them
         if out is not None:
@@ -123,6 +141,11 @@ def _finish(data: xarray.Dataset, out: Path | None, folder: Path | None, plot: P
     if plot is not None:
         draw(shown, plot)
         console.wrote(plot)
+        for line in left_out(shown):
+            console.note(line)
+    if report is not None:
+        sweep_page(data, partial(draw, shown), tables, typed_command()).write(report)
+        console.wrote(report)
 
 
 def _sweep_of_options(options: SweepCommand) -> Work:
@@ -225,25 +248,14 @@ def _keep(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
 
 def _show(data: xarray.Dataset) -> None:
     """Print what each number comes to over all cases, and how many failed."""
-    import numpy as np
-
     from orchestration.reporting import note, out, plain_table
-    from orchestration.sweeps.storage import iterate_pieces
+    from orchestration.sweeps import case_count, extremes
 
-    cases = int(np.prod([data.sizes[d] for d in data.dims if d != "time"]))
-    out.print(f"{data.attrs['model']}: {cases:,} cases, {_RAN[data.attrs['engine']]}")
+    out.print(f"{data.attrs['model']}: {case_count(data):,} cases, {_RAN[data.attrs['engine']]}")
     columns = ("smallest", "largest")
     table = plain_table(None, "over all cases", *columns, "unit", right=columns)
-    for name, array in data.items():
-        if name == "failure":
-            continue
-        smallest = np.nan
-        largest = np.nan
-        for part in iterate_pieces(array):
-            smallest = np.fmin(smallest, np.fmin.reduce(part, axis=None))
-            largest = np.fmax(largest, np.fmax.reduce(part, axis=None))
-        if np.isfinite(smallest):
-            table.add_row(str(name), f"{smallest:.6g}", f"{largest:.6g}", array.units)
+    for e in extremes(data):
+        table.add_row(e.name, f"{e.smallest:.6g}", f"{e.largest:.6g}", e.unit)
     out.print(table)
     if "failure" in data:
         reasons = data["failure"].values.ravel()

@@ -23,12 +23,7 @@ if TYPE_CHECKING:
     from orchestration.fmu import Signal, Value
     from orchestration.system import System
 
-systems = typer.Typer(
-    name="system",
-    add_completion=False,
-    rich_markup_mode="rich",
-    help="Systems of components: show, draw, check, and export as SSP.",
-)
+systems = typer.Typer(name="system", add_completion=False, rich_markup_mode="rich")
 
 
 @systems.command("list")

@@ -18,6 +18,7 @@ from orchestration.discrepancy.data.resampling import as_measured
 from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
 from orchestration.identify.fitting import ModelOverRuns
 from orchestration.identify.noise import ORDER, noise_std, segments
+from orchestration.reporting import option
 
 _SHORTEST = 150  # samples to fit to
 _LASTING = 0.5  # of the record, before which an output ends too early
@@ -261,6 +262,6 @@ def telling_of_simulation(cls: type[Component], over: str) -> Iterator[None]:
         if _DERIVATIVE.search(reason):
             reason += "; a slope of some law is infinite there, as that of sqrt(x) is at 0"
         raise UserError(
-            f"{cls.name} cannot be simulated over {over}: {reason}; give other values with --set,"
-            " or another law"
+            f"{cls.name} cannot be simulated over {over}: {reason}; give other values with"
+            f" {option('settings')}, or another law"
         ) from error

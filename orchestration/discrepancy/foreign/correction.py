@@ -11,6 +11,7 @@ it.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
@@ -28,6 +29,7 @@ from orchestration.identify.black_box.study import class_name, identifiers
 SIMULATED = "simulated_{}"
 IN_FMU = "{}_in_fmu"
 RECORDED = "{}_as_recorded"
+_LAW = re.compile(r"^    def (\w+)\(", re.MULTILINE)
 _HEAD = '''"""{doc}"""
 
 from fmus.kit import Component, Input, Output, Parameter, State
@@ -38,6 +40,7 @@ class {cls}(Component):
 
     name = "{identifier}"
     experiment = ({stop!r}, {step!r})
+    unchecked = {laws!r}
 
 '''
 
@@ -262,7 +265,12 @@ def _load(
     (identifier,) = identifiers((model.path.stem,))
     name = class_name(identifier)
     head = _HEAD.format(
-        doc=doc, cls=name, identifier=f"{identifier}_{ending}", stop=stop, step=step
+        doc=doc,
+        cls=name,
+        identifier=f"{identifier}_{ending}",
+        stop=stop,
+        step=step,
+        laws=tuple(_LAW.findall("\n".join(lines))),  # slopes and gains are written as bare numbers
     )
     text = head + "\n".join([*lines, ""])
     file = cache.cached_file(

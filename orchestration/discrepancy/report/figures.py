@@ -1,4 +1,4 @@
-"""Interactive figures of a report: a record with its simulations over time, and residuals.
+"""Charts of a report: a record with its simulations over time, and residuals.
 
 The spectrum is of the residual itself, beside the estimated noise; the autocorrelation is of what
 remains once the colour of that noise is taken off. Both have the band in which 99 % of noise would
@@ -14,17 +14,26 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
-from fmus.kit import units
+from fmus.kit import capitalised, in_words, units
 from fmus.kit.arrays import Array, Mask
 from fmus.kit.units import format_value, unit_of_differences
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset
-from orchestration.discrepancy.report.html_elements import format_quantities
 from orchestration.discrepancy.residuals import flattening_gain, flattening_pole, spectral_level
 from orchestration.fmu import Model
-from orchestration.identify import chi_squared_quantile, rms
+from orchestration.identify import chi_squared_quantile
 from orchestration.identify.noise import Noise
-from orchestration.reporting import MOST, Boundary, Markup, Panel, Trace, escaped, pictures, stacked
+from orchestration.reporting import (
+    MOST,
+    Boundary,
+    Markup,
+    Panel,
+    Trace,
+    escaped,
+    format_quantities,
+    pictures,
+    stacked,
+)
 
 Simulated = Mapping[str, Mapping[str, Array]]  # outputs, SI, by label of the model and name
 NOMINAL, REFITTED, EXTENDED = "nominal", "refitted", "extended"
@@ -46,10 +55,8 @@ _LAGS = 40
 _LEAST_SPAN = 0.25  # autocorrelation that is always shown, so that small ones look small
 _LONGEST_TITLE = 36  # characters of a name above a panel, which must fit on a phone
 _TAIL = 0.005  # probability on either side of a band
-_FAR = 10.0  # times the residual of the best model, beyond which one hides what matters
 _CLOSER = 8  # part of what is held out that is looked at closely
-_HIDDEN = {"visible": "legendonly"}
-_SILENT = {"hoverinfo": "skip"}
+_FEWEST = 50  # samples of it that are worth a chart of their own
 
 
 @dataclass(frozen=True)
@@ -89,21 +96,11 @@ class Parts(NamedTuple):
     after: str
 
 
-class TimePlot(NamedTuple):
-    """A figure over time.
+class Chart(NamedTuple):
+    """A chart of a page, and the words below it."""
 
-    Attributes
-    ----------
-    figure : dict
-        For Plotly.
-    caption : str
-    views : dict of str to range of the time axis
-        By the text of the button that shows it; None is all.
-    """
-
-    figure: dict[str, Any]
+    drawn: Markup
     caption: str
-    views: dict[str, list[float] | None]
 
 
 def plot_over_time(
@@ -112,7 +109,7 @@ def plot_over_time(
     models: Sequence[ShownModel],
     simulated: Simulated,
     parts: Parts | None = None,
-) -> TimePlot:
+) -> Chart:
     """Draw measured and simulated outputs, their difference, and the inputs above one time axis.
 
     Parameters
@@ -137,9 +134,42 @@ def plot_over_time(
     if parts is not None:
         boundary = Boundary(float(time[parts.boundary]), parts.before, parts.after)
     starts = [(float(time[run.first]), run.label) for run in data.several]
-    figure = stacked(panels, f"time [{unit}]", is_logarithmic, boundary, starts)
-    views = {} if parts is None else _views(time, parts, is_logarithmic)
-    return TimePlot(figure, _caption(model, data), views)
+    drawn = stacked(panels, f"time [{unit}]", is_logarithmic, boundary, starts)
+    return Chart(drawn, _caption(model, data))
+
+
+def plot_closer(
+    model: Model,
+    data: Dataset,
+    models: Sequence[ShownModel],
+    simulated: Simulated,
+    boundary: int,
+) -> Chart | None:
+    """Draw the beginning of what follows a boundary, in which single samples can be told apart.
+
+    Parameters
+    ----------
+    model, data, models, simulated
+        See `plot_over_time`.
+    boundary : int
+        First sample that is shown.
+
+    Returns
+    -------
+    Chart or None
+        None where so few samples follow that the whole shows them.
+    """
+    count = (len(data.time) - boundary) // _CLOSER
+    if count < _FEWEST or data.several:
+        return None
+    window = np.arange(len(data.time))
+    near = (window >= boundary) & (window < boundary + count)
+    part = {
+        label: {output: values[near] for output, values in outputs.items()}
+        for label, outputs in simulated.items()
+    }
+    drawn, _ = plot_over_time(model, data.where(near), models, part)
+    return Chart(drawn, f"The first {count} samples of that, closer.")
 
 
 def _output_panel(
@@ -153,17 +183,10 @@ def _output_panel(
     time, _ = readable_time(data.time)
     signal = model.outputs[output]
     measured = in_display_unit(data.measured[output], signal)
-    traces = [Trace("measured", time, measured, {"color": pictures.MEASURED, "width": 3.5})]
+    traces = [Trace("measured", time, measured, pictures.MEASURED, 3.5)]
     for shown_model in models:
         values = _within_runs(data, simulated[shown_model.label][output])
-        style = {"color": shown_model.colour, "width": 1.5}
-        is_nominal = shown_model.label == NOMINAL
-        if is_nominal:
-            style |= {"dash": "dot"}
-        # beside an effect the nominal model is there to be switched on: it may be far off, and
-        # hides what matters
-        more = _HIDDEN if is_nominal and len(models) > 2 else {}
-        traces.append(Trace(shown_model.label, time, in_display_unit(values, signal), style, more))
+        traces.append(_line(shown_model, time, in_display_unit(values, signal)))
     return Panel(_panel_title(output, signal.display), _OUTPUT_HEIGHT, traces)
 
 
@@ -182,25 +205,27 @@ def _residual_panel(
     traces = []
     for shown_model in models:
         residual = y - _within_runs(data, simulated[shown_model.label][output])
-        is_hidden = False
-        if shown_model.label == NOMINAL:
-            best = simulated[models[-1].label][output]
-            is_hidden = len(models) > 2 or rms(residual) > _FAR * rms(y - best)
-        values = units.convert(residual, signal.unit, unit)
-        style = {"color": shown_model.colour, "width": 1}
-        traces.append(Trace(shown_model.label, time, values, style, _HIDDEN if is_hidden else {}))
+        traces.append(_line(shown_model, time, units.convert(residual, signal.unit, unit)))
     return Panel(_panel_title("measured − simulated", unit), _RESIDUAL_HEIGHT, traces)
+
+
+def _line(shown: ShownModel, time: Array, values: Array) -> Trace:
+    """Return the line of a model; the nominal one may be far off, and must not hide the others."""
+    is_nominal = shown.label == NOMINAL
+    return Trace(
+        shown.label, time, values, shown.colour, dashed=is_nominal, makes_room=not is_nominal
+    )
 
 
 def _input_panels(model: Model, data: Dataset) -> list[Panel]:
     """Draw every input that moves."""
     time, _ = readable_time(data.time)
-    style = {"color": "#4a5763", "width": 1, "shape": "hv"}
     panels = []
     for name, values in data.inputs.items():
         if np.ptp(values) > 0.0:
             signal = model.inputs[name]
-            line = Trace("", time, in_display_unit(_within_runs(data, values), signal), style)
+            shown = in_display_unit(_within_runs(data, values), signal)
+            line = Trace("", time, shown, "#4a5763", 1.0, stepped=True)
             panels.append(Panel(_panel_title(name, signal.display), _INPUT_HEIGHT, [line]))
     return panels
 
@@ -211,15 +236,15 @@ def _within_runs(data: Dataset, values: Array) -> Array:
 
 
 def _caption(model: Model, data: Dataset) -> str:
-    """Return how the figure is used, which inputs stay constant, and how it was thinned out."""
-    caption = "Drag to zoom, double-click to see all again; click a name to hide it or to show it."
+    """Return which inputs stay constant, and how the record was thinned out."""
+    caption = "Above the outputs, below each what the models leave, then the inputs that move."
     constant = [
-        f"{name} stays at {format_value(values[0], model.inputs[name])}"
+        f"{in_words(name)} stays at {format_value(values[0], model.inputs[name])}"
         for name, values in data.inputs.items()
         if not np.ptp(values) > 0.0
     ]
     if constant:
-        caption += f" {'; '.join(constant)}."
+        caption += f" {capitalised('; '.join(constant))}."
     if data.several:
         caption += " Records are drawn one after the other; each begins at its mark."
     samples = len(data.time)
@@ -229,24 +254,6 @@ def _caption(model: Model, data: Dataset) -> str:
             " drawn."
         )
     return caption
-
-
-def _views(time: Array, parts: Parts, is_logarithmic: bool) -> dict[str, list[float] | None]:
-    """Return ranges of the time axis that buttons show: all, the second part, its beginning."""
-    first = parts.boundary
-    last = len(time) - 1
-    closer = first + (len(time) - first) // _CLOSER
-    return {
-        "whole record": None,
-        parts.after: _axis_range(time[[first, last]], is_logarithmic),
-        f"{parts.after}, closer": _axis_range(time[[first, closer]], is_logarithmic),
-    }
-
-
-def _axis_range(ends: Array, is_logarithmic: bool) -> list[float]:
-    """Return a range as Plotly takes it, which wants the logarithms on a logarithmic axis."""
-    positions: list[float] = (np.log10(ends) if is_logarithmic else ends).tolist()
-    return positions
 
 
 @dataclass(frozen=True)
@@ -264,11 +271,6 @@ class ShownResidual:
     label: str
     colour: str
     values: Array
-
-    @property
-    def line(self) -> dict[str, Any]:
-        """Style of the lines that are drawn of it."""
-        return {"color": self.colour, "width": 1.5}
 
 
 def shown_residuals(
@@ -292,7 +294,7 @@ def shown_residuals(
 
 def plot_spectra(
     residuals: Sequence[ShownResidual], step: float, unit: str, lines: Sequence[float]
-) -> dict[str, Any]:
+) -> Markup:
     """Draw amplitude spectra of residuals.
 
     Parameters
@@ -309,24 +311,19 @@ def plot_spectra(
     traces = []
     for residual in residuals:
         frequency, density = amplitude_spectrum(residual.values, step)
-        traces.append(Trace(residual.label, frequency, density, residual.line))
+        traces.append(Trace(residual.label, frequency, density, residual.colour))
     best, best_spectrum = residuals[-1], traces[-1]
     low, high = noise_band(best.values, best_spectrum.x, best_spectrum.y, step)
-    edge = {"width": 0, "color": "#9aa5af"}
-    filled = {"fill": "tonexty", "fillcolor": "rgba(154,165,175,0.3)", **_SILENT}
-    band = [
-        Trace("", best_spectrum.x, low, edge, _SILENT),
-        Trace("99 % of such noise", best_spectrum.x, high, edge, filled),
-    ]
+    band = Trace("99 % of such noise", best_spectrum.x, high, "#d9dde1", low=low)
     title = _panel_title("density", f"{unit}/√Hz")
-    panel = Panel(title, _NOISE_HEIGHT, band + traces, logarithmic=True)
+    panel = Panel(title, _NOISE_HEIGHT, [band, *traces], logarithmic=True)
     marks = [(frequency, f"{frequency:.3g} Hz") for frequency in lines]
     return stacked([panel], "frequency [Hz]", True, marks=marks)
 
 
 def plot_autocorrelations(
     residuals: Sequence[ShownResidual], present: Mask, noise: Noise
-) -> dict[str, Any]:
+) -> Markup:
     """Draw autocorrelations of residuals, once the colour of the noise is taken off.
 
     Parameters
@@ -344,9 +341,8 @@ def plot_autocorrelations(
         white = noise.whiten(residual.values, present)
         count = len(white)
         values = autocorrelation(white)
-        dots = {"mode": "lines+markers", "marker": {"size": 4, "color": residual.colour}}
         lags = np.arange(1.0, 1.0 + len(values))
-        traces.append(Trace(residual.label, lags, values, residual.line, dots))
+        traces.append(Trace(residual.label, lags, values, residual.colour))
     extremes = [1.1 * float(pick(trace.y)) for trace in traces for pick in (np.min, np.max)]
     span = (min(*extremes, -_LEAST_SPAN), max(*extremes, _LEAST_SPAN))
     within = float(ndtri(1.0 - _TAIL)) / np.sqrt(count)

@@ -8,54 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from fmus.kit import Effect, summary
-from fmus.kit.units import Described, format_value
+from fmus.kit import Effect, capitalised, effect_title, summary
+from fmus.kit.units import Described, format_prefixed
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
-from orchestration.discrepancy.report.wording import NOT_DETERMINED
+from orchestration.discrepancy.report.wording import NOT_DETERMINED, parameter_title
 from orchestration.identify.uncertainty import Estimate
-from orchestration.reporting import FITTED, Markup, escaped
+from orchestration.reporting import FITTED, Markup, escaped, format_quantities, format_range
 
-STYLE = """
-body { max-width: 64rem } h1 { font-size: 1.7rem } h2 { margin-top: 2.4rem; border-top: 1px solid \
-#e3e8ec;
-  padding-top: 1.2rem } p.verdict { background: #f7f9fb; padding: 0.8rem 1rem; border-radius: 0 \
-6px 6px 0 }
-.chip { display: inline-block; padding: 0.02rem 0.55rem; border-radius: 1rem; font-size: 0.85em; \
-white-space: nowrap;
-  background: #e9eef2; color: #3c4a57 }
-.chip.consistent, .chip.named { background: #dcefe2; color: #155c2e } .chip.recalibrate { \
-background: #dcebf6;
-  color: #0b4f7a } .chip.cause, .chip.differs { background: #fbe0e3; color: #8f1f30 }
-.chip.ambiguous, .chip.nottoldapart { background: #fbedcf; color: #734d05 } .chip.unexplained { \
-background: #e9e1f5;
-  color: #4d2c82 } p.verdict .chip { font-weight: 600; margin-right: 0.4rem }
-.detail { display: block; font-size: 0.95rem; color: #3c4a57; margin-top: 0.35rem } sup { \
-line-height: 0 }
-table { width: 100% } td .two { display: block; white-space: normal } td:first-child .two { \
-min-width: 12rem }
-td .two b { font-weight: 600 } td .two .muted { display: block; line-height: 1.35 }
-.bars { display: grid; grid-template-columns: minmax(6rem, max-content) 1fr max-content; gap: \
-0.25rem 0.8rem;
-  align-items: center; margin: 0.6rem 0 1.2rem; font-variant-numeric: tabular-nums }
-.bars b { grid-column: 1 / -1 } .bars .track { height: 0.8rem; background: #f2f5f8; border-radius: \
-2px }
-.bars .track i { display: block; height: 100%; min-width: 2px; border-radius: 2px }
-math { font-size: 1.25rem; margin: 0.8rem 0 1rem; overflow-x: auto; max-width: 100% }
-.gain { display: block; height: 4px; border-radius: 2px; background: #0b6aa2; margin-top: 0.3rem; \
-min-width: 1px }
-.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 22rem), 1fr)); \
-gap: 0 1.2rem }
-.pair figure { min-width: 0; margin: 0.4rem 0 } svg.interval { display: block; margin-top: 0.35rem }
-@media (max-width: 640px) {
-  .bars { grid-template-columns: 1fr max-content; grid-auto-flow: dense } .bars .track { \
-grid-column: 1 / -1 }
-  tr:has(th) { display: none } table, tbody { display: block; border: 0 }
-  tr { display: block; border-bottom: 1px solid #c9d3dc; padding: 0.6rem 0 }
-  td { display: block; position: relative; border: 0; padding: 0.1rem 0 0.1rem 8rem } \
-td:first-child { padding-left: 0 }
-  td:not(:first-child)::before { content: attr(data-label); position: absolute; left: 0; color: \
-#52616e } }
-"""
 _INTERVAL_WIDTH = 180  # pixels
 _INTERVAL_HEIGHT = 18  # pixels
 _SHORTEST_REACH = math.log(1.1)  # of an axis of ratios to nominal, however close all values are
@@ -65,63 +24,10 @@ _GREY = "#52616e"
 _UNINFORMATIVE = 1e4  # ratio of the ends of an interval beyond which it says nothing
 
 
-def chip(kind: str, text: str) -> Markup:
-    """Return a word on a ground that is coloured by its kind."""
-    return Markup(f'<span class="chip {kind.replace(" ", "")}">{escaped(text)}</span>')
-
-
-def two_lines(first: str, second: str) -> Markup:
-    """Return a line in bold above a lighter one."""
-    below = f'<span class="muted">{escaped(second)}</span>' if second else ""
-    return Markup(f'<span class="two"><b>{escaped(first)}</b>{below}</span>')
-
-
-def muted_paragraph(text: str) -> Markup:
-    """Return a paragraph in grey, which explains what stands above it."""
-    return Markup(f'<p class="muted">{escaped(text)}</p>')
-
-
 def number_above_bar(value: float, longest: float) -> Markup:
     """Return a number above a bar, whose length is the share of the number in the largest one."""
     share = 100.0 * max(value, 0.0) / longest if longest > 0.0 else 0.0
     return Markup(f'{value:.1f}<span class="gain" style="width:{share:.1f}%"></span>')
-
-
-class Bar(NamedTuple):
-    """A bar of a bar chart.
-
-    Attributes
-    ----------
-    name : str
-        Shown to the left of it.
-    colour : str
-        As CSS has it.
-    length : float
-        Relative to the other bars; infinite or NaN is drawn as none.
-    text : str
-        Shown to the right of it.
-    """
-
-    name: str
-    colour: str
-    length: float
-    text: str
-
-
-def bar_chart(title: str, bars: Sequence[Bar]) -> Markup:
-    """Return horizontal bars below a title, the longest as wide as the page."""
-    finite = [bar.length for bar in bars if math.isfinite(bar.length)]
-    longest = max(finite, default=0.0)
-    parts = [f"<b>{escaped(title)}</b>"]
-    for bar in bars:
-        is_drawn = longest > 0.0 and math.isfinite(bar.length)
-        share = 100.0 * bar.length / longest if is_drawn else 0.0
-        parts.append(
-            f'<span>{escaped(bar.name)}</span><span class="track"><i'
-            f' style="width:{share:.1f}%;background:{bar.colour}"></i></span><span'
-            f' class="size">{escaped(bar.text)}</span>'
-        )
-    return Markup(f'<div class="bars">{"".join(parts)}</div>')
 
 
 @dataclass(frozen=True)
@@ -205,23 +111,6 @@ class AxisScale:
         return _INTERVAL_WIDTH / 2 * (1.0 + min(max(share, -1.0), 1.0))
 
 
-def format_quantities(text: str) -> Markup:
-    """Return values with units as they are printed: 2·10⁶ N·s/m for ``2e+06 N*s/m``."""
-    dotted = escaped(text).replace("*", "·")
-    powers_of_ten = re.sub(r"(?<=\d)e([+-])0*(\d+)", _power_of_ten, dotted)
-    signed = re.sub(r"(?<![\w.])-(?=\d)", "−", powers_of_ten)
-    return Markup(re.sub(r"\^([-−]?\d+)", _superscript, signed))
-
-
-def _power_of_ten(exponent: re.Match[str]) -> str:
-    sign = exponent[1].replace("+", "").replace("-", "−")
-    return f"·10<sup>{sign}{exponent[2]}</sup>"
-
-
-def _superscript(exponent: re.Match[str]) -> str:
-    return f"<sup>{exponent[1].replace('-', '−')}</sup>"
-
-
 def format_probability(p: float) -> Markup:
     """Return a small probability as people write it."""
     if p >= 1e-3:
@@ -262,15 +151,13 @@ def format_estimate(e: Estimate, declared: Described) -> FormattedEstimate:
     digits = min(max(math.ceil(known) + 2, 3), 8)
     is_vague = 0.0 < _UNINFORMATIVE * low < high
     if math.isfinite(low) and math.isfinite(high) and not is_vague:
-        unit = f" {declared.display or declared.unit}"
-        ends = [format_value(end, declared, digits).removesuffix(unit) for end in e.interval]
-        interval = " … ".join(ends)
+        interval = format_range(*(format_prefixed(end, declared, digits) for end in e.interval))
     else:
         interval = NOT_DETERMINED
     return FormattedEstimate(
-        format_quantities(format_value(e.value, declared, digits)),
-        format_quantities(interval),
-        format_quantities(format_value(e.nominal, declared)),
+        escaped(format_prefixed(e.value, declared, digits)),
+        escaped(interval),
+        escaped(format_prefixed(e.nominal, declared)),
     )
 
 
@@ -288,7 +175,11 @@ def verdict_details(diagnosis: Diagnosis) -> list[Markup]:
     for step in diagnosis.selection.steps:
         for fitted in (step.chosen, *step.alternatives):
             lines.append(
-                Markup(f"<b>{escaped(fitted.effect_name)}</b>: {effect_summary(fitted.effect)}")
+                Markup(
+                    f"<b>{escaped(effect_title(fitted.effect))}</b>"
+                    f' <code class="id">{escaped(fitted.effect_name)}</code>:'
+                    f" {effect_summary(fitted.effect)}"
+                )
             )
     if diagnosis.verdict is Verdict.RECALIBRATE:
         lines += [_parameter_change(diagnosis, name) for name in diagnosis.changed]
@@ -302,6 +193,7 @@ def _parameter_change(diagnosis: Diagnosis, name: str) -> Markup:
     formatted = format_estimate(e, declared)
     change = f" ({format_change(e)})" if e.nominal else ""
     return Markup(
-        f"<b>{escaped(name)}</b>: {formatted.value} instead of {formatted.nominal}{change};"
-        f" {escaped(declared.doc)}"
+        f"<b>{escaped(capitalised(parameter_title(diagnosis, name)))}</b>"
+        f' <code class="id">{escaped(name)}</code>: {formatted.value} instead of'
+        f" {formatted.nominal}{change}; {escaped(declared.doc)}"
     )

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.pipeline import Result
-from orchestration.discrepancy.report import figures, html_elements, sections, wording
-from orchestration.discrepancy.report.laws import LawReport, add_laws, typeset_headline
+from orchestration.discrepancy.report import figures, sections, wording
+from orchestration.discrepancy.report.laws import LawReport, add_laws, headline
 from orchestration.records import base_name
-from orchestration.reporting import Markup, Page, escaped
+from orchestration.reporting import Markup, Page, elements, escaped
 
 
 def diagnosis_page(
@@ -33,36 +33,53 @@ def diagnosis_page(
     Page
     """
     diagnosis = result.diagnosis
-    title = f"{result.model.name} against {result.files}"
-    page = Page(title, _verdict(result), html_elements.STYLE)
+    answer = headline(result)
+    page = Page(
+        elements.format_quantities(answer.first),
+        _verdict(result, answer.support),
+        _about(result),
+    )
     models, simulated = sections.shown_models(result)
-    page.parts.append(html_elements.muted_paragraph(_division_of_data(result)))
+    page.heading("What is wrong")
+    sections.add_causes(page, diagnosis)
+    sections.add_errors(page, result, models, simulated)
     if later is not None:
         _add_comparison(page, changes, result, later)
-    sections.add_errors(page, result, models, simulated)
+    sections.add_effects(page, diagnosis)
+    page.heading("What to do next")
+    page.items(wording.next_steps(result))
+    sections.add_notes(page, result, done=False)
+    _add_experiment(page, result)
+    page.heading("How sure this is")
+    page.parts.append(elements.muted_paragraph(_division_of_data(result)))
     sections.add_curves(page, result, models, simulated)
-    add_laws(page, LawReport(result, result.laws))
     sections.add_evidence(page, result)
     sections.add_parameters(page, diagnosis)
     sections.add_residuals(page, result)
-    sections.add_notes(page, result)
-    _add_experiment(page, result)
+    sections.add_notes(page, result, done=True)
+    page.heading("How it was found")
+    add_laws(page, LawReport(result, result.laws))
     records = [*result.records, *result.holdouts]
     if later is not None:
         records += later.records
     sections.add_data(page, records)
-    sections.add_reproduction(page, records, command)
+    page.reproduction([record.source for record in records], command)
     return page
 
 
-def _verdict(result: Result) -> Markup:
-    """Return the verdict with its headline, and with lines that explain it."""
-    diagnosis = result.diagnosis
-    chip = html_elements.chip(diagnosis.verdict, diagnosis.verdict)
-    details = "".join(
-        f'<span class="detail">{line}</span>' for line in html_elements.verdict_details(diagnosis)
+def _about(result: Result) -> Markup:
+    """Return which model was held against which record, by their names for tools."""
+    return Markup(
+        f"Diagnosis of <code>{escaped(result.model.name)}</code> against"
+        f" <code>{escaped(result.files)}</code>"
     )
-    return Markup(f"{chip} {typeset_headline(result)}{details}")
+
+
+def _verdict(result: Result, support: Sequence[str]) -> Markup:
+    """Return the verdict, and what supports it."""
+    verdict = result.diagnosis.verdict
+    chip = elements.chip(verdict, verdict)
+    return Markup(f"{chip} {elements.format_quantities(' '.join(support))}")
 
 
 def _division_of_data(result: Result) -> str:
@@ -121,10 +138,11 @@ def _format_duration(time: Array) -> str:
 
 def _add_comparison(page: Page, changes: Sequence[Change], result: Result, later: Result) -> None:
     """Add what changed in a later record, and the diagnosis of that record by itself."""
-    page.heading(f"What changed from {result.files} to {later.files}")
+    page.subheading(f"What changed from {result.files} to {later.files}")
     sections.add_changes(page, changes)
-    chip = html_elements.chip(later.diagnosis.verdict, later.diagnosis.verdict)
-    page.text(Markup(f"{escaped(later.files)} by itself: {chip} {typeset_headline(later)}"))
+    chip = elements.chip(later.diagnosis.verdict, later.diagnosis.verdict)
+    told = elements.format_quantities(str(headline(later)))
+    page.text(Markup(f"{escaped(later.files)} by itself: {chip} {told}"))
     page.items(
         [wording.message(note) for note in later.notes if note.code not in wording.IN_HEADLINE]
     )
@@ -134,7 +152,7 @@ def _add_experiment(page: Page, result: Result) -> None:
     """Add an experiment that would tell more, if one was designed."""
     if not result.experiment:
         return
-    page.heading("An experiment that would tell more")
+    page.subheading("An experiment that would tell more")
     sentence = wording.describe_experiment(result.experiment)
     page.text(f"{sentence} Save it as experiment.toml, and ppy run experiment.toml rehearses it.")
     page.code([result.experiment.toml(result.model.name, sentence)])

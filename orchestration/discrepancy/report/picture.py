@@ -17,7 +17,7 @@ from orchestration.discrepancy.report.figures import (
     REFITTED,
     in_display_unit,
 )
-from orchestration.discrepancy.report.wording import sentence
+from orchestration.discrepancy.report.wording import answer
 from orchestration.discrepancy.validation import simulated_outputs
 from orchestration.fmu import Model
 from orchestration.reporting import pictures
@@ -53,7 +53,7 @@ def draw_diagnosis(diagnosis: Diagnosis, model: Model, path: Path | None = None)
     part = slice(validation.first, None)
     time = validation.data.time[part]
     measured = validation.data.measured[output][part]
-    figure, (above, below) = pictures.panels(2, sentence(diagnosis))
+    figure, (above, below) = pictures.panels(2, answer(diagnosis).first)
     above.plot(
         time, in_display_unit(measured, signal), color=pictures.MEASURED, lw=3, label="measured"
     )

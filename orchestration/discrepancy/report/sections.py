@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from hashlib import sha256
-from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fmus.kit import UserError
+from fmus.kit import (
+    UserError,
+    capitalised,
+    effect_title,
+    in_words,
+    law_title,
+    variable_title,
+    within_sentence,
+)
 from fmus.kit.arrays import Array, Mask
-from fmus.kit.units import format_difference, unit_of_differences
+from fmus.kit.units import unit_of_differences, write_prefixed
 from orchestration.discrepancy.candidates import FittedCandidate, label
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis
+from orchestration.discrepancy.note import Action, Note, notes_by_action
 from orchestration.discrepancy.pipeline import Result, file_names
 from orchestration.discrepancy.report import figures, html_elements, wording
+from orchestration.discrepancy.report.effect_picture import effect_chart
 from orchestration.discrepancy.report.figures import (
     EXTENDED,
     NOMINAL,
@@ -29,9 +35,10 @@ from orchestration.discrepancy.report.figures import (
     ShownModel,
     Simulated,
 )
-from orchestration.discrepancy.report.html_elements import AxisScale, Bar, format_estimate
+from orchestration.discrepancy.report.html_elements import AxisScale, format_estimate
 from orchestration.discrepancy.report.tables import (
     CHANGE_HEAD,
+    TriedEffect,
     change_verdict,
     error_table,
     format_gain,
@@ -42,8 +49,10 @@ from orchestration.discrepancy.validation import simulated_outputs
 from orchestration.identify import rms
 from orchestration.identify.uncertainty import Estimate
 from orchestration.records import Record, base_name, shown_name
-from orchestration.reporting import Markup, Page, escaped
+from orchestration.reporting import Bar, Markup, Page, elements, escaped
 
+_DRAWN = 3  # effects of which there is a picture
+_EVIDENCE_HEAD = ["effect", "fall of BIC", "p-value", "verdict"]
 _LISTED = 5  # lines, jumps, and what a residual correlates with
 
 
@@ -104,15 +113,16 @@ def add_errors(
 ) -> None:
     """Add how far off every model is on data that no fit has seen."""
     diagnosis = result.diagnosis
-    page.heading("Error on data that no fit has seen")
+    page.subheading(f"Error on {wording.UNSEEN}")
+    cls = diagnosis.selection.base.candidate.cls
     for output in _without_unmeasured(diagnosis.validation.data).measured:
         bars = [_error_bar(result, shown, simulated[shown.label], output) for shown in models]
-        page.parts.append(html_elements.bar_chart(output, bars))
-    page.parts.append(html_elements.muted_paragraph(_explanation_of_errors(result)))
+        page.parts.append(elements.bar_chart(capitalised(law_title(cls, output)), bars))
+    page.parts.append(elements.muted_paragraph(_explanation_of_errors(result)))
     head, rows = error_table(diagnosis)
     page.table(head, rows)
     page.parts.append(
-        html_elements.muted_paragraph(
+        elements.muted_paragraph(
             "Errors over the spread of the measurement, also where it was fitted. Least squares"
             " fits the free run of the model without effects, from several starts; what is refitted"
             " stays within 2 % of it."
@@ -127,12 +137,10 @@ def _error_bar(
     validation = result.diagnosis.validation
     values = simulated[output]
     errors = (validation.data.measured[output] - values)[validation.judged]
-    share = 100.0 * validation.nrmse({**validation.data.measured, output: values})[output]
-    size = html_elements.format_quantities(
-        format_difference(rms(errors), result.model.outputs[output], 3)
-    )
-    percent = f"{share:.3g} %" if share < 100.0 else f"{share:.0f} %"
-    text = Markup(f"{percent} · {size}") if np.isfinite(share) else size
+    share = validation.nrmse({**validation.data.measured, output: values})[output]
+    size = write_prefixed(rms(errors), result.model.outputs[output].unit)
+    percent = wording.format_percent(share)
+    text = f"{percent} · {size}" if np.isfinite(share) else size
     return Bar(shown.label, shown.colour, share, text)
 
 
@@ -144,7 +152,9 @@ def _explanation_of_errors(result: Result) -> str:
         f" {REFITTED}: with all parameters fitted"
     )
     if selection.steps:
-        text += f"; {EXTENDED}: with {selection.best.candidate.name} as well"
+        effects = selection.best.candidate.effects
+        titles = " and ".join(within_sentence(effect_title(effect)) for effect in effects)
+        text += f"; {EXTENDED}: with {titles} as well"
     if result.gain:
         return f"{text}. Simulated by the exported FMU and that of the base model."
     return f"{text}."
@@ -158,19 +168,30 @@ def add_curves(
     if result.holdout is not None or validation.data.several:
         _add_curves_of_records(page, result, models, simulated)
         return
-    page.heading("The record and the model")
+    page.subheading("The record and the model")
     data = _without_unmeasured(validation.data)
     if validation.first > 0:
         parts = Parts(validation.first, "fitted", "held out")
-        page.plot(*figures.plot_over_time(result.model, data, models, simulated, parts))
+        page.chart(*figures.plot_over_time(result.model, data, models, simulated, parts))
+        _add_closer(page, result, models, simulated, validation.first)
         return
-    page.parts.append(html_elements.muted_paragraph("Only samples that were held out are shown."))
+    page.parts.append(elements.muted_paragraph("Only samples that were held out are shown."))
     mask = measured_anywhere(validation.data)
     masked = {
         name: {output: values[mask] for output, values in outputs.items()}
         for name, outputs in simulated.items()
     }
-    page.plot(*figures.plot_over_time(result.model, data.where(mask), models, masked))
+    page.chart(*figures.plot_over_time(result.model, data.where(mask), models, masked))
+
+
+def _add_closer(
+    page: Page, result: Result, models: Sequence[ShownModel], simulated: Simulated, first: int
+) -> None:
+    """Add the beginning of what is judged once more, closer."""
+    data = _without_unmeasured(result.diagnosis.validation.data)
+    closer = figures.plot_closer(result.model, data, models, simulated, first)
+    if closer is not None:
+        page.chart(*closer)
 
 
 def _add_curves_of_records(
@@ -180,19 +201,20 @@ def _add_curves_of_records(
     validation = result.diagnosis.validation
     estimation = result.diagnosis.estimation
     several = bool(estimation.several or validation.data.several)
-    page.heading("The records held out" if several else "The record held out")
-    page.parts.append(html_elements.muted_paragraph(file_names(result.holdouts or result.records)))
+    page.subheading("The records held out" if several else "The record held out")
+    page.parts.append(elements.muted_paragraph(file_names(result.holdouts or result.records)))
     held_out = _without_unmeasured(validation.data)
     parts = None
     if not validation.data.several:
         parts = Parts(validation.first, "start fitted", "judged")
-    page.plot(*figures.plot_over_time(result.model, held_out, models, simulated, parts))
+    page.chart(*figures.plot_over_time(result.model, held_out, models, simulated, parts))
+    _add_closer(page, result, models, simulated, validation.first)
 
-    page.heading("The records fitted to" if several else "The record fitted to")
-    page.parts.append(html_elements.muted_paragraph(result.files))
+    page.subheading("The records fitted to" if several else "The record fitted to")
+    page.parts.append(elements.muted_paragraph(result.files))
     fitted = _without_unmeasured(estimation)
     models_run, over_fitted = _simulate_each(models, lambda model: _simulate(model, fitted))
-    page.plot(*figures.plot_over_time(result.model, fitted, models_run, over_fitted))
+    page.chart(*figures.plot_over_time(result.model, fitted, models_run, over_fitted))
 
 
 def _simulate(model: FittedCandidate, data: Dataset) -> dict[str, Array]:
@@ -202,27 +224,39 @@ def _simulate(model: FittedCandidate, data: Dataset) -> dict[str, Array]:
     return {output: signals[output] for output in data.measured}
 
 
+def add_causes(page: Page, diagnosis: Diagnosis) -> None:
+    """Add what every effect that was named does, and which parameters differ."""
+    lines = html_elements.verdict_details(diagnosis)
+    if lines:
+        page.items(lines)
+
+
+def add_effects(page: Page, diagnosis: Diagnosis) -> None:
+    """Add a picture of every effect that was named: its law with it and without it."""
+    charts = [effect_chart(diagnosis, step.chosen) for step in diagnosis.selection.steps[:_DRAWN]]
+    drawn = [chart for chart in charts if chart is not None]
+    if not drawn:
+        return
+    page.heading("The effect itself" if len(drawn) == 1 else "The effects themselves")
+    for chart in drawn:
+        page.chart(*chart)
+
+
 def add_evidence(page: Page, result: Result) -> None:
-    """Add what speaks for every effect that was tried, and why it was named or not."""
+    """Add what speaks for every effect that was tried: those named first, refuted ideas folded."""
     diagnosis = result.diagnosis
-    page.heading("Evidence: what was tried")
+    page.subheading("Evidence: what was tried")
     tried = tried_effects(diagnosis)
+    rejected = [row for row in tried if row.verdict == "rejected"]
+    named = [row for row in tried if row.verdict != "rejected"]
+    if named:
+        page.table(_EVIDENCE_HEAD, _evidence_rows(named))
+    if rejected:
+        with page.folded(f"{len(rejected)} ideas that the record refutes or does not need"):
+            page.table(_EVIDENCE_HEAD, _evidence_rows(rejected))
     if tried:
-        largest = max(row.gain for row in tried)
-        rows = [
-            [
-                html_elements.two_lines(
-                    row.candidate.effect_name, html_elements.effect_summary(row.candidate.effect)
-                ),
-                html_elements.number_above_bar(row.gain, largest),
-                html_elements.format_probability(row.p_value),
-                html_elements.two_lines(html_elements.chip(row.verdict, row.verdict), row.reason),
-            ]
-            for row in tried
-        ]
-        page.table(["effect", "fall of BIC", "p-value", "verdict"], rows)
         page.parts.append(
-            html_elements.muted_paragraph(
+            elements.muted_paragraph(
                 "BIC weighs how likely a model makes the record against the number of its"
                 f" parameters. Its fall is less the price of looking at {diagnosis.selection.tried}"
                 " effects, and p-values are corrected for that. Every candidate refits all"
@@ -230,7 +264,7 @@ def add_evidence(page: Page, result: Result) -> None:
             )
         )
     fitted = {row.candidate.effect_name for row in tried}
-    others = [label(effect) for effect in result.effects if label(effect) not in fitted]
+    others = [effect for effect in result.effects if label(effect) not in fitted]
     if not others:
         return
     if tried:
@@ -239,14 +273,36 @@ def add_evidence(page: Page, result: Result) -> None:
         reason = "Looked at; none was promising enough to be fitted"
     else:
         reason = "Not tried"
-    page.text(f"{reason}: {', '.join(others)}.")
+    titles = ", ".join(within_sentence(effect_title(effect)) for effect in others)
+    page.text(f"{reason}: {titles}.")
+
+
+def _evidence_rows(tried: Sequence[TriedEffect]) -> list[list[str]]:
+    largest = max(row.gain for row in tried)
+    return [
+        [
+            elements.named(
+                effect_title(row.candidate.effect),
+                row.candidate.effect_name,
+                html_elements.effect_summary(row.candidate.effect),
+            ),
+            html_elements.number_above_bar(row.gain, largest),
+            html_elements.format_probability(row.p_value),
+            elements.two_lines(elements.chip(row.verdict, row.verdict), row.reason),
+        ]
+        for row in tried
+    ]
 
 
 def add_parameters(page: Page, diagnosis: Diagnosis) -> None:
     """Add the parameters with intervals, beside their nominal values."""
     best = diagnosis.selection.best
     declared = diagnosis.final.problem.declared
-    owners = {name: label(effect) for effect in best.candidate.effects for name in effect.declared}
+    owners = {
+        name: within_sentence(effect_title(effect))
+        for effect in best.candidate.effects
+        for name in effect.declared
+    }
     estimates: dict[str, Estimate] = {}
     starts: dict[str, Estimate] = {}
     for name, e in diagnosis.estimates.items():
@@ -254,14 +310,14 @@ def add_parameters(page: Page, diagnosis: Diagnosis) -> None:
         group[name] = e
     scale = AxisScale.covering([e for name, e in estimates.items() if name not in owners])
     rows = [_parameter_row(diagnosis, name, owners.get(name, ""), scale) for name in estimates]
-    page.heading("Parameters")
+    page.subheading("Parameters")
     page.table(["parameter", "value (95 %)", "nominal", scale.header], rows)
-    marked = ""
     if diagnosis.changed:
-        marked = "Marked are those that surely and noticeably differ from nominal."
-    page.parts.append(
-        html_elements.muted_paragraph(f"Of {best.candidate.cls.name}, fitted. {marked}")
-    )
+        page.parts.append(
+            elements.muted_paragraph(
+                "Marked are those that surely and noticeably differ from nominal."
+            )
+        )
     if starts:
         texts = "; ".join(_start_text(name, e, declared) for name, e in starts.items())
         page.text(Markup(f"Where the states start: {texts}."))
@@ -289,11 +345,13 @@ def _parameter_row(diagnosis: Diagnosis, name: str, owner: str, scale: AxisScale
         remark = html_elements.format_change(e)
         interval = scale.draw_interval(e, differs)
         if differs:
-            remark = html_elements.chip("differs", remark)
+            remark = elements.chip("differs", remark)
     return [
-        html_elements.two_lines(shown_name(name), declared.doc),
-        html_elements.two_lines(formatted.value, formatted.interval),
-        html_elements.two_lines(formatted.nominal, remark),
+        elements.named(
+            capitalised(wording.parameter_title(diagnosis, name)), shown_name(name), declared.doc
+        ),
+        elements.two_lines(formatted.value, formatted.interval),
+        elements.two_lines(formatted.nominal, remark),
         interval,
     ]
 
@@ -302,15 +360,15 @@ def _start_text(name: str, e: Estimate, declared: Mapping[str, Any]) -> str:
     """Return the state that a parameter is the start value of, with the run, and its estimate."""
     state = shown_name(name.replace(base_name(name), declared[name].starts, 1))
     formatted = format_estimate(e, declared[name])
-    return f"{escaped(state)} {formatted.value} ({formatted.interval})"
+    return f"{escaped(in_words(state))} {formatted.value} ({formatted.interval})"
 
 
 def add_residuals(page: Page, result: Result) -> None:
     """Add what the best model leaves unexplained of every output."""
     diagnosis = result.diagnosis
-    page.heading("What is left")
+    page.subheading("What is left")
     for output, analysis in diagnosis.residuals.items():
-        page.parts.append(f"<h3>{escaped(output)}</h3>")
+        page.text(Markup(f"<b>{escaped(capitalised(in_words(output)))}</b>"))
         page.items(_residual_findings(result, output, analysis))
         if diagnosis.estimation.even:
             _add_residual_figures(page, result, output, analysis)
@@ -325,11 +383,11 @@ def _residual_findings(result: Result, output: str, analysis: ResidualAnalysis) 
         f"Once the colour of the noise is taken off: {analysis.whiteness.summary()}."
     ]
     for line in analysis.lines[:_LISTED]:
-        size = html_elements.format_quantities(format_difference(line.amplitude, signal, 3))
-        texts.append(Markup(f"A line at {line.frequency:.4g} Hz with an amplitude of {size}."))
+        size = write_prefixed(line.amplitude, signal.unit)
+        texts.append(f"A line at {line.frequency:.4g} Hz with an amplitude of {size}.")
     for jump in analysis.level_shifts[:_LISTED]:
-        size = html_elements.format_quantities(format_difference(jump.size, signal, 3))
-        texts.append(Markup(f"A jump of {size} at {jump.time:.6g} s."))
+        size = write_prefixed(jump.size, signal.unit)
+        texts.append(f"A jump of {size} at {jump.time:.6g} s.")
     for kind, items in (("lines", analysis.lines), ("jumps", analysis.level_shifts)):
         if len(items) > _LISTED:
             texts.append(f"{len(items) - _LISTED} more {kind}.")
@@ -361,8 +419,8 @@ def _add_residual_figures(
         residuals, best.problem.present[output], best.fit.noise[output]
     )
     page.parts.append('<div class="pair">')
-    page.plot(spectra, "Spectrum of measured minus simulated, where the model was fitted.")
-    page.plot(correlations, "Autocorrelation, once the colour of the noise is taken off.")
+    page.chart(spectra, "Spectrum of measured minus simulated, where the model was fitted.")
+    page.chart(correlations, "Autocorrelation, once the colour of the noise is taken off.")
     page.parts.append("</div>")
 
 
@@ -371,7 +429,7 @@ def add_changes(page: Page, changes: Sequence[Change]) -> None:
     page.text(wording.describe_changes(changes))
     page.table(CHANGE_HEAD, [_change_row(change) for change in changes])
     page.parts.append(
-        html_elements.muted_paragraph(
+        elements.muted_paragraph(
             "Claimed is what is surely another in the noise of both records, and about which ten"
             " stretches of each agree. Gain is the share of the squared error that letting go of"
             " this parameter alone in the later record takes off; what gains and is uncertain may"
@@ -383,30 +441,52 @@ def add_changes(page: Page, changes: Sequence[Change]) -> None:
 def _change_row(change: Change) -> list[str]:
     verdict = change_verdict(change)
     return [
-        html_elements.two_lines(change.name, change.effect or change.declaration.doc),
+        elements.named(
+            capitalised(variable_title(change.declaration)),
+            change.name,
+            change.effect or change.declaration.doc,
+        ),
         _changed_value(change, change.before, change.before_interval),
         _changed_value(change, change.after, change.after_interval),
         format_gain(change),
-        html_elements.chip("differs", verdict) if change.changed else verdict,
+        elements.chip("differs", verdict) if change.changed else verdict,
     ]
 
 
 def _changed_value(change: Change, value: float, interval: tuple[float, float]) -> Markup:
     declared = change.declaration
     formatted = format_estimate(Estimate(value, value, interval, declared.unit), declared)
-    return html_elements.two_lines(formatted.value, formatted.interval)
+    return elements.two_lines(formatted.value, formatted.interval)
 
 
-def add_notes(page: Page, result: Result) -> None:
-    """Add what could not be judged, if there is anything."""
-    if result.notes:
-        page.heading("What could not be judged")
-        page.items([wording.message(note) for note in result.notes])
+def add_notes(page: Page, result: Result, done: bool) -> None:
+    """Add notes, grouped by what to do.
+
+    Parameters
+    ----------
+    page : Page
+    result : Result
+    done : bool
+        Whether those are added about which nothing has to be done; else the others are.
+    """
+    titles = {label(effect): within_sentence(effect_title(effect)) for effect in result.effects}
+    for action, notes in notes_by_action(result.notes).items():
+        if (action is Action.NONE) is done:
+            page.subheading(action)
+            page.items([_note_line(note, titles) for note in notes])
+
+
+def _note_line(note: Note, titles: Mapping[str, str]) -> str:
+    """Return a note, which calls an effect by its title, with the identifier behind."""
+    if note.subject not in titles:
+        return capitalised(wording.message(note))
+    said = capitalised(wording.message(replace(note, subject=titles[note.subject])))
+    return Markup(f"{escaped(said)} <code>{escaped(note.subject)}</code>")
 
 
 def add_data(page: Page, records: Sequence[Record]) -> None:
     """Add what was repaired in the files."""
-    page.heading("The data")
+    page.subheading("The data")
     for record in records:
         repairs = [
             f"{'repaired' if r.changed_data else 'noted'}: {r.message}" for r in record.repairs
@@ -415,23 +495,3 @@ def add_data(page: Page, records: Sequence[Record]) -> None:
         outcome = "as follows." if repairs else "nothing had to be repaired."
         page.text(f"{record.source.name}{run}: {outcome}")
         page.items(repairs)
-
-
-def add_reproduction(page: Page, records: Sequence[Record], command: str) -> None:
-    """Add the command that made the page, versions, and digests of the files it was given."""
-    page.heading("How to reproduce")
-    page.code([command])
-    facts = {"ppy-rig": version("ppy-rig"), "Python": platform.python_version()}
-    for record in records:
-        facts[f"SHA-256 of {record.source.name}"] = _digest(record.source)
-    page.items(
-        [Markup(f"{escaped(name)}: <code>{escaped(text)}</code>") for name, text in facts.items()]
-    )
-    page.text("Nothing is drawn at random: the same files give the same page.")
-
-
-def _digest(path: Path) -> str:
-    try:
-        return sha256(path.read_bytes()).hexdigest()
-    except OSError:
-        return "cannot be read again"

@@ -38,7 +38,7 @@ def diagnosis_summary(result: Result) -> dict[str, Any]:
     is_white = all(analysis.whiteness.is_white for analysis in diagnosis.residuals.values())
     figures = {
         "verdict": str(diagnosis.verdict),
-        "headline": headline(result),
+        "headline": str(headline(result)),
         "baseline": {"holdout_fit_percent": fit_percent},
         "parameters": {name: e.to_dict() for name, e in diagnosis.estimates.items()},
         "changed": diagnosis.changed,

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fmus.kit import effect_title, within_sentence
 from fmus.kit.units import format_value
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.changes import Change
@@ -21,7 +22,7 @@ from orchestration.identify import finite_or_none, normalised_rms
 from orchestration.records import MeasuredRun
 
 _MODELS = {
-    "untouched": "untouched",
+    "untouched": "nominal",
     "least_squares": "least squares",
     "refitted": "refitted",
     "extended": "extended",
@@ -135,11 +136,11 @@ class TriedEffect:
     gain : float
         Fall of BIC.
     p_value : float
-    verdict : {"named", "shape", "not told apart", "rejected"}
-        "shape" if it corrects the shape of a cause.
+    verdict : {"named", "shape", "not told apart", "the same", "rejected"}
+        "shape" if it corrects the shape of a cause, "the same" if it is one in other parameters.
     reason : str
         Why it was rejected, what it is not told apart from, the cause of which it corrects the
-        shape, or what unseen data say of it.
+        shape, what it is the same as, or what unseen data say of it.
     """
 
     candidate: FittedCandidate
@@ -150,7 +151,7 @@ class TriedEffect:
 
 
 def tried_effects(diagnosis: Diagnosis) -> list[TriedEffect]:
-    """Return every effect that was fitted, once: those selected, their alternatives, and others.
+    """Return every effect that was fitted, once: those selected, those as good, and others.
 
     Others are judged by the last step in which they were tried, and sorted by their gain.
     """
@@ -167,7 +168,7 @@ def _selected_effects(diagnosis: Diagnosis) -> list[TriedEffect]:
         rows.append(TriedEffect(cause.chosen, cause.gain, cause.p_value, "named", unseen))
         for step in corrections:
             unseen = _unseen_evidence(diagnosis, step.chosen)
-            reason = f"of {cause.chosen.effect_name}" + (f"; {unseen}" if unseen else "")
+            reason = f"of {_title(cause.chosen)}" + (f"; {unseen}" if unseen else "")
             rows.append(TriedEffect(step.chosen, step.gain, step.p_value, "shape", reason))
     return rows
 
@@ -179,8 +180,12 @@ def _alternative_effects(diagnosis: Diagnosis) -> list[TriedEffect]:
         for alternative in step.alternatives:
             gain = step.gains[alternative.effect_name]
             p_value = alternative.p_value(smaller, selection.tried)
-            reason = f"from {step.chosen.effect_name}"
+            reason = f"from {_title(step.chosen)}"
             rows.append(TriedEffect(alternative, gain, p_value, "not told apart", reason))
+        for same, gain in step.equivalents:
+            p_value = same.p_value(smaller, selection.tried)
+            reason = f"as {step.chosen.effect_name}, in other parameters"
+            rows.append(TriedEffect(same, gain, p_value, "the same", reason))
     return rows
 
 
@@ -188,7 +193,7 @@ def _rejected_effects(diagnosis: Diagnosis, listed: set[str]) -> list[TriedEffec
     """Return effects that were tried and that no table has yet, by the last trial of each."""
     selection = diagnosis.selection
     rejected_by_step = [*(step.rejected for step in selection.steps), selection.rejected]
-    rivals = [*(step.chosen.effect_name for step in selection.steps), ""]
+    rivals = [*(_title(step.chosen) for step in selection.steps), ""]
     last_trial: dict[str, tuple[FittedCandidate, FittedCandidate, str]] = {}
     gains: dict[str, list[float]] = {}
     models = _models_by_step(diagnosis)
@@ -202,7 +207,7 @@ def _rejected_effects(diagnosis: Diagnosis, listed: set[str]) -> list[TriedEffec
         if note.code is NoteCode.NOT_VALIDATED
         for name in note.subject.split(", ")
     }
-    causes = " and ".join(step.chosen.effect_name for step in selection.steps)
+    causes = " and ".join(_title(step.chosen) for step in selection.steps)
     rows = []
     for name, (candidate, smaller, rival) in last_trial.items():
         if name not in listed:
@@ -212,6 +217,10 @@ def _rejected_effects(diagnosis: Diagnosis, listed: set[str]) -> list[TriedEffec
             reason = wording.REFUTED if name in refuted else reason
             rows.append(TriedEffect(candidate, gains[name][-1], p_value, "rejected", reason))
     return rows
+
+
+def _title(candidate: FittedCandidate) -> str:
+    return within_sentence(effect_title(candidate.effect))
 
 
 def _models_by_step(diagnosis: Diagnosis) -> list[FittedCandidate]:

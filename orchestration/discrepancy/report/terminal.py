@@ -9,9 +9,11 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from fmus.kit import effect_title
 from fmus.kit.units import format_value
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.diagnosis import Diagnosis
+from orchestration.discrepancy.note import notes_by_action
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.laws import LawReport, headline
@@ -67,31 +69,18 @@ def comparison(changes: Sequence[Change], later: Result) -> Group:
 
 
 def _verdict(result: Result) -> list[Text]:
-    """Return the verdict with its notes, and by how much parameters differ from nominal."""
-    verdict = Text.assemble((result.diagnosis.verdict, "bold"), "  ", headline(result))
+    """Return the answer, what supports it, what to do next, and notes by what to do about them."""
+    answer = headline(result)
+    first = Text.assemble((result.diagnosis.verdict, "bold"), "  ", (answer.first, "bold"))
+    lines = [first, *([Text(" ".join(answer.support))] if answer.support else [])]
     notes = [note for note in result.notes if note.code not in wording.IN_HEADLINE]
-    return [
-        verdict,
-        *(Text(wording.message(note)) for note in notes),
-        *(Text(line) for line in _changed_parameters(result.diagnosis)),
-    ]
-
-
-def _changed_parameters(diagnosis: Diagnosis) -> list[str]:
-    """Return by how much parameters differ from nominal, a line each."""
-    lines = []
-    for name in diagnosis.changed:
-        e = diagnosis.estimates[name]
-        declared = diagnosis.final.problem.declared[name]
-        times = f", times {e.value / e.nominal:.3g}" if e.nominal else ""
-        value = format_value(e.value, declared)
-        nominal = format_value(e.nominal, declared)
-        lines.append(f"{name} differs: {value} instead of {nominal}{times}")
+    for action, group in notes_by_action(notes).items():
+        lines += [Text(), Text(f"{action}:"), *(Text(f"  {wording.message(n)}") for n in group)]
     return lines
 
 
 def _errors(diagnosis: Diagnosis) -> Table:
-    """Return the errors of the model untouched, fitted by least squares, refitted and extended."""
+    """Return the errors of the model as it is, fitted by least squares, refitted and extended."""
     head, rows = error_table(diagnosis)
     table = plain_table("error of the free run, rms over the spread of the signal", *head)
     for row in rows:
@@ -113,20 +102,33 @@ def _errors_by_record(runs: Sequence[RunError]) -> Table:
 
 def _evidence(diagnosis: Diagnosis) -> Table:
     """Return the effects that were tried, of those rejected only the first few."""
-    table = plain_table("evidence", "effect", "fall of BIC", "verdict", "")
+    table = plain_table("evidence", "effect", "fall of BIC", "verdict", "", "id")
+    table.columns[-1].no_wrap = True
     tried = tried_effects(diagnosis)
     rejected = [row for row in tried if row.verdict == "rejected"]
     others = [row for row in tried if row.verdict != "rejected"]
     for row in others + rejected[:_REJECTED]:
-        table.add_row(row.candidate.effect_name, f"{row.gain:.1f}", row.verdict, row.reason)
+        title = effect_title(row.candidate.effect)
+        name = row.candidate.effect_name
+        table.add_row(title, f"{row.gain:.1f}", row.verdict, row.reason, name)
     return table
 
 
 def _parameters(diagnosis: Diagnosis) -> Table:
-    table = plain_table("parameters", "name", "value", "95 % interval", "nominal")
+    table = plain_table("parameters", "name", "value", "95 % interval", "nominal", "is")
     for name, e in diagnosis.estimates.items():
         declared = diagnosis.final.problem.declared[name]
         interval = wording.format_interval(e.interval, partial(format_value, variable=declared))
         value = format_value(e.value, declared)
-        table.add_row(shown_name(name), value, interval, format_value(e.nominal, declared))
+        differs = f"{wording.parameter_title(diagnosis, name)}{_mark(diagnosis, name)}"
+        nominal = format_value(e.nominal, declared)
+        table.add_row(shown_name(name), value, interval, nominal, differs)
     return table
+
+
+def _mark(diagnosis: Diagnosis, name: str) -> str:
+    """Return by how much a parameter differs from nominal; empty unless it surely does."""
+    e = diagnosis.estimates[name]
+    if name not in diagnosis.changed:
+        return ""
+    return f", differs: times {e.value / e.nominal:.3g}" if e.nominal else ", differs"

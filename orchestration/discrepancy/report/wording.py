@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
+from fmus.kit import capitalised, effect_title, in_words, law_title, within_sentence
+from fmus.kit.units import Described, format_prefixed
+from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.design import DiscriminatingExperiment
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
@@ -21,19 +25,14 @@ from orchestration.discrepancy.residuals import (
 )
 from orchestration.discrepancy.selection import ACCEPT, Step
 from orchestration.discrepancy.validation import Outcome
+from orchestration.identify.uncertainty import Estimate
+from orchestration.records import base_name, shown_name
+from orchestration.reporting import option
 
-_VERDICTS = {
-    Verdict.CONSISTENT: "The model is consistent with the record: nothing is wrong beyond noise.",
-    Verdict.RECALIBRATE: (
-        "The structure of the model is fine; parameters differ from nominal: {changed}."
-    ),
-    Verdict.CAUSE: "What the model gets wrong: {causes}.",
-    Verdict.AMBIGUOUS: "Something is wrong that this record cannot tell apart: {causes}.",
-    Verdict.UNEXPLAINED: (
-        "Something is left that nothing in the catalogue accounts for: {unexplained}."
-    ),
-}
-_BESIDE = " Beside that, something is left that nothing in the catalogue accounts for: {left}."
+INCONCLUSIVE = "This record cannot tell whether anything is wrong: no input moves."
+_NAMED = 3  # parameters that are told in a sentence
+_NO_PHRASES: Mapping[str, str] = MappingProxyType({})
+UNSEEN = "data that no fit has seen"
 NOT_DETERMINED = "not determined"  # in place of an interval
 REFUTED = "unseen data refute it"
 _LISTED = 5  # names of many that are listed
@@ -116,7 +115,7 @@ _NOTES = {
     NoteCode.OTHER_SPECIMEN: (
         "outputs jump at {instants}, and the record looks to be of another specimen from there on:"
         " the model misses {share}, and with parameters of its own for each part {instead}; give"
-        " the parts as records, to fit both (--each NAME) or to compare them (--compare)"
+        " the parts as records, to fit both ({EACH}) or to compare them ({COMPARE})"
     ),
     NoteCode.UNRELATED: (
         "outputs do not follow inputs: the model misses {share} of the spread of {outputs},"
@@ -166,17 +165,16 @@ _NOTES = {
     NoteCode.UNUSABLE: "{usable} of its samples are left: it is not used at all",
     NoteCode.NOTHING_USABLE: "no output is left that could be trusted: nothing can be judged",
     NoteCode.INTERSAMPLE: (
-        "taken to {course} between samples, {basis}{margin}; --interpolate or --no-interpolate"
-        " forces it"
+        "taken to {course} between samples, {basis}{margin}; {LINEAR} or {HELD} forces it"
     ),
     NoteCode.INTERSAMPLE_OPEN: (
         "taken to {course} between samples, {basis}, but not surely{margin}: the other way,"
-        " {parameter} would be {factor:.4g} times as large; --interpolate or --no-interpolate"
+        " {parameter} would be {factor:.4g} times as large; {LINEAR} or {HELD}"
         " forces it"
     ),
     NoteCode.INTERSAMPLE_CONTRADICTED: (
         "taken to {course} between samples as asked, but its course is one of {other}: a lag or a"
-        " lead of half a sample may be nothing but that; leave out {option}"
+        " lead of half a sample may be nothing but that; leave out {asked}"
     ),
     NoteCode.INPUT_NOISE: (
         "noise of {deviation:.3g}, {share} of its range, was measured with it and does not drive"
@@ -208,8 +206,8 @@ _NOTES = {
         " by how the outputs settle from where they start, which is fitted unless it is held"
     ),
     NoteCode.ABSENT_INPUT: (
-        "{record} has no {subject}: taken to be {value:g} {unit} throughout; --set {subject}=..."
-        " says otherwise"
+        "{record} has no {subject}: taken to be {value:g} {unit} throughout; {SET_IT} says"
+        " otherwise"
     ),
     NoteCode.GAPS: (
         "{record} has gaps in time, of up to {longest:.4g} s: nobody knows what the inputs did"
@@ -221,7 +219,7 @@ _NOTES = {
     NoteCode.NOT_IN_VALIDATION_DATA: "not in the record held out, so nothing of it is judged there",
     NoteCode.NO_TRACE: "{subject} was not judged: it leaves no trace in what was measured",
     NoteCode.UNIDENTIFIABLE: (
-        "{subject} was not judged: on this record other parameters do the same"
+        "{subject} was not judged: this record cannot tell it from parameters of the model"
     ),
     NoteCode.NOT_SIMULATED: "{subject} was not judged: {reason}",
     NoteCode.NOT_IN_ALL_SAMPLES: (
@@ -258,35 +256,34 @@ _NOTES = {
     ),
     NoteCode.NOT_FOLLOWED: (
         "the record held out is not followed{records} (error {errors} what the fit lets expect): it"
-        " is of another specimen, or some parameters are others there (--each NAME), or it shows"
+        " is of another specimen, or some parameters are others there ({EACH}), or it shows"
         " what the fitted record does not"
     ),
     NoteCode.END_NOT_FOLLOWED: (
         "the part held out is not followed (error {errors} what the fit lets expect): something"
         " changed on the way, or shows there alone; give the two parts as records, to fit both"
-        " (--each NAME) or to compare them (--compare)"
+        " ({EACH}) or to compare them ({COMPARE})"
     ),
     NoteCode.UNDETERMINED: (
-        "the record does not determine {names}: hold what you know (--hold NAME), or move or record"
+        "the record does not determine {names}: hold what you know ({HOLD}), or move or record"
         " what tells of it"
     ),
     NoteCode.DETERMINED_TOGETHER: (
         "{names} are determined together only, and each may be far off: hold one that you know"
-        " (--hold NAME), or move another input"
+        " ({HOLD}), or move another input"
     ),
     NoteCode.STRAIGHT_PART: (
         "{names}: not determined apart from {subject}, which adds a curve to the law of which this"
         " is the slope over the same signal"
     ),
     NoteCode.AT_BOUND: (
-        "{names} ended at an end of what is allowed: look at units and signs, or hold it (--hold"
-        " NAME)"
+        "{names} ended at an end of what is allowed: look at units and signs, or hold it ({HOLD})"
     ),
     NoteCode.NOT_CONVERGED: (
-        "the refit did not settle: start it elsewhere (--set), or hold what you know (--hold NAME)"
+        "the refit did not settle: start it elsewhere ({SET}), or hold what you know ({HOLD})"
     ),
     NoteCode.NOT_MOVED: (
-        "the refit found no better values than those it began with: start it elsewhere (--set), or"
+        "the refit found no better values than those it began with: start it elsewhere ({SET}), or"
         " look at units, signs and columns"
     ),
     NoteCode.IMPLAUSIBLE: "out of all reason: {ratios}; look at units, signs and columns first",
@@ -301,70 +298,310 @@ _NOTES = {
     ),
     NoteCode.TIME_SPENT: (
         "the {seconds:g} s that there were are spent: this is the best answer so far, and on"
-        " another machine it may be another; {untried}; --time gives more"
+        " another machine it may be another; {untried}; {TIME} gives more"
     ),
 }
 
 
+class Answer(NamedTuple):
+    """A verdict in sentences of the domain.
+
+    Attributes
+    ----------
+    first : str
+        The sentence that says cause and size.
+    support : tuple of str
+        Sentences on what that does to the error, how sure it is, and what is left.
+    """
+
+    first: str
+    support: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return " ".join((self.first, *self.support))
+
+
 def sentence(diagnosis: Diagnosis) -> str:
-    """Return the verdict in one sentence."""
-    suffix = ""
-    if _has_note(diagnosis, NoteCode.TIME_SPENT):
-        suffix = " (The time was spent before all was tried.)"
+    """Return the verdict in sentences."""
+    return str(answer(diagnosis))
+
+
+def answer(diagnosis: Diagnosis, phrases: Mapping[str, str] = _NO_PHRASES) -> Answer:
+    """Return the verdict in sentences of the domain.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    phrases : Mapping of str to str
+        By the name of an effect, what is said of it in place of its parameters.
+    """
     if diagnosis.inconclusive:
-        return "This record cannot tell whether anything is wrong: no input moves."
-    unexplained = _unexplained_findings(diagnosis)
-    wrong = [message(note) for note in diagnosis.notes if note.code in _MISUSE]
-    reasons = [message(note) for note in diagnosis.notes if note.code in _REASONS]
-    verdict = _VERDICTS[diagnosis.verdict].format(
-        changed=", ".join(diagnosis.changed),
-        causes=_describe_causes(diagnosis),
-        unexplained="; ".join(wrong + unexplained + reasons),
-    )
+        return Answer(INCONCLUSIVE)
+    first, *support = _VERDICTS[diagnosis.verdict](diagnosis, phrases)
     if _has_note(diagnosis, NoteCode.SOMETHING_LEFT):
-        verdict += _BESIDE.format(left="; ".join(unexplained))
-    return verdict + suffix
+        left = "; ".join(_unexplained_findings(diagnosis))
+        support.append(f"Beside that, something is left that no known effect explains: {left}.")
+    if _has_note(diagnosis, NoteCode.TIME_SPENT):
+        support.append("(The time was spent before all was tried.)")
+    return Answer(first, tuple(support))
 
 
-def headline(result: Result) -> str:
+def headline(result: Result, phrases: Mapping[str, str] = _NO_PHRASES) -> Answer:
     """Return the verdict with the notes that must be read with it, such as inputs that are missing.
 
     The reasons why something is unexplained are part of that verdict, and notes of any other.
     """
+    found = answer(result.diagnosis, phrases)
     notes = [note for note in result.notes if note.code in IN_HEADLINE]
     if result.diagnosis.verdict is not Verdict.UNEXPLAINED:
         notes += [note for note in result.notes if note.code in _REASONS]
     if not notes:
-        return sentence(result.diagnosis)
+        return found
     messages = "; ".join(message(note) for note in notes)
-    return f"{sentence(result.diagnosis)} Note: {messages}."
+    return Answer(found.first, (*found.support, f"Note: {messages}."))
+
+
+def _consistent(diagnosis: Diagnosis, phrases: Mapping[str, str]) -> list[str]:
+    return [
+        "The model agrees with the record: nothing is wrong beyond noise.",
+        *_remaining_error(diagnosis),
+    ]
+
+
+def _recalibrate(diagnosis: Diagnosis, phrases: Mapping[str, str]) -> list[str]:
+    changes = [describe_changed_parameter(diagnosis, name) for name in diagnosis.changed]
+    more = len(changes) - _NAMED
+    listed = "; ".join(changes[:_NAMED]) + (f"; and {more} more" if more > 0 else "")
+    return [
+        f"The form of the model is right, but not the values of its parameters: {listed}.",
+        *_remaining_error(diagnosis),
+    ]
+
+
+def _remaining_error(diagnosis: Diagnosis) -> list[str]:
+    """Return how far off the refitted model is on unseen data, and how far the nominal one was."""
+    output = max(diagnosis.before, key=lambda o: diagnosis.before[o])
+    if not math.isfinite(diagnosis.before[output]):
+        return []
+    after = format_percent(diagnosis.before[output])
+    nominal = diagnosis.judged_errors.get("untouched", {}).get(output, math.nan)
+    subject = f"the error{_of_output(diagnosis, output)}"
+    if diagnosis.changed and nominal > diagnosis.before[output]:
+        before = format_percent(nominal)
+        return [f"Refitted, {subject} is {after} instead of {before} on {UNSEEN}."]
+    return [f"{capitalised(subject)} is {after} on {UNSEEN}."]
+
+
+def describe_changed_parameter(diagnosis: Diagnosis, name: str) -> str:
+    """Return a parameter that differs, its value, the nominal one, and the change in percent."""
+    e = diagnosis.estimates[name]
+    declared = diagnosis.final.problem.declared[name]
+    change = f" ({100.0 * (e.value / e.nominal - 1.0):+.0f} %)" if e.nominal else ""
+    return (
+        f"{parameter_title(diagnosis, name)} {format_estimated(e, declared)} instead of"
+        f" {format_prefixed(e.nominal, declared)}{change}"
+    )
+
+
+def parameter_title(diagnosis: Diagnosis, name: str) -> str:
+    """Return the name for people of a parameter, with the record that it is of."""
+    base = base_name(name)
+    title = diagnosis.final.problem.declared[name].title or in_words(base)
+    return shown_name(name).replace(base, title, 1)
+
+
+def format_estimated(e: Estimate, declared: Described) -> str:
+    """Return a value with its unit, and with as many digits as its interval gives meaning to."""
+    low, high = e.interval
+    half = 0.5 * (high - low)
+    if not math.isfinite(half):
+        return f"{format_prefixed(e.value, declared, 2)} ({NOT_DETERMINED})"
+    known = math.log10(abs(e.value) / half) if e.value and half > 0.0 else 3.0
+    return format_prefixed(e.value, declared, min(max(math.ceil(known), 2), 3))
+
+
+def _cause(diagnosis: Diagnosis, phrases: Mapping[str, str]) -> list[str]:
+    strong: list[str] = []
+    weak: list[str] = []
+    for cause, *_ in diagnosis.selection.by_cause:
+        group = strong if cause in diagnosis.selection.strong else weak
+        group.append(_describe_cause(diagnosis, cause, phrases))
+    named = "; and ".join(_as_sentence(strong or weak))
+    much_weaker = f"; and, much weaker, {'; '.join(map(within_sentence, weak))}" if strong else ""
+    return [
+        f"{named}{much_weaker if weak else ''}.",
+        *_gain(diagnosis),
+        *_shapes(diagnosis),
+        *_confirmations(diagnosis),
+    ]
+
+
+def _as_sentence(phrases: Sequence[str]) -> list[str]:
+    return [capitalised(phrases[0]), *map(within_sentence, phrases[1:])]
+
+
+def _ambiguous(diagnosis: Diagnosis, phrases: Mapping[str, str]) -> list[str]:
+    named = [
+        _describe_cause(diagnosis, cause, phrases) for cause, *_ in diagnosis.selection.by_cause
+    ]
+    return [
+        f"{'; and '.join(_as_sentence(named))}: this record cannot tell which.",
+        *_gain(diagnosis),
+        *_shapes(diagnosis),
+        *_confirmations(diagnosis),
+    ]
+
+
+def _describe_cause(diagnosis: Diagnosis, step: Step, phrases: Mapping[str, str]) -> str:
+    """Return an effect that was named, with its size, and what cannot be told apart from it."""
+    title = effect_title(step.chosen.effect)
+    size = phrases.get(step.chosen.effect_name) or _size(diagnosis, step.chosen)
+    if not step.alternatives:
+        return f"{title}: {size}" if size else title
+    others = [within_sentence(effect_title(other.effect)) for other in step.alternatives]
+    own = f"{within_sentence(title)} ({size})" if size else within_sentence(title)
+    return f"either {own} or {' or '.join(others)}"
+
+
+def _size(diagnosis: Diagnosis, chosen: FittedCandidate) -> str:
+    """Return the values of an effect's own parameters, with the names of those without a unit."""
+    values = []
+    for name in own_parameters(chosen.effect):
+        if name not in diagnosis.estimates:
+            continue
+        declared = diagnosis.final.problem.declared[name]
+        value = format_estimated(diagnosis.estimates[name], declared)
+        is_named = declared.title or declared.unit == "1"
+        values.append(f"{parameter_title(diagnosis, name)} {value}" if is_named else value)
+    return ", ".join(values[:_NAMED])
+
+
+def _gain(diagnosis: Diagnosis) -> list[str]:
+    """Return what the effects do to the error that falls most on unseen data."""
+    before = diagnosis.before
+    after = diagnosis.after
+    output = max(before, key=lambda o: (before[o] - after[o]) / (before[o] or 1.0))
+    if not after[output] < before[output]:
+        return []
+    effects = "them" if diagnosis.causes[1:] else "it"
+    return [
+        f"With {effects} in the model the error{_of_output(diagnosis, output)} falls from"
+        f" {format_percent(before[output])} to {format_percent(after[output])} on {UNSEEN}."
+    ]
+
+
+def _of_output(diagnosis: Diagnosis, output: str) -> str:
+    """Return which output an error is of, where there are several."""
+    cls = diagnosis.selection.base.candidate.cls
+    return f" of the {law_title(cls, output)}" if len(diagnosis.before) > 1 else ""
+
+
+def _shapes(diagnosis: Diagnosis) -> list[str]:
+    """Return which effects make up for the shape of a cause that is not quite the catalogue's."""
+    sentences = []
+    for cause, *corrections in diagnosis.selection.by_cause:
+        if corrections:
+            titles = [within_sentence(effect_title(each.chosen.effect)) for each in corrections]
+            verb = "correct" if corrections[1:] else "corrects"
+            sentences.append(
+                f"The shape of {within_sentence(effect_title(cause.chosen.effect))} is not quite"
+                f" the catalogue's: {' and '.join(titles)} {verb} it."
+            )
+    return sentences
+
+
+def _confirmations(diagnosis: Diagnosis) -> list[str]:
+    """Return what the part held out says of the causes: in one sentence where it is the same."""
+    outcomes = {
+        effect_title(cause.chosen.effect): confirmation(diagnosis, cause.chosen.effect_name)
+        for cause, *_ in diagnosis.selection.by_cause
+    }
+    if len(set(outcomes.values())) == 1:
+        outcomes = {"": next(iter(outcomes.values()))}
+    return [
+        f"{f'{title}: {outcome}' if title else capitalised(outcome)}."
+        for title, outcome in outcomes.items()
+        if outcome
+    ]
+
+
+def _unexplained(diagnosis: Diagnosis, phrases: Mapping[str, str]) -> list[str]:
+    wrong = [message(note) for note in diagnosis.notes if note.code in _MISUSE]
+    findings = _unexplained_findings(diagnosis)
+    reasons = [message(note) for note in diagnosis.notes if note.code in _REASONS]
+    if wrong:
+        first, *others = [*wrong, *findings, *reasons]
+        answer_first = f"{capitalised(first)}."
+    else:
+        first, *others = [*findings, *reasons] or ["more than noise"]
+        answer_first = f"Something is wrong that no known effect explains: {first}."
+    more = [f"{capitalised(text)}." for text in others]
+    return [in_words(answer_first), *more]
+
+
+_VERDICTS: dict[Verdict, Callable[[Diagnosis, Mapping[str, str]], list[str]]] = {
+    Verdict.CONSISTENT: _consistent,
+    Verdict.RECALIBRATE: _recalibrate,
+    Verdict.CAUSE: _cause,
+    Verdict.AMBIGUOUS: _ambiguous,
+    Verdict.UNEXPLAINED: _unexplained,
+}
+
+
+_NEXT = {
+    Verdict.CONSISTENT: (
+        "Nothing has to change. A record that moves more asks more of the model.",
+    ),
+    Verdict.RECALIBRATE: (
+        "Take the fitted values over: the same diagnosis with {FMU} writes the model with them.",
+        "Confirm them on another record: {HOLDOUT}.",
+    ),
+    Verdict.CAUSE: ("Go on with the extended model: the same diagnosis with {FMU} writes it.",),
+    Verdict.AMBIGUOUS: (
+        "Run an experiment that tells these apart ({EXPERIMENT} writes one), and diagnose"
+        " its record.",
+    ),
+    Verdict.UNEXPLAINED: (
+        "Look at the bench: a line at one frequency is mostly mains, a fan or a pump, and a jump"
+        " mostly a clamp or a contact.",
+        "Ask the laws of the model what they lack: ppy laws.",
+    ),
+}
+_NEXT_WHERE_MISREAD = "Put the record right as it says above, and diagnose it again."
+_NEXT_WHERE_NOTHING_MOVES = "Record again with inputs that move."
+_NEXT_WHERE_UNCONFIRMED = (
+    "Confirm it on another record, in which it acts: {HOLDOUT}. Until then it is no more than"
+    " likely."
+)
+_NEXT_WHERE_SOMETHING_IS_LEFT = (
+    "Then diagnose the extended model with the same record: something is left, which is described"
+    " below."
+)
+
+
+def next_steps(result: Result) -> list[str]:
+    """Return what to do next, a sentence or two each, the first thing first."""
+    diagnosis = result.diagnosis
+    if diagnosis.inconclusive:
+        return [_NEXT_WHERE_NOTHING_MOVES]
+    if any(note.code in _MISUSE for note in diagnosis.notes):
+        return [_NEXT_WHERE_MISREAD]
+    steps = [*_NEXT[diagnosis.verdict]]
+    outcomes = [confirmed.outcome for confirmed in diagnosis.confirmations.values()]
+    if diagnosis.causes and any(outcome is not Outcome.CONFIRMED for outcome in outcomes):
+        steps.append(_NEXT_WHERE_UNCONFIRMED)
+    if _has_note(diagnosis, NoteCode.SOMETHING_LEFT):
+        steps.append(_NEXT_WHERE_SOMETHING_IS_LEFT)
+    options = {
+        "FMU": option("fmu", "better.fmu"),
+        "HOLDOUT": option("holdout", ["other.csv"]),
+        "EXPERIMENT": option("experiment", "experiment.toml"),
+    }
+    return [step.format(**options) for step in steps]
 
 
 def _has_note(diagnosis: Diagnosis, code: NoteCode) -> bool:
     return any(note.code is code for note in diagnosis.notes)
-
-
-def _describe_causes(diagnosis: Diagnosis) -> str:
-    """Return the effects named, with their alternatives and confirmations, the weak ones last."""
-    strong: list[str] = []
-    weak: list[str] = []
-    for step, *corrections in diagnosis.selection.by_cause:
-        cause = _describe_step(step)
-        if corrections:
-            names = " and ".join(map(_describe_step, corrections))
-            verb = "correct" if corrections[1:] else "corrects"
-            cause += f", whose shape is not quite the catalogue's: {names} {verb} it"
-        unseen = confirmation(diagnosis, step.chosen.effect_name)
-        described = f"{cause} ({unseen})" if unseen else cause
-        group = strong if step in diagnosis.selection.strong else weak
-        group.append(described)
-    much_weaker = f"; and, much weaker, {', '.join(weak)}" if weak else ""
-    return "; ".join(strong) + much_weaker
-
-
-def _describe_step(step: Step) -> str:
-    """Return an effect that was named, with its alternatives."""
-    return " or ".join(fitted.effect_name for fitted in (step.chosen, *step.alternatives))
 
 
 def confirmation(diagnosis: Diagnosis, effect: str) -> str:
@@ -404,10 +641,24 @@ def message(note: Note) -> str:
     """Return a note in one sentence."""
     template = _NOTES[note.code]
     facts = {name: _format_fact(name, value) for name, value in note.facts.items()}
-    text = template.format(subject=note.subject, **facts)
+    text = template.format(subject=note.subject, **facts, **_options(note.subject))
     if note.subject and "{subject}" not in template:
         text = f"{note.subject}: {text}"
     return f"in the record held out: {text}" if note.held_out else text
+
+
+def _options(subject: str) -> dict[str, str]:
+    """Return the options that notes advise, as they are written, by their place in the text."""
+    return {
+        "EACH": option("each", ["NAME"]),
+        "HOLD": option("hold", ["NAME"]),
+        "COMPARE": option("compare"),
+        "SET": option("settings"),
+        "SET_IT": option("settings", {subject: "..."}),
+        "TIME": option("time"),
+        "LINEAR": option("interpolate", True),
+        "HELD": option("interpolate", False),
+    }
 
 
 def _format_fact(name: str, value: Any) -> Any:
@@ -465,11 +716,11 @@ def _format_margin(margin: float) -> str:
 
 
 def format_error(error: float) -> str:
-    """Return an error over the spread of a signal; a dash where the signal or the model has none.
+    """Return an error over the spread of a signal in percent; a dash where it has none.
 
     That is where the signal is constant, or the simulation runs away.
     """
-    return f"{error:.4g}" if math.isfinite(error) else "–"
+    return format_percent(error) if math.isfinite(error) else "–"
 
 
 def format_interval(interval: tuple[float, float], write: Callable[[float], str]) -> str:
@@ -480,7 +731,7 @@ def format_interval(interval: tuple[float, float], write: Callable[[float], str]
 
 
 def format_percent(share: float) -> str:
-    """Return a share in percent, with two digits; from 100 % on with those before the point.
+    """Return a share in percent, with one decimal; below 1 % with two digits, from 100 % on whole.
 
     A simulation that runs away misses a record by any number, which tells no more; of a constant
     signal there is no share.
@@ -490,8 +741,9 @@ def format_percent(share: float) -> str:
         return "–"
     if not value < _UNCOUNTED:
         return f"more than {_UNCOUNTED:.0f} %"
-    is_whole = value >= 99.5  # it is 100 in two digits, which `.2g` writes as 1e+02
-    return f"{value:.0f} %" if is_whole else f"{value:.2g} %"
+    if value >= 99.95:
+        return f"{value:.0f} %"
+    return f"{value:.1f} %" if value >= 1.0 else f"{value:.2g} %"
 
 
 def _format_signed_share(share: float) -> str:
@@ -508,6 +760,7 @@ _FACT_WORDS = {  # by the name of a fact: what is said for each of its values
     },
 }
 _FACT_FORMATS: dict[str, Callable[[Any], str]] = {
+    "asked": lambda linear: option("interpolate", linear),
     "ratios": _format_ratios,
     "shares": _format_shares,
     "errors": _format_errors,

@@ -430,11 +430,10 @@ def remarks(chosen: dict[str, Intersample]) -> list[Note]:
             "margin": choice.margin or 0.0,
         }
         if choice.contrary_course is not None:
-            option = "--interpolate" if choice.linear else "--no-interpolate"
             contrary = {
                 "course": facts["course"],
                 "other": str(choice.contrary_course),
-                "option": option,
+                "asked": choice.linear,
             }
             notes.append(Note(NoteCode.INTERSAMPLE_CONTRADICTED, name, contrary))
         elif choice.dependent_parameter:

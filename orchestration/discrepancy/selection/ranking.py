@@ -15,6 +15,7 @@ import numpy as np
 
 from fmus.kit import Effect
 from fmus.kit.arrays import Array
+from fmus.kit.symbolic import NAMELESS
 from orchestration.discrepancy.candidates import (
     FittedCandidate,
     ScoredModel,
@@ -31,6 +32,7 @@ from orchestration.discrepancy.selection.block_cross_validation import (
     movement,
     predicts_better,
 )
+from orchestration.discrepancy.selection.equivalence import as_another, is_of_input
 from orchestration.discrepancy.selection.scoring import COMPARABLE, PROMISING, WORTH, screen
 from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.identify.fitting import EVALUATE, FIXED_COLOUR, Method
@@ -54,6 +56,11 @@ ABOUT = 0.98  # of the error there of another, from which on one comes about as 
 # it decays all the time, as in a free response or one that is not much longer than its time
 # constant: it follows any slow course, with two figures more.
 WITHOUT_MEMORY = 0.9
+# of the gain of an effect, by which another that answers any input alike may be less likely: no
+# effect has quite the form of the truth, and some come nearer to it by a little
+_AS_LIKELY = 0.1
+# of the power of what an effect changes, in which another may differ that can be equivalent
+_MUCH_ALIKE = 0.1
 _SLOW = 1 / 3  # of the record: of a longer time constant it shows no more than a single decay
 _STAGE = Method(passes=1, trials=25, restarts=0)  # of a fit to the end
 _HOPED = 5.0  # times what a stage gained, which the next ones may gain
@@ -81,6 +88,8 @@ class Ranking:
         Candidates fitted in white noise.
     free : bool
         Whether the record is a free response.
+    equivalents : dict of type[Effect] to list of tuple of FittedCandidate and float
+        Candidates that are one of the rows in other parameters, by the effect of that.
     """
 
     rows: list[Row] = field(default_factory=list)
@@ -88,6 +97,7 @@ class Ranking:
     base_cv_errors: Array = field(default_factory=lambda: np.empty(0))
     near: _Fitted = field(default_factory=dict)
     free: bool = False
+    equivalents: dict[type[Effect], list[Row]] = field(default_factory=dict)
 
     def is_admissible(self, row: Row) -> bool:
         """Return whether a candidate may be named, by its prediction errors where none is right."""
@@ -178,23 +188,23 @@ def ranked(
     rough : Mapping of type[Effect] to FittedCandidate, optional
         Fitted in white noise from here, a few steps of each.
     """
+    plain, base = _in_white_noise(search, below)
     starts = _starts(scored, effects)
     promising = list(starts) if search.loses_step(below) else _promising(starts)
-    plain, base = _in_white_noise(search, below)
     seen: _Fitted = dict(known or {})
     _fit_to_the_end(plain, base, {e: starts[e] for e in promising}, seen, rough)
-    others = _untried(starts, {*promising, *seen})
-    nearest, structured = _nearest(search, base, seen)
-    if others and structured:
-        _fit_to_the_end(plain, base, others, seen)
-        nearest, structured = _nearest(search, base, seen)
+    nearest, structured = _fit_others(search, base, _untried(starts, {*promising, *seen}), seen)
     if not seen:
         return Ranking()
     contenders = _contenders(base, nearest, seen)
+    merged = _equivalents(
+        plain, base, seen, contenders, _AS_LIKELY if structured is None else np.inf
+    )
+    contenders = [e for e in contenders if e not in merged]
     if structured is None or not contenders:
         rows = _in_one_noise(search, below, nearest, seen, contenders, len(effects))
-        return Ranking(rows, near=seen, free=search.free)
-    finalists = _finalists(search, seen, contenders)
+        return _merged(Ranking(rows, near=seen, free=search.free), merged)
+    finalists = _finalists(search, seen, contenders, merged)
     base_errors, *all_errors = _cross_validated(
         plain, [base, *(seen[e] for e in finalists)], structured
     )
@@ -202,7 +212,110 @@ def ranked(
     best = min(finalists, key=lambda e: errors[e].sum())
     rows = _in_one_noise(search, below, seen[best], seen, finalists, len(effects))
     rows.sort(key=lambda row: errors[row[0].effect].sum() if row[0].effect in errors else np.inf)
-    return Ranking(rows, errors, base_errors, seen, search.free)
+    return _merged(Ranking(rows, errors, base_errors, seen, search.free), merged)
+
+
+def _fit_others(
+    search: Search,
+    base: FittedCandidate,
+    others: Mapping[type[Effect], Sequence[ScreenedCandidate]],
+    seen: _Fitted,
+) -> tuple[FittedCandidate, FittedCandidate | None]:
+    """Put more effects into `seen`, fitted in white noise, where those in it leave structure.
+
+    Returns
+    -------
+    nearest, structured
+        See `_nearest`.
+    """
+    nearest, structured = _nearest(search, base, seen)
+    if not others or structured is None:
+        return nearest, structured
+    _fit_to_the_end(search.in_white_noise(), base, others, seen)
+    return _nearest(search, base, seen)
+
+
+def _equivalents(
+    plain: Search,
+    base: FittedCandidate,
+    seen: _Fitted,
+    contenders: Sequence[type[Effect]],
+    share: float,
+) -> dict[type[Effect], type[Effect]]:
+    """Return the contenders that are another one in other parameters, and that one.
+
+    Of several it is the one that fits best of those that are most to be expected. It is fitted on
+    from where it does what the best of them does, and then may be less likely by a share of what
+    that gains: by any where none of the models is right, for there a likelihood tells nothing.
+    """
+    standing: list[type[Effect]] = []
+    merged: dict[type[Effect], type[Effect]] = {}
+    for effect in sorted(contenders, key=lambda e: (*_expectation(e), _bic(seen[e]))):
+        for other in standing:
+            # a sensor is another thing than the plant: it can be tested by itself
+            if other.output != effect.output:
+                continue
+            nearer = _in_other_parameters(plain, base, seen[other], seen[effect], share)
+            if nearer is not None:
+                seen[other] = nearer
+                merged[effect] = other
+                break
+        else:
+            standing.append(effect)
+    return merged
+
+
+def _expectation(effect: type[Effect]) -> tuple[bool, bool]:
+    """Return a key that sorts effects by how much they are to be expected.
+
+    A law comes before an input, and what has a name in its field before what has none.
+    """
+    return is_of_input(effect), effect.id in NAMELESS
+
+
+def _in_other_parameters(
+    plain: Search,
+    base: FittedCandidate,
+    one: FittedCandidate,
+    other: FittedCandidate,
+    share: float,
+) -> FittedCandidate | None:
+    """Return a candidate that is equivalent to another, and fits about as well as that.
+
+    None where it does not.
+    """
+    if not _run_alike(base, one, other):
+        return None
+    values = as_another(plain, one, other, base)
+    if values is None:
+        return None
+    if one.fit.bic > other.fit.bic:
+        again = plain.fit_with(one.candidate.effects, one, one.fit.values | values)
+        one = min(filter(None, (one, again)), key=_bic)
+    tolerance = max(ALTERNATIVE, share * (base.fit.bic - other.fit.bic))
+    return one if one.fit.bic <= other.fit.bic + tolerance else None
+
+
+def _run_alike(base: FittedCandidate, one: FittedCandidate, other: FittedCandidate) -> bool:
+    """Return whether two candidates change the simulation of a record in about the same way."""
+
+    def power(first: FittedCandidate, second: FittedCandidate) -> float:
+        pairs = ((e, second.fit.residual[o], o) for o, e in first.fit.residual.items())
+        return sum(
+            float(np.sum((a - b) ** 2)) / other.fit.noise[o].deviation ** 2 for a, b, o in pairs
+        )
+
+    return power(one, other) < _MUCH_ALIKE * power(base, other)
+
+
+def _merged(ranking: Ranking, merged: Mapping[type[Effect], type[Effect]]) -> Ranking:
+    """Return a ranking in which candidates that are another one in other parameters are apart."""
+    equivalents: dict[type[Effect], list[Row]] = {}
+    for row in ranking.rows:
+        if row[0].effect in merged:
+            equivalents.setdefault(merged[row[0].effect], []).append(row)
+    rows = [row for row in ranking.rows if row[0].effect not in merged]
+    return replace(ranking, rows=rows, equivalents=equivalents)
 
 
 def _contenders(
@@ -214,11 +327,15 @@ def _contenders(
 
 
 def _finalists(
-    search: Search, seen: _Fitted, contenders: Sequence[type[Effect]]
+    search: Search,
+    seen: _Fitted,
+    contenders: Sequence[type[Effect]],
+    merged: Collection[type[Effect]],
 ) -> list[type[Effect]]:
     """Return the effects that are cross-validated: the nearest, and the likeliest."""
     finalists = sorted(contenders, key=lambda e: seen[e].fit.bic)[:FINALISTS]
-    likeliest = _likeliest(search, seen)[:LIKELIEST]
+    others = {e: fitted for e, fitted in seen.items() if e not in merged}
+    likeliest = _likeliest(search, others)[:LIKELIEST]
     return finalists + [e for e in likeliest if e not in finalists]
 
 

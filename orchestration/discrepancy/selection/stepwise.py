@@ -13,6 +13,7 @@ from orchestration.discrepancy.candidates import (
     own_parameters,
 )
 from orchestration.discrepancy.residuals import robust_power
+from orchestration.discrepancy.selection.equivalence import is_of_input
 from orchestration.discrepancy.selection.ranking import (
     ACCEPT,
     ALTERNATIVE,
@@ -71,6 +72,8 @@ class Step:
         Share of what it does that other effects do too, by their label.
     gains : dict of str to float
         That of every candidate, by its label; the fits may be made anew since.
+    equivalents : list of tuple of FittedCandidate and float
+        Others that are the same model in other parameters, which no experiment tells from it.
     """
 
     chosen: FittedCandidate
@@ -82,6 +85,7 @@ class Step:
     shapes: list[FittedCandidate] = field(default_factory=list)
     confounding: dict[str, float] = field(default_factory=dict)
     gains: dict[str, float] = field(default_factory=dict)
+    equivalents: list[tuple[FittedCandidate, float]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -247,7 +251,11 @@ def _nearer_alone(search: Search, selection: Selection, tried: Ranking) -> Fitte
     named = selection.best.free_run
     assert named is not None
     plain = search.in_white_noise()
-    gaining = [tried.near[f.effect] for f, gain in tried.rows if gain > ACCEPT]
+    # what is the one that was named in other parameters is that alone, too
+    same = [fitted.effect for fitted, _ in selection.steps[0].equivalents]
+    gaining = [
+        tried.near[f.effect] for f, gain in tried.rows if gain > ACCEPT and f.effect not in same
+    ]
     alone = {}
     for beside in sorted(gaining, key=lambda f: f.fit.bic)[:REFINED]:
         effect = beside.effect
@@ -428,6 +436,7 @@ def _with_others(step: Step, tried: Ranking, row: Row, refused: Sequence[Row]) -
         rejected=[other for other in others if other not in as_good],
         shapes=shapes,
         gains={fitted.effect_name: gain for fitted, gain in tried.rows},
+        equivalents=tried.equivalents.get(effect, []),
     )
 
 
@@ -453,7 +462,7 @@ def _in_turn(tried: Ranking) -> list[Row]:
             tried.follows_any_course(candidate),
             likeliest is not None and tried.is_behind(likeliest, row),
             bool(effect.output),
-            bool(effect.term.signal) and not effect.term.law,
+            is_of_input(effect),
             -gain,
         )
 

@@ -8,12 +8,12 @@ from orchestration.fmu.archive import Archive
 from orchestration.fmu.check.archive import check_archive
 from orchestration.fmu.check.binaries import check_binaries
 from orchestration.fmu.check.description import check_description
-from orchestration.fmu.check.finding import SEVERITIES, Finding
+from orchestration.fmu.check.finding import SEVERITIES, Finding, Findings
 
-__all__ = ["Finding", "check_fmu"]
+__all__ = ["Finding", "Findings", "check_fmu"]
 
 
-def check_fmu(path: Path) -> list[Finding]:
+def check_fmu(path: Path) -> Findings:
     """Check any FMU against the static part of the FMU contract.
 
     Parameters
@@ -23,8 +23,8 @@ def check_fmu(path: Path) -> list[Finding]:
 
     Returns
     -------
-    list of Finding
-        Errors first, then warnings, then notes; in each by line of the contract.
+    Findings
+        A list of Finding: errors first, then warnings, then notes; in each by line of the contract.
 
     Raises
     ------
@@ -37,4 +37,6 @@ def check_fmu(path: Path) -> list[Finding]:
             *check_archive(archive),
             *check_binaries(archive),
         ]
-    return sorted(findings, key=lambda finding: (SEVERITIES.index(finding.severity), finding.line))
+    return Findings(
+        sorted(findings, key=lambda finding: (SEVERITIES.index(finding.severity), finding.line))
+    )

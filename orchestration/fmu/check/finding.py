@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+from orchestration.reporting import Displayable, one_line, plain_table
+
+if TYPE_CHECKING:
+    import pandas
+    from rich.console import RenderableType
 
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
@@ -29,6 +35,46 @@ class Finding:
     line: int
     severity: Severity
     message: str
+
+
+class Findings(Displayable, list[Finding]):
+    """The findings about an FMU: a list, which prints as a table.
+
+    Each has ``line`` (of the FMU contract, 1 to 11), ``severity`` (an ``error`` breaks FMI 2.0 or
+    keeps hosts from loading the FMU, a ``warning`` breaks the contract only, a ``note`` is worth
+    knowing) and ``message``.
+    """
+
+    def __repr__(self) -> str:
+        return one_line(f"Findings {self._counts}")
+
+    @property
+    def _counts(self) -> str:
+        """How many there are of each severity."""
+        found = [finding.severity for finding in self]
+        return ", ".join(f"{found.count(severity)} {severity}s" for severity in SEVERITIES)
+
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield how many there are, and a table of them."""
+        yield self._counts
+        if self:
+            table = plain_table(None, "line", "severity", "message")
+            for finding in self:
+                table.add_row(str(finding.line), finding.severity, finding.message)
+            yield table
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return a table with a row for each finding.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        import pandas
+
+        rows = [(finding.line, finding.severity, finding.message) for finding in self]
+        return pandas.DataFrame(rows, columns=["line", "severity", "message"])
 
 
 def listed(names: Iterable[str]) -> str:

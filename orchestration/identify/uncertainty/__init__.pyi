@@ -9,6 +9,7 @@ from .estimate import NOTICEABLE as NOTICEABLE
 from .estimate import SIGNIFICANT as SIGNIFICANT
 from .estimate import Distribution as Distribution
 from .estimate import Estimate as Estimate
+from .estimate import estimates_frame as estimates_frame
 from .estimate import is_significantly_different as is_significantly_different
 from .estimate import joint_distribution as joint_distribution
 from .picture import draw as draw

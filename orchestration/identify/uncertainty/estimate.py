@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.special import ndtri
@@ -13,6 +13,9 @@ from scipy.special import ndtri
 from fmus.kit import UserError
 from fmus.kit.arrays import Array, Mask
 from orchestration.identify.metrics import finite_or_none
+
+if TYPE_CHECKING:
+    import pandas
 
 SIGNIFICANT = 5.0  # standard errors by which a parameter counts as another than nominal
 NOTICEABLE = 0.02  # relative difference below which a change is not reported
@@ -53,6 +56,16 @@ class Estimate:
         """Return the figures, ready for JSON: None for an open end of ``ci95``."""
         interval = [finite_or_none(end) for end in self.interval]
         return {"value": self.value, "ci95": interval, "nominal": self.nominal, "unit": self.unit}
+
+
+def estimates_frame(estimates: Mapping[str, Estimate]) -> pandas.DataFrame:
+    """Return estimates as a table by name: value, ends of the interval, nominal value and unit."""
+    import pandas
+
+    columns = ["value", "low", "high", "nominal", "unit"]
+    rows = [[e.value, *e.interval, e.nominal, e.unit] for e in estimates.values()]
+    index = pandas.Index([*estimates], name="parameter")
+    return pandas.DataFrame(rows, columns=columns, index=index)
 
 
 @dataclass(frozen=True)

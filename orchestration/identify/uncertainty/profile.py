@@ -14,9 +14,9 @@ that the likelihood has by itself (Kent, Biometrika 69, 1982). The deviance is d
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -26,6 +26,12 @@ from fmus.kit.arrays import Array
 from fmus.kit.units import Described, format_value
 from orchestration.identify.metrics import finite_or_none
 from orchestration.identify.probability import chi_squared_quantile
+from orchestration.reporting import Displayable, one_line, option
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 LEVEL = chi_squared_quantile(0.95, 1)
 Refit = Callable[[Array], tuple[Array, float]]
@@ -46,7 +52,7 @@ _LEAST = 1e-2  # of the first step: a shorter one is not tried where the model f
 
 
 @dataclass(frozen=True)
-class Profile:
+class Profile(Displayable):
     """The deviance over one parameter, all others fitted.
 
     Attributes
@@ -92,9 +98,34 @@ class Profile:
         away = np.log(values / self.estimate) if self.logarithmic else values - self.estimate
         return np.asarray((away / self.standard_error) ** 2)
 
-    def __str__(self) -> str:
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield the estimate with its interval."""
         estimate = format_value(self.estimate, self.declared)
-        return f"{self.name} = {estimate}, 95 % by profile: {self.written}"
+        yield f"{self.name} = {estimate}, 95 % by profile: {self.written}"
+
+    def __repr__(self) -> str:
+        return one_line(f"Profile {self}")
+
+    def _figure(self) -> Figure:
+        return self.plot()
+
+    def plot(self) -> Figure:
+        """Draw the profile with the ellipse's parabola and both intervals."""
+        from orchestration.identify.uncertainty.picture import draw
+
+        return draw([self])
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the deviance over the values of the parameter, SI.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        import pandas
+
+        return pandas.DataFrame({self.name: self.values, "deviance": self.deviance})
 
     @property
     def written(self) -> str:
@@ -286,7 +317,7 @@ def _better_warnings(name: str, declared: Described, values: Array, deviance: Ar
     there = format_value(float(values[int(np.argmin(deviance))]), declared)
     return [
         f"{name} = {there} is likelier than the estimate (deviance {least:.3g}): fit again from"
-        f" there, with --set {name}=VALUE"
+        f" there, with {option('settings', {name: 'VALUE'})}"
     ]
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from orchestration.records.header import plain_unit, read_header_cell
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Column, Table, as_numbers, split_header_cell
 
@@ -25,11 +26,11 @@ def read_parquet(path: Path, content: bytes) -> Table:
         arrow = parquet.read_table(io.BytesIO(content))
         columns = []
         for field, chunks in zip(arrow.schema, arrow.columns, strict=True):
-            name, unit = split_header_cell(field.name)
+            name, unit = read_header_cell(field.name)
             stated = (field.metadata or {}).get(b"unit", b"").decode().strip()
             values = chunks.to_numpy()
             stated = "s" if values.dtype.kind in "Mm" else stated
-            columns.append(Column(name, unit or stated or None, as_numbers(values)))
+            columns.append(Column(name, unit or plain_unit(stated), as_numbers(values), field.name))
     except Exception as error:  # the library raises whatever a damaged file trips
         raise refuse(
             path, f"the Parquet file is damaged: {type(error).__name__}: {error}"

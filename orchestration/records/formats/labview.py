@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from orchestration.records.formats.layout import Layout
 from orchestration.records.formats.text import Lines, decode, tabulate
+from orchestration.records.header import plain_unit, read_header_cell
 from orchestration.records.record import Repair, refuse
-from orchestration.records.table import Column, Table, as_numbers, split_header_cell
+from orchestration.records.table import Column, Table, as_numbers
 
 _END = "***End_of_Header***"
 _DELIMITERS = {"tab": "\t", "comma": ",", "semicolon": ";"}
@@ -36,14 +38,15 @@ def read_lvm(path: Path, content: bytes) -> Table:
             path, f"row {start + 1}: '{header[0]}' where X_Value should be the first column"
         )
     commented = header[-1] == "Comment"
-    table = tabulate(text, start, header, delimiter, optional_last=commented)
+    layout = Layout(delimiter, start, header, start + 1)
+    table = tabulate(text, layout, optional_last=commented)
     last = table.columns[-1]
     if commented and last.name == "Comment" and _is_empty(last):
         table.columns.pop()
     units = fields.get("Y_Unit_Label", [])
     for index, column in enumerate(table.columns[1:]):
         if column.unit is None and index < len(units) and column.name != "Comment":
-            column.unit = units[index] or None
+            column.unit = plain_unit(units[index])
     clock = table.columns[0]
     clock.unit = "s"
     if _is_empty(clock):
@@ -159,10 +162,10 @@ def read_tdms(path: Path, content: bytes) -> Table:
     names = [channel.name for channel in channels]
     columns = []
     for channel, values in zip(channels, data, strict=True):
-        name, unit = split_header_cell(channel.name)
+        name, unit = read_header_cell(channel.name)
         if names.count(channel.name) > 1:
             name = f"{channel.group_name}/{name}"
-        unit = unit or str(channel.properties.get("unit_string", "")).strip() or None
+        unit = unit or plain_unit(str(channel.properties.get("unit_string", "")))
         if values.dtype.kind in "Mm":
             unit = "s"  # what `as_numbers` makes of instants
         if values.size != data[0].size:
@@ -171,7 +174,7 @@ def read_tdms(path: Path, content: bytes) -> Table:
                 f"channel '{name}' has {values.size} samples, '{names[0]}' has {data[0].size}; "
                 "channels of one record have equal length",
             )
-        columns.append(Column(name, unit, as_numbers(values)))
+        columns.append(Column(name, unit, as_numbers(values), channel.name))
     if not any(column.name.lower() in ("time", "t") for column in columns):
         columns[:0] = _waveform_clock(
             path, [channel.properties for channel in channels], data[0].size, repairs

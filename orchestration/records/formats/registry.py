@@ -5,6 +5,7 @@ from pathlib import Path
 from orchestration.records.formats.apart import apart
 from orchestration.records.formats.binary import read_mat, read_netcdf, read_parquet
 from orchestration.records.formats.labview import read_lvm, read_tdms
+from orchestration.records.formats.opendaq import read_opendaq
 from orchestration.records.formats.text import EXPECTED, read_text
 from orchestration.records.record import refuse
 from orchestration.records.table import Reader, Table
@@ -17,6 +18,7 @@ _SIGNATURES: dict[bytes, Reader] = {
     b"MATLAB 5.0": apart(read_mat),
     b"LabVIEW Measurement": read_lvm,
     b"\xef\xbb\xbfLabVIEW Measurement": read_lvm,
+    b"# domain;": read_opendaq,
 }
 _BINARY_EXTENSIONS = {
     ".parquet": "a Parquet",

@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from fmus.kit import UserError
+from orchestration.records.formats.decimals import settle_decimals
+from orchestration.records.formats.layout import DELIMITERS, Layout, find_layout
+from orchestration.records.header import plain_unit, read_header_cell
 from orchestration.records.record import Repair, list_rows, refuse
-from orchestration.records.table import Column, Table, parse_cell, split_header_cell
+from orchestration.records.table import Column, Table, parse_cell
 
 _CONTROL = re.compile("[\x00-\x08\x0b\x0e-\x1f\x7f\x80-\x9f]")
-_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*|\s*[+-]?\d+,\s*")
 _LINE_END = re.compile(r"\r\n|\n|\r")
 EXPECTED = "expected a header such as 'time [s],current [A]' and rows of numbers below it"
 
@@ -116,7 +118,7 @@ def split_line(path: Path, row: int, line: str, delimiter: str) -> list[str]:
 def _sniff_delimiter(header: str) -> str | None:
     """Find the delimiter of a header line outside quotes and brackets: tab, semicolon or comma."""
     bare = re.sub(r'"[^"]*"|\[[^\]]*\]', "", header)
-    return next((delimiter for delimiter in "\t;," if delimiter in bare), None)
+    return next((delimiter for delimiter in DELIMITERS if delimiter in bare), None)
 
 
 def read_text(path: Path, content: bytes) -> Table:
@@ -125,6 +127,22 @@ def read_text(path: Path, content: bytes) -> Table:
     Columns are text cells with a decimal point.
     """
     text = decode(path, content)
+    layout = find_layout(text.lines) or _plain_layout(text)
+    above = [
+        row
+        for row, line in enumerate(text.lines[: layout.names], start=1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if above:
+        message = (
+            f"passed over above the header, which is row {layout.names + 1}: {list_rows(above)}"
+        )
+        text.repairs.append(Repair("preamble", message))
+    return tabulate(text, layout)
+
+
+def _plain_layout(text: Lines) -> Layout:
+    """Take the first line that is no comment for the header, where no data tell which it is."""
     lines = text.lines
     start = 0
     while start < len(lines) and (
@@ -132,38 +150,29 @@ def read_text(path: Path, content: bytes) -> Table:
     ):
         start += 1
     if start == len(lines):
-        raise refuse(path, f"the file holds nothing but comments and blank lines; {EXPECTED}")
+        raise refuse(text.path, f"the file holds nothing but comments and blank lines; {EXPECTED}")
     delimiter = _sniff_delimiter(lines[start])
     if delimiter is None:
         raise refuse(
-            path,
+            text.path,
             f"row {start + 1}: '{lines[start].strip()[:60]}' is not a header of several columns;"
             f" {EXPECTED}",
         )
     header = text.split(start, delimiter)
     if all(parse_cell(cell) is not None for cell in header):
-        commented = " (a header behind '#' is a comment: remove the '#')" if start else ""
-        raise refuse(
-            path, f"row {start + 1}: numbers where the header should be{commented}; {EXPECTED}"
-        )
-    return tabulate(text, start, header, delimiter)
+        raise refuse(text.path, f"row {start + 1}: numbers where the header should be; {EXPECTED}")
+    return Layout(delimiter, start, header, start + 1)
 
 
-def tabulate(
-    text: Lines, start: int, header: list[str], delimiter: str, optional_last: bool = False
-) -> Table:
+def tabulate(text: Lines, layout: Layout, optional_last: bool = False) -> Table:
     """Split the lines below a header into columns.
 
     Parameters
     ----------
     text : Lines
         All lines of the file.
-    start : int
-        Index of the header line.
-    header : list of str
-        Its cells.
-    delimiter : str
-        One character.
+    layout : Layout
+        Where the header and the data are.
     optional_last : bool
         Whether a row may leave out the last cell (the comment column of LabVIEW text).
 
@@ -177,10 +186,12 @@ def tabulate(
     UserError
         If a row has the wrong number of cells, or there is no row.
     """
+    header = layout.header
+    delimiter = layout.delimiter
     records: list[list[str]] = []
     rows: list[int] = []
     blank: list[int] = []
-    for index in range(start + 1, len(text.lines)):
+    for index in range(layout.first, len(text.lines)):
         row = index + 1
         if not text.lines[index].strip():
             blank.append(row)
@@ -196,7 +207,8 @@ def tabulate(
         rows.append(row)
     if not records:
         raise refuse(
-            text.path, f"there is a header (row {start + 1}) but no complete row of data below it"
+            text.path,
+            f"there is a header (row {layout.names + 1}) but no complete row of data below it",
         )
     if blank:
         message = f"{len(blank)} blank lines skipped ({list_rows(blank)})"
@@ -207,10 +219,9 @@ def tabulate(
             " kept"
         )
         text.repairs.append(Repair("no line end", message, (rows[-1],)))
-    columns = _make_columns(header, records)
+    columns = _make_columns(layout, records)
     table = Table(text.path, columns, np.array(rows, dtype=np.int64), text.repairs)
-    if delimiter != ",":
-        _replace_decimal_commas(table)
+    settle_decimals(table, delimiter == ",")
     return table
 
 
@@ -253,67 +264,13 @@ def _is_partial(cells: list[str], header: list[str], is_last: bool, ended: bool)
     )
 
 
-def _make_columns(header: list[str], records: list[list[str]]) -> list[Column]:
+def _make_columns(layout: Layout, records: list[list[str]]) -> list[Column]:
     """Turn rows of cells into named columns, without those that have neither name nor content."""
     columns = []
-    for cell, cells in zip(header, zip(*records, strict=True), strict=True):
-        name, unit = split_header_cell(cell)
+    units = layout.units or [""] * len(layout.header)
+    for cell, below, cells in zip(layout.header, units, zip(*records, strict=True), strict=True):
+        name, unit = read_header_cell(cell)
+        unit = unit or plain_unit(below)
         if name or unit or any(text.strip() for text in cells):
-            columns.append(Column(name, unit, cells))
+            columns.append(Column(name, unit, cells, cell.strip()))
     return columns
-
-
-def _replace_decimal_commas(table: Table) -> None:
-    """Turn decimal commas into points, in place, where a file uses them throughout.
-
-    Parameters
-    ----------
-    table : Table
-        A table whose delimiter is not the comma.
-
-    Raises
-    ------
-    UserError
-        If one file has both numbers with a comma and numbers with a point: the comma may then group
-        thousands.
-    """
-    comma_at: tuple[int, str] | None = None
-    point_at: tuple[int, str] | None = None
-    changed = []
-    for column in table.columns:
-        joined = ";".join(column.cells)
-        if point_at is None and "." in joined:
-            point_at = next(
-                (
-                    (int(row), cell)
-                    for row, cell in zip(table.rows, column.cells, strict=True)
-                    if "." in cell and parse_cell(cell) is not None and "#" not in cell
-                ),
-                None,
-            )
-        if "," not in joined:
-            continue
-        hits = [
-            (int(row), cell)
-            for row, cell in zip(table.rows, column.cells, strict=True)
-            if _DECIMAL_COMMA.fullmatch(cell)
-        ]
-        if hits:
-            comma_at = comma_at or hits[0]
-            changed.append(column)
-    if comma_at is None:
-        return
-    if point_at is not None:
-        raise refuse(
-            table.path,
-            f"row {comma_at[0]} has '{comma_at[1].strip()}' and row {point_at[0]} has"
-            f" '{point_at[1].strip()}': decimal comma or decimal point? Use one of them throughout",
-        )
-    for column in changed:
-        column.cells = [
-            cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell
-            for cell in column.cells
-        ]
-    table.repairs.append(
-        Repair("decimal comma", f"decimal commas read as points (first in row {comma_at[0]})")
-    )

@@ -121,7 +121,8 @@ class Probe:
         except BrokenError as error:
             self.close()
             raise UserError(
-                f"{remote.requests}: {error}; is it a server of this protocol?"
+                f"{remote.requests}: {error}; is it a server of this protocol, or do the keys not"
+                " match?"
             ) from error
         if self.about["state"] != IDLE:
             self.close()

@@ -31,7 +31,7 @@ from orchestration.rig.server.calls import (
 )
 from orchestration.rig.server.processes import detach
 from orchestration.rig.server.scheduling import Collector, Deadlines, Suspension, prefer
-from orchestration.rig.server.settings import ServerSettings
+from orchestration.rig.server.settings import BUSY, ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
     RUN,
@@ -217,7 +217,8 @@ class Device:
             self._lost = f"this computer was suspended for {suspended:.3g} s"
         for who, sign in (("guard", watch), ("front", front)):
             if sign is not None and now - sign.time > self._settings.silence:
-                self._lost = f"the server's {who} shows no sign of life for {now - sign.time:.3g} s"
+                silent = now - sign.time
+                self._lost = f"the server's {who} shows no sign of life for {silent:.3g} s; {BUSY}"
 
     def _tick(self, command: Command) -> None:
         """Command, measure and publish."""
@@ -227,7 +228,8 @@ class Device:
         if command.order != RUN or self._acknowledgements_at_trip is not None:
             self._rest()
         elif expired(command.accepted, monotonic(), self._settings.watchdog):
-            self._trip(command.acknowledged, f"no fresh command for {self._settings.watchdog:g} s")
+            late = f"no fresh command for {self._settings.watchdog:g} s; {BUSY}"
+            self._trip(command.acknowledged, late)
         elif self._lost:
             self._trip(command.acknowledged, self._lost)
         else:

@@ -22,7 +22,7 @@ from orchestration.rig.backends import backend_class, open_backend
 from orchestration.rig.server import device
 from orchestration.rig.server.calls import BackendError, call, deadline, leave
 from orchestration.rig.server.processes import OtherProcess, detach, undisturbed
-from orchestration.rig.server.settings import ServerSettings
+from orchestration.rig.server.settings import BUSY, ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
     GONE,
@@ -95,8 +95,7 @@ def fault_of(beat: Beat, command: Command, now: float, settings: ServerSettings)
     if age > settings.silence:
         if where == device.SLEEP:
             return (
-                f"the device's process has not run for {age:.3g} s, outside of the driver: this"
-                " computer is too busy"
+                f"the device's process has not run for {age:.3g} s, outside of the driver; {BUSY}"
             )
         return f"the device hangs: {where} for {age:.3g} s"
     late = now - command.accepted - settings.watchdog

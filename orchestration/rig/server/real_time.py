@@ -14,7 +14,7 @@ from orchestration.rig.server import device, guard
 from orchestration.rig.server.calls import BackendSignals
 from orchestration.rig.server.processes import undisturbed
 from orchestration.rig.server.rig import RigState, cannot_open
-from orchestration.rig.server.settings import ServerSettings
+from orchestration.rig.server.settings import BUSY, ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
     REST,
@@ -128,7 +128,8 @@ class RealTimeRig:
             return []
         return [
             f"this machine wakes a process up to {1e3 * latest:.3g} ms late: a watchdog below"
-            f" {least:.2g} s may trip by itself"
+            f" {least:.2g} s may trip by itself; give --watchdog more than that, or the"
+            " machine less to do"
         ]
 
     def beat(self) -> None:
@@ -240,7 +241,11 @@ class RealTimeRig:
         was_silent = self._is_silent
         self._is_silent = silent > longest
         if self._is_silent:
-            return [] if was_silent else [f"the guard shows no sign of life for {silent:.3g} s"]
+            return (
+                []
+                if was_silent
+                else [f"the guard shows no sign of life for {silent:.3g} s; {BUSY}"]
+            )
         self._keep_a_standby(watch)
         return []
 

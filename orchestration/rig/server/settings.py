@@ -14,6 +14,8 @@ from orchestration.rig.endpoint import HIGHEST_PORT
 
 RATES = (0.1, 1000.0)  # Hz
 WATCHDOGS = (0.02, 60.0)  # s
+# behind a reason that a machine gives that is busy with other work
+BUSY = "a busy machine needs a longer --watchdog"
 # of the watchdog time, that a driver call may take, or a process be silent: the remainder is for
 # noticing and for the rescue
 _SHARE = 0.75

@@ -6,7 +6,7 @@ import os
 from time import monotonic
 
 from orchestration.rig.server.processes import OtherProcess
-from orchestration.rig.server.settings import ServerSettings
+from orchestration.rig.server.settings import BUSY, ServerSettings
 from orchestration.rig.server.shared_memory import (
     OPENING,
     RESCUING,
@@ -62,7 +62,7 @@ class Standby:
             return ""
         self._guard.kill()
         self._guard.join(LONGEST_DYING)
-        return f"the guard shows no sign of life for {silent:.3g} s"
+        return f"the guard shows no sign of life for {silent:.3g} s; {BUSY}"
 
 
 def longest_silence(at: int, settings: ServerSettings) -> float:

@@ -6,6 +6,8 @@ from .analysis import check_picture as check_picture
 from .analysis import merge_analysis as merge_analysis
 from .indices import SOBOL_INDICES as SOBOL_INDICES
 from .indices import sensitivity as sensitivity
+from .numbers import failures as failures
+from .numbers import parameters_of as parameters_of
 from .one_at_a_time import TORNADO as TORNADO
 from .one_at_a_time import tornado as tornado
 from .prediction_bands import BANDS as BANDS

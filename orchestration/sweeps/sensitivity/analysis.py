@@ -4,30 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import xarray
 from rich.table import Table
 
 from fmus.kit import UserError
+from orchestration.reporting import option
 from orchestration.sweeps.reductions import TRACE
+from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity import indices
 from orchestration.sweeps.sensitivity import one_at_a_time as tornado
 from orchestration.sweeps.sensitivity import prediction_bands as bands
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 class Analysis(NamedTuple):
-    """The functions that analyse a swept dataset, and print and draw the result."""
+    """The functions that analyse a swept dataset, print and draw it, and say what is not drawn."""
 
-    analyse: Callable[[xarray.Dataset], xarray.Dataset]
+    analyse: Callable[[xarray.Dataset], SweepResult]
     table: Callable[[xarray.Dataset], Table]
-    draw: Callable[[xarray.Dataset, Path], None]
+    draw: Callable[[xarray.Dataset, Path | None], Figure]
+    left_out: Callable[[xarray.Dataset], list[str]]
 
 
 _BY_DESIGN = {
-    indices.SOBOL_INDICES: Analysis(indices.sensitivity, indices.table, indices.draw),
-    bands.BANDS: Analysis(bands.bands, bands.table, bands.draw),
-    tornado.TORNADO: Analysis(tornado.tornado, tornado.table, tornado.draw),
+    indices.SOBOL_INDICES: Analysis(
+        indices.sensitivity, indices.table, indices.draw, indices.left_out
+    ),
+    bands.BANDS: Analysis(bands.bands, bands.table, bands.draw, bands.left_out),
+    tornado.TORNADO: Analysis(tornado.tornado, tornado.table, tornado.draw, tornado.left_out),
 }
 
 
@@ -51,10 +59,13 @@ def check_picture(path: Path, design: str, keep: Sequence[str]) -> None:
     UserError
     """
     if design == bands.BANDS and TRACE not in keep:
-        raise UserError(f"--plot {path}: bands are drawn over time, which --keep trace keeps")
+        raise UserError(
+            f"no picture: bands are drawn over time, which {option('keep', ['trace'])} keeps"
+        )
     if design != bands.BANDS and not {*keep} - {TRACE}:
         raise UserError(
-            f"--plot {path}: numbers are drawn over parameters, such as --keep last; there are none"
+            f"no picture: numbers are drawn over parameters, such as"
+            f" {option('keep', ['last'])}, and there are none"
         )
 
 

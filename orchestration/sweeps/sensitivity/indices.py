@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray
@@ -11,13 +12,17 @@ from rich.table import Table
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.reporting import pictures, plain_table
+from orchestration.sweeps.picture import describe_left_out, names_to_draw
+from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity.numbers import (
-    names_to_draw,
     numbers,
     parameters_of,
     require_complete,
     require_design,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SOBOL_INDICES = "sobol-indices"
 ORDERS = ("first", "total")
@@ -57,7 +62,7 @@ def _problem(count: int) -> dict[str, object]:
     }
 
 
-def sensitivity(found: xarray.Dataset, *, level: float = 0.95, seed: int = 0) -> xarray.Dataset:
+def sensitivity(found: xarray.Dataset, *, level: float = 0.95, seed: int = 0) -> SweepResult:
     """Return the share of an output's variance that each parameter explains.
 
     It takes a sweep of ``sobol-indices``. Parameters vary independently and evenly over their
@@ -76,7 +81,7 @@ def sensitivity(found: xarray.Dataset, *, level: float = 0.95, seed: int = 0) ->
 
     Returns
     -------
-    xarray.Dataset
+    SweepResult
         For each number of the sweep its indices, such as ``voltage_last_index`` over ``index``
         (``first``, ``total``) and ``parameter``, and ``voltage_last_index_interval`` with ``end``
         (``lower``, ``upper``) besides. NaN for a number that does not vary.
@@ -122,7 +127,7 @@ def sensitivity(found: xarray.Dataset, *, level: float = 0.95, seed: int = 0) ->
         )
     coordinates = {"index": list(ORDERS), "parameter": parameters, "end": ["lower", "upper"]}
     attributes = {"model": found.attrs["model"], "design": SOBOL_INDICES, "level": level}
-    return xarray.Dataset(values, coordinates, attributes)
+    return SweepResult(values, coordinates, attributes)
 
 
 def _analysed(values: Array, count: int, level: float, seed: int) -> tuple[Array, Array]:
@@ -165,7 +170,7 @@ def table(indices: xarray.Dataset) -> Table:
     return made
 
 
-def draw(indices: xarray.Dataset, path: Path) -> None:
+def draw(indices: xarray.Dataset, path: Path | None = None) -> Figure:
     """Draw indices as bars with their intervals.
 
     Raises
@@ -201,7 +206,14 @@ def draw(indices: xarray.Dataset, path: Path) -> None:
     )
     panels[-1].set_xticks(at, parameters)
     panels[-1].set_xlabel("parameter")
-    pictures.save(figure, path)
+    if path is not None:
+        pictures.save(figure, path)
+    return figure
+
+
+def left_out(indices: xarray.Dataset) -> list[str]:
+    """Return what the picture of indices leaves out, in a line each."""
+    return describe_left_out(_numbers(indices))
 
 
 def _numbers(indices: xarray.Dataset) -> list[str]:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import xarray
 
 from fmus.kit import UserError
-
-MOST = 6  # panels of a picture
+from orchestration.reporting import option
 
 
 def require_design(data: xarray.Dataset, needed: str) -> None:
@@ -43,13 +40,8 @@ def numbers(data: xarray.Dataset) -> list[str]:
         str(name) for name, value in data.items() if value.dims == ("case",) and name != "failure"
     ]
     if not names:
-        raise UserError("the sweep kept no numbers, such as --keep last")
+        raise UserError(f"the sweep kept no numbers, such as {option('keep', ['last'])}")
     return names
-
-
-def names_to_draw(names: Sequence[str]) -> list[str]:
-    """Return as many of the names as a picture has room for."""
-    return list(names[:MOST])
 
 
 def failures(data: xarray.Dataset) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray
@@ -12,15 +12,20 @@ from rich.table import Table
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.reporting import pictures, plain_table
+from orchestration.experiment import results
+from orchestration.reporting import option, pictures, plain_table
+from orchestration.sweeps.picture import describe_left_out, names_to_draw
 from orchestration.sweeps.ranges import Range
+from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity.numbers import (
-    names_to_draw,
     numbers,
     parameters_of,
     require_complete,
     require_design,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TORNADO = "tornado"
 ENDS = ("from", "to")
@@ -52,15 +57,16 @@ def one_at_a_time(ranges: Sequence[Range], starts: Mapping[str, float]) -> Array
         low, high = one.values
         if not low <= usual[k] <= high:
             raise UserError(
-                f"--over {one.name}={low:g}..{high:g}: its start value {usual[k]:g} {one.unit} is"
-                f" not among these; set another with --set {one.name}=..., or widen the range"
+                f"{option('over', {one.name: f'{low:g}..{high:g}'})}: its start value"
+                f" {usual[k]:g} {one.unit} is not among these; set another with"
+                f" {option('settings', {one.name: '...'})}, or widen the range"
             )
         cases[2 * k + 1, k] = low
         cases[2 * k + 2, k] = high
     return cases
 
 
-def tornado(found: xarray.Dataset) -> xarray.Dataset:
+def tornado(found: xarray.Dataset) -> SweepResult:
     """Return how far each parameter by itself moves every number of a sweep of ``tornado``.
 
     Parameters
@@ -70,7 +76,7 @@ def tornado(found: xarray.Dataset) -> xarray.Dataset:
 
     Returns
     -------
-    xarray.Dataset
+    SweepResult
         For each number of the sweep, such as ``voltage_last_tornado``, its value over ``parameter``
         and ``end`` (``from``, ``to``) of its range, the others at their start value, and
         ``voltage_last_start``, with all of them there. ``ends`` has the ranges. NaN where a case
@@ -115,8 +121,13 @@ def tornado(found: xarray.Dataset) -> xarray.Dataset:
             {"long_name": "ends of the ranges, in the parameters' units"},
         ),
         "parameter_units": ("parameter", [str(found[p].units) for p in parameters]),
+        "parameter_display_units": ("parameter", [_display_unit(found[p]) for p in parameters]),
     }
-    return xarray.Dataset(values, coordinates, {"model": found.attrs["model"], "design": TORNADO})
+    return SweepResult(values, coordinates, {"model": found.attrs["model"], "design": TORNADO})
+
+
+def _display_unit(parameter: xarray.DataArray) -> str:
+    return str(parameter.attrs.get("display_units", parameter.units))
 
 
 def table(moved: xarray.Dataset) -> Table:
@@ -124,14 +135,13 @@ def table(moved: xarray.Dataset) -> Table:
     columns = ("from", "to", "at start", "at from", "at to")
     made = plain_table(None, "moved", "by", *columns, "unit", right=columns)
     for name in _numbers(moved):
-        start = float(moved[f"{name}_start"])
-        unit = moved[f"{name}_start"].units
+        start, unit = results.displayed(moved[f"{name}_start"])
         for parameter in _ranked(moved, name):
             at = moved.sel(parameter=parameter)
-            suffix = _unit_suffix(str(at["parameter_units"].item()))
-            ends = [f"{end:.6g}{suffix}" for end in at["ends"].values]
-            reached = [_shown(value) for value in at[f"{name}_tornado"].values]
-            made.add_row(name, parameter, *ends, f"{start:.6g}", *reached, unit)
+            ends, own = _displayed_ends(at)
+            reached = [_shown(value) for value in results.displayed(at[f"{name}_tornado"])[0]]
+            texts = [f"{end:.6g}{_unit_suffix(own)}" for end in ends]
+            made.add_row(name, parameter, *texts, f"{start:.6g}", *reached, unit)
     return made
 
 
@@ -143,7 +153,7 @@ def _unit_suffix(unit: str) -> str:
     return f" {unit}" if unit != "1" else ""
 
 
-def draw(moved: xarray.Dataset, path: Path) -> None:
+def draw(moved: xarray.Dataset, path: Path | None = None) -> Figure:
     """Draw a tornado for each number, with a bar between its values at both ends of each range.
 
     Raises
@@ -163,30 +173,44 @@ def draw(moved: xarray.Dataset, path: Path) -> None:
     for panel, name in zip(panels, names, strict=True):
         _draw_bars(panel, moved, name)
     panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
-    pictures.save(figure, path)
+    if path is not None:
+        pictures.save(figure, path)
+    return figure
+
+
+def left_out(moved: xarray.Dataset) -> list[str]:
+    """Return what the picture of a tornado leaves out, in a line each."""
+    return describe_left_out(_numbers(moved))
 
 
 def _draw_bars(panel: Any, moved: xarray.Dataset, name: str) -> None:
     """Draw the bars of one number."""
-    start = float(moved[f"{name}_start"])
+    start, unit = results.displayed(moved[f"{name}_start"])
     ranked = _ranked(moved, name)[::-1]  # the largest at the top
     colours = (pictures.MEASURED, pictures.MODEL)
     for row, parameter in enumerate(ranked):
-        reached = moved[f"{name}_tornado"].sel(parameter=parameter).values
+        reached, _ = results.displayed(moved[f"{name}_tornado"].sel(parameter=parameter))
         for value, end, colour in zip(reached, ENDS, colours, strict=True):
             label = _WORDS[end] if row == 0 else None
             panel.barh(row, value - start, 0.7, start, color=colour, alpha=0.85, label=label)
     panel.set_axisbelow(True)
     panel.axvline(start, color="black", lw=0.8)
     panel.set_yticks(range(len(ranked)), [_range_label(moved, parameter) for parameter in ranked])
-    unit = moved[f"{name}_start"].units
     panel.set_xlabel(name.replace("_", " ") + (f" [{unit}]" if unit != "1" else ""))
 
 
 def _range_label(moved: xarray.Dataset, parameter: str) -> str:
-    at = moved.sel(parameter=parameter)
-    low, high = at["ends"].values
-    return f"{parameter}: {low:.4g}..{high:.4g}" + _unit_suffix(str(at["parameter_units"].item()))
+    (low, high), unit = _displayed_ends(moved.sel(parameter=parameter))
+    return f"{parameter}: {low:.4g}..{high:.4g}{_unit_suffix(unit)}"
+
+
+def _displayed_ends(at: xarray.Dataset) -> tuple[Array, str]:
+    """Return both ends of the range of a parameter in its display unit, and that unit."""
+    own = {
+        "units": str(at["parameter_units"].item()),
+        "display_units": str(at["parameter_display_units"].item()),
+    }
+    return results.displayed(at["ends"].assign_attrs(own))
 
 
 def _numbers(moved: xarray.Dataset) -> list[str]:

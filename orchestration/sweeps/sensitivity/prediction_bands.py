@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray
@@ -12,8 +12,14 @@ from rich.table import Table
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.reporting import pictures, plain_table
-from orchestration.sweeps.sensitivity.numbers import names_to_draw, require_complete
+from orchestration.experiment import results
+from orchestration.reporting import option, pictures, plain_table
+from orchestration.sweeps.picture import describe_left_out, names_to_draw
+from orchestration.sweeps.result import SweepResult
+from orchestration.sweeps.sensitivity.numbers import require_complete
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 BANDS = "draws"
 _EVEN = (BANDS, "latin-hypercube", "sobol")  # designs whose cases have equal weights
@@ -21,7 +27,7 @@ _USUAL = (0.05, 0.5, 0.95)
 _AT_ONCE = 1_000_000  # values that are sorted at a time
 
 
-def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> xarray.Dataset:
+def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> SweepResult:
     """Return quantiles of every output over the cases of a sweep with randomly chosen parameters.
 
     With the draws of a fit they show how uncertain parameters make the outputs. The noise of
@@ -36,7 +42,7 @@ def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> xarray.
 
     Returns
     -------
-    xarray.Dataset
+    SweepResult
         For each trace, such as ``voltage``, its quantiles ``voltage_band`` over ``quantile`` and
         ``time``, and for each number those over ``quantile``, with their units.
 
@@ -77,7 +83,7 @@ def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> xarray.
     if "time" in found.coords:
         coordinates["time"] = found["time"]
     attributes = {"model": found.attrs["model"], "design": found.attrs["design"]}
-    return xarray.Dataset(values, coordinates, attributes)
+    return SweepResult(values, coordinates, attributes)
 
 
 def _checked_levels(quantiles: Sequence[float]) -> Array:
@@ -112,11 +118,12 @@ def table(found: xarray.Dataset) -> Table:
                 for at in sorted({widest, end})
             ]
         for at, here in places:
-            made.add_row(output, at, *(f"{value:.6g}" for value in here.values), band.units)
+            values, unit = results.displayed(here)
+            made.add_row(output, at, *(f"{value:.6g}" for value in values), unit)
     return made
 
 
-def draw(found: xarray.Dataset, path: Path) -> None:
+def draw(found: xarray.Dataset, path: Path | None = None) -> Figure:
     """Draw bands over time, and below each the distance of its quantiles from the middle one.
 
     Raises
@@ -124,25 +131,38 @@ def draw(found: xarray.Dataset, path: Path) -> None:
     UserError
         If there is no trace to draw, or the file cannot be written.
     """
-    names = names_to_draw([str(name) for name, band in found.items() if "time" in band.dims])
+    names = names_to_draw(_traces(found))
     if not names:
-        raise UserError(f"--plot {path}: bands are drawn over time, which --keep trace keeps")
+        raise UserError(
+            f"no picture: bands are drawn over time, which {option('keep', ['trace'])} keeps"
+        )
     title = f"{found.attrs['model']}: quantiles over cases"
     figure, panels = pictures.panels(2 * len(names), title)
     levels = [f"{100.0 * level:g} %" for level in found["quantile"].values]
     time = found["time"].values
     for over, below, name in zip(panels[::2], panels[1::2], names, strict=True):
-        band = found[name].values
+        band, unit = results.displayed(found[name])
         middle = len(band) // 2
         _draw_band(over, time, band, levels)
         _draw_band(below, time, band - band[middle], levels)
-        pictures.label(over, name.removesuffix("_band"), found[name].units)
-        pictures.label(below, f"from {levels[middle]}", found[name].units)
+        pictures.label(over, name.removesuffix("_band"), unit)
+        pictures.label(below, f"from {levels[middle]}", unit)
     pictures.logarithmic(panels, time)
     panels[0].legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1
     )
-    pictures.save(figure, path)
+    if path is not None:
+        pictures.save(figure, path)
+    return figure
+
+
+def left_out(found: xarray.Dataset) -> list[str]:
+    """Return what the picture of bands leaves out, in a line each."""
+    return describe_left_out(_traces(found))
+
+
+def _traces(found: xarray.Dataset) -> list[str]:
+    return [str(name) for name, band in found.items() if "time" in band.dims]
 
 
 def _draw_band(panel: Any, time: Array, band: Array, levels: Sequence[str]) -> None:

@@ -18,6 +18,7 @@ from filelock import FileLock, Timeout
 
 from fmus.kit import UserError, files
 from fmus.kit.arrays import Array
+from orchestration.reporting import option
 from orchestration.sweeps.storage.traces import TraceFile, opened, reserve
 from orchestration.sweeps.task import Outcomes, Task, failed
 
@@ -90,7 +91,7 @@ def check(folder: Path) -> None:
     if strange is not None:
         raise UserError(
             f"{folder}: holds {strange.name}, which is not of a sweep, and what a sweep has done"
-            " goes there: move that elsewhere, or name another --out"
+            f" goes there: move that elsewhere, or name another {option('folder')}"
         )
 
 
@@ -270,5 +271,5 @@ def _refuse_other_sweep(folder: Path, stored: Any, digests: Mapping[str, str]) -
     if other:
         raise UserError(
             f"{folder}: is of another sweep ({', '.join(other)} differ); remove it, or name another"
-            " --out"
+            f" {option('folder')}"
         )

@@ -2,9 +2,7 @@
 sample elsewhere.
 """
 
-import re
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,14 +16,19 @@ from fmus.degradation_estimator.model import DegradationEstimator
 from fmus.kit import stack
 from fmus.kit.record.compiled import CompiledModel
 from tests.support.builds import check_that_bad_values_are_refused, check_that_builds_agree
+from tests.support.completeness import Listed, check_described
 from tests.support.effect_samples import named
 
 R1, R2, C, PERIOD = 0.43, 2.35, 2.70, 0.1  # ohm, ohm, F, s
-ACTIVE = {
-    "lead_resistance": {"resistance_of_leads": 0.08},
-    "voltage_gain": {"voltage_gain_error": 0.03},
-    "sampling_skew": {"voltage_skew": 0.3},
-}
+ACTIVE = Listed(
+    "ACTIVE",
+    __name__,
+    {
+        "lead_resistance": {"resistance_of_leads": 0.08},
+        "voltage_gain": {"voltage_gain_error": 0.03},
+        "sampling_skew": {"voltage_skew": 0.3},
+    },
+)
 TIME = PERIOD * np.arange(3001)
 CURRENT = np.where(TIME % 5.0 < 2.5, 0.9, -0.9)
 effects = pytest.mark.parametrize("name", EFFECTS)
@@ -65,19 +68,8 @@ def random_values(cls, seed):
 
 
 def test_catalogue():
-    readme = (Path(fmus.__file__).parent / "degradation_estimator" / "README.md").read_text(
-        encoding="utf-8"
-    )
-    numbered = re.findall(r"^(\d+)\. ", readme, re.M)
     assert fmus.effects("degradation_estimator") == EFFECTS
-    for name, effect in EFFECTS.items():
-        assert effect.id == name
-        assert f"| `{name}` | {effect.assumption} | `{effect.neutral}`" in readme
-        assert str(effect.assumption) in numbered
-        assert f"assumption {effect.assumption}" in " ".join(effect.__doc__.split())
-        for v in effect.declared.values():
-            assert v.doc
-            assert v.min <= v.start <= v.max
+    check_described("degradation_estimator", EFFECTS)
 
 
 @settings(max_examples=60)

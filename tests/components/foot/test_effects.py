@@ -3,8 +3,6 @@ law elsewhere.
 """
 
 import math
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,38 +17,53 @@ from fmus.kit.symbolic.tracing import trace
 from studies.plants.foot import Foot as Stand
 from studies.plants.foot import moving, turning
 from tests.support.builds import check_that_bad_values_are_refused, check_that_builds_agree
+from tests.support.completeness import Listed, check_described
 from tests.support.effect_samples import named
 
 ACTUATORS, JOINTS = ("an", "po", "do", "pl"), ("ankle", "tm", "mtp")
-ACTIVE = {
-    "plantar_tendon_across_arch": {"pl_arch_radius": 0.011},
-    "tendon_stretch": {"tendon_compliance": 2e-4, "tendon_time": 0.04},
-    "tendon_friction": {"tendon_wrap_friction": 0.2, "tendon_friction_velocity": 2e-3},
-    "coulomb_friction(ankle_friction)": {
-        "ankle_friction_coulomb": 4e-3,
-        "ankle_friction_coulomb_velocity": 0.05,
+ACTIVE = Listed(
+    "ACTIVE",
+    __name__,
+    {
+        "plantar_tendon_across_arch": {"pl_arch_radius": 0.011},
+        "tendon_stretch": {"tendon_compliance": 2e-4, "tendon_time": 0.04},
+        "tendon_friction": {"tendon_wrap_friction": 0.2, "tendon_friction_velocity": 2e-3},
+        "coulomb_friction(ankle_friction)": {
+            "ankle_friction_coulomb": 4e-3,
+            "ankle_friction_coulomb_velocity": 0.05,
+        },
+        "coulomb_friction(tm_friction)": {
+            "tm_friction_coulomb": 5e-3,
+            "tm_friction_coulomb_velocity": 0.04,
+        },
+        "coulomb_friction(mtp_friction)": {
+            "mtp_friction_coulomb": 3e-4,
+            "mtp_friction_coulomb_velocity": 0.03,
+        },
     },
-    "coulomb_friction(tm_friction)": {
-        "tm_friction_coulomb": 5e-3,
-        "tm_friction_coulomb_velocity": 0.04,
-    },
-    "coulomb_friction(mtp_friction)": {
-        "mtp_friction_coulomb": 3e-4,
-        "mtp_friction_coulomb_velocity": 0.03,
-    },
-}
+)
 _LENGTHS = {f"{a}_length{end}" for a in ACTUATORS for end in ("", "_change", "_rate")}
-CHANGED = {
-    "plantar_tendon_across_arch": {n for n in _LENGTHS if n.startswith("pl")}
-    | {"tm_torque", *(f"toe_compliance_{e}" for e in ("xx", "xy", "yy"))},
-    "tendon_stretch": _LENGTHS,
-    "tendon_friction": {"ankle_torque", "mtp_torque"},
-} | {f"coulomb_friction({joint}_friction)": set() for joint in JOINTS}
-MOVED = {
-    "plantar_tendon_across_arch": {"tm"},
-    "tendon_stretch": set(),
-    "tendon_friction": {"ankle", "mtp"},
-} | {f"coulomb_friction({joint}_friction)": {joint} for joint in JOINTS}
+CHANGED = Listed(
+    "CHANGED",
+    __name__,
+    {
+        "plantar_tendon_across_arch": {n for n in _LENGTHS if n.startswith("pl")}
+        | {"tm_torque", *(f"toe_compliance_{e}" for e in ("xx", "xy", "yy"))},
+        "tendon_stretch": _LENGTHS,
+        "tendon_friction": {"ankle_torque", "mtp_torque"},
+    }
+    | {f"coulomb_friction({joint}_friction)": set() for joint in JOINTS},
+)
+MOVED = Listed(
+    "MOVED",
+    __name__,
+    {
+        "plantar_tendon_across_arch": {"tm"},
+        "tendon_stretch": set(),
+        "tendon_friction": {"ankle", "mtp"},
+    }
+    | {f"coulomb_friction({joint}_friction)": {joint} for joint in JOINTS},
+)
 CASES = [(base, name) for base in (Foot, FootDynamic) for name in fmus.effects(base.name)]
 cases = pytest.mark.parametrize(("base", "name"), CASES, ids=lambda v: getattr(v, "name", v))
 bases = pytest.mark.parametrize("base", [Foot, FootDynamic], ids=lambda cls: cls.name)
@@ -82,22 +95,14 @@ def neutral(names):
 
 
 def test_catalogue():
-    readme = (Path(fmus.__file__).parent / "foot" / "README.md").read_text(encoding="utf-8")
-    numbered = re.findall(r"^(\d+)\. ", readme, re.M)
     assert fmus.effects("foot_dynamic") == EFFECTS
     assert list(fmus.effects("foot")) == [
         "plantar_tendon_across_arch",
         "tendon_stretch",
         "tendon_friction",
     ]
-    for name, effect in EFFECTS.items():
-        assert f"| `{name}` | {effect.assumption} | `{effect.neutral}`" in readme
-        assert str(effect.assumption) in numbered
-        assert f"assumption {effect.assumption}" in " ".join(effect.__doc__.split())
-        for v in effect.declared.values():
-            assert v.doc
-            assert v.min <= v.start <= v.max
-        assert effect.declared[effect.neutral].start == 0.0
+    check_described("foot", EFFECTS)
+    assert all(effect.declared[effect.neutral].start == 0.0 for effect in EFFECTS.values())
 
 
 @bases

@@ -18,13 +18,13 @@ from hypothesis import strategies as st
 
 import fmus
 from fmus.kit import stack
-from fmus.kit.component import effect_name
 from fmus.kit.integrate import Integrator
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.tracing import trace
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
 from tests.support.builds import check_that_builds_agree
+from tests.support.completeness import check_complete, check_described
 from tests.support.effect_samples import (
     ACTIVE,
     NEUTRAL,
@@ -86,30 +86,23 @@ LAYERED = [
     *itertools.combinations(SPRINGS, 2),
 ]
 seeds = st.integers(0, 2**32 - 1)
-readme = (Path(fmus.__file__).parent / "ppy_actuator" / "README.md").read_text(encoding="utf-8")
+README = "fmus/ppy_actuator/README.md"
+readme = (Path(fmus.__file__).parents[1] / README).read_text(encoding="utf-8")
 
 
 def test_catalogue():
-    numbered = re.findall(r"^(\d+)\. ", readme, re.M)
-    assert set(ACTIVE) == set(EFFECTS), "its sizes go into tests/support/effect_samples.py"
+    check_complete(ACTIVE, EFFECTS, ACTIVE.where)
+    check_described("ppy_actuator", EFFECTS)
     for name, effect in EFFECTS.items():
-        assert effect_name(effect) == name
-        assert effect.__doc__
-        assert effect.term.law
+        assert effect.term.law, f"{name}: say term = Term(law, signal, shape) in its class"
         assert effect.term.signal
         assert effect.term.shape
-        assert str(effect.assumption) in numbered
-        assert f"assumption {effect.assumption}" in " ".join(effect.__doc__.split())
         own = [
             v
             for v in effect.declared.values()
             if v.name in {p.name for p in effect.layout.parameters}
         ]
         assert NEUTRAL[name] in [v.name for v in own]
-        for v in effect.declared.values():
-            assert v.doc
-            assert v.unit
-            assert v.min <= v.start <= v.max
         for p in own:
             assert math.isfinite(p.min)
             assert math.isfinite(p.max)
@@ -121,13 +114,13 @@ def test_catalogue():
 
 def test_table_of_the_readme():
     rows = re.findall(r"^\| `([\w()]+)` \| (\d+) \| `(\w+)`", readme, re.M)
-    assert rows == [
-        (name, str(effect.assumption), effect.neutral) for name, effect in EFFECTS.items()
-    ]
+    expected = [(name, str(e.assumption), e.neutral) for name, e in EFFECTS.items()]
+    check_complete(rows, expected, f"the table of effects in {README}, each with its law")
+    assert rows == expected, "the rows stand in the order of EFFECTS"
 
 
 def test_catalogue_has_the_ids_of_the_design():
-    assert list(dict.fromkeys(effect.id for effect in EFFECTS.values())) == [
+    designed = [
         "double_layer",
         "diffusion",
         "nonlinear_leakage",
@@ -147,6 +140,9 @@ def test_catalogue_has_the_ids_of_the_design():
         "yield_threshold",
         "slack",
     ]
+    ids = list(dict.fromkeys(effect.id for effect in EFFECTS.values()))
+    check_complete(designed, ids, f"the ids of this test, in {Path(__file__).name}")
+    assert designed == ids, "the ids stand in the order of EFFECTS"
 
 
 def test_shapes_of_one_family_are_of_one_law_and_signal():
@@ -277,7 +273,9 @@ def test_an_active_effect_changes_what_it_should_and_nothing_else(base, name):
         moved = {n for n in named(base, {}) if plain[n] != found[n]}
         changed |= {n for n in moved if plain[n] != pytest.approx(found[n], rel=1e-9, abs=1e-15)}
         rounded |= moved
-    assert changed == CHANGED[base].get(name, ELECTRICAL)
+    expected = CHANGED[base].get(name, ELECTRICAL)
+    where = f"what CHANGED of {Path(__file__).name} says that {name} changes in {base.name}"
+    check_complete(expected, changed, where)
     assert rounded - changed <= ({"mechanical_displacement"} if (base, name) in ROUNDED else set())
 
 

@@ -4,6 +4,7 @@ It is written out again here: at any instant by root finding, in time by scipy.
 """
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from fmus.kit import stack
 from fmus.kit.integrate import Integrator
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
+from tests.support.completeness import check_complete
 from tests.support.effect_samples import ACTIVE, active, bases, effects, named, random_values
 
 
@@ -136,11 +138,13 @@ def paper(v):
 
 def check_against_paper(cls, values):
     found, expected = named(cls, values), paper(values)
+    where = f"paper() of {Path(__file__).name}, with the equation of each effect"
+    check_complete([n for n in expected if n in found], found, where)
     # below these, terms have cancelled: metres, and volts, amperes and newtons
     floors = {True: 1e-13, False: 1e-10 * (1.0 + abs(values["charge"]) + abs(values["current"]))}
     for name, value in found.items():
         floor = floors["elongation" in name or "displacement" in name]
-        assert value == pytest.approx(expected[name], rel=1e-9, abs=floor), name
+        assert value == pytest.approx(expected[name], rel=1e-9, abs=floor), f"{name}, by {where}"
 
 
 @bases

@@ -77,10 +77,7 @@ def test_what_is_wrong_with_the_later_record_is_said_everywhere(appeared):
     assert [cause["effect"] for cause in figures["later"]["causes"]] == ["strain_saturation"]
     told, shown = (" ".join(text.split()) for text in (said, words_of(page)))
     for text in (told, shown):
-        assert (
-            "after.csv by itself: cause What the model gets wrong: strain_saturation (confirmed"
-            in text
-        )
+        assert "after.csv by itself: cause Strain that levels off at large charge: " in text
     for note in figures["later"]["notes"]:
         assert note["message"] in told
 

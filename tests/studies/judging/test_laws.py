@@ -34,6 +34,7 @@ from studies.judging import laws_answers as judge
 from studies.judging import laws_catalogue, laws_clean
 from studies.plants.change import NOTHING
 from studies.plants.library import PLANTS, altered
+from tests.support.completeness import check_complete
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -266,7 +267,8 @@ def test_right_answers_of_the_rig_are_in_the_laws_of_its_effects():
     cls = find_model("ppy_actuator").cls
     known = catalogue(cls)
     laws = {law.name for law in list_laws(cls)}
-    assert {*laws_clean.RIG} == {effect.id for effect in known.values()}
+    ids = {effect.id for effect in known.values()}
+    check_complete(laws_clean.RIG, ids, "RIG of studies/judging/laws_clean.py: the right answers")
     for name in laws_clean.RIG:
         right = laws_clean.right_of(name)
         assert known[name].term.law in {a.law for a in right}

@@ -4,6 +4,7 @@ running.
 
 from __future__ import annotations
 
+import re
 import zipfile
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -77,3 +78,12 @@ def pair(folder: Path) -> tuple[Member, Member]:
     return Member("drive", drive), Member(
         "load", load, {"level": 2.0, "hold": 1.0, "length": 0.5, "warm": 3.0, "odd": 1.0}
     )
+
+
+def without_starts(fmu: Path) -> Path:
+    """Take the start values out of an FMU that only describes itself, as some tools leave them."""
+    with zipfile.ZipFile(fmu) as archive:
+        text = archive.read("modelDescription.xml").decode()
+    with zipfile.ZipFile(fmu, "w") as archive:
+        archive.writestr("modelDescription.xml", re.sub(r' start="[^"]*"', "", text))
+    return fmu

@@ -51,6 +51,11 @@ def test_options_arrive_complete():
     assert search("a.csv", time=3.0) == given
 
 
+def test_a_value_is_made_what_is_used():
+    assert search("a.csv", hold="k1")["hold"] == ["k1"]
+    assert search("a.csv", hold=("k1", "b1"))["hold"] == ["k1", "b1"]
+
+
 def test_the_signature_shows_every_option_with_its_default():
     parameters = inspect.signature(search).parameters
     assert list(parameters) == ["record", "settings", "hold", "time"]
@@ -65,7 +70,7 @@ def test_the_docstring_has_every_option():
         "Look for something.\n\nParameters\n----------\nrecord : str\n    Where.\n"
     )
     assert "\nhold : sequence of str\n    Parameters that are known and not fitted.\n" in text
-    assert "\ntime : float in s, optional\n" in text
+    assert '\ntime : float in s or str such as "10s", optional\n' in text
     assert text.endswith("\n\nReturns\n-------\ndict")
 
 

@@ -8,7 +8,15 @@ from fmus.kit import UserError
 from orchestration.api.declaration import (
     options_of,
 )
-from orchestration.api.forms import comma_list, numbers, seconds
+from orchestration.api.forms import (
+    comma_list,
+    given_names,
+    names_among,
+    numbers,
+    optional_seconds,
+    percent,
+    seconds,
+)
 from orchestration.api.options import (
     DiagnoseOptions,
     StudyOptions,
@@ -29,6 +37,36 @@ def test_words_are_read_back_to_the_value():
         assert options[name].read(typed if listed else typed[0]) == value
     for time in (60.0, 1e-3, float("inf")):
         assert seconds(options["time"].words(time)[1]) == time
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [("10s", 10.0), ("250 ms", 0.25), ("2min", 120.0), ("7", 7.0), (3, 3.0), ("inf", float("inf"))],
+)
+def test_a_time_in_python_is_a_number_or_a_text(given, expected):
+    assert seconds(given) == optional_seconds(given) == pytest.approx(expected)
+    assert options_of(DiagnoseOptions)["time"].words(given)[1] == (
+        "inf" if given == "inf" else f"{expected:g}s"
+    )
+
+
+def test_what_is_no_time_is_refused():
+    assert optional_seconds(None) is None
+    for text in ("soon", "10 kg"):
+        with pytest.raises(UserError, match=text):
+            seconds(text)
+
+
+def test_one_name_stands_for_a_list_of_names():
+    assert given_names("R1", "fit =") == ["R1"]
+    assert given_names("R1, C", "fit =") == ["R1", "C"]
+    assert given_names(("R1", "C"), "fit =") == ["R1", "C"]
+    with pytest.raises(UserError, match="fit = 'R1,': there is nothing"):
+        given_names("R1,", "fit =")
+    effects = options_of(DiagnoseOptions)["effects"]
+    assert effects.given("diffusion") == ["diffusion"]
+    assert effects.given("none") == effects.given([]) == []
+    assert effects.given(None) is None
 
 
 def test_the_orders_of_a_study_are_read_as_they_are_written():
@@ -54,3 +92,17 @@ def test_numbers_are_whole_and_large_enough(text):
     with pytest.raises(UserError, match=r"--delays .*: write whole numbers from 0 on"):
         numbers(0).read(text, "--delays")
     assert numbers(0).read("0, 2", "--delays") == [0, 2]
+
+
+def test_a_share_is_written_with_its_sign_or_without():
+    assert percent("95%") == percent("95 %") == percent(" 95") == 95.0
+    for text in ("0%", "101%", "much", "nan", "-5%", ""):
+        with pytest.raises(ValueError, match="such as 95%"):
+            percent(text)
+
+
+def test_names_are_those_that_are_known():
+    form = names_among(("dry", "wet"))
+    assert form.read("wet, dry", "--require") == ["wet", "dry"]
+    with pytest.raises(UserError, match="--require damp: there are dry, wet"):
+        form.read("wet,damp", "--require")

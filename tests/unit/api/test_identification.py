@@ -46,6 +46,10 @@ def record(tmp_path_factory):
 def test_a_fit_finds_what_made_the_record(record, lag, equations):
     fitted = ppy.fit(record, Lag if equations else lag, ["tau"], settings={"tau": 1.5})
     low, high = fitted.intervals["tau"]
+    assert fitted.to_frame().loc["tau"].tolist() == [fitted.values["tau"], low, high, 1.5, "s"]
+    (axis,) = fitted.plot().axes
+    assert [line.get_xdata()[0] for line in axis.lines] == [1.5, fitted.values["tau"], low]
+    assert axis.get_xlabel() == "[s]"
     assert low < TAU < high
     assert fitted.values["tau"] == pytest.approx(TAU, rel=0.02)
 
@@ -54,8 +58,11 @@ def test_a_comparison_tells_the_noise_of_a_right_model_and_more_of_a_wrong_one(r
     right = ppy.compare(record, lag, settings={"tau": TAU}).before["x"]
     assert right.rms == pytest.approx(NOISE, rel=0.15)
     assert right.fit_percent > 98.0
-    compared = ppy.compare(ppy.read_record(record, lag), lag, settings={"tau": 1.5}, fit=["tau"])
+    compared = ppy.compare(ppy.read_record(record, lag), lag, settings={"tau": 1.5}, fit="tau")
     assert compared.before["x"].fit_percent < 90.0
+    frame = compared.to_frame()
+    assert frame.index.tolist() == [("x", "before"), ("x", "fitted")]
+    assert frame.loc[("x", "before"), "fit_percent"] == compared.before["x"].fit_percent
     assert compared.after["x"].fit_percent == pytest.approx(right.fit_percent, abs=0.1)
 
 

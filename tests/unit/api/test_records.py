@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas
 import pytest
 
 import orchestration as ppy
 from fmus.kit import UserError
 from orchestration.api.records import held_out, matching_record, matching_runs
+from orchestration.fmu import declared_model
 from orchestration.records import write_record
 
 
@@ -53,7 +55,7 @@ def test_other_files_are_held_out_beside_labels(folder, model):
 
 
 def test_a_label_that_is_none_is_refused_with_those_there_are(folder, model):
-    with pytest.raises(UserError, match="--holdout 2,7: 7 is neither a file nor one of"):
+    with pytest.raises(UserError, match="holdout='2,7': 7 is neither a file nor one of"):
         held(folder, model, "2,7")
 
 
@@ -67,3 +69,36 @@ def test_a_record_is_taken_as_it_is_and_a_file_read_with_its_mapping(folder, mod
     assert matching_record(record, model) is record
     swapped = matching_record(folder / "one.csv", model, {"x": "u", "u": "x"})
     assert swapped.signals["u"].tolist() == record.signals["x"].tolist()
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        ppy.compare,
+        ppy.diagnose,
+        ppy.laws,
+        ppy.read_record,
+        lambda record, model: ppy.fit(record, model, ["R1"]),
+    ],
+    ids=["compare", "diagnose", "laws", "read_record", "fit"],
+)
+def test_a_record_is_refused_before_anything_is_built(tmp_path, monkeypatch, use):
+    def build(*_, **__):
+        raise AssertionError("built")
+
+    monkeypatch.setattr("fmus.kit.build.build_cached", build)
+    (tmp_path / "r.csv").write_text("time [s],voltage [V]\n0,1\n1,OVERLOAD\n2,3\n")
+    with pytest.raises(UserError, match="row 3, column 'voltage': 'OVERLOAD'"):
+        use(tmp_path / "r.csv", "ppy_actuator")
+
+
+def test_arrays_and_frames_are_taken_wherever_a_record_is():
+    time = 0.1 * np.arange(40)
+    arrays = {"t [s]": time, "current [A]": np.sin(time), "voltage [mV]": 700.0 * np.cos(time)}
+    frame = pandas.DataFrame(arrays).set_index("t [s]")
+    subject = declared_model("ppy_actuator")
+    runs = matching_runs([arrays, frame], subject)
+    fitted, judged = held_out(arrays, frame, subject)
+    for record in (*runs, *fitted, *judged, ppy.read_record(frame)):
+        np.testing.assert_allclose(record.signals["voltage"], 0.7 * np.cos(time))
+    assert (len(fitted), len(judged)) == (1, 1)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import orchestration as ppy
-from fmus.kit import UserError
+from fmus.kit import Component, Output, Parameter, State, UserError
 from orchestration.api.simulation import points_of, values_of
 
 
@@ -45,7 +45,8 @@ def test_it_is_handed_on_as_table_record_and_lists(run, tmp_path):
     }
     record = ppy.read_record(run.to_csv(tmp_path / "r.csv"), run.model)
     assert record.signals["x"].tobytes() == run["x"].tobytes()
-    assert run.plot(tmp_path / "r.svg").read_text(encoding="utf-8").startswith("<?xml")
+    assert [axis.get_ylabel() for axis in run.plot(tmp_path / "r.svg").axes] == ["u", "x"]
+    assert (tmp_path / "r.svg").read_text(encoding="utf-8").startswith("<?xml")
     words = [line.split() for line in str(run).splitlines()]
     assert words[0] == ["one_state.fmu:", "21", "points", "from", "0", "s", "to", "2", "s"]
     assert [line[0] for line in words[1:]] == ["output", "x"]
@@ -54,6 +55,7 @@ def test_it_is_handed_on_as_table_record_and_lists(run, tmp_path):
 def test_points_are_those_given_or_those_of_the_models_own_experiment():
     model = ppy.find_model("ppy_actuator")  # 0.1 s over 60 s
     assert points_of(model, None, 1.0, 0.25).tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert points_of(model, None, "1s", "250 ms").tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
     assert np.diff(points_of(model, None, 2.0, None)) == pytest.approx(0.1)
     assert points_of(model, [0, 1, 7], 2.0, 0.1).tolist() == [0.0, 1.0, 7.0]
 
@@ -77,3 +79,23 @@ def test_values_have_units_and_go_over_a_preset():
 def test_inputs_that_do_not_fit_are_refused(lag, inputs, said):
     with pytest.raises(UserError, match=said):
         ppy.simulate(lag, inputs, stop=1.0, step=0.1)
+
+
+def test_a_class_of_a_notebook_is_checked_before_it_is_built():
+    class Cell(Component):
+        """A cell that counts its charge."""
+
+        name = "cell"
+        capacity = Parameter(2.3, "A*h", min=0.1)
+        charge = State("1", rate="charge_rate")
+
+        def charge_rate(self):
+            return -1.0 / self.capacity
+
+        @Output("1")
+        def state_of_charge(self):
+            return self.charge
+
+    Cell.__module__ = "__main__"
+    with pytest.raises(UserError, match=r"charge_rate gives 1/A/h, but it is the rate of charge"):
+        ppy.simulate(Cell)

@@ -33,7 +33,7 @@ def test_settings_and_inputs_are_those_of_every_case(lag):
         ({"workers": 2, "scheduler": "tcp://h:1"}, "the cluster at tcp://h:1 has its own"),
         ({"outputs": ["y"]}, "no output named 'y'"),
         ({"settings": {"tau": 1.0}}, "tau is swept, and set to one value besides"),
-        ({"keep": []}, "--keep names nothing"),
+        ({"keep": []}, "keep= names nothing"),
         ({"over": {"tua": [1.0]}}, "tua"),
     ],
 )

@@ -11,6 +11,7 @@ import typer
 from orchestration.cli import app
 from studies.emulator.emulator import EmulatedRig
 from tests.support.command import here, measure, ppy, refused, works
+from tests.support.commands import COMMANDS as EVERY
 
 COMMANDS = (
     "list",
@@ -33,6 +34,24 @@ def test_help_of(command, tmp_path):
     assert "Usage: " in text
     for expected in COMMANDS if not command else ("--help",):
         assert expected in text
+
+
+def test_the_help_of_all_commands_fits_a_terminal_and_says_first_what_is_wrong(tmp_path):
+    done = ppy("--help", cwd=tmp_path, environment={"COLUMNS": "80"})
+    lines = done.stdout.splitlines()
+    assert len(lines) <= 24
+    assert max(map(len, lines)) <= 80
+    titles = [line for line in lines[1:-1] if not line.startswith(" ")]
+    assert titles == [
+        "Find out what is wrong",
+        "Models and FMUs",
+        "Systems and experiments",
+        "Sweeps",
+        "Rig",
+    ]
+    shown = [line.split()[0] for line in lines if line.startswith("  ")]
+    assert shown[0] == "diagnose"
+    assert set(shown) == {name.split()[0] for name in EVERY}
 
 
 def test_without_a_command_there_is_help(tmp_path):

@@ -70,16 +70,15 @@ def test_laws_are_asked_unless_they_are_left_out(tmp_path, monkeypatch):
         "d.json",
     ]
     text = works(*command, "--report", "d.html", "--fmu", "better.fmu", cwd=tmp_path)
-    assert "friction depends on omega beyond what the model has: it looks like " in " ".join(
-        text.split()
-    )
+    assert text.startswith("cause  Dry friction: ")
     written = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
     assert (written["verdict"], written["causes"][0]["effect"]) == ("cause", "coulomb_friction")
     assert written["law_map"][0]["effect"] == "coulomb_friction"
     assert "Which law over which signal" in (tmp_path / "d.html").read_text(encoding="utf-8")
     assert "friction_coulomb" in find_model(str(tmp_path / "better.fmu")).parameters
     text = works(*command, "--no-laws", cwd=tmp_path)
-    assert "depends on omega" not in text
+    assert text.startswith("unexplained  ")
+    assert "friction" not in text
     written = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
     assert (written["verdict"], written["causes"], written["law_map"]) == ("unexplained", [], [])
 
@@ -132,10 +131,10 @@ def test_the_command_writes_a_report_of_another_record(tmp_path):
     text = words_of((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert "--holdout=other.csv" in text.split("How to reproduce")[1]
     written = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
-    shares = re.findall(r"refitted ([\d.]+) %", text.split("The record held out")[0])
+    shares = re.findall(r"refitted ([\d.]+) %", text.split("How sure this is")[0])
     before = written["gain"]["holdout_nrmse_before"].values()
     assert [float(share) for share in shares] == pytest.approx(
-        [100.0 * error for error in before], rel=5e-3
+        [100.0 * error for error in before], rel=2e-2
     )
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(
         [NASTY, "other.csv", "r.html", "r.json"]

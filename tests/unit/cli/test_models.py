@@ -472,3 +472,29 @@ def test_nothing_in_an_fmu_is_run_for_its_class(creep):
 def test_plain_components_tell_nothing(fmu):
     with Archive(fmu("ppy_actuator", "native")) as archive:
         assert archive.description.find("VendorAnnotations") is None
+
+
+# --- a record is read before a model is built
+# --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("compare", "r.csv"),
+        ("identify", "r.csv", "--fit", "R1"),
+        ("diagnose", "r.csv"),
+        ("laws", "r.csv"),
+        ("simulate", "ppy_actuator", "--input", "r.csv"),
+        ("black-box", "r.csv", "--output", "voltage"),
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_a_record_is_refused_before_anything_is_built(tmp_path, monkeypatch, arguments):
+    def build(*_, **__):
+        raise AssertionError("built")
+
+    monkeypatch.setattr("fmus.kit.build.build_cached", build)
+    text = "time [s],current [A],voltage [V]\n0,1,0\n1,OVERLOAD,1\n2,3,2\n"
+    (tmp_path / "r.csv").write_text(text)
+    refused(tmp_path, *arguments, parts=["r.csv", "row 3, column 'current': 'OVERLOAD'"])

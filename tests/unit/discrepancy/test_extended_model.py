@@ -407,7 +407,7 @@ def test_a_record_is_not_overwritten(tmp_path, name):
     (tmp_path / name).write_text("time [s]")
     (tmp_path / "record.csv").symlink_to(tmp_path / name)
     with pytest.raises(
-        UserError, match=rf"{name}: this is the record itself; it will not be overwritten"
+        UserError, match=rf"{name}.\): this is the record itself; it will not be overwritten"
     ):
         export(
             PpyActuator, tmp_path / "mended.fmu", [tmp_path / "other.csv", tmp_path / "record.csv"]
@@ -416,10 +416,10 @@ def test_a_record_is_not_overwritten(tmp_path, name):
 
 
 def test_other_destinations_that_are_refused(tmp_path):
-    with pytest.raises(UserError, match=r"--fmu .*mended\.zip: the name of an FMU ends in \.fmu"):
+    with pytest.raises(UserError, match=r"fmu\(.*mended\.zip.\): the name of an FMU ends in \.fmu"):
         fmu_paths(tmp_path / "mended.zip", [])
     (tmp_path / "mended.python.fmu").mkdir()
-    with pytest.raises(UserError, match=r"mended\.python\.fmu: this is a folder"):
+    with pytest.raises(UserError, match=r"mended\.python\.fmu.\): this is a folder"):
         fmu_paths(tmp_path / "mended.fmu", [])
 
 

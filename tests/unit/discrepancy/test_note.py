@@ -1,4 +1,6 @@
-"""Claims: notes are codes, and no decision of the source hangs on the text of a message."""
+"""Claims: notes are codes, each with something to do, and no decision of the source hangs on the
+text of a message.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from orchestration.discrepancy import note
+from orchestration.discrepancy.note import Action, Note, NoteCode, notes_by_action
 
 ROOT = Path(__file__).parents[3]
 SOURCES = sorted(
@@ -112,3 +117,20 @@ def test_the_probe_would_notice(code: str) -> None:
 )
 def test_names_kinds_and_separators_are_no_sentences(code: str) -> None:
     assert not any(is_telling(text) for _, text in looked_for(ast.parse(code)))
+
+
+@pytest.mark.parametrize("code", NoteCode)
+def test_every_note_has_one_thing_to_do(code: NoteCode) -> None:
+    listed = [action for action, codes in note._ACTIONS.items() if code in codes]
+    assert len(listed) <= 1
+    assert Note(code).action is (listed[0] if listed else Action.NONE)
+
+
+def test_notes_are_grouped_in_the_order_of_what_to_do_first() -> None:
+    codes = (NoteCode.EVEN_CLOCK, NoteCode.TIME_SPENT, NoteCode.EXCHANGED, NoteCode.COPIED)
+    groups = notes_by_action([Note(code) for code in codes])
+    assert [(action, [n.code for n in group]) for action, group in groups.items()] == [
+        (Action.CHECK, [NoteCode.EXCHANGED, NoteCode.COPIED]),
+        (Action.WAIT, [NoteCode.TIME_SPENT]),
+        (Action.NONE, [NoteCode.EVEN_CLOCK]),
+    ]

@@ -22,7 +22,7 @@ for name in {closed!r}:
 {end}
 """
 C_EXIT = "ctypes.CDLL(None).exit(0)"
-NOTICE = "the FMU has ended this process; give --isolate"
+NOTICE = "the FMU has ended this process; give isolate=True"
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import py_compile
 
 import pytest
 
+from fmus.kit import UserError
 from orchestration.fmu.loading import load_class
 
 SOURCE = '''
@@ -53,3 +54,32 @@ def test_damaged_bytecode_is_in_nobodys_way(path):
     with open(beside, "r+b") as file:
         file.truncate(40)
     assert gain(path) == 1.0
+
+
+TWO = (
+    SOURCE.replace("GAIN", "1.0")
+    + """
+
+class Other(Own):
+    name = "other"
+
+
+class Softer(Own):
+    name = ""
+"""
+)
+
+
+def test_a_file_without_its_class_tells_which_models_it_has(path):
+    path.write_text(TWO, encoding="utf-8")
+    with pytest.raises(UserError) as told:
+        load_class(str(path))
+    assert str(told.value) == f"{path}: name a class in it, such as {path}:Own, {path}:Other"
+
+
+def test_a_file_without_models_says_so(path):
+    path.write_text("from fmus.kit import Component\n", encoding="utf-8")
+    with pytest.raises(UserError, match="there is no Component in it"):
+        load_class(str(path))
+    with pytest.raises(UserError, match=r"write path/to/file\.py:Class"):
+        load_class(f"{path}:")

@@ -12,7 +12,7 @@ import pytest
 from fmus.kit import UserError
 from fmus.kit.units import format_value
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.model import find_model
+from orchestration.fmu.model import built, declared_model, find_model
 from orchestration.fmu.simulation import simulate_instance
 from tests.support.archive import edited
 
@@ -45,6 +45,17 @@ def test_a_model_knows_its_signals_from_the_description_alone(fmu):
     assert "displacement" in model.outputs
 
 
+def test_a_model_is_a_line_and_in_a_notebook_a_table_of_its_variables(fmu):
+    model = find_model(str(fmu("ppy_actuator", "native")))
+    assert repr(model).startswith("<Model ppy_actuator.fmu: current, force -> ")
+    assert len(repr(model)) <= 102
+    page = model._repr_html_()
+    variables = (*model.inputs, *model.outputs, *model.parameters)
+    assert page.count("<tr>") == 1 + len(variables)
+    assert all(f">{name}</td>" in page for name in variables)
+    assert ">0.068 mm/C</td>" in page
+
+
 def test_settings_are_read_with_their_units(fmu):
     model = find_model(str(fmu("ppy_actuator", "native")))
     texts = ["R1=610mohm", "k1 = 6.3[N/mm]", "b1=1.5e6", "alpha=-0.05 mm/C", "current=.5"]
@@ -71,9 +82,10 @@ def test_settings_are_read_with_their_units(fmu):
     ],
 )
 def test_settings_that_their_type_cannot_hold_are_refused(thermostat, setting, told):
+    name, _, value = setting.partition("=")
     with pytest.raises(UserError) as caught:
         find_model(str(thermostat)).settings([setting])
-    assert str(caught.value).startswith(f"--set {setting}: {told}")
+    assert str(caught.value).startswith(f"settings={{{name!r}: {value!r}}}: {told}")
 
 
 def test_settings_of_integers_and_booleans_arrive(thermostat):
@@ -95,3 +107,20 @@ def test_settings_of_integers_and_booleans_arrive(thermostat):
         50.0,
     ]  # at the first sample instant the heater, disabled, goes off
     assert power["on"].tolist() == [1.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("name", ["ppy_actuator", "galvanostat", "foot", "rig_proxy"])
+def test_a_model_that_is_declared_has_the_signals_of_its_fmu(name):
+    declared, made = declared_model(name), find_model(name, "python")
+    assert dict(declared.inputs) == dict(made.inputs)
+    assert dict(declared.outputs) == dict(made.outputs)
+    assert list(declared.parameters) == list(made.parameters)
+    assert declared.title == made.title
+    assert built(declared, "python") == made
+
+
+def test_effects_are_declared_as_they_are_built():
+    effects = ["strain_saturation", "sensor_lag(voltage)"]
+    declared = declared_model("ppy_actuator", effects)
+    assert declared.effects == tuple(effects)
+    assert dict(declared.outputs) == dict(find_model("ppy_actuator", "python", effects).outputs)

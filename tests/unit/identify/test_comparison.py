@@ -115,7 +115,8 @@ def test_a_fit_has_values_intervals_and_figures_by_name(model, record):
     figures = fitted.to_dict()
     assert figures["parameters"]["R1"]["ci95"] == [low, high]
     assert figures["simulations"] == fitted.evaluations
-    assert fitted._repr_html_().startswith("<pre>parameter ")
+    assert '<th style="text-align:left">parameter</th>' in fitted._repr_html_()
+    assert fitted.to_frame().loc["R1", ["low", "high"]].tolist() == [low, high]
 
 
 def test_both_builds_give_the_same_figures(model, record):

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import fmus
 from fmus import MODELS, component
-from fmus.kit import UserError, units
+from fmus.kit import Parameter, UserError, units
 from fmus.kit.units import (
     base_unit,
     convert,
@@ -320,3 +320,32 @@ def test_other_units_are_left_to_pint(unit):
 def test_an_angle_stays_one_without_pint():
     with pytest.raises(UserError, match="'rad/s' cannot be converted to 'Hz'"):
         convert(1.0, "rad/s", "Hz")
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "display", "digits", "text"),
+    [
+        (0.013, "ohm", None, 3, "13.0 mΩ"),
+        (18.2, "s", None, 2, "18 s"),
+        (4512.0, "s", None, 3, "4510 s"),
+        (1.7e6, "N*s/m", None, 3, "1.70 MN·s/m"),
+        (6.8e-5, "m/C", "mm/C", 3, "68.0 µm/C"),
+        (1.01, "1/C^2", None, 3, "1.01 C⁻²"),
+        (300.0, "K", "degC", 3, "26.9 °C"),
+        (-0.3, "rad", "deg", 3, "−17.2 °"),
+        (999.97, "V", None, 3, "1.00 kV"),
+        (0.0, "V", None, 3, "0 V"),
+        (0.5, "1", None, 2, "0.50"),
+        (5.0, "parsecs of nowhere", None, 2, "5.0 parsecs of nowhere"),
+    ],
+)
+def test_values_have_prefixes_as_people_say_them(value, unit, display, digits, text):
+    declared = Parameter(value, unit, display=display)
+    assert units.format_prefixed(value, declared, digits) == text
+
+
+@given(st.floats(1e-12, 1e12), st.sampled_from(["V", "ohm", "N*s/m", "m/C"]))
+def test_a_value_with_a_prefix_reads_back_to_its_digits(value, unit):
+    number, _, shown = units.format_prefixed(value, Parameter(0.0, unit)).partition(" ")
+    read = units.registry().Quantity(float(number), shown.replace("·", "*")).to(unit).magnitude
+    assert read == pytest.approx(value, rel=0.5e-2)

@@ -4,11 +4,14 @@ system's member, where that is clear.
 
 from __future__ import annotations
 
+import shlex
+
 import numpy as np
 import pytest
 
 from fmus.kit.errors import UserError
 from orchestration.records import parse_mapping, read_record, write_record
+from orchestration.reporting import in_shell
 from tests.support.record_forms import PLAIN, SIGNALS, refusal, write
 
 TIME = 0.1 * np.arange(50)
@@ -95,4 +98,32 @@ def test_a_required_signal_that_is_absent_is_refused_with_a_suggestion(tmp_path)
     path = write(tmp_path, "time [s],Displacement [m],current [A]\n0,1,2\n1,2,3\n")
     message = refusal(path, required=["displacement"])
     assert "did you mean Displacement?" in message
-    assert "--map" in message
+    assert "mapping={" in message
+
+
+@pytest.mark.parametrize("required", [(), ("displacement",)])
+def test_the_map_that_a_refusal_advises_works_word_for_word(tmp_path, required):
+    path = write(tmp_path, "time [s],Strom [mA],Weg [mm],n\n0,100,1,7\n1,200,2,8\n")
+    with in_shell():
+        message = refusal(path, required=required)
+    words = shlex.split(message[message.index("--map") :])
+    assert words[::2] == ["--map", "--map"]
+    record = read_record(path, SIGNALS, mapping=parse_mapping(words[1::2]), required=required)
+    np.testing.assert_allclose(record.signals["displacement"], [1e-3, 2e-3])
+    np.testing.assert_allclose(record.signals["current"], [0.1, 0.2])
+
+
+@pytest.mark.parametrize("unit", ["blorg", "V"])
+def test_the_map_that_states_a_unit_works_word_for_word(tmp_path, unit):
+    path = write(tmp_path, f"time [s],current [{unit}]\n0,1\n1,2\n")
+    with in_shell():
+        message = refusal(path)
+    words = shlex.split(message[message.index("--map") :])
+    record = read_record(path, SIGNALS, mapping=parse_mapping(words[1::2]))
+    assert record.signals["current"].tolist() == [1.0, 2.0]
+
+
+def test_a_column_is_found_by_its_whole_header(tmp_path):
+    path = write(tmp_path, "time/s,I/mA,I/A\n0,5,1\n1,6,2\n")
+    record = read_record(path, SIGNALS, mapping=parse_mapping(["I/A=current"]))
+    assert record.signals["current"].tolist() == [1.0, 2.0]

@@ -1,15 +1,19 @@
 """Claims: what is clean is read as it is, to the edge of the doubles, in units of the model; public
-records agree with a plain reading.
+records agree with a plain reading; files of twelve vendors are read without editing, and damaged
+ones refused with file, row and reason.
 """
 
 import os
+import re
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 import pytest
 
 from fmus.kit import UserError
-from orchestration.records import read_record
+from orchestration.records import parse_mapping, read_record
+from tests.support import vendors
 from tests.support.record_forms import write
 from tests.support.record_rows import read, varied_rows, write_rows
 
@@ -101,4 +105,45 @@ def test_a_frequency_is_not_taken_for_an_angular_speed(tmp_path):
     path = write(tmp_path, "time [s],speed [rpm]\n0,60\n1,30\n")
     np.testing.assert_allclose(
         read_record(path, {"speed": "rad/s"}).signals["speed"], [2 * np.pi, np.pi]
+    )
+
+
+@pytest.mark.parametrize("vendor", vendors.VENDORS, ids=lambda make: make.__name__)
+def test_a_file_of_a_vendor_is_read_as_it_is(tmp_path, vendor):
+    file = vendor()
+    record = read_vendor(tmp_path, file)
+    samples = vendors.course()
+    since = record.time - record.time[0]
+    np.testing.assert_allclose(since, [float(s.time) for s in samples], rtol=1e-12, atol=1e-9)
+    for name in vendors.UNITS:
+        truth = [float(getattr(sample, name)) for sample in samples]
+        np.testing.assert_allclose(record.signals[name], truth, rtol=1e-14)
+    assert not any(repair.changed_data for repair in record.repairs)
+
+
+@pytest.mark.parametrize("vendor", vendors.VENDORS, ids=lambda make: make.__name__)
+def test_a_damaged_file_of_a_vendor_is_refused_with_file_row_and_reason(tmp_path, vendor):
+    damaged = vendors.damages(vendor())
+    assert len(damaged) == 5
+    for damage in damaged:
+        began = perf_counter()
+        with pytest.raises(UserError) as caught:
+            read_vendor(tmp_path, damage.file)
+        assert perf_counter() - began < 2.0
+        message = str(caught.value)
+        assert message.startswith(str(tmp_path / damage.file.name)), damage.what
+        assert re.search(rf"\brows? {damage.line}\b", message), (damage.what, message)
+        assert damage.reason in message, damage.what
+        assert "\n" not in message
+
+
+def read_vendor(folder, file):
+    path = folder / file.name
+    path.write_bytes(file.content())
+    return read_record(
+        path,
+        vendors.UNITS,
+        mapping=parse_mapping(file.mapping),
+        required=list(vendors.UNITS),
+        inputs=["current"],
     )

@@ -1,5 +1,6 @@
 """Claims: a record says in lines what it holds and what was repaired; its picture has units."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,16 @@ def test_it_says_what_was_changed_and_what_only_noticed(record):
         "noted: 31 s before row 4",
         "repaired: rows sorted",
     ]
-    assert "<pre>r.csv, run b: " in record._repr_html_()
+
+
+def test_a_notebook_shows_what_every_signal_has(record):
+    page = record._repr_html_()
+    assert page.startswith("<p>r.csv, run b: 3 samples over 31.5 s</p>")
+    cells = re.findall(r"<td[^>]*>(.*?)</td>", page)
+    assert cells == ["u", "V", "1", "3", "0", "y", "m", "0.001", "0.003", "1"]
+    assert "<p>repaired: rows sorted</p>" in page
+    assert "data:image/png;base64," in page
+    assert repr(record) == "<Record r.csv: 3 samples of u, y>"
 
 
 def test_a_table_has_its_signals_over_time(record):

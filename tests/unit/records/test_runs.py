@@ -88,11 +88,11 @@ def test_labels_may_be_words(tmp_path):
 @pytest.mark.parametrize(
     ("column", "mapping", "message"),
     [
-        ("puls", {}, "--runs puls: no column is called 'puls' (did you mean pulse?)"),
+        ("puls", {}, "runs='puls': no column is called 'puls' (did you mean pulse?)"),
         (
             "other",
             {"other": "voltage"},
-            "--runs other: this column is mapped to the signal voltage",
+            "runs='other': this column is mapped to the signal voltage",
         ),
         ("gap", {}, "row 3: no value in column 'gap', which tells the runs"),
     ],

@@ -1,27 +1,55 @@
-"""Texts on a page stay texts, whatever stands in them."""
+"""Claims: texts on a page stay texts, and the page says what it was made from."""
 
 from __future__ import annotations
+
+import hashlib
 
 import numpy as np
 
 from orchestration.reporting.page import Markup, Page, escaped
 from orchestration.reporting.plots import Panel, Trace, stacked
-from tests.support.pages import figures_of
+from tests.support.pages import words_of
+
+NASTY = "</style><script>hurt()</script>"
 
 
-def test_a_title_cannot_end_the_script_it_stands_in():
-    made = Page("code", "code")
-    made.plot(
-        stacked(
-            [Panel("</script><script>", 100, [Trace("</script>", np.arange(2.0), np.ones(2), {})])],
-            "",
-        ),
-        "",
-    )
-    (figure,) = figures_of("".join(made.parts))
-    assert figure["data"][0]["legendgroup"] == "</script>"
+def test_what_looks_like_code_stays_a_text():
+    made = Page(NASTY, NASTY, NASTY)
+    line = Trace(NASTY, np.arange(2.0), np.ones(2), "#000000")
+    made.chart(stacked([Panel(NASTY, 100, [line])], NASTY), NASTY)
+    made.heading(NASTY)
+    made.table([NASTY], [[NASTY]])
+    made.items([NASTY])
+    made.code([NASTY])
+    with made.folded(NASTY):
+        made.reproduction([], NASTY)
+    assert "<script" not in made.html()
+    assert made.html().count("</style>") == 1
 
 
 def test_markup_is_not_escaped_twice():
     assert escaped(escaped("a & b")) == "a &amp; b"
     assert isinstance(escaped("a"), Markup)
+
+
+def test_the_title_of_the_window_has_no_markup():
+    assert "<title>10 N /m</title>" in Page(Markup("10 N<b>/m</b>"), "").html()
+
+
+def test_what_scrolls_is_reached_by_the_keyboard():
+    made = Page("", "")
+    made.table(["a"], [["b"]])
+    made.code(["c"])
+    assert made.html().count('tabindex="0"') == 2
+
+
+def test_files_are_told_with_their_digests(tmp_path):
+    file = tmp_path / "record.csv"
+    content = b"time [s]\n"
+    file.write_bytes(content)
+    made = Page("", "")
+    made.reproduction([file, tmp_path / "gone.csv"], "ppy list")
+    text = words_of(made.html())
+    assert f"SHA-256 of record.csv: {hashlib.sha256(content).hexdigest()}" in text
+    assert "SHA-256 of gone.csv: cannot be read again" in text
+    assert "ppy list" in text

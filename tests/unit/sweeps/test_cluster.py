@@ -152,7 +152,7 @@ def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch, ends):
 def test_where_there_is_no_cluster_it_is_told_in_a_line(lag):
     call = {"over": {"tau": "0.5..4:5"}, "time": TIME}
     with pytest.raises(
-        UserError, match=r"--scheduler tcp://127.0.0.1:9: no scheduler answers there"
+        UserError, match=r"scheduler='tcp://127.0.0.1:9': no scheduler answers there"
     ):
         ppy.sweep(lag, **call, scheduler="tcp://127.0.0.1:9")
     with pytest.raises(UserError, match="of this machine"):

@@ -192,9 +192,9 @@ def test_the_engine_is_chosen_by_what_is_known(lag, tmp_path):
 @pytest.mark.parametrize(
     ("name", "engine", "told"),
     [
-        (None, "compiled", "--engine compiled: one_state.fmu is run as an FMU"),
-        ("rig_proxy", "compiled", "--engine compiled: rig_proxy has no equations"),
-        ("ppy_actuator", "gpu", "--engine gpu: it is one of auto, fmu, compiled"),
+        (None, "compiled", "engine='compiled': one_state.fmu is run as an FMU"),
+        ("rig_proxy", "compiled", "engine='compiled': rig_proxy has no equations"),
+        ("ppy_actuator", "gpu", "engine='gpu': it is one of auto, fmu, compiled"),
     ],
 )
 def test_what_cannot_be_compiled_is_told_in_a_line(lag, name, engine, told):

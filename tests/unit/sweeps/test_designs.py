@@ -64,7 +64,7 @@ def test_points_of_sobol_fill_every_box(model):
         (("R1=0.5,0.6,0.5",), {}, "0.5 stands there twice"),
         (("R1=0.3..0.7:3",), {"kind": "sobol", "samples": 8}, "write from..to"),
         (("R1=0.3..0.7",), {"kind": "sobol", "samples": 9}, "powers of two"),
-        (("R1=0.3..0.7",), {"kind": "latin-hypercube"}, "needs --samples"),
+        (("R1=0.3..0.7",), {"kind": "latin-hypercube"}, "needs samples="),
         (("R1=0.3..0.7:3",), {"samples": 5}, "has its own values"),
         (("R1=0.3..0.7:3",), {"kind": "random"}, "one of grid"),
         (("R1=0.3..0.7:100000", "C=1..2:100000"), {}, "at most"),

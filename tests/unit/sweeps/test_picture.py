@@ -52,3 +52,43 @@ def test_without_numbers_there_is_nothing_to_draw(tmp_path):
     data = grid().drop_vars("y_last")
     with pytest.raises(UserError, match="numbers are drawn over parameters"):
         picture.draw(data, tmp_path / "a.png")
+
+
+def test_numbers_and_parameters_are_in_the_units_that_they_are_displayed_in(figures, tmp_path):
+    """As the picture of a simulation has them: mm for m, mA for A."""
+    data = grid()
+    data["y_last"].attrs |= {"units": "m", "display_units": "mm"}
+    data["a"].attrs["display_units"] = "mA"
+    data["b"].attrs["display_units"] = "mN"
+    picture.draw(data, tmp_path / "a.png")
+    assert picture.left_out(data) == []
+    panel = figures[0].axes[0]
+    assert panel.get_lines()[1].get_xdata() == pytest.approx([1e3, 2e3, 3e3])
+    assert panel.get_lines()[1].get_ydata() == pytest.approx([1e3, 3e3, 5e3])
+    assert panel.get_lines()[1].get_label() == "b = 7000 mN"
+    assert (panel.get_xlabel(), panel.get_ylabel()) == ("a [mA]", "y last\n[mm]")
+
+
+def test_what_a_picture_leaves_out_is_said(figures, tmp_path):
+    cases = {f"y{k}_last": ("case", [1.0, 2.0], {"units": "V"}) for k in range(8)}
+    about = {"units": "A"}
+    where = {name: ("case", [0.3, 0.1], about) for name in ("a", "b", "c")}
+    data = xarray.Dataset(cases, where, {"model": "m"})
+    picture.draw(data, tmp_path / "a.png")
+    assert len(figures[0].axes) == 6
+    assert picture.left_out(data) == [
+        "the picture shows the first 6 of 8 numbers, without y6_last, y7_last; outputs= and"
+        " keep= choose others",
+        "the picture shows the cases over a alone, not over b, c",
+    ]
+
+
+def test_curves_without_a_legend_are_explained(figures, tmp_path):
+    values = {"y_last": (("a", "b"), np.zeros((3, 9)), {"units": "V"})}
+    about = {"units": "A"}
+    where = {"a": ("a", [1.0, 2.0, 3.0], about), "b": ("b", np.arange(9.0), about)}
+    data = xarray.Dataset(values, where, {"model": "m"})
+    picture.draw(data, tmp_path / "a.png")
+    (line,) = picture.left_out(data)
+    assert line.startswith("the picture has 9 curves, from dark to light in the order of b")
+    assert figures[0].axes[0].get_legend() is None

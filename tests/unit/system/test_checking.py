@@ -14,8 +14,8 @@ import pytest
 from fmus.kit import units
 from fmus.kit.errors import UserError
 from orchestration.system import Connection, Member, Port, System, connect
-from orchestration.system.checking import check, conversion, warnings
-from tests.support.system.samples import pair, tiny_fmu
+from orchestration.system.checking import check, conversion, open_inputs, warnings
+from tests.support.system.samples import pair, tiny_fmu, without_starts
 
 
 @pytest.fixture
@@ -155,7 +155,20 @@ def test_what_cannot_be_converted_has_no_factor():
     assert conversion("Hz", "rad/s") is None
 
 
-def test_an_input_without_a_source(system):
+def test_an_input_that_nothing_feeds_stays_at_the_start_value_of_its_fmu(system):
+    unfed = free(system, "length")
+    check(unfed)
+    assert [str(port) for port in open_inputs(unfed)] == ["load.length"]
+    assert open_inputs(system) == {}
+    assert warnings(unfed)[-1] == (
+        "nothing feeds load.length; it stays at 0 mm, the start value of its FMU"
+    )
+
+
+def test_an_input_without_a_source_and_without_a_start_value(system):
+    for member in system.members:
+        without_starts(member.fmu)
+    check(system)
     refused(
         free(system, "hold"),
         "load.hold is not connected",

@@ -8,4 +8,3 @@ from .page import add_laws as add_laws
 from .page import laws_page as laws_page
 from .summary import law_map as law_map
 from .wording import headline as headline
-from .wording import typeset_headline as typeset_headline

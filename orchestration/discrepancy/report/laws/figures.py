@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from fmus.kit import in_words
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.laws import Correction, Entry
-from orchestration.discrepancy.report.html_elements import format_quantities
 from orchestration.discrepancy.report.laws import wording
 from orchestration.discrepancy.report.laws.law_report import (
     LawReport,
     describe_signal,
     shape_beside_line,
 )
-from orchestration.reporting import Markup, Panel, Trace, escaped, heat_map, pictures, stacked
+from orchestration.reporting import (
+    Markup,
+    Panel,
+    Trace,
+    escaped,
+    format_quantities,
+    heat_map,
+    pictures,
+    stacked,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,7 +33,7 @@ if TYPE_CHECKING:
 _POINTS = 300  # of a curve
 _HEIGHT = 360  # pixels
 _LARGEST_MAP = 24  # laws, and signals, that a map has room for
-_BAND_COLOUR = "rgba(11,106,162,0.18)"
+_BAND_COLOUR = "#d4e5ef"
 
 
 class _Curve(NamedTuple):
@@ -53,31 +62,26 @@ def axis_titles(law_report: LawReport, correction: Correction) -> tuple[str, str
 
 
 def _with_unit(name: str, unit: str) -> str:
-    text = name.replace("_", " ")
+    text = in_words(name)
     return text if unit == "1" else f"{text} [{unit}]"
 
 
-def plot_curve(law_report: LawReport, correction: Correction) -> dict[str, Any]:
+def plot_curve(law_report: LawReport, correction: Correction) -> Markup:
     """Draw the curve with its band, its named shape, and where the record has been."""
     curve = _curve(correction)
-    edge = {"width": 0, "color": pictures.MODEL}
-    filled = {"fill": "tonexty", "fillcolor": _BAND_COLOUR, "hoverinfo": "skip"}
     traces = [
-        Trace("", curve.x, curve.low, edge, {"hoverinfo": "skip"}),
-        Trace("95 % band", curve.x, curve.high, edge, filled),
-        Trace("curve", curve.x, curve.value, {"color": pictures.MODEL, "width": 2.5}),
+        Trace("95 % band", curve.x, curve.high, _BAND_COLOUR, low=curve.low),
+        Trace("curve", curve.x, curve.value, pictures.MODEL, 2.5),
     ]
     shape = shape_beside_line(correction, curve.x)
     if shape is not None:
-        style = {"color": pictures.FITTED, "width": 1.5, "dash": "dash"}
-        traces.append(Trace(wording.shape_name(correction.shape), curve.x, shape, style))
+        name = wording.shape_name(correction.shape)
+        traces.append(Trace(name, curve.x, shape, pictures.FITTED, dashed=True))
     visited = correction.entry.visited
     lowest = float(curve.low.min())
     floor = min(lowest, 0.0) - 0.06 * float(curve.high.max() - curve.low.min())
-    marker = {"symbol": "line-ns-open", "size": 9, "color": "#52616e"}
-    more = {"mode": "markers", "marker": marker, "hoverinfo": "skip"}
     at_floor = np.full(len(visited), floor)
-    traces.append(Trace("where the record has been", visited, at_floor, {}, more))
+    traces.append(Trace("where the record has been", visited, at_floor, "#52616e", dots=True))
     vertical, horizontal = axis_titles(law_report, correction)
     return stacked([Panel(_typeset_title(vertical), _HEIGHT, traces)], _typeset_title(horizontal))
 
@@ -90,12 +94,12 @@ def _typeset_title(text: str) -> Markup:
     return Markup(f"{escaped(name)} [{format_quantities(unit.rstrip(']'))}]")
 
 
-def plot_law_map(law_report: LawReport) -> tuple[dict[str, Any], str]:
+def plot_law_map(law_report: LawReport) -> tuple[Markup, str]:
     """Draw the map of laws over signals; of what is remembered of a signal the best.
 
     Returns
     -------
-    figure : dict
+    chart : Markup
     omitted : str
         Sentence on what has no room on it; empty where all has.
     """

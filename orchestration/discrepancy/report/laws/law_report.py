@@ -8,9 +8,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.kit import SHAPES, Component, Effect, SignalTerm, effect_name, made_with
+from fmus.kit import (
+    SHAPES,
+    Component,
+    Effect,
+    SignalTerm,
+    effect_name,
+    effect_title,
+    in_words,
+    law_title,
+    made_with,
+    within_sentence,
+)
 from fmus.kit.arrays import Array
-from fmus.kit.units import base_unit
+from fmus.kit.units import base_unit, write_prefixed
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.law_corrections import LawSearch
 from orchestration.discrepancy.laws import Correction, LawMapResult, LawSignal, unit_of
@@ -126,6 +137,16 @@ class LawReport:
         """Effects that were named before the laws were judged."""
         return [effect_name(effect) for effect in self.base_model.candidate.effects]
 
+    @property
+    def cause_titles(self) -> list[str]:
+        """Their names for people, as they stand in a sentence."""
+        effects = self.base_model.candidate.effects
+        return [within_sentence(effect_title(effect)) for effect in effects]
+
+    def law_title(self, correction: Correction) -> str:
+        """Return the name for people of the law that a correction changes."""
+        return law_title(self.component, correction.entry.law)
+
     def effect_name(self, correction: Correction) -> str:
         """Return the name of an equivalent effect of the catalogue, or else ``LAW(SIGNAL)``."""
         if self.laws and self.laws.cause and correction is self.best:
@@ -157,7 +178,8 @@ def is_refuted(correction: Correction) -> bool:
 
 def describe_signal(signal: LawSignal) -> str:
     """Return a signal, or what is remembered of it, in words."""
-    return _SIGNAL_WORDS.get(signal.memory, "{0}").format(signal.name, signal.constant)
+    words = _SIGNAL_WORDS.get(signal.memory, "{0}")
+    return words.format(in_words(signal.name), signal.constant)
 
 
 def shape_estimates(correction: Correction) -> dict[str, Estimate]:
@@ -261,7 +283,7 @@ def signal_unit(component: type[Component], signal: LawSignal) -> str:
 
 def format_with_unit(value: float, unit: str) -> str:
     """Return a value of three digits with its unit."""
-    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"
+    return write_prefixed(value, unit)
 
 
 def plain_unit(unit: str) -> str:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from fmus.kit import capitalised, in_words, variable_title
 from orchestration.discrepancy.laws import Correction
 from orchestration.discrepancy.report import html_elements
 from orchestration.discrepancy.report.figures import COLOURS, EXTENDED, REFITTED
-from orchestration.discrepancy.report.html_elements import Bar, format_quantities
 from orchestration.discrepancy.report.laws import figures, wording
 from orchestration.discrepancy.report.laws.formula import typeset_equation
 from orchestration.discrepancy.report.laws.law_report import (
@@ -16,10 +16,10 @@ from orchestration.discrepancy.report.laws.law_report import (
     shape_estimates,
     shape_formula,
 )
-from orchestration.discrepancy.report.sections import add_data, add_notes, add_reproduction
+from orchestration.discrepancy.report.sections import add_data, add_notes
 from orchestration.discrepancy.report.wording import format_interval
 from orchestration.discrepancy.validation import parameter_estimates
-from orchestration.reporting import Markup, Page, escaped
+from orchestration.reporting import Bar, Markup, Page, elements, escaped, format_quantities
 
 _CHIPS = {"confirmed": "named", "refuted": "cause", "not confirmed": "ambiguous", "not asked": ""}
 
@@ -38,29 +38,56 @@ def laws_page(law_report: LawReport, command: str) -> Page:
     Page
     """
     result = law_report.result
-    title = f"The laws of {result.model.name} against {result.files}"
-    page = Page(title, _verdict(law_report), html_elements.STYLE)
-    add_laws(page, law_report)
-    for each in law_report.rounds:
-        if each.best is not None:
-            if each.best.errors[0]:
-                _add_errors(page, each, each.best)
-            _add_parameters(page, each, each.best)
+    page = Page(_title(law_report), _verdict(law_report), _about(law_report))
+    page.heading("What is wrong, and the law itself")
+    corrected = [(each, each.best) for each in law_report.rounds if each.best is not None]
+    for each, best in corrected:
+        _add_curve(page, each, best)
+        if best.errors[0]:
+            _add_errors(page, each, best)
     page.heading("What to do next")
     page.items(wording.next_steps(law_report))
-    add_notes(page, result)
+    add_notes(page, result, done=False)
+    page.heading("How sure this is")
+    for each, best in corrected:
+        _add_corrections(page, each)
+        _add_parameters(page, each, best)
+    add_notes(page, result, done=True)
+    page.heading("How it was found")
+    for each in law_report.rounds:
+        _add_law_map(page, each)
     records = [*result.records, *result.holdouts]
     add_data(page, records)
-    add_reproduction(page, records, command)
+    page.reproduction([record.source for record in records], command)
     return page
+
+
+def _title(law_report: LawReport) -> str:
+    """Return which law depends on what, or that none lacks anything."""
+    best = law_report.best
+    if best is None:
+        return wording.sentence(law_report)
+    signal = describe_signal(best.entry.signal)
+    may = "" if is_confirmed(best) else "may "
+    verb = "depend" if may else "depends"
+    law = capitalised(law_report.law_title(best))
+    return f"{law} {may}{verb} on {signal} beyond what the model has."
+
+
+def _about(law_report: LawReport) -> Markup:
+    result = law_report.result
+    return Markup(
+        f"The laws of <code>{escaped(result.model.name)}</code> against"
+        f" <code>{escaped(result.files)}</code>"
+    )
 
 
 def _verdict(law_report: LawReport) -> Markup:
     if law_report.best is None:
-        chip = html_elements.chip("consistent", "nothing found")
+        chip = elements.chip("consistent", "nothing found")
     else:
         outcome = wording.unseen_data_outcome(law_report.best)
-        chip = html_elements.chip(_CHIPS[outcome], outcome)
+        chip = elements.chip(_CHIPS[outcome], outcome)
     return Markup(f"{chip} {format_quantities(wording.sentence(law_report))}")
 
 
@@ -69,8 +96,7 @@ def add_laws(page: Page, law_report: LawReport) -> None:
     for each in law_report.rounds:
         if each.best is not None:
             _add_curve(page, each, each.best)
-        if each.found is not None and len({entry.key for entry in each.found.entries}) > 1:
-            _add_law_map(page, each)
+        _add_law_map(page, each)
         if each.best is not None:
             _add_corrections(page, each)
 
@@ -78,7 +104,8 @@ def add_laws(page: Page, law_report: LawReport) -> None:
 def _add_curve(page: Page, law_report: LawReport, best: Correction) -> None:
     """Add the curve of the best correction, with the law that it makes."""
     entry = best.entry
-    page.heading(f"{entry.law} over {describe_signal(entry.signal)}{_beside(law_report)}")
+    law = law_report.law_title(best)
+    page.subheading(f"{capitalised(law)} over {describe_signal(entry.signal)}{_beside(law_report)}")
     is_not_signal = bool(entry.signal.memory or law_and_signal(best.model.effect)[1].zero)
     page.parts.append(
         typeset_equation(
@@ -94,21 +121,23 @@ def _add_curve(page: Page, law_report: LawReport, best: Correction) -> None:
             f" The dashed line is {wording.shape_name(best.shape)} as it was fitted, beside the"
             " straight line that is nearest, which the model's own parameters may make up."
         )
-    page.plot(
+    page.chart(
         figures.plot_curve(law_report, best),
-        f"What {entry.law} lacks {relation}, with its 95 % band. The model's own parameters are"
+        f"What {law} lacks {relation}, with its 95 % band. The model's own parameters are"
         " fitted beside it, and what they can do may be in them as well as in the curve, such as a"
         f" straight part.{dashed}",
     )
 
 
 def _add_law_map(page: Page, law_report: LawReport) -> None:
-    """Add the map of every law over every signal."""
-    page.heading(f"Which law over which signal{_beside(law_report)}")
+    """Add the map of every law over every signal, where there are several."""
+    if law_report.found is None or len({entry.key for entry in law_report.found.entries}) < 2:
+        return
+    page.subheading(f"Which law over which signal{_beside(law_report)}")
     plot, omitted = figures.plot_law_map(law_report)
-    chance = law_report.found.chance if law_report.found else 0.0
+    chance = law_report.found.chance
     best_by_chance = f"would reach {chance:.3g}" if chance > 0.0 else "would explain nothing"
-    page.plot(
+    page.chart(
         plot,
         "How much a curve there would explain, to first order: the fall of twice the logarithm of"
         " the likelihood, less the price of the curve. What is remembered is the best of its lags"
@@ -119,14 +148,14 @@ def _add_law_map(page: Page, law_report: LawReport) -> None:
 
 def _add_corrections(page: Page, law_report: LawReport) -> None:
     """Add a table of the corrections that were fitted."""
-    page.heading(f"Corrections that were fitted{_beside(law_report)}")
+    page.subheading(f"Corrections that were fitted{_beside(law_report)}")
     largest = max(correction.gain for correction in law_report.corrections)
     page.table(
         ["law and signal", "fall of BIC", "looks like", "unseen data", "cannot be told from"],
         [_correction_row(law_report, each, largest) for each in law_report.corrections],
     )
     page.parts.append(
-        html_elements.muted_paragraph(
+        elements.muted_paragraph(
             "Every correction is fitted in the model together with all parameters. The fall of BIC"
             " is less the price of looking at so many. Only the first one is held against unseen"
             " data."
@@ -142,25 +171,27 @@ def _correction_row(law_report: LawReport, correction: Correction, largest: floa
     if correction.shape:
         amounts = wording.describe_shape_parameters(law_report, correction)
         formula = f"{shape_formula(correction)} with {amounts}"
-        shape = html_elements.two_lines(wording.shape_name(correction.shape), formula)
+        shape = elements.two_lines(wording.shape_name(correction.shape), formula)
     outcome = wording.unseen_data_outcome(correction)
     indistinguishable = law_report.indistinguishable(correction)
     others = "<br>".join(map(escaped, indistinguishable))
     return [
-        html_elements.two_lines(
-            f"{entry.law} over {describe_signal(entry.signal)}",
-            law_report.effect_name(correction) + factor,
+        elements.named(
+            f"{capitalised(law_report.law_title(correction))} over {describe_signal(entry.signal)}"
+            f"{factor}",
+            law_report.effect_name(correction),
+            "",
         ),
         html_elements.number_above_bar(correction.gain, largest),
         shape,
-        html_elements.chip(_CHIPS[outcome], outcome),
+        elements.chip(_CHIPS[outcome], outcome),
         Markup(f'<span class="two">{others}</span>') if indistinguishable else "",
     ]
 
 
 def _add_errors(page: Page, law_report: LawReport, best: Correction) -> None:
     """Add how far off the model is without the correction and with it."""
-    page.heading(f"Error on data that no fit has seen{_beside(law_report)}")
+    page.subheading(f"Error on data that no fit has seen{_beside(law_report)}")
     before, after = best.errors
     for output in before:
         bars = [
@@ -169,9 +200,9 @@ def _add_errors(page: Page, law_report: LawReport, best: Correction) -> None:
             ),
             Bar("with it", COLOURS[EXTENDED], after[output], wording.format_percent(after[output])),
         ]
-        page.parts.append(html_elements.bar_chart(output, bars))
+        page.parts.append(elements.bar_chart(capitalised(in_words(output)), bars))
     page.parts.append(
-        html_elements.muted_paragraph(
+        elements.muted_paragraph(
             "Root mean square of measured minus simulated, in percent of that of the measurement"
             " about its mean; all parameters are fitted without it, and once more with it."
         )
@@ -180,7 +211,7 @@ def _add_errors(page: Page, law_report: LawReport, best: Correction) -> None:
 
 def _add_parameters(page: Page, law_report: LawReport, best: Correction) -> None:
     """Add the parameters with the correction and without it."""
-    page.heading(f"Parameters{_beside(law_report)}")
+    page.subheading(f"Parameters{_beside(law_report)}")
     own = shape_estimates(best)
     declared = best.model.problem.declared
     base_values = law_report.base_model.fit.values
@@ -190,7 +221,9 @@ def _add_parameters(page: Page, law_report: LawReport, best: Correction) -> None
         interval = format_interval(e.interval, "{:.4g}".format)
         rows.append(
             [
-                html_elements.two_lines(name, declared[name].doc),
+                elements.named(
+                    capitalised(variable_title(declared[name])), name, declared[name].doc
+                ),
                 _format_value(e.value, unit),
                 format_quantities(interval),
                 _format_value(base_values[name], unit) if name in base_values else "",
@@ -199,7 +232,7 @@ def _add_parameters(page: Page, law_report: LawReport, best: Correction) -> None
     page.table(["parameter", "with the correction", "95 % interval", "without"], rows)
     if not is_confirmed(best):
         page.parts.append(
-            html_elements.muted_paragraph(
+            elements.muted_paragraph(
                 "Unseen data do not confirm the correction: go on with those without it."
             )
         )
@@ -211,4 +244,4 @@ def _format_value(value: float, unit: str) -> Markup:
 
 def _beside(law_report: LawReport) -> str:
     """Return what the model has already, for a heading."""
-    return f", beside {' and '.join(law_report.causes)}" if law_report.causes else ""
+    return f", beside {' and '.join(law_report.cause_titles)}" if law_report.causes else ""

@@ -32,7 +32,8 @@ def overview(law_report: LawReport) -> Group:
 
 def corrections(law_report: LawReport) -> RenderableType:
     """Return a table of the corrections that were fitted, the best first."""
-    beside = f" beside {' and '.join(law_report.causes)}" if law_report.causes else ""
+    titles = " and ".join(law_report.cause_titles)
+    beside = f" beside {titles}" if titles else ""
     head = ["effect", "law", "signal", "fall of BIC", "shape", "unseen data", "alike"]
     table = plain_table(f"corrections{beside}", *head)
     for correction in law_report.corrections:
@@ -40,7 +41,7 @@ def corrections(law_report: LawReport) -> RenderableType:
         factor = " (factor)" if entry.kind == "multiply" else ""
         table.add_row(
             law_report.effect_name(correction),
-            f"{entry.law}{factor}",
+            f"{law_report.law_title(correction)}{factor}",
             describe_signal(entry.signal),
             f"{correction.gain:.1f}",
             correction.shape or "a curve",

@@ -6,11 +6,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fmus.kit import (
+    capitalised,
+    effect_name,
+    effect_title,
+    in_words,
+    made_by,
+    within_sentence,
+)
+from fmus.kit import correction as make_correction
 from fmus.kit.arrays import Array
+from fmus.kit.units import printed
 from orchestration.discrepancy.laws import Correction, LawSignal, unit_of
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.report.html_elements import format_quantities
 from orchestration.discrepancy.report.laws.law_report import (
     LawReport,
     describe_signal,
@@ -25,9 +34,9 @@ from orchestration.discrepancy.report.laws.law_report import (
     shape_width,
     signal_unit,
 )
-from orchestration.discrepancy.report.wording import format_percent
+from orchestration.discrepancy.report.wording import Answer, format_percent
 from orchestration.identify.uncertainty import Estimate
-from orchestration.reporting import Markup, escaped
+from orchestration.reporting import option
 
 _NOTHING = "No law is found to lack anything."
 _LETTERS = {"": "a", "_width": "w", "_beside": "b"}  # by what the name of a parameter ends with
@@ -69,40 +78,44 @@ _BROAD = 10.0  # ratio of the time constants of a spectrum, from which on it is 
 _WIDE = 0.5  # of what the curve spans, from which on its band is wide
 
 
-def headline(result: Result) -> str:
-    """Return what a law lacks, if anything, the verdict, and the notes to be read with it."""
-    lacking = _lacking(result)
-    verdict = wording.headline(result)
-    parts = (verdict, lacking) if _goes_last(result) else (lacking, verdict)
-    return " ".join(part for part in parts if part)
+def headline(result: Result) -> Answer:
+    """Return the verdict, in which a law that lacks something is told by its shape.
 
-
-def typeset_headline(result: Result) -> Markup:
-    """Return the same for a page, with quantities of the law as they are printed."""
-    lacking = format_quantities(_lacking(result))
-    verdict = escaped(wording.headline(result))
-    parts = (verdict, lacking) if _goes_last(result) else (lacking, verdict)
-    return Markup(" ".join(part for part in parts if part))
-
-
-def _goes_last(result: Result) -> bool:
-    """Return whether what a law may lack comes after causes, the first of which is another."""
+    What is not among the causes, because unseen data do not confirm it, comes after them.
+    """
     law_report = LawReport(result, result.laws)
-    best = law_report.best
-    causes = result.diagnosis.causes
-    if best is None or not causes:
-        return False
-    return not best.confirmed or law_report.effect_name(best) != causes[0]
+    found = wording.headline(result, _phrases(law_report))
+    return found._replace(support=(*found.support, *_beside_verdict(law_report)))
 
 
-def _lacking(result: Result) -> str:
-    """Return what a law lacks and which causes that replaces; empty if no law lacks anything."""
-    law_report = LawReport(result, result.laws)
-    if law_report.best is None:
-        return ""
-    replaced = [cause for cause in law_report.causes if cause not in result.diagnosis.causes]
-    text = sentence(law_report)
-    return f"{text} It takes the place of {' and '.join(replaced)}." if replaced else text
+def _phrases(law_report: LawReport) -> dict[str, str]:
+    """Return what is said of every correction that was confirmed, by the name of its effect."""
+    phrases = {}
+    for each in law_report.rounds:
+        cause = each.laws.cause if each.laws else None
+        if each.best is not None and cause is not None and made_by(cause.effect) is make_correction:
+            quantities = describe_quantities(each, each.best)
+            looks = shape_name(each.best.shape) if each.best.shape else "no simple shape"
+            phrases[each.effect_name(each.best)] = f"it looks like {looks}, and {quantities}"
+    return phrases
+
+
+def _beside_verdict(law_report: LawReport) -> list[str]:
+    """Return sentences on laws that the verdict does not have: what may lack, what was replaced."""
+    named = law_report.result.diagnosis.causes
+    sentences = [
+        _round_sentence(each)
+        for each in law_report.rounds
+        if each.best is not None and each.effect_name(each.best) not in named
+    ]
+    replaced = [
+        within_sentence(effect_title(effect))
+        for effect in law_report.base_model.candidate.effects
+        if effect_name(effect) not in named
+    ]
+    if law_report.best is not None and replaced:
+        sentences.append(f"This takes the place of {' and '.join(replaced)}.")
+    return [*sentences, *filter(None, [_relaxations_sentence(law_report)])]
 
 
 def sentence(law_report: LawReport) -> str:
@@ -118,7 +131,7 @@ def _relaxations_sentence(law_report: LawReport) -> str:
     if len(relaxations) < 2 or law_report.best is None:
         return ""
     law, signal = law_report.units(law_report.best)
-    unit = law if signal == "1" else f"{law}/{signal}"
+    unit = printed(law if signal == "1" else f"{law}/{signal}")
     parts = [f"{amount:.3g} {unit} at {constant:.3g} s" for constant, amount in relaxations]
     text = f"Together these are relaxations of {', '.join(parts[:-1])} and {parts[-1]}"
     shortest, _ = relaxations[0]
@@ -131,30 +144,30 @@ def _relaxations_sentence(law_report: LawReport) -> str:
 def _round_sentence(law_report: LawReport) -> str:
     """Return what the laws lack beside the effects that the model has already."""
     if law_report.found is None:
-        return wording.sentence(law_report.result.diagnosis)
+        return wording.INCONCLUSIVE
     best = law_report.best
-    causes = law_report.causes
+    causes = law_report.cause_titles
     if best is None:
         if not causes:
             return _NOTHING
         return f"Beside {' and '.join(causes)}: {_NOTHING[:1].lower()}{_NOTHING[1:]}"
     beside = f"Beside {' and '.join(causes)}: " if causes else ""
-    entry = best.entry
-    signal = describe_signal(entry.signal)
-    is_factor = entry.kind == "multiply"
+    law = law_report.law_title(best)
+    signal = describe_signal(best.entry.signal)
+    factor = ", as a factor" if best.entry.kind == "multiply" else ""
     shape = describe_shape(law_report, best)
     if is_confirmed(best):
-        factor = ", as a factor," if is_factor else ""
-        return (
-            f"{beside}{entry.law} depends on {signal}{factor} beyond what the model has: {shape};"
+        text = (
+            f"{beside}{law} depends on {signal}{factor} beyond what the model has: {shape};"
             f" {describe_errors(best)}."
         )
-    factor = " as a factor" if is_factor else ""
-    outcome = "speak against it" if is_refuted(best) else "tell too little of it"
-    return (
-        f"{beside}{entry.law}{factor} over {signal} would be worth looking at ({shape}), but data"
-        f" that no fit has seen {outcome}."
-    )
+    else:
+        outcome = "speak against it" if is_refuted(best) else "tell too little of it"
+        text = (
+            f"{beside}{law} over {signal}{factor} would be worth looking at ({shape}), but"
+            f" {wording.UNSEEN} {outcome}."
+        )
+    return capitalised(text)
 
 
 def describe_shape(law_report: LawReport, correction: Correction) -> str:
@@ -258,7 +271,7 @@ def _join_with_and(texts: Sequence[str]) -> str:
 
 
 def _unit_suffix(unit: str) -> str:
-    return "" if unit == "1" else f" {unit}"
+    return "" if unit == "1" else f" {printed(unit)}"
 
 
 def parameter_unit(law_report: LawReport, correction: Correction, e: Estimate) -> str:
@@ -277,7 +290,7 @@ def describe_errors(correction: Correction) -> str:
     output = max(before, key=lambda o: (before[o] - after[o]) / (before[o] or 1.0))
     moves = "falls" if after[output] < before[output] else "goes"
     return (
-        f"on data that no fit has seen the error of {output} {moves} from"
+        f"on {wording.UNSEEN} the error of {in_words(output)} {moves} from"
         f" {format_percent(before[output])} to {format_percent(after[output])}"
     )
 
@@ -321,13 +334,13 @@ def next_steps(law_report: LawReport) -> list[str]:
     indistinguishable = law_report.indistinguishable(best)
     if is_confirmed(best):
         steps = [
-            "Go on with it: --effect-out law.py writes it as a class of a few lines to lay over the"
-            " model, and --fmu better.fmu the model with it."
+            f"Go on with it: {option('effect_out', 'law.py')} writes it as a class of a few lines"
+            f" to lay over the model, and {option('fmu', 'better.fmu')} the model with it."
         ]
     else:
         steps = [
             f"Do not build on it yet. Take another record in which {signal} goes through"
-            " the same range, and give it as --holdout: what is real is there again."
+            f" the same range, and give it as {option('holdout')}: what is real is there again."
         ]
     if indistinguishable:
         steps.append(

@@ -12,8 +12,16 @@ from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
 from fmus.kit.units import convert
 from orchestration.identify.black_box.data import InputOutputData, input_output_data
-from orchestration.records import TIME, Column, Table, numbers, read_record
-from orchestration.records.formats import read_table
+from orchestration.records import (
+    Column,
+    Table,
+    find_time,
+    holds_instants,
+    numbers,
+    read_record,
+    read_table,
+)
+from orchestration.reporting import option
 
 _UNEVEN = 0.01  # of a sample period, by which samples may be off it
 
@@ -67,11 +75,10 @@ def read_columns(
         time and a step is given.
     """
     table = read_table(path)
-    chosen = _input_columns(table, output, inputs)
+    chosen = _input_columns(table, output, inputs, _not_signals(table, output, inputs, step))
     used = (output, *chosen)
     units = {column.name: column.unit or "1" for column in table.columns if column.name in used}
     if step is None:
-        _check_time(table)
         record = read_record(path, units, required=list(units), inputs=chosen)
         period = _period(path, record.time)
         values = record.signals
@@ -86,10 +93,28 @@ def read_columns(
     return Columns(path, data, units, notes)
 
 
-def _input_columns(table: Table, output: str, inputs: Sequence[str]) -> list[str]:
+def _not_signals(table: Table, output: str, inputs: Sequence[str], step: float | None) -> list[str]:
+    """Return the columns that are no input unless they are named: the time or count, and dates."""
+    first = table.columns[0]
+    if step is not None:
+        return [first.name]
+    able = [column for column in table.columns if column.name not in (output, *inputs)]
+    try:
+        time = find_time(table, (), able)
+    except UserError:
+        raise UserError(
+            f"{table.path}: no column is a time, and the first, {first.name!r}, is in"
+            f" {first.unit or 'no unit'}; give the sample period, {option('step')}"
+        ) from None
+    return [time.name, *(column.name for column in able if holds_instants(column))]
+
+
+def _input_columns(
+    table: Table, output: str, inputs: Sequence[str], others: Sequence[str]
+) -> list[str]:
     """Return the names of the columns that are inputs; refuse names that no column has."""
     known = table.names()
-    chosen = list(inputs) or [name for name in known[1:] if name != output]
+    chosen = list(inputs) or [name for name in known if name not in (output, *others)]
     for name in (output, *chosen):
         if name not in known:
             raise UserError(
@@ -102,16 +127,6 @@ def _input_columns(table: Table, output: str, inputs: Sequence[str]) -> list[str
     return chosen
 
 
-def _check_time(table: Table) -> None:
-    """Refuse a file without time, which needs a step."""
-    first = table.columns[0]
-    if not _is_time(first) and all(c.name.lower() != TIME for c in table.columns):
-        raise UserError(
-            f"{table.path}: no column is a time, and the first, {first.name!r}, is in"
-            f" {first.unit or 'no unit'}; give the sample period, --step"
-        )
-
-
 def _check_count(table: Table, used: Container[str]) -> None:
     """Refuse a step for a file that has a time, or whose first column does not count samples.
 
@@ -122,8 +137,8 @@ def _check_count(table: Table, used: Container[str]) -> None:
         return
     if _is_time(first):
         raise UserError(
-            f"{table.path}: the first column, {first.name!r}, is a time in {first.unit}; --step is"
-            " for a file without"
+            f"{table.path}: the first column, {first.name!r}, is a time in {first.unit};"
+            f" {option('step')} is for a file without"
         )
     count = numbers(table, first)
     # written as a negation, so that NaN, a gap, counts as a step that is off
@@ -133,7 +148,7 @@ def _check_count(table: Table, used: Container[str]) -> None:
         next_one = count[uneven[0] + 1]
         raise UserError(
             f"{table.path}: the first column, {first.name!r}, goes from {one:g} to {next_one:g};"
-            " --step is for a file whose first column counts samples by ones"
+            f" {option('step')} is for a file whose first column counts samples by ones"
         )
 
 

@@ -57,6 +57,7 @@ def source(model: LinearModel, name: str, units: Mapping[str, str], doc: str) ->
         "",
         f'    name = "{component_name(name)}"',
         f"    experiment = ({100.0 * model.step!r}, {model.step!r})",
+        f"    unchecked = {(output, *(f'next_{x}' for x in states))!r}",
         "",
         *_declarations(model, inputs, output, states, unit),
         "",

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fmus.kit import files
 from orchestration.identify.black_box.data import InputOutputData
@@ -23,11 +23,16 @@ from orchestration.identify.black_box.residual_tests import ResidualTests
 from orchestration.identify.black_box.study.columns import Columns
 from orchestration.identify.black_box.study.component import source
 from orchestration.identify.metrics import finite_or_none
-from orchestration.reporting import preformatted
+from orchestration.reporting import Displayable, one_line, plain_table
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 
 @dataclass(frozen=True)
-class BlackBox:
+class BlackBox(Displayable):
     """The result of :func:`study`.
 
     Attributes
@@ -96,10 +101,61 @@ class BlackBox:
 
     def __repr__(self) -> str:
         row = self.chosen
-        return f"<BlackBox {row.structure}: {row.validation_fit:.1f} % on unseen data>"
+        return one_line(f"BlackBox {row.structure}: {row.validation_fit:.1f} % on unseen data")
 
-    def _repr_html_(self) -> str:
-        return preformatted(str(self))
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield what a notebook shows: the sentence, a table of the models, the coefficients."""
+        yield self.sentence
+        frame = self.to_frame()
+        models = plain_table("the best of every structure", *frame.columns, right=frame.columns[1:])
+        for row in frame.itertuples(index=False):
+            models.add_row(
+                *(f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in row)
+            )
+        yield models
+        chosen = self.chosen.identification
+        columns = ("value", "standard error")
+        coefficients = plain_table(f"the {self.chosen.structure} model", "coefficient", *columns)
+        for p in chosen.parameters:
+            coefficients.add_row(p.name, f"{p.value:.6g}", f"{p.standard_error:.2g}")
+        yield coefficients
+        yield from chosen.messages
+
+    def _figure(self) -> Figure:
+        return self.plot()
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the free run of the chosen model over the data that it has not seen.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Picture (.png, .svg or .pdf) to write as well.
+
+        Raises
+        ------
+        UserError
+            If the file cannot be written.
+        """
+        from orchestration.identify.black_box.study import page
+        from orchestration.reporting import pictures
+
+        figure = page.draw_free_run(self)
+        if path is not None:
+            pictures.save(figure, Path(path))
+        return figure
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the best model of every structure as a table, a row for each.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        import pandas
+
+        return pandas.DataFrame([_row(row) for row in self.search.best])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON; numbers in the units of the file."""

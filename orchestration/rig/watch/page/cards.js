@@ -81,7 +81,7 @@ function showValue({ limit, part, body }, value, how) {
   set(part.low, limit.min === null ? "" : `min ${shortened(limit.min, how)} ${how.unit}`);
   set(part.high, limit.max === null ? "" : `max ${shortened(limit.max, how)} ${how.unit}`);
   const verdict = judge(value, limit);
-  body.className = `card ${verdict}`;
+  body.className = `card ${verdict}`.trim();
   set(part.badge, BADGES[verdict] ?? "");
   showGauge(part, value, limit);
 }
@@ -116,7 +116,7 @@ function showCommand({ name, limit, part }, last, since, old, how) {
   const isOld = since === null || since > old;
   if (value === null) set(part.value, "unknown");
   const text = since === null ? "age –" : `last command, ${duration(since)} ago`;
-  showAge(part.age, isOld ? text : "", isOld);
+  showAge(part, isOld ? text : "", isOld);
   const readBack = named(last.read_back, name);
   const tolerance = DIFFERENT * (spanOf(limit) || Math.abs(value));
   const isDifferent = readBack !== null && (value === null || Math.abs(readBack - value) > tolerance);
@@ -128,10 +128,11 @@ function showMeasured({ name, part }, last, since, old) {
   const taken = last ? named(last.ages, name) : null;
   const age = taken === null || since === null ? null : taken + since;
   const text = age === null ? "age –" : `age at most ${duration(age)}`;
-  showAge(part.age, isMissing ? "no value" : text, age === null || age > old);
+  showAge(part, isMissing ? "no value" : text, age === null || age > old);
 }
 
-function showAge(element, text, isOld) {
-  set(element, text);
-  element.classList.toggle("old", isOld);
+// What is old is dimmed, so that it is not taken for fresh.
+function showAge({ age, value }, text, isOld) {
+  set(age, text);
+  value.closest(".card").classList.toggle("old", isOld);
 }

@@ -5,7 +5,7 @@ const PREFIXES = { "-9": "n", "-6": "µ", "-3": "m", 0: "", 3: "k", 6: "M" };
 const PREFIXED = ["A", "V", "N", "m", "W", "J", "Pa", "s", "Hz", "C", "F", "ohm", "Ω"];
 const LEFT = 58;
 const BOTTOM = 20;
-const TOP = 6;
+const TOP = 18; // a line for the unit
 const RIGHT = 4;
 
 // How a signal is shown whose limits have a size and whose values were at most so large: factor, unit and decimals, so
@@ -117,6 +117,7 @@ function drawGrid(pen, { x, y, low, high, right, floor }, now, how, colours) {
     pen.fillText(written(value, how, decimals), LEFT - 6, y(value));
   }
   pen.textBaseline = "alphabetic";
+  if (how.unit) pen.fillText(`[${how.unit}]`, LEFT - 6, TOP - 7);
   const alignments = { 60: "left", 0: "right" };
   for (const ago of [60, 45, 30, 15, 0]) {
     line(pen, x(now - ago), TOP, x(now - ago), floor);

@@ -110,6 +110,10 @@ function lostContact() {
       `This page shows old values, and its stop button may not work: ${EMERGENCY}.`];
   }
   if (answered !== null && !contact.server && (wasInContact || began)) {
+    if (!wasInContact) {
+      return ["No contact with the rig’s server: it does not run there, or the keys do not match.",
+        `Stop does not get through: ${EMERGENCY}.`];
+    }
     return ["No contact with the rig’s server.",
       `What is shown is old, and stop may not get through: ${EMERGENCY}.`];
   }

@@ -37,9 +37,9 @@ def unused_endpoint() -> str:
 
 def test_nobody_there(engine):
     endpoint = unused_endpoint()
-    assert (
-        refused_at_start(engine, endpoint)
-        == f"no answer within 0.4 s from {endpoint}; is `ppy rig serve` running?"
+    assert refused_at_start(engine, endpoint) == (
+        f"no answer within 0.4 s from {endpoint}; is `ppy rig serve` running, or do the keys not"
+        " match?"
     )
 
 

@@ -72,3 +72,25 @@ def test_json_of_compare(record, tmp_path):
     answer = answered("compare", record.name, "--fit", "R1", cwd=tmp_path)
     assert answer["outputs"]["voltage"]["unit"] == "V"
     assert set(answer["fitted"]["parameters"]) == {"R1"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [((), 1), (("--fit", "R1,C"), 0)],
+)
+def test_what_is_required_sets_the_exit_status(record, tmp_path, arguments, code):
+    """The rig has another R1 and C than the model, and nothing else is wrong with it."""
+    done = here("compare", record, *arguments, "--require", "95%", "--json", "f.json", cwd=tmp_path)
+    assert done.returncode == code
+    figures = json.loads((tmp_path / "f.json").read_text(encoding="utf-8"))
+    outputs = figures["fitted"]["outputs"] if arguments else figures["outputs"]
+    short = [name for name, one in outputs.items() if one["fit_percent"] < 95.0]
+    assert bool(short) == bool(code)
+    for name in short:
+        assert f"warning: --require 95%: {name} fits" in done.stderr
+
+
+def test_what_cannot_be_required_is_refused(record, tmp_path):
+    done = here("compare", record, "--require", "much", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "such as 95%" in done.stderr

@@ -165,3 +165,21 @@ def test_diagnose_builds_for_this_machine(record, tmp_path):
         == platforms_of(tmp_path / "f.python.fmu")
         == [host_platform()]
     )
+
+
+@pytest.mark.parametrize(
+    ("required", "code"), [("consistent", 1), ("consistent,recalibrate", 0), ("recalibrate", 0)]
+)
+def test_the_verdict_that_is_required_sets_the_exit_status(record, tmp_path, required, code):
+    """The rig has another R1 and C than the model, and nothing else is wrong with it."""
+    arguments = ("--effects", "none", "--no-laws", "--require", required)
+    done = here("diagnose", record, *arguments, "--json", "d.json", cwd=tmp_path)
+    assert done.returncode == code, done.stderr
+    assert (tmp_path / "d.json").exists()
+    assert ("--require consistent: the verdict is recalibrate" in done.stderr) == bool(code)
+
+
+def test_a_verdict_that_nobody_knows_is_refused(record, tmp_path):
+    done = here("diagnose", record, "--require", "fine", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "--require fine: there are consistent, recalibrate" in done.stderr

@@ -48,6 +48,14 @@ def test_parameters_of_any_fmu(folder, workers):
     assert parameter[0].get("unit") == "s"
 
 
+def test_a_page_is_written_beside_the_rest(folder):
+    call = ["identify", "r.csv", "--model", "one_state.fmu", "--fit", "tau", "--report", "t.html"]
+    assert "wrote t.html" in works(*call, cwd=folder)
+    text = (folder / "t.html").read_text(encoding="utf-8")
+    assert "<h1>What fits best: tau 7" in text
+    assert "--report t.txt" in refused(folder, *call[:-1], "t.txt")
+
+
 def test_profiles_stand_beside_the_ellipse(folder):
     call = ["identify", "r.csv", "--model", "one_state.fmu", "--fit", "tau", "--profile", "tau"]
     said = works(*call, "--profile-plot", "profile.png", "--json", "p.json", cwd=folder)

@@ -4,29 +4,22 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-import typer
-
 from orchestration.api.declaration import options_of
-from orchestration.cli import app
-from orchestration.cli.commands.options import ServeCommand
+from orchestration.cli.commands.options import VERDICTS, ServeCommand
+from orchestration.discrepancy import Verdict
 from orchestration.rig.server import ServerSettings
-
-
-def commands(group, *words):
-    for name in group.list_commands(None):
-        below = group.get_command(None, name)
-        if hasattr(below, "list_commands"):
-            yield from commands(below, *words, name)
-        else:
-            yield " ".join((*words, name)), below
+from tests.support.commands import COMMANDS
 
 
 def test_every_option_of_every_command_has_help():
-    found = dict(commands(typer.main.get_command(app.app)))
-    assert len(found) > 25
-    for name, one in found.items():
+    assert len(COMMANDS) > 25
+    for name, one in COMMANDS.items():
         for parameter in one.params:
             assert getattr(parameter, "help", None), f"{name} {parameter.name}"
+
+
+def test_the_verdicts_that_can_be_required_are_those_that_there_are():
+    assert set(VERDICTS) == set(Verdict)
 
 
 def test_a_server_has_the_defaults_of_its_settings():

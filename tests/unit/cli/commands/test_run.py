@@ -37,7 +37,7 @@ def folder(tmp_path):
         ([], ["ppy run --list"]),
         (["record.csv"], ["record.csv", "not a result of ppy run"]),
         (["out.nc"], ["out.nc", "not a result of ppy run"]),
-        (["good.toml", "--set", "duration"], ["--set 'duration'", "key=value"]),
+        (["good.toml", "--set", "duration"], ["--set duration: ", "key=value"]),
         (["good.toml", "--set", "R9=1"], ["no parameter named 'R9'"]),
         (
             ["good.toml", "--set", "durration=1"],

@@ -40,6 +40,14 @@ def test_numbers_with_units_and_a_picture(folder):
     assert not (folder / "a.nc.part").exists()
 
 
+def test_a_page_is_written_beside_the_rest(folder):
+    said = works(*CALL, "--over", "tau=0.5..2:4", "--report", "a.html", cwd=folder)
+    assert "wrote a.html" in said
+    text = (folder / "a.html").read_text(encoding="utf-8")
+    assert re.search("<h1>.* goes from .* to .* over 4 cases.</h1>", text)
+    assert "--report a.txt" in refused(folder, *CALL, "--over", "tau=1..2:2", "--report", "a.txt")
+
+
 def test_interrupted_it_goes_on(folder):
     call = [*CALL, "--over", "tau=0.5..2:4000", "--step", "0.01s", "--out", "b.nc"]
     (folder / "scratch").mkdir(exist_ok=True)
@@ -167,7 +175,9 @@ def test_it_refuses_before_any_work(folder, arguments, told, monkeypatch):
 def test_in_python_what_does_not_fit_into_memory_is_refused_too(folder, monkeypatch):
     monkeypatch.setattr(run, "run_cases", lambda *given: pytest.fail("a case was run"))
     call = {"time": np.linspace(0.0, 5.0, 1_000_001), "keep": ["trace"]}
-    with pytest.raises(UserError, match=r"8 GB of traces, and at most 4 GB .*in Python a folder"):
+    with pytest.raises(
+        UserError, match=r"8 GB of traces, and at most 4 GB .*such as folder='traces"
+    ):
         ppy_rig.sweep(str(folder / "one_state.fmu"), {"tau": "1..2:1000"}, **call)
 
 

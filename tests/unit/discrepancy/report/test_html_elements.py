@@ -12,6 +12,7 @@ from orchestration.discrepancy.candidates.candidate import catalogue
 from orchestration.discrepancy.report import html_elements
 from orchestration.fmu import model as models
 from orchestration.identify.uncertainty.estimate import Estimate
+from orchestration.reporting import elements
 
 
 def test_an_interval_is_drawn_to_scale():
@@ -48,4 +49,4 @@ def test_every_effect_is_described():
     ],
 )
 def test_values_as_they_are_printed(plain, printed):
-    assert html_elements.format_quantities(plain) == printed
+    assert elements.format_quantities(plain) == printed

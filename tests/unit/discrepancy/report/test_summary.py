@@ -110,8 +110,13 @@ def test_what_corrects_the_shape_of_a_cause_is_told_with_it(written):
     (cause,) = written["causes"]
     assert cause["effect"] == "sensor_lag"
     assert cause["shape_corrections"] == ["transport_delay(voltage)"]
-    shape = "whose shape is not quite the catalogue's: transport_delay(voltage) corrects it"
-    assert f"sensor_lag(voltage) or double_layer, {shape}" in written["headline"]
+    shape = (
+        "The shape of a lag of the voltage sensor is not quite the catalogue's: a delay of the"
+        " measured voltage corrects it."
+    )
+    assert written["headline"].startswith("Either a lag of the voltage sensor (")
+    assert ") or a double layer, a second RC pair: this record" in written["headline"]
+    assert shape in written["headline"]
 
 
 def test_units_are_told_of_numbers_and_of_nothing_else(written):

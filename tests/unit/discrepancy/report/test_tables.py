@@ -52,7 +52,10 @@ def test_a_table_of_errors_has_a_row_for_every_part(diagnosis):
     assert head[:2] == ["output", "where"]
     assert [row[:2] for row in rows] == [["voltage", "fitted"], ["voltage", "held out"]]
     fitted = {name: errors["voltage"] for name, errors in diagnosis.fitted_errors.items()}
-    assert rows[0][2:] == [f"{fitted[name.replace(' ', '_')]:.4g}" for name in head[2:]]
+    assert head[2:4] == ["nominal", "least squares"]
+    errors = [fitted[name] for name in ("untouched", "least_squares", "refitted")]
+    told = [float(cell.removesuffix(" %")) for cell in rows[0][2:]]
+    assert told == pytest.approx([100.0 * error for error in errors], rel=5e-2)
 
 
 def test_where_nothing_was_tried_there_is_no_evidence(diagnosis):
@@ -69,7 +72,7 @@ def test_what_corrects_the_shape_of_a_cause_is_told_as_that(diagnosis):
     cause, shape = tried_effects(replace(diagnosis, selection=selection))
     assert (cause.candidate.effect_name, cause.verdict) == ("sensor_lag(voltage)", "named")
     assert (shape.candidate.effect_name, shape.verdict) == ("transport_delay(voltage)", "shape")
-    assert shape.reason == "of sensor_lag(voltage)"
+    assert shape.reason == "of a lag of the voltage sensor"
 
 
 @pytest.mark.parametrize(

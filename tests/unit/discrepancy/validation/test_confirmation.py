@@ -91,7 +91,7 @@ def test_what_acts_in_the_last_third_is_confirmed_there():
     found = diagnosis.confirmations["cubic_stiffness"]
     assert found.outcome is Outcome.CONFIRMED
     assert diagnosis.verdict is Verdict.CAUSE
-    assert "cubic_stiffness (confirmed on the held-out third)" in wording.sentence(diagnosis)
+    assert "Confirmed on the held-out third." in wording.sentence(diagnosis)
 
 
 def test_what_comes_next_stands_in_the_place_of_what_is_refuted():
@@ -126,9 +126,7 @@ def test_where_it_does_not_act_it_cannot_be_confirmed_and_stays_a_cause():
     assert found.score.expected == pytest.approx(2.1, rel=0.5)
     assert diagnosis.causes == ["cubic_stiffness"]
     assert diagnosis.verdict is Verdict.CAUSE
-    said = (
-        "cubic_stiffness (could not be confirmed here: the held-out third tells too little of it)"
-    )
+    said = "Could not be confirmed here: the held-out third tells too little of it."
     assert said in wording.sentence(diagnosis)
 
 
@@ -232,7 +230,7 @@ def test_where_the_end_is_at_rest_blocks_are_spread_over_the_record():
     assert diagnosis.causes == ["cubic_stiffness"]
     assert diagnosis.confirmations["cubic_stiffness"].outcome is Outcome.CONFIRMED
     assert diagnosis.estimates["gain"].value == pytest.approx(2.0, rel=0.05)
-    assert "confirmed on the held-out part" in wording.sentence(diagnosis)
+    assert "Confirmed on the held-out part." in wording.sentence(diagnosis)
 
 
 def test_an_end_that_moves_is_held_out_whole():
@@ -253,7 +251,7 @@ def test_a_record_held_out_at_rest_cannot_confirm():
     still = cubed(np.where(np.arange(COUNT) < COUNT // 6 - 2, 2.0, 0.0))
     diagnosis = diagnose(Amplifier, cubed(2.0), [CUBE], holdout=still)
     assert diagnosis.causes == ["cubic_stiffness"]
-    assert "could not be confirmed here: the held-out part is at rest" in wording.sentence(
+    assert "Could not be confirmed here: the held-out part is at rest" in wording.sentence(
         diagnosis
     )
 

@@ -39,7 +39,7 @@ SETTINGS = ServerSettings("own.py:Own", rate=30.0, watchdog=0.2)
             RUN,
             0.0,
             False,
-            "has not run for 0.16 s, outside of the driver: this computer is too busy",
+            "has not run for 0.16 s, outside of the driver; a busy machine needs a longer",
         ),
         (
             0.01,

@@ -251,5 +251,6 @@ def test_a_watchdog_that_this_machine_cannot_hold_is_told(rig):
     assert rig._warn_of_wake_ups(0.04) == []
     (line,) = rig._warn_of_wake_ups(0.06)
     assert line == (
-        "this machine wakes a process up to 60 ms late: a watchdog below 0.24 s may trip by itself"
+        "this machine wakes a process up to 60 ms late: a watchdog below 0.24 s may trip by itself;"
+        " give --watchdog more than that, or the machine less to do"
     )

@@ -8,6 +8,7 @@ import xarray
 
 import orchestration as ppy
 from fmus.kit import UserError
+from orchestration.reporting import plain_text
 from orchestration.sweeps.sensitivity import indices
 from orchestration.sweeps.sensitivity import one_at_a_time as tornado
 from tests.support.command import here
@@ -48,9 +49,9 @@ def test_nothing_stands_in_for_a_case_that_failed(fragile):
     ("call", "told"),
     [
         ({"samples": 100}, "powers of two"),
-        ({"samples": 1}, "--samples 1: --design sobol-indices takes 16 or more"),
-        ({"samples": 8}, "--samples 8: --design sobol-indices takes 16 or more"),
-        ({"samples": None}, "needs --samples"),
+        ({"samples": 1}, "samples=1: kind='sobol-indices' takes 16 or more"),
+        ({"samples": 8}, "samples=8: kind='sobol-indices' takes 16 or more"),
+        ({"samples": None}, "needs samples="),
         ({"samples": 2**26}, "at most"),
         ({"keep": ["trace"]}, "asks for numbers"),
         ({"over": {"a": [1.0, 2.0]}}, "write from..to"),
@@ -104,6 +105,33 @@ def test_cases_are_kept_where_indices_are_refused(fragile, tmp_path):
     read = xarray.load_dataset(tmp_path / "f.nc", engine="scipy")
     assert read["x_last"].shape == (48,)
     assert not (tmp_path / "f.nc.part").exists()
+
+
+def test_a_tornado_and_its_table_are_in_display_units(tmp_path, monkeypatch):
+    """Displacement in mm as `ppy simulate` shows it, of a spring whose law is known by heart."""
+    drawn = []
+    monkeypatch.setattr(indices.pictures, "save", lambda figure, path: drawn.append(figure))
+    over = {"k1": "4N/mm..8N/mm"}
+    found = ppy.sweep(
+        "ppy_actuator",
+        over,
+        {"force": 2.0},
+        stop=0.1,
+        step=0.1,
+        kind="tornado",
+        outputs=["mechanical_displacement"],
+        keep=["smallest"],
+        settings={"k1": "5 N/mm"},
+    )
+    tornado.draw(ppy.tornado(found), tmp_path / "b.png")
+    panel = drawn[0].axes[0]
+    assert panel.get_xlabel() == "mechanical displacement smallest [mm]"
+    ends = sorted(bar.get_x() + bar.get_width() for bar in panel.patches)
+    assert ends == pytest.approx([2.0 / 8.0, 2.0 / 4.0])
+    (line,) = [
+        line for line in plain_text(tornado.table(ppy.tornado(found))).splitlines() if "k1" in line
+    ]
+    assert line.split()[-4:] == ["0.4", "0.5", "0.25", "mm"]
 
 
 def test_pictures_have_bars_as_long_as_the_numbers(tmp_path, monkeypatch):

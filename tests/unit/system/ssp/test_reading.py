@@ -187,7 +187,6 @@ WIRE = (
             "ssc:IntegerMappingTransformation",
             ["MappingTransformation, in Connection"],
         ),
-        (WIRE, "", ["load.force is not connected"]),
         (WIRE, WIRE + WIRE, ["load.force has two sources, drive.force and drive.force"]),
         (
             'startConnector="room"',

@@ -16,10 +16,10 @@ from tests.support.law_reports import motor_report
 @pytest.mark.parametrize(
     ("shape", "kind", "told"),
     [
-        ("saturating", "add", "levels off beyond about 2 rad/s, and makes 0.01 N*m more at "),
-        ("linear", "add", "makes 0.95 N*m more at 95 rad/s"),
-        ("linear", "multiply", "makes 95 % more at 95 rad/s"),
-        ("upper_stop", "add", "sets in above 2 rad/s, and makes 0.93 N*m more at 95 rad/s"),
+        ("saturating", "add", "levels off beyond about 2.00 rad/s, and makes 10.0 mN·m more at "),
+        ("linear", "add", "makes 950 mN·m more at 95.0 rad/s"),
+        ("linear", "multiply", "makes 95 % more at 95.0 rad/s"),
+        ("upper_stop", "add", "sets in above 2.00 rad/s, and makes 930 mN·m more at 95.0 rad/s"),
     ],
 )
 def test_quantities_are_those_of_the_shape(shape, kind, told):
@@ -30,22 +30,7 @@ def test_quantities_are_those_of_the_shape(shape, kind, told):
 def test_the_end_with_more_effect_is_stated():
     law_report, one = motor_report("linear", amount=-0.01)
     one.entry = replace(one.entry, visited=np.array([-200.0, 95.0]))
-    assert wording.describe_quantities(law_report, one) == "makes 2 N*m more at -200 rad/s"
-
-
-@pytest.mark.parametrize(
-    ("share", "text"),
-    [
-        (0.0123, "1.2 %"),
-        (0.5, "50 %"),
-        (0.994, "99 %"),
-        (0.995, "100 %"),
-        (0.999, "100 %"),
-        (1.234, "123 %"),
-    ],
-)
-def test_a_share_has_two_digits(share, text):
-    assert wording.format_percent(share) == text
+    assert wording.describe_quantities(law_report, one) == "makes 2.00 N·m more at −200 rad/s"
 
 
 def test_unseen_data_have_a_word():
@@ -64,7 +49,7 @@ def test_the_error_that_falls_most_is_told():
     one.errors = ({"speed": 0.1, "current": 0.4}, {"speed": 0.05, "current": 0.3})
     assert (
         wording.describe_errors(one)
-        == "on data that no fit has seen the error of speed falls from 10 % to 5 %"
+        == "on data that no fit has seen the error of speed falls from 10.0 % to 5.0 %"
     )
 
 
@@ -72,21 +57,27 @@ def test_smoothed_noise_is_told_with_its_size():
     law_report, _ = motor_report("linear")
     assert wording.describe_smoothing(law_report) == ""
     law_report.laws.noise = {"voltage": 0.0123}
-    assert " Noise on voltage (0.0123 V), which " in wording.describe_smoothing(law_report)
+    assert " Noise on voltage (12.3 mV), which " in wording.describe_smoothing(law_report)
 
 
-@pytest.mark.parametrize(
-    ("causes", "confirmed", "last"),
-    [
-        (["friction(omega)"], True, False),
-        (["sensor_lag(speed)", "friction(omega)"], True, True),
-        (["sensor_lag(speed)"], False, True),
-        ([], False, False),
-    ],
-)
-def test_the_headline_begins_with_the_strongest(monkeypatch, causes, confirmed, last):
-    best = SimpleNamespace(confirmed=confirmed)
-    law_report = SimpleNamespace(best=best, effect_name=lambda correction: "friction(omega)")
-    monkeypatch.setattr(wording, "LawReport", lambda result, laws: law_report)
-    result = SimpleNamespace(diagnosis=SimpleNamespace(causes=causes), laws=None)
-    assert wording._goes_last(result) is last
+def test_a_law_is_told_by_its_shape_in_place_of_its_parameters():
+    law_report, one = motor_report("saturating")
+    law_report.laws.cause = SimpleNamespace(effect=one.model.effect, effect_name="friction(omega)")
+    (told,) = wording._phrases(law_report).items()
+    assert told == (
+        "friction(omega)",
+        "it looks like a saturation, and levels off beyond about 2.00 rad/s, and makes 10.0 mN·m"
+        " more at 95.0 rad/s",
+    )
+
+
+@pytest.mark.parametrize(("causes", "count"), [(["friction(omega)"], 0), ([], 1)])
+def test_what_is_no_cause_comes_after_the_verdict(monkeypatch, causes, count):
+    monkeypatch.setattr(wording, "describe_shape", lambda law_report, correction: "a line")
+    law_report, one = motor_report("linear")
+    one.confirmed = False
+    one.errors = ({"speed": 0.1}, {"speed": 0.05})
+    result = SimpleNamespace(diagnosis=SimpleNamespace(causes=causes))
+    sentences = wording._beside_verdict(replace(law_report, result=result))
+    assert len(sentences) == count
+    assert all(text.startswith("Friction over omega would be worth") for text in sentences)

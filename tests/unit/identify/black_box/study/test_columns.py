@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 
 from fmus.kit import UserError
 from orchestration.identify.black_box.study.columns import read_columns
+from tests.support.vendors import catman
 
 
 def counted(path, count, name="sample"):
@@ -30,7 +31,7 @@ def test_a_step_is_for_a_file_that_counts_by_ones(tmp_path, name):
         (np.arange(600) // 100 * 5.0, "from 0 to 0"),
     ):
         with pytest.raises(
-            UserError, match=f"the first column, '{name}', {said}|{said}; --step is for"
+            UserError, match=f"the first column, '{name}', {said}|{said}; step= is for"
         ):
             read_columns(counted(tmp_path / "clock.csv", count, name), "y", step=1.0)
     found = read_columns(counted(tmp_path / "count.csv", np.arange(7, 607), name), "y", step=2.0)
@@ -42,3 +43,12 @@ def test_a_first_column_that_is_an_input_needs_not_count(tmp_path):
         counted(tmp_path / "no_clock.csv", np.arange(600) % 7, "v [V]"), "y", ["v", "u"], step=2.0
     )
     assert found.data.inputs[:9, 0].tolist() == [0, 1, 2, 3, 4, 5, 6, 0, 1]
+
+
+def test_the_time_of_an_instrument_is_no_input_wherever_it_stands(tmp_path):
+    path = tmp_path / "messung.asc"
+    path.write_bytes(catman().content())
+    found = read_columns(path, "Spannung Zelle 1")
+    assert found.data.step == 0.5
+    assert found.data.input_names == ("Strom", "Oberflächentemperatur")
+    assert found.units == {"Spannung Zelle 1": "V", "Strom": "A", "Oberflächentemperatur": "°C"}

@@ -41,7 +41,7 @@ def test_the_figures_are_those_of_the_model_in_plain_json(found):
 def test_a_wall_that_counts_its_samples(public_data):
     path = public_data("two_layer_wall.csv")
     with pytest.raises(
-        UserError, match=r"no column is a time, and the first, 'sample', is in 1; give the .*--step"
+        UserError, match=r"no column is a time, and the first, 'sample', is in 1; give the .*step="
     ):
         read_columns(path, "heat_flux")
     found = ppy.black_box(

@@ -1,0 +1,134 @@
+"""Names for people of effects, laws and variables; tools and options know them by identifiers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from .component import Component, Effect
+
+_L = TypeVar("_L", bound=Callable[..., Any])
+# generic effects, and shapes, by their id
+_GENERIC = {
+    "asymmetric_dead_zone": "A dead zone with unequal ends",
+    "asymmetric": "A part that is the same in both directions",
+    "asymmetric_friction": "Friction that differs in the two directions",
+    "asymmetric_resistance": "Resistance that differs in the two directions",
+    "backlash": "Play",
+    "bouc_wen_hysteresis": "Hysteresis",
+    "capacitance_of_voltage": "Capacitance that changes with voltage",
+    "coulomb_friction": "Dry friction",
+    "current_dependent_resistance": "Resistance that changes with current",
+    "dead_zone": "A dead zone",
+    "end_stops": "Stops at both ends",
+    "even_capacitance_of_voltage": "Capacitance that bends with voltage",
+    "heating": "Heat that builds up",
+    "input_lag": "A late arrival",
+    "input_offset": "An offset",
+    "input_saturation": "A saturation",
+    "kelvin_element": "A further creep time constant",
+    "lagging": "A part that lags",
+    "lagging_law": "A part that lags",
+    "leading": "A part that fades",
+    "levelling": "A flat middle",
+    "linear": "A straight part",
+    "maxwell_arm": "A Maxwell element in parallel",
+    "parallel_rc_branch": "An RC branch in parallel",
+    "play": "Hysteresis with play",
+    "prandtl_play": "Hysteresis with play",
+    "rc_pair": "A further RC pair",
+    "resistance_heating": "Resistance that rises as it warms",
+    "saturating": "A part that levels off",
+    "saturating_law": "A part that levels off",
+    "saturating_compliance": "Compliance that levels off",
+    "saturating_resistance": "Resistance that levels off",
+    "sign": "A step at zero",
+    "sign_beyond": "A step beyond a dead zone",
+    "sliding": "Hysteresis that slides",
+    "sliding_friction": "Friction that gives before it slides",
+    "stops": "Stops at both ends",
+    "storing_law": "A part that fades",
+    "stribeck_friction": "Friction that falls with speed, after Stribeck",
+    "thermal_node": "A further thermal node",
+    "warming": "A part that rises as it warms",
+}
+_ADJECTIVES = ("ic", "ic_law", "ial", "ial_law", "root")
+
+
+def in_words(identifier: str) -> str:
+    """Write an identifier as words: ``film voltage`` for ``film_voltage``."""
+    return identifier.replace("_", " ").strip()
+
+
+def capitalised(text: str) -> str:
+    """Return a text with a capital letter at its beginning."""
+    return text[:1].upper() + text[1:]
+
+
+def within_sentence(title: str) -> str:
+    """Return a title as it stands within a sentence; an abbreviation such as RC stays as it is."""
+    return title if title[1:2].isupper() else title[:1].lower() + title[1:]
+
+
+def titled(title: str) -> Callable[[_L], _L]:
+    """Declare the name for people of the decorated law.
+
+    Parameters
+    ----------
+    title : str
+        A noun phrase, such as ``"voltage across the actuator"``.
+
+    Returns
+    -------
+    callable
+        Decorator that returns the law itself.
+    """
+
+    def declare(law: _L) -> _L:
+        law.__dict__["title"] = title
+        return law
+
+    return declare
+
+
+def effect_title(effect: type[Effect]) -> str:
+    """Return the name for people of an effect: a noun phrase, else its id in words."""
+    of_output = f" of {in_words(effect.output)}" if effect.output else ""
+    return effect.title or f"{in_words(effect.id)}{of_output}"
+
+
+def generic_title(identifier: str, subject: str) -> str:
+    """Return the name for people of a generic effect by its id and the law or input it is of."""
+    known = _GENERIC.get(identifier)
+    if known is not None:
+        return f"{known} in {subject}"
+    article = "An" if identifier[0] in "aeiou" else "A"
+    kind = in_words(identifier.removesuffix("_law"))
+    noun = "" if " " in kind or not identifier.endswith(_ADJECTIVES) else " part"
+    return f"{article} {kind}{noun} in {subject}"
+
+
+def variable_title(variable: Any) -> str:
+    """Return the name for people of a declaration or of a variable of any FMU."""
+    return getattr(variable, "title", "") or in_words(variable.name)
+
+
+def law_title(component: type[Component], law: str) -> str:
+    """Return the name for people of a law, an input, an output or a state of a component.
+
+    Parameters
+    ----------
+    component : type[Component]
+    law : str
+
+    Returns
+    -------
+    str
+        That of the nearest class that declares one; else the identifier in words.
+    """
+    for part in component.__mro__:
+        held = vars(part).get("declared", {}).get(law) or vars(part).get(law)
+        title = getattr(held, "title", "")
+        if title and isinstance(title, str):
+            return title
+    return in_words(law)

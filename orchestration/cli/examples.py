@@ -1,0 +1,105 @@
+"""Worked examples of every command, two each, as its help shows them; tests run them.
+
+``demo-output`` is the folder that ``ppy demo`` leaves. Files without a folder are made by examples
+of other commands: ``ppy build``, ``ppy system export``, ``ppy run``, ``ppy rig keys``.
+"""
+
+from __future__ import annotations
+
+EXAMPLES = {
+    "diagnose": (
+        "ppy diagnose demo-output/hidden.csv --report diagnosis.html --fmu better.fmu",
+        "ppy diagnose demo-output/record.csv --effects none --require recalibrate",
+    ),
+    "laws": (
+        "ppy laws demo-output/hidden.csv --report laws.html",
+        "ppy laws demo-output/hidden.csv --hold R1,C --time 20s --effect-out law.py",
+    ),
+    "compare": (
+        "ppy compare demo-output/record.csv --fit R1,R2,C,alpha --plot compare.png",
+        "ppy compare demo-output/record.csv --fit R1,R2,C,alpha,k1,k2,b2 --require 95%",
+    ),
+    "identify": (
+        "ppy identify demo-output/record.csv --fit R1,R2,C --ssv fitted.ssv",
+        "ppy identify demo-output/record.csv --fit R1,C --profile R1 --json fit.json",
+    ),
+    "black-box": (
+        "ppy black-box demo-output/record.csv --output voltage --inputs current",
+        "ppy black-box demo-output/record.csv --output voltage --orders 1 --out own.py",
+    ),
+    "demo": ("ppy demo", "ppy demo --out first-look"),
+    "new": (
+        "ppy new component oven",
+        "ppy new effect drag --model ppy_actuator --law terminal_voltage",
+    ),
+    "list": ("ppy list", "ppy list --json -"),
+    "info": (
+        "ppy info ppy_actuator",
+        "ppy info fmu/native/ppy_actuator.fmu --json -",
+    ),
+    "build": (
+        "ppy build ppy_actuator --set R1=0.61ohm --out with-r1",
+        "ppy build ppy_actuator --runtime native --platforms linux64,win64",
+    ),
+    "check": (
+        "ppy check fmu/native/ppy_actuator.fmu",
+        "ppy check fmu/native/ppy_actuator.fmu --json findings.json",
+    ),
+    "simulate": (
+        "ppy simulate ppy_actuator --set current=0.9 --stop 30s --plot run.png",
+        "ppy simulate dma_bench.ssp --set force_reference=1N --stop 0.5s --out b.nc",
+    ),
+    "run": (
+        "ppy run fig_3_4 --set duration=5s --out fig_3_4.nc --plot fig_3_4.html",
+        "ppy run dma_bench.ssp --set inputs.force_reference=1N --set duration=0.5s",
+    ),
+    "system list": ("ppy system list", "ppy system show dma_bench"),
+    "system show": ("ppy system show dma_bench", "ppy system show dma_bench.ssp"),
+    "system draw": (
+        "ppy system draw dma_bench",
+        "ppy system draw dma_bench.ssp --out bench.svg",
+    ),
+    "system export": (
+        "ppy system export dma_bench",
+        "ppy system export dma_bench --runtime python --out bench.ssd",
+    ),
+    "system check": ("ppy system check dma_bench.ssp", "ppy system check bench.ssd"),
+    "thesis": ("ppy thesis", "ppy thesis --out thesis.html --json thesis.json"),
+    "sweep": (
+        "ppy sweep ppy_actuator --over R1=0.3..0.7:9 --set current=0.5 --stop 10s",
+        "ppy sweep ppy_actuator --set force=1 --over k1=4e3..8e3 --design tornado",
+    ),
+    "rig serve": (
+        "ppy rig serve --rate 1000",
+        "ppy rig serve --bind 127.0.0.1 --keys keys/rig-server.toml --log rig.log",
+    ),
+    "rig watch": ("ppy rig watch", "ppy rig watch --no-browser --port 0"),
+    "rig record": (
+        "ppy rig record --stimulus fig_3_4 --set duration=5s --out rig.csv",
+        "ppy rig record --stimulus fig_3_4 --set duration=5s --rate 10 --out slow.nc",
+    ),
+    "rig stop": ("ppy rig stop", 'ppy rig stop --reason "the clamp slips"'),
+    "rig acknowledge": ("ppy rig acknowledge", "ppy rig acknowledge --json -"),
+    "rig status": ("ppy rig status", "ppy rig status --json -"),
+    "rig keys": ("ppy rig keys keys", "ppy rig keys keys --client desk --role watch"),
+    "rig bridge": (
+        "ppy rig bridge --endpoint tcp://rig:5570 --credentials keys/rig-client.toml",
+        "ppy rig bridge --port 5590 --endpoint tcp://rig:5570 --credentials key.toml",
+    ),
+    "rig check": ("ppy rig check", "ppy rig check --beyond-limits"),
+    "rig demo": ("ppy rig demo", "ppy rig demo --seed 2 --out another-rig"),
+}
+
+
+def epilog(command: str) -> str:
+    """Return the end of the help of a command: its examples, in the markup of rich.
+
+    Parameters
+    ----------
+    command : str
+        Such as ``rig serve``.
+    """
+    from rich.markup import escape  # which only help needs
+
+    lines = [f"  {escape(example)}" for example in EXAMPLES.get(command, ())]
+    return "\n".join(["[bold]Examples[/]", *lines]) if lines else ""

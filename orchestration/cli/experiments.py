@@ -1,0 +1,176 @@
+"""Experiments as commands run them: made, shown, written and drawn; and those of a system alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from fmus.kit import UserError
+from orchestration.cli.isolation import limits
+from orchestration.cli.real_time import IncompleteRecord, keep, status_line
+
+if TYPE_CHECKING:
+    import xarray
+
+    from orchestration.cli.commands.options import RunCommand, SimulateCommand
+    from orchestration.experiment import Experiment, Live
+    from orchestration.fmu import Signal
+    from orchestration.fmu.isolation import Limits
+
+
+def run_and_write(
+    experiment: Experiment,
+    name: str,
+    options: RunCommand | SimulateCommand,
+    live: Live | None = None,
+) -> xarray.Dataset:
+    """Run an experiment; show the result, and write and draw it if that was asked for.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    name : str
+        Its file or name, for messages.
+    options : RunCommand or SimulateCommand
+    live : Live, optional
+        Of a run in real time.
+
+    Raises
+    ------
+    UserError
+        If something does not fit, an FMU fails before the first point, or a file cannot be written.
+    """
+    from orchestration.experiment import movable, result_page, results
+    from orchestration.reporting import wrote
+
+    out = options["out"]
+    plot = options["plot"]
+    data = _make(experiment, name, options, live)
+    _show(data)
+    if out is not None:
+        if live is None:
+            results.write(movable(data, out.parent), out)
+        else:
+            keep(data, out, live)
+        wrote(out, "" if data.attrs["complete"] else "incomplete")
+    if plot is not None:
+        result_page.plot(data, plot)
+        wrote(plot)
+    return data
+
+
+def refuse_part(data: xarray.Dataset, live: Live | None = None) -> None:
+    """Fail where a result is not the whole of what was to be run; it has been written.
+
+    Raises
+    ------
+    UserError
+        If the run failed; `IncompleteRecord` if it was in real time.
+    KeyboardInterrupt
+        If it was interrupted.
+    """
+    if "failure" in data.attrs:
+        raise (UserError if live is None else IncompleteRecord)(data.attrs["failure"])
+    if not data.attrs["complete"]:
+        raise KeyboardInterrupt
+
+
+def _make(
+    experiment: Experiment, name: str, options: RunCommand | SimulateCommand, live: Live | None
+) -> xarray.Dataset:
+    """Run an experiment, telling how far it is."""
+    from orchestration.experiment import results
+    from orchestration.experiment import run as make
+    from orchestration.reporting import err, note, progress
+
+    out = options["out"]
+
+    def fits(sketch: xarray.Dataset) -> None:
+        if out is not None:
+            results.check(sketch, out)
+
+    def isolation(foreign: bool) -> Limits | None:
+        return limits(foreign and live is None, options)
+
+    if live is None:
+        with progress() as tell:
+            tell(f"running {name} (FMUs that are not in the cache are built first)")
+            return make(
+                experiment, name, progress=tell.done, note=note, fits=fits, isolation=isolation
+            )
+    # no bar: what draws it is a thread, and takes its time when the next step should begin
+    err.print(
+        f"running {name} in real time (FMUs that are not in the cache are built first)",
+        soft_wrap=True,
+    )
+    until = f"until {out} is written, what is recorded goes to {live.journal}"
+    note("without --out nothing is kept" if out is None else until)
+    with status_line(live) as telling:
+        return make(experiment, name, note=note, fits=fits, live=telling, isolation=isolation)
+
+
+def _show(data: xarray.Dataset) -> None:
+    from orchestration.experiment import result_page
+    from orchestration.reporting import out, plain_table
+
+    columns = ("smallest", "largest", "last")
+    table = plain_table(None, "signal", *columns, right=columns)
+    for row in result_page.extremes(data):
+        table.add_row(*row)
+    out.print(result_page.state(data))
+    if "deadlines" in data.attrs:
+        out.print(result_page.pace(data))
+    out.print(table)
+
+
+def experiment_on_system(options: SimulateCommand) -> Experiment:
+    """Return the simulation of a system that options describe as an experiment.
+
+    Raises
+    ------
+    UserError
+        If the system or the record cannot be read, or an option is about one model.
+    """
+    from orchestration.experiment import parse, subject
+
+    name = options["model"]
+    for option, value in (("--with", options["laid_over"]), ("--preset", options["preset"])):
+        if value:
+            raise UserError(f"{option} is about one model; {name} is a system")
+    tables: dict[str, Any] = {"system": name}
+    spans = {"duration": options["stop"], "step": options["step"]}
+    tables |= {key: value for key, value in spans.items() if value is not None}
+    with subject(parse(tables, name, "."), name) as system:
+        inputs = _recorded(options, system.inputs, tables)
+        settings = options["settings"] or {}
+        inputs |= {key: value for key, value in settings.items() if key in system.inputs}
+        parameters = {key: value for key, value in settings.items() if key not in system.inputs}
+    return parse(tables | {"inputs": inputs, "parameters": parameters}, name, ".")
+
+
+def _recorded(
+    options: SimulateCommand, inputs: Mapping[str, Signal], tables: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the inputs of a system that a record gives; it lasts as long unless that is given."""
+    from orchestration.records import read_record, split_header_cell
+    from orchestration.reporting import tell_repairs
+
+    file = options["input_file"]
+    if file is None:
+        return {}
+    mapping = options["mapping"] or {}
+    units = {name: signal.unit for name, signal in inputs.items()}
+    record = read_record(file, units, mapping=mapping, inputs=list(units))
+    tell_repairs(record.repairs)
+    tables.setdefault("duration", float(record.time[-1]))
+    columns = {split_header_cell(target)[0]: column for column, target in mapping.items()}
+    own_units = {name: split_header_cell(mapping[column])[1] for name, column in columns.items()}
+    return {
+        name: {
+            "kind": "file",
+            "file": str(file),
+            "column": columns.get(name),
+            "unit": own_units.get(name),
+        }
+        for name in record.signals
+    }

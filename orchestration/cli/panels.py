@@ -1,0 +1,79 @@
+"""Panels of options in the help of a command: what each option is about.
+
+An option of one name is about the same in every command.
+"""
+
+from __future__ import annotations
+
+_PANELS = {
+    "Model": (
+        "model",
+        "of_model",
+        "laid_over",
+        "settings",
+        "preset",
+        "runtime",
+        "system",
+        "connectors",
+        "law",
+    ),
+    "Record": ("mapping", "input_file", "runs", "each", "holdout", "interpolate"),
+    "Time": ("stop", "step", "rate", "max_age"),
+    "Columns": ("output", "inputs"),
+    "Fit and search": (
+        "fit",
+        "profile",
+        "effects",
+        "hold",
+        "time",
+        "compare",
+        "laws",
+        "workers",
+        "share",
+        "structures",
+        "path_orders",
+        "noise_orders",
+        "delays",
+        "criterion",
+    ),
+    "Cases": (
+        "over",
+        "fitted",
+        "kind",
+        "samples",
+        "seed",
+        "outputs",
+        "keep",
+        "engine",
+        "scheduler",
+    ),
+    "Device": ("backend", "backend_options", "watchdog", "stuck_after", "lockstep"),
+    "Rig": ("stimulus", "latch", "reason", "beyond_limits"),
+    "Network": ("endpoint", "host", "port", "keys", "credentials", "timeout", "client", "role"),
+    "Real time": ("real_time", "missed", "lag", "processor", "priority", "cpu"),
+    "Results": (
+        "require",
+        "json",
+        "out",
+        "plot",
+        "profile_plot",
+        "report",
+        "fmu",
+        "platforms",
+        "ssp",
+        "ssv",
+        "experiment",
+        "effect_out",
+        "log",
+        "state",
+        "show_list",
+        "browser",
+    ),
+    "FMUs of others": ("isolate", "step_timeout", "memory_limit"),
+}
+_PANEL_OF = {name: panel for panel, names in _PANELS.items() for name in names}
+
+
+def panel_of(option: str) -> str | None:
+    """Return the panel that shows an option; None for that of ``--help``."""
+    return _PANEL_OF.get(option)

@@ -1,0 +1,123 @@
+"""``ppy info RECORD``: columns, rate and gaps of a record, and the ``--map`` that a model needs."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fmus.kit import UserError
+from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+
+if TYPE_CHECKING:
+    from orchestration.cli.commands.options import InfoCommand
+    from orchestration.fmu import Model
+    from orchestration.records import FileOverview, Proposal
+
+_MODELS = (".fmu", ".py", ".ssp")
+_RECORDS = (".csv", ".txt", ".dat", ".lvm", ".mpt", ".dta", ".tdms", ".mat", ".parquet", ".nc")
+
+
+def is_record(name: str) -> bool:
+    """Return whether a name is that of a record and not of a model."""
+    from fmus import MODELS
+    from orchestration.fmu import names_class
+
+    path = Path(name)
+    if name in MODELS or names_class(name) or path.suffix.lower() in _MODELS:
+        return False
+    return path.is_file() or path.suffix.lower() in _RECORDS
+
+
+def record_info(options: InfoCommand) -> None:
+    """Do ``ppy info`` for a record.
+
+    Raises
+    ------
+    UserError
+        If the file is of no known form, or there is no such model.
+    """
+    from orchestration.fmu import declared_model
+    from orchestration.records import read_overview
+
+    file = Path(options["model"])
+    path = options["json"]
+    Outputs({"the record": file}, {"--json": path}, {"--json": JSON}).check()
+    if options["laid_over"] and options["of_model"] is None:
+        raise UserError("--with: name the model of the record with --model")
+    overview = read_overview(file)
+    model = None
+    proposal = None
+    if options["of_model"] is not None:
+        model = declared_model(options["of_model"], options["laid_over"])
+        proposal = overview.proposal(_units(model))
+    with standard_output_for(path):
+        _show(overview)
+        if model is not None and proposal is not None:
+            _show_proposal(options, model, proposal)
+        write_json(path, overview.to_dict() | _as_json(proposal))
+
+
+def _units(model: Model) -> dict[str, str]:
+    return {s.name: s.unit for s in (*model.inputs.values(), *model.outputs.values())}
+
+
+def _as_json(proposal: Proposal | None) -> dict[str, Any]:
+    if proposal is None:
+        return {}
+    return {"map": proposal.mapping, "matched": proposal.matched, "open": proposal.open}
+
+
+def _show(overview: FileOverview) -> None:
+    """Print the clock, the columns, and what is noticed."""
+    from rich.text import Text
+
+    from orchestration.reporting import out, plain_table
+
+    out.print(Text(overview.path.name, style="bold"), Text(f" {overview.rows} rows"))
+    clock = overview.clock
+    if clock is not None:
+        kind = "" if clock.is_even else ", unevenly"
+        rate = f"{clock.step:.4g} s ({1.0 / clock.step:.4g} Hz){kind}"
+        span = f"{clock.duration:.6g} s from {clock.start:.6g} s"
+        out.print(Text(f"time is '{clock.column}': {span}, {clock.samples} samples every {rate}"))
+    table = plain_table(None, "column", "unit", "smallest", "largest", "missing", "")
+    for column in overview.columns:
+        is_number = column.content == "numbers"
+        table.add_row(
+            Text(column.name or "(no name)"),
+            Text(column.unit or (f"{column.guess}?" if column.guess else "none")),
+            Text(f"{column.smallest:.6g}" if is_number else ""),
+            Text(f"{column.largest:.6g}" if is_number else ""),
+            str(column.missing or ""),
+            Text("" if is_number else f"{column.content} {column.example}".strip()),
+        )
+    out.print(table)
+    for note in overview.notes:
+        out.print(Text(f"noted: {note}"), style="dim", soft_wrap=True)
+
+
+def _show_proposal(options: InfoCommand, model: Model, proposal: Proposal) -> None:
+    """Print the columns of a model's signals, and the command that follows."""
+    from rich.text import Text
+
+    from orchestration.reporting import out
+
+    out.print(Text(f"\nfor {model.title}", style="bold"))
+    known = {**model.inputs, **model.outputs}
+    for signal, column in proposal.matched.items():
+        out.print(Text(f"  {signal} [{known[signal].unit}] is probably '{column}'"))
+    for signal, columns in proposal.open.items():
+        role = "input" if signal in model.inputs else "output"
+        listed = ", ".join(f"'{name}'" for name in columns)
+        may_be = f"may be {listed}: --map 'COLUMN={signal}'" if columns else "has no column"
+        out.print(Text(f"  {role} {signal} [{known[signal].unit}] {may_be}"))
+    model_words = ["--model", str(options["of_model"])]
+    if options["laid_over"]:
+        model_words += ["--with", ",".join(options["laid_over"])]
+    words = shlex.join(["ppy", "compare", str(options["model"]), *model_words])
+    if any(name in proposal.matched for name in model.outputs):
+        command = f"{words} {proposal.options()}".rstrip()
+        out.print(Text(f"next: {command}"), soft_wrap=True)
+    elif proposal.mapping:
+        out.print(Text(f"columns: {proposal.options()}"), soft_wrap=True)

@@ -1,0 +1,265 @@
+"""The picture of an effect: its law along the record, with the effect and without it."""
+
+from __future__ import annotations
+
+from inspect import isfunction
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.kit import (
+    Component,
+    Effect,
+    UserError,
+    effect_title,
+    in_words,
+    law_title,
+    made_with,
+    unstack,
+    within_sentence,
+)
+from fmus.kit.arrays import Array, Indices
+from fmus.kit.units import with_prefix
+from orchestration.discrepancy.candidates import FittedCandidate
+from orchestration.discrepancy.diagnosis import Diagnosis
+from orchestration.discrepancy.laws import unit_of
+from orchestration.discrepancy.report.figures import COLOURS, EXTENDED, REFITTED, Chart
+from orchestration.reporting import Markup, Panel, Trace, stacked
+
+_HEIGHT = 260  # pixels
+_BINS = 60  # of a signal, within which a function of it hardly changes
+_SCATTER = 0.1  # of the spread of what an effect does, that it may have within a bin
+_WINDOW = 6  # part of a record that is shown of what is no function of a signal
+_FAILURES = (ArithmeticError, AttributeError, KeyError, TypeError, UserError, ValueError)
+
+
+class Quantity(NamedTuple):
+    """The name for people of a law or a signal, and its SI unit."""
+
+    title: str
+    unit: str
+
+    def scaled(self, *values: Array) -> tuple[str, list[Array]]:
+        """Return the title of an axis, and values in the unit with a prefix that it has."""
+        largest = max(float(np.abs(each).max()) for each in values) or 1.0
+        number, unit = with_prefix(largest, self.unit)
+        title = self.title if unit == "1" else f"{self.title} [{unit}]"
+        return title, [each * (number / largest) for each in values]
+
+
+class LawValues(NamedTuple):
+    """A law along a record, in the order of time.
+
+    Attributes
+    ----------
+    law, signal : Quantity
+        What is drawn upwards, and what the effect is over; that has no title where it has none.
+    time : ndarray, shape (n,)
+        Seconds.
+    x : ndarray, shape (n,)
+        The signal, SI.
+    with_effect, without : ndarray, shape (n,)
+        The law, SI, for the same states.
+    """
+
+    law: Quantity
+    signal: Quantity
+    time: Array
+    x: Array
+    with_effect: Array
+    without: Array
+
+    @property
+    def is_function(self) -> bool:
+        """True if what the effect does is a function of its signal, as of no memory."""
+        if not self.signal.title or not np.ptp(self.x) > 0.0:
+            return False
+        more = self.with_effect - self.without
+        order = np.argsort(self.x)
+        bins = [part for part in np.array_split(more[order], _BINS) if len(part) > 1]
+        within = float(np.median([np.std(np.diff(part)) for part in bins])) if bins else np.inf
+        return within < _SCATTER * float(np.std(more))
+
+
+def effect_chart(diagnosis: Diagnosis, chosen: FittedCandidate) -> Chart | None:
+    """Draw the law of an effect with and without it, over its signal or over time.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    chosen : FittedCandidate
+        Whose last effect is drawn.
+
+    Returns
+    -------
+    Chart or None
+        None where the law cannot be evaluated along the record.
+    """
+    try:
+        values = law_values(diagnosis, chosen.effect)
+    except _FAILURES:
+        return None
+    if not np.isfinite(values.with_effect + values.without).all():
+        return None
+    title = within_sentence(effect_title(chosen.effect))
+    if values.is_function:
+        return Chart(_over_signal(values), f"The law with and without {title}, along the record.")
+    return Chart(
+        _over_time(values),
+        f"The law with and without {title}, where it does most; the states are the same.",
+    )
+
+
+def _over_signal(values: LawValues) -> Markup:
+    order = np.argsort(values.x)
+    across, (x,) = values.signal.scaled(values.x[order])
+    return _draw(values, x, order, across)
+
+
+def _over_time(values: LawValues) -> Markup:
+    """Draw the part of the record in which the effect does most."""
+    count = len(values.time)
+    length = max(count // _WINDOW, min(count, 2))
+    size = np.abs(values.with_effect - values.without)
+    work = np.convolve(size, np.ones(length), "valid")
+    first = int(work.argmax())
+    part = np.arange(first, first + length)
+    return _draw(values, values.time[part], part, "time [s]")
+
+
+def _draw(values: LawValues, x: Array, at: Indices, across: str) -> Markup:
+    title, (without, with_effect) = values.law.scaled(values.without[at], values.with_effect[at])
+    traces = [
+        Trace("without the effect", x, without, COLOURS[REFITTED], 2.0),
+        Trace("with the effect", x, with_effect, COLOURS[EXTENDED], 2.0),
+    ]
+    return stacked([Panel(title, _HEIGHT, traces)], across)
+
+
+def law_values(diagnosis: Diagnosis, effect: type[Effect]) -> LawValues:
+    """Evaluate the law of an effect along the first run of the estimation data.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    effect : type[Effect]
+        One of those that were named.
+
+    Returns
+    -------
+    LawValues
+    """
+    best = diagnosis.selection.best
+    cls = best.candidate.cls
+    one = _along_record(diagnosis, best)
+    law = _law_of(effect, cls)
+    signal = _signal_of(one, effect)
+    with_effect = _full(one, _called(one, law))
+    x = _full(one, _called(one, signal) if signal else one.time)
+    unit = _unit(one, cls, law, with_effect)
+    setattr(one, effect.neutral, _neutral_value(effect))
+    return LawValues(
+        Quantity(law_title(cls, law), unit),
+        _signal_quantity(cls, effect, signal),
+        one.time,
+        x,
+        with_effect,
+        _full(one, _called(one, law)),
+    )
+
+
+def _unit(one: Any, cls: type[Component], law: str, values: Array) -> str:
+    """Return the SI unit of a law; of one with arguments that of the output that shows it."""
+    known = unit_of(cls, law)
+    if known != "1":
+        return known
+    for output in cls.layout.outputs:
+        if np.array_equal(_full(one, _called(one, output.name)), values):
+            return output.unit
+    return known
+
+
+def _neutral_value(effect: type[Effect]) -> float:
+    """Return the value of its switch at which an effect does nothing."""
+    layout = effect.layout
+    return float(layout.parameters[layout.parameter_index[effect.neutral]].start)
+
+
+def _along_record(diagnosis: Diagnosis, best: FittedCandidate) -> Any:
+    """Return an instance of the best model whose inputs and states are those of its run."""
+    data = diagnosis.estimation
+    problem = best.problem
+    values = problem.start | best.fit.values
+    run = data.runs[0]
+    signals = problem.model.run(data.time, data.inputs, values, runs=data.runs).signals
+    one: Any = best.candidate.cls()
+    layout = one.layout
+    one.__dict__.update(
+        {n: v for n, v in run.values(values).items() if n in layout.parameter_index}
+    )
+    for state in (*layout.states, *layout.discretes):
+        setattr(one, state.name, signals[state.name][run.samples])
+    for name, fed in data.inputs.items():
+        setattr(one, name, np.broadcast_to(fed, data.time.shape)[run.samples])
+    one.time = data.time[run.samples] - run.ahead
+    return one
+
+
+def _law_of(effect: type[Effect], cls: type[Component]) -> str:
+    """Return the law, the output or the input that an effect changes."""
+    if effect.output or effect.term.law:
+        return effect.output or effect.term.law
+    base = unstack(cls)[0]
+    overridden = [n for n, law in vars(effect).items() if isfunction(law) and hasattr(base, n)]
+    return overridden[0] if overridden else effect.term.signal
+
+
+def _called(one: Any, law: str) -> Any:
+    """Return the value of a law, of one with arguments where an output or a rate calls it first."""
+    held = getattr(one, law)
+    if not callable(held):
+        return held
+    try:
+        return held()
+    except TypeError:  # it has arguments
+        return _first_call(one, law)
+
+
+def _first_call(one: Any, law: str) -> Any:
+    """Return what a law gives where it is first called by the outputs and the rates."""
+    values: list[Any] = []
+
+    def followed(self: Any, *arguments: Any) -> Any:
+        value = getattr(super(watched, self), law)(*arguments)
+        values.append(value)
+        return value
+
+    watched = type(type(one).__name__, (type(one),), {law: followed, "__module__": __name__})
+    spy = watched()
+    spy.__dict__.update(one.__dict__)
+    for compute in (spy.outputs, spy.rates):
+        if not values:
+            compute()
+    return values[0]
+
+
+def _full(one: Any, value: Any) -> Array:
+    return np.broadcast_to(np.asarray(value, dtype=float), one.time.shape)
+
+
+def _signal_of(one: Any, effect: type[Effect]) -> str:
+    """Return the signal that an effect is over, or what it remembers of it; empty for none."""
+    source = made_with(effect).get("signal")
+    if getattr(source, "memory", ""):
+        return f"{effect.neutral}_memory"
+    name: str = getattr(source, "name", "") or effect.term.signal
+    return name if hasattr(one, name) else ""
+
+
+def _signal_quantity(cls: type[Component], effect: type[Effect], signal: str) -> Quantity:
+    """Return that signal with its unit; without a title where there is none."""
+    if not signal:
+        return Quantity("", "1")
+    is_own = signal in effect.declared
+    title = in_words(effect.term.signal) if is_own else law_title(cls, signal)
+    return Quantity(title, unit_of(cls, signal))

@@ -1,0 +1,58 @@
+"""CSV of openDAQ's recorder: a comment defines the ticks of time, of which there is no column."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from orchestration.records.formats.layout import Layout
+from orchestration.records.formats.text import decode, tabulate
+from orchestration.records.record import Repair, refuse
+from orchestration.records.table import Column, Table, numbers
+
+_SECONDS = ("s", "seconds", "second")
+
+
+def read_opendaq(path: Path, content: bytes) -> Table:
+    """Read a file of openDAQ's recorder; a `Reader`.
+
+    Time is the column ``Domain``, in ticks, or else counts from the first row. Refused: a domain
+    that is no time, or whose resolution or step is not a number above 0.
+    """
+    text = decode(path, content)
+    fields = dict(re.findall(r"(\w+)=([^;]*)", text.lines[0]))
+    unit = fields.get("unit", "s").strip()
+    if unit not in _SECONDS:
+        raise refuse(path, f"row 1: the domain is in '{unit}' (allowed: {', '.join(_SECONDS)})")
+    tick = _positive(path, fields, "resolution")
+    step = _positive(path, fields, "delta") * tick
+    if len(text.lines) < 2:
+        raise refuse(path, "row 1 defines the time, and no header follows")
+    table = tabulate(text, Layout(",", 1, text.split(1, ","), 2))
+    ticks = next((column for column in table.columns if column.name == "Domain"), None)
+    if ticks is None:
+        time = float(step) * np.arange(table.rows.size, dtype=np.float64)
+        table.columns.insert(0, Column("time", "s", time))
+        message = f"time is k × {float(step):g} s, from row 1"
+    else:
+        ticks.name = "time"
+        ticks.unit = "s"
+        count = numbers(table, ticks)
+        ticks.cells = float(tick) * (count - count[0])
+        message = f"time is column 'Domain' in ticks of {float(tick):g} s, from row 1"
+    table.repairs.append(Repair("clock from header", message))
+    return table
+
+
+def _positive(path: Path, fields: dict[str, str], name: str) -> Fraction:
+    try:
+        value = Fraction(fields[name].strip())
+    except (KeyError, ValueError, ZeroDivisionError):
+        value = Fraction(0)
+    if value <= 0:
+        given = fields.get(name, "not given")
+        raise refuse(path, f"row 1: {name} of the time is {given} (allowed: a number above 0)")
+    return value

@@ -1,0 +1,106 @@
+"""Records from Python's own tables: a DataFrame, or arrays by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import count
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from fmus.kit import UserError
+from orchestration.records.header import read_header_cell
+from orchestration.records.record import refuse
+from orchestration.records.table import Column, Table, as_numbers
+from orchestration.records.time_column import TIME
+
+_numbers = count(1)
+
+
+@runtime_checkable
+class Frame(Protocol):
+    """A DataFrame of pandas."""
+
+    columns: Any
+    index: Any
+
+
+Arrays = Frame | Mapping[str, Any]
+"""A DataFrame, or arrays of shape (n,) by name: ``name [unit]`` or ``name``."""
+
+
+def table_of(data: Arrays) -> Table:
+    """Make a table of a DataFrame or of arrays.
+
+    Parameters
+    ----------
+    data : DataFrame or Mapping of str to array_like, shape (n,)
+        Names are ``name [unit]``, or in any other form that a file's header may have. The index of
+        a DataFrame is the time if it has dates or durations, or is called so.
+
+    Returns
+    -------
+    Table
+        Its path is a name for messages: that of the file it would be, ``data_1`` and so on.
+
+    Raises
+    ------
+    UserError
+        If a column is not one-dimensional, or lengths differ, or there are no rows.
+    """
+    path = Path(f"data_{next(_numbers)}")
+    named = _of_frame(data) if isinstance(data, Frame) else dict(data)
+    columns = []
+    for title, values in named.items():
+        array = _array(values)
+        if array.ndim != 1:
+            raise refuse(path, f"column '{title}' has shape {array.shape} (allowed: (n,))")
+        name, unit = read_header_cell(str(title))
+        if array.dtype.kind in "mM":
+            unit = "s"  # what `as_numbers` makes of them
+        columns.append(Column(name, unit, as_numbers(array), str(title)))
+    lengths = {column.title: len(column.cells) for column in columns}
+    if len(set(lengths.values())) > 1:
+        first, other = _unequal(lengths)
+        raise refuse(
+            path,
+            f"column '{other}' has {lengths[other]} values, '{first}' has {lengths[first]}; columns"
+            " of one record have equal length",
+        )
+    rows = next(iter(lengths.values()), 0)
+    if not rows:
+        raise refuse(path, "there are no rows")
+    return Table(path, columns, np.arange(1, rows + 1))
+
+
+def _unequal(lengths: Mapping[str, int]) -> tuple[str, str]:
+    first = next(iter(lengths))
+    return first, next(name for name, length in lengths.items() if length != lengths[first])
+
+
+def _of_frame(frame: Frame) -> dict[str, Any]:
+    """Return the columns of a DataFrame by name, and its index if that is the time."""
+    given: Any = frame
+    names = [str(name) for name in frame.columns]
+    repeated = next((name for name in names if names.count(name) > 1), None)
+    if repeated is not None:
+        raise UserError(f"DataFrame: several columns are called '{repeated}'; rename them")
+    columns = {name: given.iloc[:, k] for k, name in enumerate(names)}
+    index = frame.index
+    kind = getattr(index.dtype, "kind", "O")
+    if kind in "mM" or (index.name is not None and str(index.name) not in columns):
+        name = str(index.name) if index.name is not None else TIME
+        return {name: index.to_series(), **columns}
+    return columns
+
+
+def _array(values: Any) -> np.ndarray:
+    """Return values as NumPy has them: instants in UTC, missing numbers as NaN."""
+    dtype = getattr(values, "dtype", None)
+    if getattr(dtype, "tz", None) is not None:
+        return np.asarray(values.dt.tz_convert(None).to_numpy())
+    is_masked = dtype is not None and not isinstance(dtype, np.dtype)
+    if is_masked and getattr(dtype, "kind", "O") in "biuf":
+        return np.asarray(values.to_numpy(dtype=float, na_value=np.nan))
+    return np.asarray(values)

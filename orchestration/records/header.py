@@ -1,0 +1,116 @@
+"""Header cells as instruments write them: ``name [unit]``, ``name (unit)``, ``name/unit``."""
+
+import re
+from collections.abc import Sequence
+
+_BRACKETED = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]", re.DOTALL)
+_PARENTHESISED = re.compile(r"(?P<name>.*?)\s*\((?P<unit>[^()]*)\)", re.DOTALL)
+_WORDED = re.compile(r"(?P<name>.*\S)\s+in\s+(?P<unit>\S+)", re.DOTALL)
+_REFERRED = re.compile(r"\s+vs\.?\s.*", re.DOTALL)
+_TIME_OF_DAY = re.compile(r"d{0,2}[.\s]?h{1,2}:m(?:in|m)?(?::s{1,2}(?:[.,:](?:ms|[sf0]+))?)?")
+# names and prefixes of units in measured files; pint would also take dt, dV and a channel called a
+_FACTOR = (
+    r"(?:[GMkmuµμnp]?(?:Ohm|ohm|Ω|Pa|Hz|Ah|Wh|VA|Nm|bar|eV|[sAVWJCFHNgmSTLlK])"
+    r"|cm|min|hr?|d|sec|rad|°C|°|deg[CF]?|rpm|%|mol|cd|1)(?:\^?-?[1-4]|[²³])?"
+)
+_UNIT = re.compile(rf"{_FACTOR}(?:[*·./]{_FACTOR})*")
+# what instruments call units, and what pint does
+_SPELLED = {
+    "#": None,
+    "": None,
+    "-": "1",
+    "n/a": None,
+    "bits": None,
+    "vdc": "V",
+    "vac": "V",
+    "volt": "V",
+    "volts": "V",
+    "adc": "A",
+    "aac": "A",
+    "amp": "A",
+    "amps": "A",
+    "ampere": "A",
+    "sec": "s",
+    "secs": "s",
+    "sek": "s",
+    "second": "s",
+    "seconds": "s",
+    "sekunden": "s",
+    "min": "min",
+    "std": "h",
+    "std.": "h",
+    "hour": "h",
+    "hours": "h",
+    "deg c": "degC",
+    "u/min": "rpm",
+    "nm": "N*m",
+}
+_KEPT = {"nm": "nm"}  # a nanometre, where Nm is none
+
+
+def plain_unit(text: str) -> str | None:
+    """Return a unit as pint reads it; None for what stands where there is none.
+
+    Parameters
+    ----------
+    text : str
+        As an instrument writes it, such as ``VDC``, ``V vs. Ref.`` or ``#``. What is not known
+        stays as it is.
+    """
+    unit = _REFERRED.sub("", text.strip())
+    return _KEPT.get(unit) or _SPELLED.get(unit.casefold(), unit)
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a text is a unit that measured files have."""
+    unit = plain_unit(text)
+    return unit is not None and _UNIT.fullmatch(unit) is not None
+
+
+def are_units(cells: Sequence[str]) -> bool:
+    """Return whether a row of cells is one of units: all of them, or what stands for none."""
+    return any(map(is_unit, cells)) and all(
+        is_unit(cell) or plain_unit(cell) is None for cell in cells
+    )
+
+
+def read_header_cell(cell: str) -> tuple[str, str | None]:
+    """Split a header cell of a file into name and unit.
+
+    In square brackets any text is a unit; elsewhere only what is one for certain.
+
+    Parameters
+    ----------
+    cell : str
+        ``name [unit]``, ``name (unit)``, ``name/unit`` or ``name in unit``.
+
+    Returns
+    -------
+    tuple of (str, str or None)
+        Name, and unit or None where there is none.
+    """
+    name, unit = _split(cell.strip())
+    if unit == "C" and "temp" in name.casefold():
+        unit = "degC"
+    return name, unit
+
+
+def _split(text: str) -> tuple[str, str | None]:
+    bracketed = _BRACKETED.fullmatch(text)
+    if bracketed:
+        return bracketed["name"], plain_unit(bracketed["unit"])
+    parenthesised = _PARENTHESISED.fullmatch(text)
+    if parenthesised and parenthesised["name"]:
+        if is_unit(parenthesised["unit"]):
+            return parenthesised["name"], plain_unit(parenthesised["unit"])
+        if _TIME_OF_DAY.fullmatch(parenthesised["unit"].casefold()):
+            return parenthesised["name"], None
+    for slash in re.finditer("/", text):
+        name = text[: slash.start()].strip()
+        unit = text[slash.end() :].strip()
+        if name and is_unit(unit):
+            return name, plain_unit(unit)
+    worded = _WORDED.fullmatch(text)
+    if worded and is_unit(worded["unit"]):
+        return worded["name"], plain_unit(worded["unit"])
+    return text, None

@@ -1,0 +1,213 @@
+"""Overview of a file before it is used: its columns, their units, the clock and its gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmus.kit import UserError
+from fmus.kit.arrays import Array
+from orchestration.records.clock import Samples, evenly_sampled, repair_clock
+from orchestration.records.formats import read_table
+from orchestration.records.header import is_unit, plain_unit
+from orchestration.records.instants import first_text, holds_instants, joined
+from orchestration.records.mapping import Match
+from orchestration.records.proposal import Proposal, propose
+from orchestration.records.reading import time_in_seconds
+from orchestration.records.table import Column, Table, numbers
+from orchestration.records.time_column import TIME, find_time, other_half
+
+_SHORTEST_WORD = 3  # letters of a column's name that is a unit, such as Amps
+
+
+@dataclass(frozen=True)
+class ColumnOverview:
+    """One column of a file.
+
+    Attributes
+    ----------
+    name : str
+        What ``--map`` calls it.
+    unit : str
+        Empty where the file has none.
+    guess : str
+        Unit that its name suggests where the file states none; empty if it suggests none.
+    content : str
+        ``numbers``, ``dates``, ``text`` or ``nothing``.
+    smallest, largest : float
+        In the unit of the file; NaN of what has no numbers.
+    missing : int
+        Cells without a value.
+    example : str
+        The first cell that has one, of dates and text.
+    """
+
+    name: str
+    unit: str
+    guess: str
+    content: str
+    smallest: float
+    largest: float
+    missing: int
+    example: str
+
+
+@dataclass(frozen=True)
+class ClockOverview:
+    """The time of a file.
+
+    Attributes
+    ----------
+    column : str
+    samples : int
+    start, duration, step : float
+        Seconds; the step is the median.
+    is_even : bool
+        False where steps differ too much for an autoregression over samples.
+    """
+
+    column: str
+    samples: int
+    start: float
+    duration: float
+    step: float
+    is_even: bool
+
+
+@dataclass(frozen=True)
+class FileOverview:
+    """What a file holds.
+
+    Attributes
+    ----------
+    path : Path
+    rows : int
+    columns : list of ColumnOverview
+    clock : ClockOverview or None
+        None where the time cannot be used; `notes` say why.
+    notes : list of str
+        What was repaired or noticed, gaps among it.
+    """
+
+    path: Path
+    rows: int
+    columns: list[ColumnOverview]
+    clock: ClockOverview | None
+    notes: list[str]
+
+    def proposal(self, signals: Mapping[str, str]) -> Proposal:
+        """Return which columns are probably which signals of a model.
+
+        Parameters
+        ----------
+        signals : Mapping of str to str
+            Unit of each.
+        """
+        time = self.clock.column if self.clock else ""
+        usable = [c for c in self.columns if c.content == "numbers" and c.name != time]
+        return propose({c.name: (c.unit, c.guess) for c in usable}, signals)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all of it, ready for JSON; None for numbers that are none."""
+        return {
+            "file": str(self.path),
+            "rows": self.rows,
+            "time": vars(self.clock) if self.clock else None,
+            "columns": [_finite(vars(column)) for column in self.columns],
+            "notes": self.notes,
+        }
+
+
+def _finite(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: None if v != v else v for k, v in values.items()}
+
+
+def read_overview(path: str | Path) -> FileOverview:
+    """Read a file and describe it.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    FileOverview
+
+    Raises
+    ------
+    UserError
+        If it is of no known form. What is wrong with its clock is among the notes.
+    """
+    table = read_table(Path(path))
+    clock = None
+    refusal = []
+    try:
+        clock = _clock(table)
+    except UserError as error:
+        refusal = [str(error).removeprefix(f"{table.path}: ")]
+    notes = [*(repair.message for repair in table.repairs), *refusal]
+    columns = [_described(table, column) for column in table.columns]
+    return FileOverview(table.path, table.rows.size, columns, clock, notes)
+
+
+def _clock(table: Table) -> ClockOverview:
+    column = find_time(table, (), table.columns)
+    other = other_half(column, table.columns) if holds_instants(column) else None
+    whole = joined(table, column, other) if other else column
+    time = time_in_seconds(table, Match(whole, TIME, None))
+    samples = Samples(table.path, time, {}, table.rows, table.repairs)
+    repair_clock(samples)
+    clock = samples.time
+    return ClockOverview(
+        column=table.map_name(column),
+        samples=clock.size,
+        start=float(clock[0]),
+        duration=float(clock[-1] - clock[0]),
+        step=float(np.median(np.diff(clock))),
+        is_even=evenly_sampled(clock),
+    )
+
+
+def _described(table: Table, column: Column) -> ColumnOverview:
+    content, values = _content(table, column)
+    known = values[np.isfinite(values)]
+    return ColumnOverview(
+        name=table.map_name(column),
+        unit=column.unit or "",
+        guess="" if column.unit else _guessed_unit(column.name),
+        content=content,
+        smallest=float(known.min()) if known.size else float("nan"),
+        largest=float(known.max()) if known.size else float("nan"),
+        missing=_missing(column, values, content),
+        example=first_text(column).strip() if content in ("dates", "text") else "",
+    )
+
+
+def _content(table: Table, column: Column) -> tuple[str, Array]:
+    """Return the kind of a column's cells, and its numbers if it has them."""
+    none = np.zeros(0)
+    if holds_instants(column):
+        return "dates", none
+    try:
+        values = numbers(table, column)
+    except UserError:
+        return "text", none
+    return ("numbers", values) if np.isfinite(values).any() else ("nothing", none)
+
+
+def _missing(column: Column, values: Array, content: str) -> int:
+    if content == "numbers":
+        return int((~np.isfinite(values)).sum())
+    return sum(not str(cell).strip() for cell in column.cells)
+
+
+def _guessed_unit(name: str) -> str:
+    """Return the unit that a name is, as ``Amps``, or ends in, as ``I_mA``; else nothing."""
+    if len(name) >= _SHORTEST_WORD and is_unit(name):
+        return plain_unit(name) or ""
+    stem, _, last = name.rpartition("_")
+    return (plain_unit(last) or "") if stem and is_unit(last) else ""

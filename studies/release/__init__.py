@@ -1,0 +1,1 @@
+"""Release folder: FMUs and systems for all platforms, with a manifest of digests."""

@@ -1,0 +1,75 @@
+"""What is said where a list of a test is not complete: what is missing, and where it goes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from fmus.kit import Effect, effect_name
+from tests.support.source import ROOT
+
+
+def check_complete(listed: Collection[Any], wanted: Collection[Any], where: str) -> None:
+    """Fail unless a list has exactly what is wanted, whatever their order.
+
+    Parameters
+    ----------
+    listed : collection
+        What the list at that place has.
+    wanted : collection
+        What it should have, such as the names of all effects.
+    where : str
+        File and name of the list, and what an entry says.
+    """
+    missing = [entry for entry in wanted if entry not in listed]
+    left = [entry for entry in listed if entry not in wanted]
+    assert not missing, f"add {', '.join(map(str, missing))} to {where}"
+    assert not left, f"take {', '.join(map(str, left))} out of {where}"
+
+
+def check_described(package: str, effects: Mapping[str, type[Effect]]) -> None:
+    """Fail unless the README of a component, and the classes themselves, describe its effects.
+
+    Parameters
+    ----------
+    package : str
+        Of the component, in ``fmus``.
+    effects : Mapping of str to type[Effect]
+        Its catalogue, by name.
+    """
+    page = f"fmus/{package}/README.md"
+    readme = (ROOT / page).read_text(encoding="utf-8")
+    numbered = re.findall(r"^(\d+)\. ", readme, re.M)
+    for name, effect in effects.items():
+        assert effect_name(effect) == name, f"{name}: list it by its id, with effects_by_name"
+        row = f"| `{name}` | {effect.assumption} | `{effect.neutral}`"
+        assert row in readme, f"{name}: add a row to the table of effects in {page}: {row} | law |"
+        assert str(effect.assumption) in numbered, f"{name}: {page} numbers no such assumption"
+        assumption = f"assumption {effect.assumption}"
+        words = " ".join((effect.__doc__ or "").split())
+        assert assumption in words, f"{name}: its docstring lacks 'Relaxes {assumption}, that ...'"
+        assert effect.neutral in effect.declared, f"{name}: neutral is none of its parameters"
+        for v in effect.declared.values():
+            assert v.doc, f"{name}: {v.name} lacks doc="
+            assert v.min <= getattr(v, "start", v.min) <= v.max, f"{name}: {v.name} is out of range"
+
+
+class Listed(dict[str, Any]):
+    """A table by name, which says where it stands if it lacks one.
+
+    Parameters
+    ----------
+    table : str
+        Its name.
+    module : str
+        Dotted name of the module that it is in.
+    entries : dict
+    """
+
+    def __init__(self, table: str, module: str, entries: dict[str, Any]):
+        super().__init__(entries)
+        self.where = f"{table} of {module.replace('.', '/')}.py"
+
+    def __missing__(self, name: str) -> Any:
+        raise AssertionError(f"add {name} to {self.where}")
