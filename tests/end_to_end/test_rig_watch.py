@@ -250,8 +250,9 @@ def test_after_a_safe_state_commands_are_zero_or_dimmed_with_their_age(tab):
             )
         )
         rig.publishes = True
-        until(lambda: tab.run(SHOWN)["current"]["value"] == "0.000")
-        assert opacity(tab, "current") == "1"
+        until(
+            lambda: tab.run(SHOWN)["current"]["value"] == "0.000" and opacity(tab, "current") == "1"
+        )
 
 
 def test_state_and_reason_and_events(tab):
