@@ -119,7 +119,6 @@ def test_it_is_the_same_beside_busy_processes(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-@pytest.mark.xfail(reason="German dates are not read yet", strict=True)
 def test_german_dates_are_the_same_record(tmp_path):
     dated, seconds = tmp_path / "dated", tmp_path / "seconds"
     dated.mkdir()
