@@ -23,10 +23,21 @@ from orchestration.reporting import option
 TIME = "time"
 _NAMES = frozenset(
     {
-        "time", "t", "xvalue", "zeit", "testtime", "totaltime", "elapsedtime", "timestamp",
-        "zeitstempel", "uhrzeit", "messzeit", "seconds", "sekunden",
+        "time",
+        "t",
+        "xvalue",
+        "zeit",
+        "testtime",
+        "totaltime",
+        "elapsedtime",
+        "timestamp",
+        "zeitstempel",
+        "uhrzeit",
+        "messzeit",
+        "seconds",
+        "sekunden",
     }
-)  # fmt: skip
+)
 _RISING = 0.4  # share of steps in which a clock rises; dates may be to the second, rows to the half
 
 
