@@ -108,7 +108,7 @@ def _check(out: Path | None, plot: Path | None) -> Callable[[Task, Design], None
         if out is None or out.suffix.lower() != _ZARR:
             check_memory(task, cases)
         if plot is not None:
-            check_picture(plot, cases.kind, task.keep)
+            check_picture(cases.kind, task.keep)
 
     return check
 

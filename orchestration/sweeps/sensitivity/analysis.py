@@ -44,12 +44,11 @@ def analysis_of(design: str) -> Analysis | None:
     return _BY_DESIGN.get(design)
 
 
-def check_picture(path: Path, design: str, keep: Sequence[str]) -> None:
+def check_picture(design: str, keep: Sequence[str]) -> None:
     """Refuse a picture of values that a sweep will not keep, before it is run.
 
     Parameters
     ----------
-    path : Path
     design : str
     keep : sequence of str
         Reductions, and ``trace``.

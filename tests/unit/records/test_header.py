@@ -43,9 +43,33 @@ def test_a_header_cell_is_split_into_name_and_unit(cell, parts):
 
 @pytest.mark.parametrize(
     "text",
-    ["s", "mA", "V", "Ω", "kOhm", "mA.h", "Ah", "mV/s", "°C", "N·m", "Nm", "VDC", "Volts", "%",
-     "m/s^2", "m²", "µm", "U/min", "V vs. Ref.", "l/min", "deg C", "Sek", "bar", "1/s"],
-)  # fmt: skip
+    [
+        "s",
+        "mA",
+        "V",
+        "Ω",
+        "kOhm",
+        "mA.h",
+        "Ah",
+        "mV/s",
+        "°C",
+        "N·m",
+        "Nm",
+        "VDC",
+        "Volts",
+        "%",
+        "m/s^2",
+        "m²",
+        "µm",
+        "U/min",
+        "V vs. Ref.",
+        "l/min",
+        "deg C",
+        "Sek",
+        "bar",
+        "1/s",
+    ],
+)
 def test_a_unit_of_an_instrument_is_one_that_the_models_know(text):
     assert is_unit(text)
     units.check(plain_unit(text))

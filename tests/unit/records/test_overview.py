@@ -32,8 +32,13 @@ def test_columns_are_described(tmp_path):
     overview = read_overview(write(tmp_path, text))
     columns = {column.name: column for column in overview.columns}
     assert [c.content for c in columns.values()] == [
-        "numbers", "numbers", "numbers", "dates", "text", "nothing",
-    ]  # fmt: skip
+        "numbers",
+        "numbers",
+        "numbers",
+        "dates",
+        "text",
+        "nothing",
+    ]
     assert [c.guess for c in columns.values()] == ["", "mA", "V", "", "", ""]
     assert (columns["I_mA"].smallest, columns["I_mA"].largest) == (-3.0, 1.0)
     assert columns["Volts"].missing == 1
