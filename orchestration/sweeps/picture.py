@@ -52,10 +52,7 @@ def draw(data: xarray.Dataset, path: Path | None = None) -> Figure:
     """
     names = names_to_draw(_numbers(data))
     if not names:
-        raise UserError(
-            f"no picture: numbers are drawn over parameters, such as"
-            f" {option('keep', ['last'])}, and there are none"
-        )
+        raise no_numbers()
     first = _parameters(data)[0]
     across, unit = results.displayed(data[first])
     figure, panels = pictures.panels(len(names), str(data.attrs["model"]))
@@ -72,6 +69,14 @@ def draw(data: xarray.Dataset, path: Path | None = None) -> Figure:
     if path is not None:
         pictures.save(figure, path)
     return figure
+
+
+def no_numbers() -> UserError:
+    """Return the refusal of a picture of numbers where none is kept."""
+    return UserError(
+        "no picture: numbers are drawn over parameters, such as"
+        f" {option('keep', ['last'])}, and there are none"
+    )
 
 
 def left_out(data: xarray.Dataset) -> list[str]:

@@ -10,7 +10,7 @@ import xarray
 from rich.table import Table
 
 from fmus.kit import UserError
-from orchestration.reporting import option
+from orchestration.sweeps.picture import no_numbers
 from orchestration.sweeps.reductions import TRACE
 from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity import indices
@@ -58,14 +58,9 @@ def check_picture(design: str, keep: Sequence[str]) -> None:
     UserError
     """
     if design == bands.BANDS and TRACE not in keep:
-        raise UserError(
-            f"no picture: bands are drawn over time, which {option('keep', ['trace'])} keeps"
-        )
+        raise bands.no_traces()
     if design != bands.BANDS and not {*keep} - {TRACE}:
-        raise UserError(
-            f"no picture: numbers are drawn over parameters, such as"
-            f" {option('keep', ['last'])}, and there are none"
-        )
+        raise no_numbers()
 
 
 def merge_analysis(data: xarray.Dataset, analysed: xarray.Dataset) -> xarray.Dataset:

@@ -133,9 +133,7 @@ def draw(found: xarray.Dataset, path: Path | None = None) -> Figure:
     """
     names = names_to_draw(_traces(found))
     if not names:
-        raise UserError(
-            f"no picture: bands are drawn over time, which {option('keep', ['trace'])} keeps"
-        )
+        raise no_traces()
     title = f"{found.attrs['model']}: quantiles over cases"
     figure, panels = pictures.panels(2 * len(names), title)
     levels = [f"{100.0 * level:g} %" for level in found["quantile"].values]
@@ -154,6 +152,13 @@ def draw(found: xarray.Dataset, path: Path | None = None) -> Figure:
     if path is not None:
         pictures.save(figure, path)
     return figure
+
+
+def no_traces() -> UserError:
+    """Return the refusal of a picture of bands where no trace is kept."""
+    return UserError(
+        f"no picture: bands are drawn over time, which {option('keep', ['trace'])} keeps"
+    )
 
 
 def left_out(found: xarray.Dataset) -> list[str]:
