@@ -87,8 +87,9 @@ def _table(table: Table) -> str:
     body = "".join(f"<tr>{''.join(row)}</tr>" for row in zip(*cells, strict=True))
     title = f"<p><b>{_escaped(table.title)}</b></p>" if table.title else ""
     return (
-        f'{title}<div style="overflow-x:auto"><table cellpadding="5"><thead><tr>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
+        # within reach of the keyboard, which scrolls what is wider than the page
+        f'{title}<div tabindex="0" style="overflow-x:auto"><table cellpadding="5">'
+        f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )
 
 

@@ -17,6 +17,7 @@ ROOT = Path(__file__).parents[2]
 # Texts whose contrast with what is behind them is less than AA asks for (WCAG 2.2, 1.4.3): 4.5, of
 # large ones 3. Colours are blended in the order in which they lie over each other.
 LOW_CONTRAST = """(() => {
+  for (const running of document.getAnimations()) running.finish();  // colours as they stay
   const colour = text => {
     const [r, g, b, a = 1] = text.match(/[\\d.]+/g).map(Number);
     const full = text.startsWith('color(srgb') ? 255 : 1;  // as it is of mixed ones
