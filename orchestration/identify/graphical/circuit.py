@@ -227,32 +227,38 @@ def read_circuit(
     step = _sample_period(t)
     length = _samples_of_window(window, t.size, step)
     data = input_output_data(i, v, step, ("current",), "voltage")
-    windows = []
-    warnings = []
-    noise = float("nan")
-    for start in range(0, t.size - length + 1, length):
-        begin = float(t[start])
-        end = float(t[start] + length * step)
-        part = data.part(start, start + length)
-        try:
-            least_squares = arx(part, 1, 2, 0)
-            unbiased = output_error(part, 2, 1, 0)
-        except UserError as error:
-            raise UserError(f"window from {begin:g} s to {end:g} s: {error}") from None
-        estimates = Window(
-            begin,
-            end,
-            _circuit(least_squares, part, _ARX_NAMES, conversion),
-            _circuit(unbiased, part, _OUTPUT_ERROR_NAMES, conversion),
-        )
-        for estimator, circuit in estimates.estimators.items():
-            if not circuit.exists:
-                warnings.append(
-                    f"{begin:g} s to {end:g} s: no circuit behaves as {estimator} has it"
-                )
-        windows.append(estimates)
-        noise = float(np.sqrt(unbiased.loss))
-    return CircuitReading(tuple(windows), noise, tuple(warnings))
+    read = [
+        _read_window(data.part(first, first + length), float(t[first]), conversion)
+        for first in range(0, t.size - length + 1, length)
+    ]
+    windows = tuple(window for window, _ in read)
+    _, noise = read[-1]
+    warnings = tuple(
+        f"{window.start:g} s to {window.end:g} s: no circuit behaves as {estimator} has it"
+        for window in windows
+        for estimator, circuit in window.estimators.items()
+        if not circuit.exists
+    )
+    return CircuitReading(windows, noise, warnings)
+
+
+def _read_window(
+    data: InputOutputData, begin: float, conversion: Conversion
+) -> tuple[Window, float]:
+    """Return the estimates of a window that begins there, and the noise of its voltage in V."""
+    end = begin + len(data) * data.step
+    try:
+        least_squares = arx(data, 1, 2, 0)
+        unbiased = output_error(data, 2, 1, 0)
+    except UserError as error:
+        raise UserError(f"window from {begin:g} s to {end:g} s: {error}") from None
+    window = Window(
+        begin,
+        end,
+        _circuit(least_squares, data, _ARX_NAMES, conversion),
+        _circuit(unbiased, data, _OUTPUT_ERROR_NAMES, conversion),
+    )
+    return window, float(np.sqrt(unbiased.loss))
 
 
 def _sample_period(t: Array) -> float:
