@@ -126,20 +126,39 @@ def measure(seconds: float) -> tuple[Topic, bool]:
     flat : bool
         Whether no process has grown by more than what is allowed.
     """
-    steps = round(seconds * RATE)
     proxies: dict[str, Fmu] = {}
     watched = {"the master with both proxies": _Watched(psutil.Process())}
     with ExitStack() as opened:
         for runtime in RUNTIMES:
             server = _attacked(opened, seconds)
-            endpoint = {"endpoint": server.endpoint}
-            fmu = Fmu(build_cached(component("rig_proxy"), runtime), endpoint, runtime)
-            proxies[runtime] = opened.enter_context(fmu)
-            for number, process in enumerate(sorted(server.family())):
-                name = f"server of the {runtime} proxy, process {number + 1}"
-                watched[name] = _Watched(psutil.Process(process))
+            proxies[runtime] = _proxy_at(opened, server, runtime)
+            watched |= _processes_of(server, runtime)
         _run(list(proxies.values()), watched, seconds)
         missed = {runtime: _missed(fmu) for runtime, fmu in proxies.items()}
+    flat = all(each.is_flat for each in watched.values())
+    return _describe(watched, missed, seconds), flat
+
+
+def _proxy_at(opened: ExitStack, server: Server, runtime: str) -> Fmu:
+    """Open a proxy of the server's rig."""
+    endpoint = {"endpoint": server.endpoint}
+    fmu = Fmu(build_cached(component("rig_proxy"), runtime), endpoint, runtime)
+    return opened.enter_context(fmu)
+
+
+def _processes_of(server: Server, runtime: str) -> dict[str, _Watched]:
+    """Return the processes of a server by their names in the table."""
+    return {
+        f"server of the {runtime} proxy, process {number}": _Watched(psutil.Process(process))
+        for number, process in enumerate(sorted(server.family()), 1)
+    }
+
+
+def _describe(
+    watched: Mapping[str, _Watched], missed: Mapping[str, float], seconds: float
+) -> Topic:
+    """Return the text and the table of what was seen, with deadlines missed by runtime."""
+    steps = round(seconds * RATE)
     told = ", ".join(
         f"{count:.0f} of {steps} by the {runtime} one" for runtime, count in missed.items()
     )
@@ -151,8 +170,7 @@ def measure(seconds: float) -> tuple[Topic, bool]:
         f" Deadlines missed: {told}. Allowed growth: {_ALLOWED:g} MB, and no descriptor."
     )
     table = Table(columns, [each.cells(name) for name, each in watched.items()])
-    flat = all(each.is_flat for each in watched.values())
-    return Topic("Memory and descriptors of a long session", [text, table]), flat
+    return Topic("Memory and descriptors of a long session", [text, table])
 
 
 def _missed(fmu: Fmu) -> float:

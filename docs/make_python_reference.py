@@ -65,6 +65,7 @@ def results(things: Mapping[str, Any]) -> dict[str, type]:
 def named_types(thing: Any) -> Iterator[tuple[str, type]]:
     """Classes of ours that a function says it returns, or that a class says its attributes are."""
     if inspect.isclass(thing):
+        yield from ((base.__name__, base) for base in public_bases(thing))
         attributes = fields(sections(inspect.getdoc(thing) or "").get("Attributes", ""))
         kinds = [
             *(kind for _, kind, _ in attributes),
@@ -76,6 +77,15 @@ def named_types(thing: Any) -> Iterator[tuple[str, type]]:
         cls = vars(sys.modules[thing.__module__]).get(word)
         if inspect.isclass(cls) and cls.__module__.startswith("orchestration."):
             yield word, cls
+
+
+def public_bases(cls: type) -> list[type]:
+    """Classes of ours, which are no errors, that a class has methods from; none of them private."""
+    return [
+        base
+        for base in cls.__mro__[1:]
+        if base.__module__.startswith("orchestration.") and not base.__name__.startswith("_")
+    ]
 
 
 def sections(docstring: str) -> dict[str, str]:
@@ -151,12 +161,26 @@ def entry(name: str, thing: Any, level: int = 2) -> Iterator[str]:
     for heading, text in parts.items():
         yield from described(heading, text, flags_of(thing))
     if inspect.isclass(thing):
+        yield from inherited(thing)
         for own, below in members(thing).items():
             below = getattr(thing, own) if isinstance(below, classmethod | staticmethod) else below
             if not own.startswith("_") and (
                 inspect.isroutine(below) or isinstance(below, property)
             ):
                 yield from entry(f"{name}.{own}", below, level + 1)
+
+
+def inherited(cls: type) -> Iterator[str]:
+    """Lines on public methods and properties that are those of a class it is made of."""
+    for base in public_bases(cls):
+        same = [
+            name
+            for name, one in vars(base).items()
+            if not name.startswith("_") and inspect.getattr_static(cls, name) is one
+        ]
+        if same:
+            names = ", ".join(f"`{cls.__name__}.{name}`" for name in same)
+            yield f"As in {listed([base.__name__])}: {names}.\n"
 
 
 def members(cls: type) -> dict[str, Any]:

@@ -79,9 +79,6 @@ class ProposedExperiment(Displayable):
         )
         return one_line(f"ProposedExperiment {kinds}; {self.design.duration:g} s")
 
-    def _figure(self) -> Figure:
-        return self.plot()
-
     def to_frame(self) -> pandas.DataFrame:
         """Return the stimuli as a table over time, SI.
 
@@ -96,27 +93,14 @@ class ProposedExperiment(Displayable):
         stimuli = {name: one.values(points) for name, one in self.design.stimuli.items()}
         return pandas.DataFrame(stimuli, index=pandas.Index(points, name="time"))
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw the stimuli over time.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture (.png, .svg or .pdf) to write as well.
-
-        Raises
-        ------
-        UserError
-            If the file cannot be written.
-        """
+    def draw(self) -> Figure:
+        """Draw the stimuli over time."""
         stimuli = self.to_frame()
         figure, axes = pictures.panels(len(stimuli.columns), "proposed experiment")
         declared = {v.name: v.unit for v in self.design.model.candidate.cls.layout.inputs}
         for axis, (name, values) in zip(axes, stimuli.items(), strict=True):
             axis.plot(stimuli.index, values, color=pictures.MODEL, drawstyle="steps-post")
             pictures.label(axis, str(name), declared[str(name)])
-        if path is not None:
-            pictures.save(figure, Path(path))
         return figure
 
     def toml(self) -> str:
@@ -173,9 +157,6 @@ class Evidence(Displayable):
             table.add_row(row.candidate.effect_name, f"{row.gain:.1f}", row.verdict, row.reason)
         yield table
 
-    def _figure(self) -> Figure | None:
-        return self.plot() if self.tried else None
-
     def to_frame(self) -> pandas.DataFrame:
         """Return the evidence as a table, a row for each effect.
 
@@ -193,18 +174,13 @@ class Evidence(Displayable):
         ]
         return pandas.DataFrame(rows, columns=columns).set_index("effect")
 
-    def plot(self, path: str | Path | None = None) -> Figure:
+    def draw(self) -> Figure:
         """Draw by how much BIC falls with every effect, those named in another colour.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture (.png, .svg or .pdf) to write as well.
 
         Raises
         ------
         UserError
-            If nothing was tried, or the file cannot be written.
+            If nothing was tried.
         """
         if not self.tried:
             raise UserError("no effect was tried, so there is nothing to draw")
@@ -215,8 +191,6 @@ class Evidence(Displayable):
         axis.barh(range(len(rows)), [row.gain for row in rows], color=colours)
         names = [row.candidate.effect_name.replace("_", " ") for row in rows]
         axis.set_yticks(range(len(rows)), names)
-        if path is not None:
-            pictures.save(figure, Path(path))
         return figure
 
 
@@ -392,9 +366,6 @@ class DiagnosisResult(_Result):
             f" {self._result.files}"
         )
 
-    def _figure(self) -> Figure | None:
-        return self.plot() if self.gain.before else None
-
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON: the form that ``ppy diagnose --json`` writes."""
         with in_shell():
@@ -416,24 +387,12 @@ class DiagnosisResult(_Result):
         """
         return estimates_frame(self.parameters)
 
-    def plot(self, path: str | Path | None = None) -> Figure:
+    def draw(self) -> Figure:
         """Draw the output that gained most over the validation data.
 
         Measured, refitted and extended, and residuals.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture (.png, .svg or .pdf) to write as well.
-
-        Raises
-        ------
-        UserError
-            If the file cannot be written.
         """
-        return picture.draw_diagnosis(
-            self._result.diagnosis, self._result.model, None if path is None else Path(path)
-        )
+        return picture.draw_diagnosis(self._result.diagnosis, self._result.model)
 
     def system(self, path: str | Path) -> Path:
         """Write an FMU without equations and its correction as one system.
@@ -515,9 +474,6 @@ class LawsResult(_Result):
         result = self._report.result
         return one_line(f"LawsResult{best}: {result.model.name}, {result.files}")
 
-    def _figure(self) -> Figure | None:
-        return self.plot() if self._report.best else None
-
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON: the form that ``ppy laws --json`` writes."""
         with in_shell():
@@ -538,22 +494,15 @@ class LawsResult(_Result):
             [{name: row[name] for name in columns} for row in self.law_map], columns=list(columns)
         )
 
-    def plot(self, path: str | Path | None = None) -> Figure:
+    def draw(self) -> Figure:
         """Draw the curve of the best correction with its 95 % band, and where the record has been.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture (.png, .svg or .pdf) to write as well.
 
         Raises
         ------
         UserError
-            If no law is found to lack anything, or the file cannot be written.
+            If no law is found to lack anything.
         """
-        return figures.draw_curve(
-            self._report, self._best("draw"), None if path is None else Path(path)
-        )
+        return figures.draw_curve(self._report, self._best("draw"))
 
     def effect(self, path: str | Path) -> Path:
         """Write the best correction as a class of a few lines to lay over the model.

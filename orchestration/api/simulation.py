@@ -23,8 +23,8 @@ from orchestration.fmu import (
     built,
     declared_model,
     declared_model_of,
+    draw_signals,
     grid,
-    plot,
     read_description,
 )
 from orchestration.fmu import simulate as run_fmu
@@ -81,9 +81,6 @@ class Simulation(Displayable):
         extent = f"{self.time.size} points to {self.time[-1]:g} s"
         return one_line(f"Simulation {self.model.name}: {extent}")
 
-    def _figure(self) -> Figure:
-        return self.plot()
-
     def to_dict(self) -> dict[str, Any]:
         """Return time and signals as lists."""
         return {"time": self.time.tolist()} | {
@@ -117,25 +114,9 @@ class Simulation(Displayable):
         write_record(Path(path), self.time, signals, {name: known[name].unit for name in signals})
         return Path(path)
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw inputs and outputs over time, one panel each, in the units that people read.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture (.png, .svg or .pdf) to write as well.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        UserError
-            If the file cannot be written.
-        """
-        target = None if path is None else Path(path)
-        return plot(target, self.model, self.time, self.inputs | self.outputs)
+    def draw(self) -> Figure:
+        """Draw inputs and outputs over time, one panel each, in the units that people read."""
+        return draw_signals(self.model, self.time, self.inputs | self.outputs)
 
 
 @takes(SimulateKeywords)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from pathlib import Path
 from typing import Unpack
 
@@ -11,13 +11,14 @@ from fmus.kit.arrays import Array
 from orchestration.api.declaration import takes
 from orchestration.api.options import NoteOption, SweepFileKeywords, SweepKeywords
 from orchestration.api.simulation import Inputs, as_model, inputs_over, points_of, values_of
-from orchestration.fmu import Model
+from orchestration.fmu import Model, Value
 from orchestration.fmu.isolation import Limits
 from orchestration.reporting import option
 from orchestration.sweeps import (
     KEPT,
     MOST_WORKERS,
     TRACE,
+    Range,
     SweepResult,
     Task,
     checked_reductions,
@@ -72,30 +73,17 @@ def sweep(
     """
     subject = as_model(model)
     _refuse_unfit(subject, options)
-    ranges = [
-        read_range(f"{name}={values}", subject)
-        if isinstance(values, str)
-        else given_range(name, values, subject)
-        for name, values in over.items()
-    ]
+    kind = options["kind"]
+    ranges = _ranges(over, subject)
     points = points_of(subject, options["time"], options["stop"], options["step"])
     driven = inputs_over(subject, inputs or {}, points)
-    settings = values_of(subject, options["settings"])
-    kind = options["kind"]
-    starts: dict[str, float] = {}
-    if kind == TORNADO:  # what is set is where the others stay
-        known = {**subject.parameters, **subject.inputs}
-        for one in ranges:
-            starts[one.name] = float(settings.pop(one.name, known[one.name].start))
+    given = values_of(subject, options["settings"])
+    # what a tornado sets is where the others stay
+    starts = _starts(ranges, given, subject) if kind == TORNADO else {}
+    settings = {name: value for name, value in given.items() if name not in starts}
     cases = design(ranges, kind, options["samples"], options["seed"], starts)
-    keep = checked_reductions(KEPT if options["keep"] is None else options["keep"])
-    if kind in (SOBOL_INDICES, TORNADO) and not {*keep} - {TRACE}:
-        raise UserError(
-            f"{option('keep', [TRACE])}: {option('kind', kind)} asks for numbers, such as last"
-        )
-    twice = next((name for name in cases.names if name in settings or name in driven), None)
-    if twice is not None:
-        raise UserError(f"{twice} is swept, and set to one value besides")
+    keep = _kept(options["keep"], kind)
+    _refuse_set_twice(cases.names, {*settings, *driven})
     isolate = subject.foreign if options["isolate"] is None else options["isolate"]
     task = Task(
         subject.path,
@@ -119,6 +107,40 @@ def sweep(
         progress=options["progress"],
         scheduler=options["scheduler"],
     )
+
+
+def _ranges(over: Mapping[str, str | Sequence[float] | Array], model: Model) -> list[Range]:
+    """Return what each parameter goes through, of a text or of values."""
+    return [
+        read_range(f"{name}={values}", model)
+        if isinstance(values, str)
+        else given_range(name, values, model)
+        for name, values in over.items()
+    ]
+
+
+def _starts(
+    ranges: Sequence[Range], settings: Mapping[str, Value], model: Model
+) -> dict[str, float]:
+    """Return where each parameter stays while another is moved: what is set, or its start."""
+    known = {**model.parameters, **model.inputs}
+    return {one.name: float(settings.get(one.name, known[one.name].start)) for one in ranges}
+
+
+def _kept(keep: Sequence[str] | None, kind: str) -> list[str]:
+    """Return the reductions that are kept; refuse traces alone where a design needs numbers."""
+    kept = checked_reductions(KEPT if keep is None else keep)
+    if kind in (SOBOL_INDICES, TORNADO) and not {*kept} - {TRACE}:
+        raise UserError(
+            f"{option('keep', [TRACE])}: {option('kind', kind)} asks for numbers, such as last"
+        )
+    return kept
+
+
+def _refuse_set_twice(swept: Sequence[str], given: Container[str]) -> None:
+    twice = next((name for name in swept if name in given), None)
+    if twice is not None:
+        raise UserError(f"{twice} is swept, and set to one value besides")
 
 
 def _refuse_unfit(subject: Model, options: SweepKeywords) -> None:

@@ -165,10 +165,7 @@ def _subject_of(system: System, experiment: Experiment, prefix: str = "") -> Sub
     first_port = {
         name: str(targets[0]).removeprefix(prefix) for name, targets in system.inputs.items()
     }
-    why_not_settable = {str(c.target): f"it receives {c.source}" for c in system.connections}
-    for name, targets in system.inputs.items():
-        reason = f"give it as inputs.{name}"
-        why_not_settable |= dict.fromkeys([name, *map(str, targets)], reason)
+    why_not_settable = _why_not_settable(system)
     master_options = experiment.master or Master()
     named_outputs = [str(port) for port in system.outputs.values()]
     return Subject(
@@ -204,6 +201,14 @@ def _subject_of(system: System, experiment: Experiment, prefix: str = "") -> Sub
         run=_runner(system, prefix, master_options),
         foreign=any(member.cls is None for member in system.members),
     )
+
+
+def _why_not_settable(system: System) -> dict[str, str]:
+    """Return why inputs are not set like parameters, by their names and those of the system."""
+    reasons = {str(c.target): f"it receives {c.source}" for c in system.connections}
+    for name, targets in system.inputs.items():
+        reasons |= dict.fromkeys([name, *map(str, targets)], f"give it as inputs.{name}")
+    return reasons
 
 
 def _runner(system: System, prefix: str, master_options: Master) -> Runner:

@@ -302,15 +302,13 @@ def check_inputs(fmu: Fmu, names: Iterable[str]) -> None:
             raise UserError(f"{fmu.path.name}: {name} is not an input; inputs are {known}")
 
 
-def plot(
-    path: Path | None, model: Model, time: Array, signals: Mapping[str, Array], title: str = ""
+def draw_signals(
+    model: Model, time: Array, signals: Mapping[str, Array], title: str = ""
 ) -> Figure:
-    """Plot inputs and outputs over time, one panel each, in display units.
+    """Draw inputs and outputs over time, one panel each, in display units.
 
     Parameters
     ----------
-    path : Path or None
-        The picture to write.
     model : Model
     time : ndarray, shape (n,)
         In seconds.
@@ -318,11 +316,6 @@ def plot(
         By input or output, in the FMU's units.
     title : str
         Default the name of the model.
-
-    Raises
-    ------
-    UserError
-        If the file cannot be written.
     """
     from orchestration.reporting import pictures
 
@@ -338,6 +331,4 @@ def plot(
             drawstyle=style,
         )
         pictures.label(panel, name, signal.display)
-    if path is not None:
-        pictures.save(figure, path)
     return figure

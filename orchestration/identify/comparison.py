@@ -89,9 +89,6 @@ class Comparison(Displayable):
         percents = ", ".join(f"{output} {g.fit_percent:.1f} %" for output, g in runs.items())
         return one_line(f"Comparison {percents}: {self.model.name}, {self.record.source.name}")
 
-    def _figure(self) -> Figure:
-        return self.plot()
-
     def to_frame(self) -> pandas.DataFrame:
         """Return how well every output is followed as a table, a row for each output and run.
 
@@ -112,24 +109,9 @@ class Comparison(Displayable):
         """
         return presentation.figures(self)
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw, for every measured output, record and simulation above the residual.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture (.png, .svg or .pdf) to write as well.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        UserError
-            If the file cannot be written.
-        """
-        return presentation.draw(self, None if path is None else Path(path))
+    def draw(self) -> Figure:
+        """Draw, for every measured output, record and simulation above the residual."""
+        return presentation.draw_comparison(self)
 
     def report(self, path: str | Path, command: str = "") -> Path:
         """Write a page on the fit, to look at and pass on.

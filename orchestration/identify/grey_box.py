@@ -145,10 +145,11 @@ class Fit(Displayable):
             If there are none, or the file cannot be written.
         """
         from orchestration.identify.uncertainty import draw
+        from orchestration.reporting import pictures
 
         if not self.profiles:
             raise UserError("no profile was made yet: profile(name) makes one")
-        return draw([*self.profiles.values()], None if path is None else Path(path))
+        return pictures.also_saved(draw([*self.profiles.values()]), path)
 
     @property
     def coupled(self) -> dict[tuple[str, str], float]:
@@ -212,23 +213,9 @@ class Fit(Displayable):
         )
         return one_line(f"Fit {values}")
 
-    def _figure(self) -> Figure:
-        return self.plot()
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw every parameter with its 95 % interval, and where it started from.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture (.png, .svg or .pdf) to write as well.
-
-        Raises
-        ------
-        UserError
-            If the file cannot be written.
-        """
-        return presentation.draw_fit(self, None if path is None else Path(path))
+    def draw(self) -> Figure:
+        """Draw every parameter with its 95 % interval, and where it started from."""
+        return presentation.draw_fit(self)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the parameters as a table, a row for each, SI.

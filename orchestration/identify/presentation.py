@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
@@ -164,48 +163,18 @@ def figures(comparison: Comparison) -> dict[str, Any]:
     return result
 
 
-def draw(comparison: Comparison, path: Path | None = None) -> Figure:
-    """Draw, for every measured output, record and simulation above the residual.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    path : Path, optional
-        Picture to write.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    UserError
-        If the file cannot be written.
-    """
+def draw_comparison(comparison: Comparison) -> Figure:
+    """Draw, for every measured output, record and simulation above the residual."""
     title = f"{comparison.record.source.name} against {comparison.model.name}"
     figure, axes = pictures.panels(2 * len(comparison.before), title)
     for k, output in enumerate(comparison.before):
         _draw_output(comparison, output, axes[2 * k], axes[2 * k + 1])
     pictures.logarithmic(axes, comparison.record.time)
-    if path is not None:
-        pictures.save(figure, path)
     return figure
 
 
-def draw_fit(fit: Fit, path: Path | None = None) -> Figure:
-    """Draw every fitted parameter with its 95 % interval, and where it started from.
-
-    Parameters
-    ----------
-    fit : Fit
-    path : Path, optional
-        Picture to write.
-
-    Raises
-    ------
-    UserError
-        If the file cannot be written.
-    """
+def draw_fit(fit: Fit) -> Figure:
+    """Draw every fitted parameter with its 95 % interval, and where it started from."""
     title = "fitted parameters with 95 % intervals"
     figure, axes = pictures.panels(len(fit.estimates), title, "", 0.75, shared=False)
     for axis, (name, estimate) in zip(axes, fit.estimates.items(), strict=True):
@@ -213,8 +182,6 @@ def draw_fit(fit: Fit, path: Path | None = None) -> Figure:
     axes[0].legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1
     )
-    if path is not None:
-        pictures.save(figure, path)
     return figure
 
 

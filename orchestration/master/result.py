@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmus.kit import UserError
@@ -124,29 +123,21 @@ class Run(Displayable):
         yield members
         yield from self.notes
 
-    def _figure(self) -> Figure | None:
-        return self.plot() if self.time.size and self.signals else None
-
-    def plot(self, path: str | Path | None = None) -> Figure:
+    def draw(self) -> Figure:
         """Draw the signals over time, one panel each; of many only the first.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture (.png, .svg or .pdf) to write as well.
 
         Raises
         ------
         UserError
-            If the file cannot be written.
+            If the run has no points or no signals.
         """
+        if not (self.time.size and self.signals):
+            raise UserError("the run has no points or no signals, so there is nothing to draw")
         shown = list(self.signals.items())[:_MOST_PANELS]
-        figure, axes = pictures.panels(max(1, len(shown)), self._extent)
-        for axis, (name, values) in zip(axes, shown, strict=False):
+        figure, axes = pictures.panels(len(shown), self._extent)
+        for axis, (name, values) in zip(axes, shown, strict=True):
             axis.plot(self.time, values, color=pictures.MODEL)
             pictures.label(axis, name, self.units[name])
-        if path is not None:
-            pictures.save(figure, Path(path))
         return figure
 
     def to_frame(self) -> pandas.DataFrame:

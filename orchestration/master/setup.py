@@ -217,28 +217,48 @@ def make_structure(
     read = list(dict.fromkeys((*recorded, *compared, *sources.values())))
     fed_by_member = {m.name: [p for p in fed_inputs if p.member == m.name] for m in members}
     read_by_member = {m.name: [p for p in read if p.member == m.name] for m in members}
-    feedthrough: dict[Port, tuple[Port, ...]] = {}
-    assumed: set[Port] = set()
-    for member in members:
-        for port in read_by_member[member.name]:
-            stated = member.dependencies(port.variable)
-            if stated is None:
-                assumed.add(port)
-            feedthrough[port] = tuple(
-                p
-                for p in fed_by_member[member.name]
-                if settings.feedthrough and (stated is None or p.variable in stated)
-            )
-    stateless = {member.name for member in members if not member.can_restore}
+    feedthrough, assumed = _feedthrough(members, fed_by_member, read_by_member)
     structure = Structure(
         sources=sources,
         fed=fed_by_member,
         wanted=read_by_member,
-        feedthrough=feedthrough,
+        feedthrough=feedthrough if settings.feedthrough else dict.fromkeys(feedthrough, ()),
         assumed=assumed,
-        stateless=stateless,
+        stateless={member.name for member in members if not member.can_restore},
     )
     return structure, recorded
+
+
+def _feedthrough(
+    members: Sequence[Instance],
+    fed: Mapping[str, Sequence[Port]],
+    read: Mapping[str, Sequence[Port]],
+) -> tuple[dict[Port, tuple[Port, ...]], set[Port]]:
+    """Return the inputs that each variable depends on at once.
+
+    Parameters
+    ----------
+    members : sequence of Instance
+    fed, read : Mapping of str to sequence of Port
+        By member, its inputs that receive values, and its variables that are read.
+
+    Returns
+    -------
+    feedthrough : dict of Port to tuple of Port
+    assumed : set of Port
+        Variables of which the FMU does not say so: they are taken to depend on every input.
+    """
+    feedthrough: dict[Port, tuple[Port, ...]] = {}
+    assumed: set[Port] = set()
+    for member in members:
+        for port in read[member.name]:
+            stated = member.dependencies(port.variable)
+            if stated is None:
+                assumed.add(port)
+            feedthrough[port] = tuple(
+                p for p in fed[member.name] if stated is None or p.variable in stated
+            )
+    return feedthrough, assumed
 
 
 def _check_variables(

@@ -154,16 +154,7 @@ def run(
             progress=progress,
             options={"record": record, **coupling},
         )
-    settings = MasterSettings(
-        sequential=coupling["method"] == "gauss-seidel",
-        extrapolation=coupling["extrapolation"],
-        feedthrough=coupling["feedthrough"],
-        adaptive=coupling["tolerance"] is not None,
-        rates={
-            name: _check_rate(system.member(name).name, value)
-            for name, value in (coupling["rates"] or {}).items()
-        },
-    )
+    settings = _settings(system, coupling)
     external = external_values(system, inputs or {}, len(points))
     disturbed = disturbance_values(system, disturbances or {}, len(points))
     with ExitStack() as opened:
@@ -227,6 +218,20 @@ def _coupling(options: CouplingOptions) -> CouplingOptions:
     if tolerance is not None and not (isinstance(tolerance, Real) and 0.0 < tolerance < 1.0):
         raise UserError(f"tolerance {tolerance!r}: must be a number between 0 and 1")
     return coupling
+
+
+def _settings(system: System, coupling: CouplingOptions) -> MasterSettings:
+    """Return options as the master takes them; UserError for rates that cannot be."""
+    return MasterSettings(
+        sequential=coupling["method"] == "gauss-seidel",
+        extrapolation=coupling["extrapolation"],
+        feedthrough=coupling["feedthrough"],
+        adaptive=coupling["tolerance"] is not None,
+        rates={
+            name: _check_rate(system.member(name).name, value)
+            for name, value in (coupling["rates"] or {}).items()
+        },
+    )
 
 
 def _check_rate(name: str, value: float) -> Fraction:

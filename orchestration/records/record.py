@@ -120,9 +120,6 @@ class Record(Displayable):
         yield table
         yield from self._repair_lines
 
-    def _figure(self) -> Figure | None:
-        return self.plot() if self.signals and self.time.size else None
-
     def to_frame(self) -> pandas.DataFrame:
         """Return the signals as a table over time.
 
@@ -135,26 +132,21 @@ class Record(Displayable):
 
         return pandas.DataFrame(self.signals, index=pandas.Index(self.time, name="time"))
 
-    def plot(self, path: str | Path | None = None) -> Figure:
+    def draw(self) -> Figure:
         """Draw every signal over time, one panel each.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture (.png, .svg or .pdf) to write as well.
 
         Raises
         ------
         UserError
-            If the file cannot be written.
+            If it has no samples or no signals.
         """
+        if not (self.time.size and self.signals):
+            raise UserError(f"{self.source}: no samples or no signals, so there is nothing to draw")
         figure, axes = pictures.panels(len(self.signals), self.source.name)
         for axis, (name, values) in zip(axes, self.signals.items(), strict=True):
             axis.plot(self.time, values, color=pictures.MEASURED, lw=1)
             pictures.label(axis, name, self.units[name])
         pictures.logarithmic(axes, self.time)
-        if path is not None:
-            pictures.save(figure, Path(path))
         return figure
 
 

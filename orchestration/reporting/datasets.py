@@ -30,22 +30,8 @@ class Plots(DatasetPlotAccessor):
         self._draw = draw
 
     def __call__(self, path: str | Path | None = None) -> Figure:  # type: ignore[override]
-        """Draw the result.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture (.png, .svg or .pdf) to write as well.
-
-        Raises
-        ------
-        UserError
-            If there is nothing to draw, or the file cannot be written.
-        """
-        figure = self._draw()
-        if path is not None:
-            pictures.save(figure, Path(path))
-        return figure
+        """Draw the result, and write the picture where a path is given; see `Displayable.plot`."""
+        return pictures.also_saved(self._draw(), path)
 
 
 class ResultDataset(xarray.Dataset):

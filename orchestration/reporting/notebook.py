@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from fmus.kit import UserError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,9 +29,42 @@ class Displayable:
         """Return the lines and tables that the result consists of."""
         raise NotImplementedError
 
-    def _figure(self) -> Figure | None:
-        """Return the figure that a notebook shows; None where there is nothing to draw."""
-        return None
+    def draw(self) -> Figure:
+        """Draw the result, as a notebook shows it.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Made without pyplot.
+
+        Raises
+        ------
+        UserError
+            If there is nothing to draw.
+        """
+        raise UserError(f"{type(self).__name__}: this has no picture")
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the result, and write the picture where a path is given.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Picture (.png, .svg or .pdf) to write as well.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            That of `draw`, which shows itself in a notebook.
+
+        Raises
+        ------
+        UserError
+            If there is nothing to draw, or the file cannot be written.
+        """
+        from orchestration.reporting import pictures
+
+        return pictures.also_saved(self.draw(), path)
 
     def __str__(self) -> str:
         from orchestration.reporting.console import plain_text
@@ -40,7 +76,11 @@ class Displayable:
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
         """Return the forms that a notebook chooses from; the picture is drawn once for all."""
-        return bundle(html_of(self.overview()), self._figure())
+        try:
+            figure = self.draw()
+        except UserError:  # there is nothing to draw
+            figure = None
+        return bundle(html_of(self.overview()), figure)
 
 
 def bundle(html: str, figure: Figure | None) -> dict[str, Any]:

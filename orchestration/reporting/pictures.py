@@ -92,6 +92,13 @@ def picture_format(path: Path) -> str:
     return ending[1:]
 
 
+def also_saved(figure: Figure, path: str | Path | None) -> Figure:
+    """Return the figure, which is written as by `save` where a path is given."""
+    if path is not None:
+        save(figure, Path(path))
+    return figure
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write the figure, in the format of the file's ending, whole or not at all.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,20 +34,18 @@ def describe_left_out(names: Sequence[str]) -> list[str]:
     ]
 
 
-def draw(data: xarray.Dataset, path: Path | None = None) -> Figure:
+def draw(data: xarray.Dataset) -> Figure:
     """Draw the first numbers of a sweep over its parameters, in display units.
 
     Parameters
     ----------
     data : xarray.Dataset
         Of `orchestration.sweeps.execution.dataset`.
-    path : Path
-        Picture: .png, .svg or .pdf.
 
     Raises
     ------
     UserError
-        If there are no numbers, or the file cannot be written.
+        If there are no numbers.
     """
     names = names_to_draw(_numbers(data))
     if not names:
@@ -66,8 +63,6 @@ def draw(data: xarray.Dataset, path: Path | None = None) -> Figure:
     if 1 < _count_curves(data[names[0]], first) <= MOST:
         panels[0].legend()
     panels[-1].set_xlabel(first + ("" if unit == "1" else f" [{unit}]"))
-    if path is not None:
-        pictures.save(figure, path)
     return figure
 
 

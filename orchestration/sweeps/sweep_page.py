@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray
@@ -15,10 +14,13 @@ from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from fmus.kit.units import convert, printed, write_prefixed
 from orchestration.identify import ranks
-from orchestration.reporting import Markup, Page, escaped, option
+from orchestration.reporting import Markup, Page, escaped, option, pictures
 from orchestration.sweeps.reductions import REDUCTIONS
 from orchestration.sweeps.sensitivity import failures, parameters_of
 from orchestration.sweeps.storage import iterate_pieces
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _REDUCED = {
     "last": "{} at the end",
@@ -76,7 +78,7 @@ def extremes(data: xarray.Dataset) -> Iterator[Extreme]:
 
 def sweep_page(
     data: xarray.Dataset,
-    draw: Callable[[Path], object],
+    draw: Callable[[], Figure],
     tables: list[Table],
     command: str,
 ) -> Page:
@@ -87,7 +89,7 @@ def sweep_page(
     data : xarray.Dataset
         Of a sweep.
     draw : callable
-        Writes the picture of the sweep, or raises a UserError where there is none.
+        Draws the picture of the sweep, or raises a UserError where there is none.
     tables : list of rich.table.Table
         Of the analysis that belongs to the design of the sweep.
     command : str
@@ -170,14 +172,15 @@ def _add_table(page: Page, table: Table) -> None:
     page.table(head, [list(row) for row in zip(*columns, strict=True)])
 
 
-def _add_picture(page: Page, draw: Callable[[Path], object]) -> None:
+def _add_picture(page: Page, draw: Callable[[], Figure]) -> None:
     """Add the picture of the sweep, if it has one."""
+    try:
+        figure = draw()
+    except UserError:
+        return
     with scratch.folder("page") as folder:
         file = folder / "sweep.png"
-        try:
-            draw(file)
-        except UserError:
-            return
+        pictures.save(figure, file)
         page.heading("The picture")
         page.picture(file, "What was kept of every case, over what was swept.")
 

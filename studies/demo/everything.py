@@ -20,6 +20,7 @@ from orchestration.fmu import simulation as simulate
 from orchestration.identify import comparison as comparing
 from orchestration.records import write_record
 from orchestration.reporting import console as screen
+from orchestration.reporting import pictures
 from studies.demo import report as demo_report
 from studies.demo.report import ThesisRun
 from studies.emulator import EmulatedRig, Physics, RigParameters, SaturatingStrain
@@ -135,7 +136,8 @@ def _thesis(out: Path, models: Mapping[str, Model], tell: Callable[[str], None])
         )
         drawn = ["voltage", "displacement"] if "current" in inputs else ["displacement"]
         signals = inputs | {name: native[name] for name in drawn}
-        simulate.plot(out / f"{file}.png", models["native"], time, signals, title)
+        figure = simulate.draw_signals(models["native"], time, signals, title)
+        pictures.save(figure, out / f"{file}.png")
         runs.append(ThesisRun(title, out / f"{file}.png", difference))
     return runs
 

@@ -121,6 +121,8 @@ def test_an_ambiguous_record_comes_with_an_experiment(tmp_path):
     assert result.model is None
     with pytest.raises(ppy.UserError, match="nothing to make an FMU of"):
         result.fmu(tmp_path / "none.fmu")
+    assert result.plot(tmp_path / "idle.png").axes
+    assert "image/png" in result._repr_mimebundle_()
     written = result.experiment.to_toml(tmp_path / "next.toml").read_text(encoding="utf-8")
     assert written.startswith(f"# {result.experiment}")
 

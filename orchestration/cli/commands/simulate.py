@@ -50,7 +50,7 @@ def _simulate_model(options: SimulateCommand) -> None:
     from orchestration.cli.models import build_model
     from orchestration.fmu import declared_model
     from orchestration.fmu import simulation as work
-    from orchestration.reporting import note, progress, wrote
+    from orchestration.reporting import note, pictures, progress, wrote
 
     out = options["out"]
     plot = options["plot"]
@@ -84,7 +84,8 @@ def _simulate_model(options: SimulateCommand) -> None:
         _write(out, model, time, inputs, outputs)
         wrote(out)
     if plot is not None:
-        work.plot(plot, model, time, {**inputs, **outputs}, model.title)
+        drawn = work.draw_signals(model, time, {**inputs, **outputs}, model.title)
+        pictures.save(drawn, plot)
         wrote(plot)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
 from contextlib import nullcontext
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,9 +28,9 @@ if TYPE_CHECKING:
     import xarray
 
     from orchestration.fmu import Model, Value
-    from orchestration.sweeps import Design, SweepFit, Task
+    from orchestration.sweeps import Design, SweepFit, SweepResult, Task
 
-    Work = Callable[[SweepFileKeywords], xarray.Dataset]
+    Work = Callable[[SweepFileKeywords], SweepResult]
 
 _DATASET = (".nc", ".zarr")
 _ZARR = ".zarr"
@@ -113,7 +112,7 @@ def _check(out: Path | None, plot: Path | None) -> Callable[[Task, Design], None
     return check
 
 
-def _finish(data: xarray.Dataset, folder: Path | None, options: SweepCommand) -> None:
+def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> None:
     """Say what a sweep comes to, write it and draw it."""
     from orchestration.reporting import console
     from orchestration.sweeps import picture, sweep_page
@@ -125,13 +124,12 @@ def _finish(data: xarray.Dataset, folder: Path | None, options: SweepCommand) ->
     tables = []
     analysis = analysis_of(data.attrs["design"])
     shown = data
-    whole = data
-    draw: Callable[[xarray.Dataset, Path], object] = picture.draw
+    whole: xarray.Dataset = data
     left_out: Callable[[xarray.Dataset], list[str]] = picture.left_out
     try:
         if analysis is not None:
             shown = analysis.analyse(data)
-            draw, left_out = analysis.draw, analysis.left_out
+            left_out = analysis.left_out
             tables = [analysis.table(shown)]
             console.out.print(*tables)
             whole = merge_analysis(data, shown)
@@ -139,12 +137,12 @@ def _finish(data: xarray.Dataset, folder: Path | None, options: SweepCommand) ->
         if out is not None:
             _keep(whole, out, folder)
     if plot is not None:
-        draw(shown, plot)
+        shown.plot(plot)
         console.wrote(plot)
         for line in left_out(shown):
             console.note(line)
     if report is not None:
-        sweep_page(data, partial(draw, shown), tables, typed_command()).write(report)
+        sweep_page(data, shown.draw, tables, typed_command()).write(report)
         console.wrote(report)
 
 
@@ -165,7 +163,7 @@ def _sweep_of_options(options: SweepCommand) -> Work:
             note(line)
     cases["settings"] = settings
 
-    def work(how: SweepFileKeywords) -> xarray.Dataset:
+    def work(how: SweepFileKeywords) -> SweepResult:
         keywords: SweepKeywords = {**cases, **how}
         return run_sweep(model, over, **keywords)
 

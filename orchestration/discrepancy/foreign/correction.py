@@ -11,7 +11,6 @@ it.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
@@ -29,7 +28,6 @@ from orchestration.identify.black_box.study import class_name, identifiers
 SIMULATED = "simulated_{}"
 IN_FMU = "{}_in_fmu"
 RECORDED = "{}_as_recorded"
-_LAW = re.compile(r"^    def (\w+)\(", re.MULTILINE)
 _HEAD = '''"""{doc}"""
 
 from fmus.kit import Component, Input, Output, Parameter, State
@@ -39,7 +37,7 @@ class {cls}(Component):
     """{doc}"""
 
     name = "{identifier}"
-    experiment = ({stop!r}, {step!r})
+    experiment = {experiment!r}
     unchecked = {laws!r}
 
 '''
@@ -100,27 +98,26 @@ def output_correction(
     names = {name: identifier[name] for name in (*inputs, *outputs)}
     correction = OutputCorrection(Component, names, {name: identifier[name] for name in fit})
     of_inputs = {name for _, name in responses or {}}
-    moved = [name for name in inputs if name in of_inputs]
-    following = {output: _response_lines(names, output, responses or {}) for output in measured}
-    lines = _input_lines(names, inputs)
-    for name in moved:
-        recorded = f'Input("{_unit(inputs[name])}", doc="{name} as it was recorded")'
-        lines.append(f"    {RECORDED.format(names[name])} = {recorded}")
-    for name, signal in outputs.items():
-        simulated = f'Input("{_unit(signal)}", doc="{name} of the FMU")'
-        lines.append(f"    {correction.simulated(name)} = {simulated}")
-    lines += _parameter_lines(model, correction, measured, fit)
-    for output in measured:
-        lines += following[output].states
-    for name in moved:
-        lines += _law_in_fmu(name, names[name])
-    for output in measured:
-        terms = [*_linearised(correction, output, fit), *following[output].terms]
-        lines += _output_law(names[output], outputs[output], " + ".join(terms))
-    for output in measured:
-        lines += following[output].laws
+    moved = {name: signal for name, signal in inputs.items() if name in of_inputs}
+    following = {output: _write_response(names, output, responses or {}) for output in measured}
+    declarations = [
+        *_input_lines(names, inputs),
+        *_recorded_lines(names, moved),
+        *_simulated_lines(correction, outputs),
+        *_parameter_lines(model, correction, measured, fit),
+        *(line for response in following.values() for line in response.states),
+    ]
+    laws = [
+        *(_law_in_fmu(name, names[name]) for name in moved),
+        *(
+            _output_law(correction, outputs[output], fit, response.terms)
+            for output, response in following.items()
+        ),
+        *(law for response in following.values() for law in response.laws),
+    ]
     doc = f"What stands behind {model.path.name}."
-    return replace(correction, cls=_load(model, doc, "corrected", lines, stop, step))
+    cls = _load(model, doc, "corrected", declarations, laws, (stop, step))
+    return replace(correction, cls=cls)
 
 
 def input_correction(
@@ -138,11 +135,12 @@ def input_correction(
     """
     inputs = real_signals(model.inputs)
     names = dict(zip(inputs, identifiers(tuple(inputs)), strict=True))
-    lines = _input_lines(names, inputs)
-    for name in moved:
-        law = _law_in_fmu(name, names[name])
-        lines += ["", f'    @Output("{_unit(inputs[name])}")', *law[1:]]
-    return _load(model, f"What stands ahead of {model.path.name}.", "fed", lines, stop, step)
+    declarations = _input_lines(names, inputs)
+    laws = [
+        replace(_law_in_fmu(name, names[name]), output_unit=_unit(inputs[name])) for name in moved
+    ]
+    doc = f"What stands ahead of {model.path.name}."
+    return _load(model, doc, "fed", declarations, laws, (stop, step))
 
 
 def real_signals(signals: Mapping[str, Signal]) -> dict[str, Signal]:
@@ -195,18 +193,56 @@ def _input_lines(names: Mapping[str, str], inputs: Mapping[str, Signal]) -> list
     ]
 
 
+def _recorded_lines(names: Mapping[str, str], moved: Mapping[str, Signal]) -> list[str]:
+    """Declare what was recorded of the inputs that may be others in the FMU."""
+    return [
+        f'    {RECORDED.format(names[n])} = Input("{_unit(s)}", doc="{n} as it was recorded")'
+        for n, s in moved.items()
+    ]
+
+
+def _simulated_lines(correction: OutputCorrection, outputs: Mapping[str, Signal]) -> list[str]:
+    """Declare the outputs that the FMU simulates, which are inputs of the correction."""
+    return [
+        f'    {correction.simulated(n)} = Input("{_unit(s)}", doc="{n} of the FMU")'
+        for n, s in outputs.items()
+    ]
+
+
 @dataclass(frozen=True)
-class _ResponseLines:
-    """Lines of states and of laws, and terms of an output, by which it follows its inputs."""
+class _Law:
+    """A law of a component's source; it is an output where it has a unit of one."""
+
+    name: str
+    returned: str
+    doc: str
+    output_unit: str | None = None
+
+    @property
+    def lines(self) -> list[str]:
+        """Lines of its definition."""
+        unit = self.output_unit
+        return [
+            "",
+            *([] if unit is None else [f'    @Output("{unit}")']),
+            f"    def {self.name}(self):",
+            f'        """{self.doc}"""',
+            f"        return {self.returned}",
+        ]
+
+
+@dataclass(frozen=True)
+class _WrittenResponse:
+    """Lines of states, laws, and terms of an output, by which it follows its inputs."""
 
     states: list[str] = field(default_factory=list)
-    laws: list[str] = field(default_factory=list)
+    laws: list[_Law] = field(default_factory=list)
     terms: list[str] = field(default_factory=list)
 
 
-def _response_lines(
+def _write_response(
     names: Mapping[str, str], output: str, responses: Mapping[tuple[str, str], FmuResponse]
-) -> _ResponseLines:
+) -> _WrittenResponse:
     """Write the linear response of an output to the difference of inputs from those recorded.
 
     The difference is between what the FMU gets (a law of the component) and the record (an input).
@@ -221,45 +257,50 @@ def _response_lines(
     responses : Mapping of tuple of str to FmuResponse
         By output and input.
     """
-    lines = _ResponseLines()
+    written = _WrittenResponse()
     for (responding, name), response in responses.items():
         if responding != output:
             continue
         difference = f"(self.{IN_FMU.format(names[name])}() - self.{RECORDED.format(names[name])})"
         states = [f"{names[output]}_after_{names[name]}_{k + 1}" for k in range(len(response.c))]
-        lines.terms.extend(_products(response.c, states))
+        written.terms.extend(_products(response.c, states))
         if response.d:
-            lines.terms.append(f"{response.d!r} * {difference}")
+            written.terms.append(f"{response.d!r} * {difference}")
         for k, state in enumerate(states):
             rate = f"rate_of_{state}"
-            lines.states.append(
+            written.states.append(
                 f'    {state} = State("1", rate="{rate}", doc="response of {output} to {name}")'
             )
             terms = [*_products(response.a[k], states), f"{float(response.b[k])!r} * {difference}"]
-            lines.laws.extend(_law(rate, " + ".join(terms), "Rate of the state."))
-    return lines
+            written.laws.append(_Law(rate, " + ".join(terms), "Rate of the state."))
+    return written
 
 
 def _products(amounts: Array, states: Sequence[str]) -> list[str]:
     return [f"{float(k)!r} * self.{state}" for k, state in zip(amounts, states, strict=True) if k]
 
 
-def _law(name: str, returned: str, doc: str) -> list[str]:
-    return ["", f"    def {name}(self):", f'        """{doc}"""', f"        return {returned}"]
-
-
-def _law_in_fmu(name: str, identifier: str) -> list[str]:
+def _law_in_fmu(name: str, identifier: str) -> _Law:
     """Write the law of what an input is in the FMU."""
-    return _law(IN_FMU.format(identifier), f"self.{identifier}", f"What of {name} the FMU gets.")
+    return _Law(IN_FMU.format(identifier), f"self.{identifier}", f"What of {name} the FMU gets.")
 
 
-def _output_law(name: str, signal: Signal, returned: str) -> list[str]:
-    law = _law(name, returned, f"{_doc(signal)}.")
-    return ["", f'    @Output("{_unit(signal)}")', *law[1:]]
+def _output_law(
+    correction: OutputCorrection, signal: Signal, fit: Mapping[str, float], response: Sequence[str]
+) -> _Law:
+    """Write the law of an output, to which the terms of its response are added."""
+    terms = [*_linearised(correction, signal.name, fit), *response]
+    own_name = correction.names[signal.name]
+    return _Law(own_name, " + ".join(terms), f"{_doc(signal)}.", _unit(signal))
 
 
 def _load(
-    model: Model, doc: str, ending: str, lines: Sequence[str], stop: float, step: float
+    model: Model,
+    doc: str,
+    ending: str,
+    declarations: Sequence[str],
+    laws: Sequence[_Law],
+    experiment: tuple[float, float],
 ) -> type[Component]:
     """Write a class to a file in the cache, where it is found again, and load it."""
     (identifier,) = identifiers((model.path.stem,))
@@ -268,11 +309,11 @@ def _load(
         doc=doc,
         cls=name,
         identifier=f"{identifier}_{ending}",
-        stop=stop,
-        step=step,
-        laws=tuple(_LAW.findall("\n".join(lines))),  # slopes and gains are written as bare numbers
+        experiment=experiment,
+        laws=tuple(law.name for law in laws),  # slopes and gains are written as bare numbers
     )
-    text = head + "\n".join([*lines, ""])
+    definitions = [line for law in laws for line in law.lines]
+    text = head + "\n".join([*declarations, *definitions, ""])
     file = cache.cached_file(
         f"behind-{sha256(text.encode()).hexdigest()[:16]}/{identifier}.py", text.encode
     )

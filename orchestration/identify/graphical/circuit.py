@@ -9,8 +9,8 @@ delta method: in the logarithm, because the three are positive.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,10 +31,12 @@ from orchestration.identify.graphical.impedance import Conversion, zero_order_ho
 from orchestration.identify.graphical.quantity import GraphicalEstimate
 from orchestration.identify.graphical.signals import over_time
 from orchestration.identify.metrics import finite_or_none
+from orchestration.reporting import Displayable, one_line, pictures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 UNITS = {"R1": "ohm", "R2": "ohm", "C": "F"}
 _UNEVEN = 0.01  # of a sample period, by which a sample may be off it
@@ -97,7 +99,7 @@ class Window:
 
 
 @dataclass(frozen=True)
-class CircuitReading:
+class CircuitReading(Displayable):
     """Estimates of the circuit from every window of a record.
 
     Attributes
@@ -118,21 +120,25 @@ class CircuitReading:
         """R1, R2 and C of the last window by the unbiased estimator, SI."""
         return self.windows[-1].output_error.values
 
-    def __str__(self) -> str:
-        lines = []
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield the estimates of every window by both estimators, and the warnings, in lines."""
         for window in self.windows:
-            lines.append(f"{window.start:g} s to {window.end:g} s")
+            yield f"{window.start:g} s to {window.end:g} s"
             for estimator, circuit in window.estimators.items():
                 if circuit.exists:
-                    lines.append(f"  by {estimator}:")
-                    lines += [f"    {name} = {getattr(circuit, name)}" for name in UNITS]
+                    yield f"  by {estimator}:"
+                    yield from (f"    {name} = {getattr(circuit, name)}" for name in UNITS)
                 else:
-                    lines.append(f"  by {estimator}: no circuit behaves so")
-        lines.append(
+                    yield f"  by {estimator}: no circuit behaves so"
+        yield (
             f"least squares is biased by the noise of {1e3 * self.noise:.3g} mV on the voltage"
             " (errata, row 9)"
         )
-        return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
+        yield from (f"warning: {text}" for text in self.warnings)
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name} = {self.values[name]:.3g} {UNITS[name]}" for name in UNITS)
+        return one_line(f"CircuitReading until {self.windows[-1].end:g} s: {values}")
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON."""
@@ -150,36 +156,23 @@ class CircuitReading:
             "warnings": [*self.warnings],
         }
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw R1, R2 and C over the windows, with their intervals.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture (.png, .svg or .pdf) to write as well.
-
-        Raises
-        ------
-        UserError
-            If the file cannot be written.
-        """
-        from orchestration.reporting import pictures
-
+    def draw(self) -> Figure:
+        """Draw R1, R2 and C over the windows, with their intervals."""
         figure, axes = pictures.panels(len(UNITS), "circuit, with 95 % intervals")
         for axis, (name, unit) in zip(axes, UNITS.items(), strict=True):
-            self._draw(axis, name, "output error", "output error", pictures.MODEL, share=0.45)
+            self._draw_element(
+                axis, name, "output error", "output error", pictures.MODEL, share=0.45
+            )
             label = "least squares, biased by noise"
-            self._draw(axis, name, "least squares", label, pictures.MEASURED, share=0.55)
+            self._draw_element(axis, name, "least squares", label, pictures.MEASURED, share=0.55)
             pictures.label(axis, name, unit)
         axes[0].legend(
             loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1
         )
         axes[-1].set_xlim(self.windows[0].start, self.windows[-1].end)
-        if path is not None:
-            pictures.save(figure, Path(path))
         return figure
 
-    def _draw(
+    def _draw_element(
         self, axis: Axes, name: str, estimator: str, label: str, colour: str, *, share: float
     ) -> None:
         """Draw one element by one estimator over the windows, at a share of the length of each."""
@@ -234,32 +227,38 @@ def read_circuit(
     step = _sample_period(t)
     length = _samples_of_window(window, t.size, step)
     data = input_output_data(i, v, step, ("current",), "voltage")
-    windows = []
-    warnings = []
-    noise = float("nan")
-    for start in range(0, t.size - length + 1, length):
-        begin = float(t[start])
-        end = float(t[start] + length * step)
-        part = data.part(start, start + length)
-        try:
-            least_squares = arx(part, 1, 2, 0)
-            unbiased = output_error(part, 2, 1, 0)
-        except UserError as error:
-            raise UserError(f"window from {begin:g} s to {end:g} s: {error}") from None
-        estimates = Window(
-            begin,
-            end,
-            _circuit(least_squares, part, _ARX_NAMES, conversion),
-            _circuit(unbiased, part, _OUTPUT_ERROR_NAMES, conversion),
-        )
-        for estimator, circuit in estimates.estimators.items():
-            if not circuit.exists:
-                warnings.append(
-                    f"{begin:g} s to {end:g} s: no circuit behaves as {estimator} has it"
-                )
-        windows.append(estimates)
-        noise = float(np.sqrt(unbiased.loss))
-    return CircuitReading(tuple(windows), noise, tuple(warnings))
+    read = [
+        _read_window(data.part(first, first + length), float(t[first]), conversion)
+        for first in range(0, t.size - length + 1, length)
+    ]
+    windows = tuple(window for window, _ in read)
+    _, noise = read[-1]
+    warnings = tuple(
+        f"{window.start:g} s to {window.end:g} s: no circuit behaves as {estimator} has it"
+        for window in windows
+        for estimator, circuit in window.estimators.items()
+        if not circuit.exists
+    )
+    return CircuitReading(windows, noise, warnings)
+
+
+def _read_window(
+    data: InputOutputData, begin: float, conversion: Conversion
+) -> tuple[Window, float]:
+    """Return the estimates of a window that begins there, and the noise of its voltage in V."""
+    end = begin + len(data) * data.step
+    try:
+        least_squares = arx(data, 1, 2, 0)
+        unbiased = output_error(data, 2, 1, 0)
+    except UserError as error:
+        raise UserError(f"window from {begin:g} s to {end:g} s: {error}") from None
+    window = Window(
+        begin,
+        end,
+        _circuit(least_squares, data, _ARX_NAMES, conversion),
+        _circuit(unbiased, data, _OUTPUT_ERROR_NAMES, conversion),
+    )
+    return window, float(np.sqrt(unbiased.loss))
 
 
 def _sample_period(t: Array) -> float:

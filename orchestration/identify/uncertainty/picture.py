@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,27 +21,13 @@ _BEYOND = 0.15  # margin to either side of the widest interval, relative to it
 _WIDE = 30.0  # ratio of ends from which on an axis is logarithmic
 
 
-def draw(profiles: Sequence[Profile], path: Path | None = None) -> Figure:
-    """Draw the deviance over each parameter, with parabola, 95 % level and both intervals.
-
-    Parameters
-    ----------
-    profiles : sequence of Profile
-    path : Path, optional
-        Picture to write.
-
-    Raises
-    ------
-    UserError
-        If the file cannot be written.
-    """
+def draw(profiles: Sequence[Profile]) -> Figure:
+    """Draw the deviance over each parameter, with parabola, 95 % level and both intervals."""
     figure, axes = pictures.panels(len(profiles), "likelihood profiles", "", 2.9, shared=False)
     for profile, axis in zip(profiles, axes, strict=True):
         _draw(profile, axis)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
-    if path is not None:
-        pictures.save(figure, path)
     return figure
 
 

@@ -106,10 +106,7 @@ class Profile(Displayable):
     def __repr__(self) -> str:
         return one_line(f"Profile {self}")
 
-    def _figure(self) -> Figure:
-        return self.plot()
-
-    def plot(self) -> Figure:
+    def draw(self) -> Figure:
         """Draw the profile with the ellipse's parabola and both intervals."""
         from orchestration.identify.uncertainty.picture import draw
 

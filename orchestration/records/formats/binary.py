@@ -1,10 +1,12 @@
 """Parquet, MATLAB and NetCDF files."""
 
 import io
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
+from fmus.kit.arrays import Array
 from orchestration.records.header import plain_unit, read_header_cell
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Column, Table, as_numbers, split_header_cell
@@ -84,44 +86,45 @@ def read_mat(path: Path, content: bytes) -> Table:
         ) from error
     variables = {name: value for name, value in variables.items() if not name.startswith("__")}
     units = _mat_units(path, variables.pop("units", None))
-    columns: list[Column] = []
-    unread = []
-    for name, value in variables.items():
-        array = np.asarray(value)
-        if (
-            array.dtype.kind in "biuf"
-            and array.ndim <= 2
-            and array.size > 1
-            and array.size == max(array.shape)
-        ):
-            columns.append(Column(name, units.get(name), array.ravel().astype(float)))
-        else:
-            unread.append(name)
-    if not columns:
+    vectors = {name: np.asarray(value) for name, value in variables.items() if _is_vector(value)}
+    if not vectors:
         raise refuse(
             path,
             f"no numeric vector among the variables {sorted(variables)} (structs and matrices are"
             " not read)",
         )
+    count = _common_length(path, vectors)
+    columns = [
+        Column(name, units.get(name), vector.ravel().astype(float))
+        for name, vector in vectors.items()
+    ]
+    unread = sorted(variables.keys() - vectors.keys())
+    message = f"not numeric vectors, so not read: {', '.join(unread)}"
+    repairs = [Repair("ignored columns", message)] if unread else []
+    return Table(path, columns, np.arange(1, count + 1), repairs)
+
+
+def _is_vector(value: object) -> bool:
+    """Return whether a variable of a MATLAB file is a row or a column of numbers."""
+    array = np.asarray(value)
+    is_numeric = array.dtype.kind in "biuf"
+    return is_numeric and array.ndim <= 2 and array.size > 1 and array.size == max(array.shape)
+
+
+def _common_length(path: Path, vectors: Mapping[str, Array]) -> int:
+    """Return the length of all vectors; refuse those that differ from the time, or the first."""
     reference = next(
-        (column for column in columns if column.name.lower() in ("time", "t")), columns[0]
+        (name for name in vectors if name.lower() in ("time", "t")), next(iter(vectors))
     )
-    for column in columns:
-        if len(column.cells) != len(reference.cells):
+    count = vectors[reference].size
+    for name, vector in vectors.items():
+        if vector.size != count:
             raise refuse(
                 path,
-                f"variable '{column.name}' has {len(column.cells)} values, "
-                f"'{reference.name}' has {len(reference.cells)}; "
+                f"variable '{name}' has {vector.size} values, '{reference}' has {count}; "
                 "vectors of one record have equal length",
             )
-    repairs = []
-    if unread:
-        repairs.append(
-            Repair(
-                "ignored columns", f"not numeric vectors, so not read: {', '.join(sorted(unread))}"
-            )
-        )
-    return Table(path, columns, np.arange(1, len(reference.cells) + 1), repairs)
+    return count
 
 
 def _mat_units(path: Path, value: object) -> dict[str, str]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import xarray
 from rich.table import Table
@@ -17,25 +16,19 @@ from orchestration.sweeps.sensitivity import indices
 from orchestration.sweeps.sensitivity import one_at_a_time as tornado
 from orchestration.sweeps.sensitivity import prediction_bands as bands
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 class Analysis(NamedTuple):
-    """The functions that analyse a swept dataset, print and draw it, and say what is not drawn."""
+    """The functions that analyse a swept dataset, print it, and say what its picture leaves out."""
 
     analyse: Callable[[xarray.Dataset], SweepResult]
     table: Callable[[xarray.Dataset], Table]
-    draw: Callable[[xarray.Dataset, Path | None], Figure]
     left_out: Callable[[xarray.Dataset], list[str]]
 
 
 _BY_DESIGN = {
-    indices.SOBOL_INDICES: Analysis(
-        indices.sensitivity, indices.table, indices.draw, indices.left_out
-    ),
-    bands.BANDS: Analysis(bands.bands, bands.table, bands.draw, bands.left_out),
-    tornado.TORNADO: Analysis(tornado.tornado, tornado.table, tornado.draw, tornado.left_out),
+    indices.SOBOL_INDICES: Analysis(indices.sensitivity, indices.table, indices.left_out),
+    bands.BANDS: Analysis(bands.bands, bands.table, bands.left_out),
+    tornado.TORNADO: Analysis(tornado.tornado, tornado.table, tornado.left_out),
 }
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -170,14 +169,8 @@ def table(indices: xarray.Dataset) -> Table:
     return made
 
 
-def draw(indices: xarray.Dataset, path: Path | None = None) -> Figure:
-    """Draw indices as bars with their intervals.
-
-    Raises
-    ------
-    UserError
-        If the file cannot be written.
-    """
+def draw(indices: xarray.Dataset) -> Figure:
+    """Draw indices as bars with their intervals."""
     names = names_to_draw(_numbers(indices))
     title = f"{indices.attrs['model']}: shares of the variance"
     figure, panels = pictures.panels(len(names), title)
@@ -206,8 +199,6 @@ def draw(indices: xarray.Dataset, path: Path | None = None) -> Figure:
     )
     panels[-1].set_xticks(at, parameters)
     panels[-1].set_xlabel("parameter")
-    if path is not None:
-        pictures.save(figure, path)
     return figure
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -153,14 +152,8 @@ def _unit_suffix(unit: str) -> str:
     return f" {unit}" if unit != "1" else ""
 
 
-def draw(moved: xarray.Dataset, path: Path | None = None) -> Figure:
-    """Draw a tornado for each number, with a bar between its values at both ends of each range.
-
-    Raises
-    ------
-    UserError
-        If the file cannot be written.
-    """
+def draw(moved: xarray.Dataset) -> Figure:
+    """Draw a tornado for each number, with a bar between its values at both ends of each range."""
     names = names_to_draw(_numbers(moved))
     count = moved.sizes["parameter"]
     figure, panels = pictures.panels(
@@ -173,8 +166,6 @@ def draw(moved: xarray.Dataset, path: Path | None = None) -> Figure:
     for panel, name in zip(panels, names, strict=True):
         _draw_bars(panel, moved, name)
     panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
-    if path is not None:
-        pictures.save(figure, path)
     return figure
 
 

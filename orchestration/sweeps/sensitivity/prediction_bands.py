@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -123,13 +122,13 @@ def table(found: xarray.Dataset) -> Table:
     return made
 
 
-def draw(found: xarray.Dataset, path: Path | None = None) -> Figure:
+def draw(found: xarray.Dataset) -> Figure:
     """Draw bands over time, and below each the distance of its quantiles from the middle one.
 
     Raises
     ------
     UserError
-        If there is no trace to draw, or the file cannot be written.
+        If there is no trace to draw.
     """
     names = names_to_draw(_traces(found))
     if not names:
@@ -149,8 +148,6 @@ def draw(found: xarray.Dataset, path: Path | None = None) -> Figure:
     panels[0].legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1
     )
-    if path is not None:
-        pictures.save(figure, path)
     return figure
 
 

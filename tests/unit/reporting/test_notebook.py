@@ -10,6 +10,7 @@ import pytest
 from rich.console import Group
 from rich.text import Text
 
+from fmus.kit import UserError
 from orchestration.reporting import Displayable, one_line, pictures, plain_table
 
 
@@ -43,7 +44,7 @@ class Result(Displayable):
 
 
 class Drawn(Result):
-    def _figure(self):
+    def draw(self):
         self.drawn += 1
         figure, _ = pictures.panels(1, "title")
         return figure
@@ -88,6 +89,29 @@ def test_a_picture_is_drawn_once_for_both_forms():
     assert base64.b64decode(shown["image/png"]).startswith(b"\x89PNG")
     assert f'src="data:image/png;base64,{shown["image/png"]}"' in shown["text/html"]
     assert result._repr_html_().count("<img") == 1
+
+
+def test_it_is_drawn_and_written_if_wanted(tmp_path):
+    assert Drawn().plot().get_suptitle() == "title"
+    assert Drawn().plot(str(tmp_path / "r.svg")).get_suptitle() == "title"
+    assert (tmp_path / "r.svg").read_text(encoding="utf-8").startswith("<?xml")
+    with pytest.raises(UserError, match="must end in"):
+        Drawn().plot(tmp_path / "r.txt")
+
+
+def test_what_has_no_picture_says_so_in_a_line(tmp_path):
+    with pytest.raises(UserError, match=r"^Result: this has no picture$"):
+        Result().plot(tmp_path / "r.png")
+    assert not (tmp_path / "r.png").exists()
+
+
+def test_a_mistake_in_a_drawing_is_not_taken_for_nothing_to_draw():
+    class Wrong(Result):
+        def draw(self):
+            raise ValueError("a mistake")
+
+    with pytest.raises(ValueError, match="a mistake"):
+        Wrong()._repr_mimebundle_()
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -36,7 +37,7 @@ def swept(failure=""):
 
 
 def page_of(data, tables=()):
-    return sweep_page(data, lambda path: picture.draw(data, path), [*tables], COMMAND).html()
+    return sweep_page(data, partial(picture.draw, data), [*tables], COMMAND).html()
 
 
 def test_the_first_sentence_has_the_range_and_the_second_what_moves_it():

@@ -121,29 +121,11 @@ class BlackBox(Displayable):
         yield coefficients
         yield from chosen.messages
 
-    def _figure(self) -> Figure:
-        return self.plot()
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw the free run of the chosen model over the data that it has not seen.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture (.png, .svg or .pdf) to write as well.
-
-        Raises
-        ------
-        UserError
-            If the file cannot be written.
-        """
+    def draw(self) -> Figure:
+        """Draw the free run of the chosen model over the data that it has not seen."""
         from orchestration.identify.black_box.study import page
-        from orchestration.reporting import pictures
 
-        figure = page.draw_free_run(self)
-        if path is not None:
-            pictures.save(figure, Path(path))
-        return figure
+        return page.draw_free_run(self)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the best model of every structure as a table, a row for each.
