@@ -13,19 +13,6 @@ from orchestration.cli.commands.options import NewCommand
 from orchestration.cli.outputs import Outputs
 
 _TEMPLATES = Path(__file__).parents[1] / "templates"
-# of what is shipped: where an effect is known besides its class, and what stands there
-_PLACES_OF_SHIPPED = """\
-| `fmus/$package/effects`, `EFFECTS` | `$Class` |
-| `fmus/$package/README.md`, table of effects | `$name`: `$law`, p times the law |
-| `tests/support/effect_samples.py`, `ACTIVE` | `"$name": {"${name}_share": 0.2},` |
-| `tests/components/$package/test_effects.py` | what it changes, in `CHANGED` |
-| `tests/components/$package/test_effects_laws.py` | its equation |
-| `studies/emulator`, a module `hidden_...` and `variations.py` | it on the rig, written anew |
-| `tests/end_to_end/test_hidden_effects.py` | that against a closed form |
-| `studies/judging/laws_clean.py` | the right answers for a record with it |"""
-_PLACES_IN_FILE = """\
-| `$model_file`, the class | above `EFFECTS`, with the imports it needs |
-| `$model_file`, `EFFECTS` | `$Class.id: $Class,` |"""
 
 
 @command(NewCommand)
@@ -51,10 +38,15 @@ def new(options: NewCommand) -> None:
             raise UserError(f"{path} is there already; it will not be overwritten")
     words = _words_of_effect(options) if kind == "effect" else _words(name)
     for path, part in texts.items():
-        template = Template((_TEMPLATES / kind / f"{part}.txt").read_text(encoding="utf-8"))
-        files.write(path, template.substitute(words).encode())
+        files.write(path, _filled(kind, part, words).encode())
         screen.print(str(path))
     screen.print(f"try it: python -m pytest {folder / f'test_{name}.py'}")
+
+
+def _filled(kind: str, part: str, words: Mapping[str, str]) -> str:
+    """Return the text of a template with its words."""
+    text = (_TEMPLATES / kind / f"{part}.txt").read_text(encoding="utf-8")
+    return Template(text).substitute(words)
 
 
 def _check_name(name: str) -> None:
@@ -107,6 +99,7 @@ def _words_of_effect(options: NewCommand) -> dict[str, str]:
         "base": cls.name,
         "arguments": "".join(f", {argument}" for argument in arguments),
         "passed": ", ".join(arguments),
+        "relaxes": f"Relaxes that {law} is all that there is",
         "typical": ", ".join("0.7" for _ in arguments),
     }
     return words | _of_model(options, words)
@@ -114,15 +107,35 @@ def _words_of_effect(options: NewCommand) -> dict[str, str]:
 
 def _of_model(options: NewCommand, words: Mapping[str, str]) -> dict[str, str]:
     """Return how the test of an effect names its model, and where else the effect belongs."""
-    from orchestration.fmu import find_class, names_class
+    from orchestration.fmu import names_class
 
     model = options["model"]
     if not names_class(model):
-        package = find_class(model).__module__.split(".")[1]
-        rows = Template(_PLACES_OF_SHIPPED).substitute(words, package=package)
-        return {"model": f'"{model}"', "model_name": model, "rows": rows}
+        return _of_shipped(model, words)
     file, _, cls = model.rpartition(":")
     beside = Path(os.path.relpath(file, options["out"])).as_posix()
-    rows = Template(_PLACES_IN_FILE).substitute(words, model_file=beside)
+    rows = _filled("effect", "places_file", {**words, "model_file": beside}).rstrip()
     place = f"f\"{{FOLDER / '{beside}'}}:{cls}\""
     return {"model": place, "model_name": f"{beside}:{cls}", "rows": rows}
+
+
+def _of_shipped(model: str, words: Mapping[str, str]) -> dict[str, str]:
+    """Return the same of a component of ours, whose README numbers its assumptions."""
+    from importlib.util import find_spec
+
+    from orchestration.fmu import find_class
+    from orchestration.rig import RIG_COMPONENT
+
+    package = find_class(model).__module__.split(".")[1]
+    module = find_spec(f"fmus.{package}.effects")
+    folder = module is not None and module.submodule_search_locations is not None
+    effects = f"fmus/{package}/effects" + ("" if folder else ".py")
+    is_rig = package == find_class(RIG_COMPONENT).__module__.split(".")[1]
+    more = {**words, "package": package, "effects": effects}
+    tests = _filled("effect", "places_rig" if is_rig else "places_component", more).rstrip()
+    return {
+        "model": f'"{model}"',
+        "model_name": model,
+        "rows": _filled("effect", "places_shipped", {**more, "tests": tests}).rstrip(),
+        "relaxes": f"Relaxes assumption N, that {words['law']} is all that there is",
+    }
