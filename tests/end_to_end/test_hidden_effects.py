@@ -30,6 +30,7 @@ from studies.emulator.hidden_coupling import (
     LaggingStrain,
     LoadDependentVoltage,
     PlayingStrain,
+    SaturatingStrain,
 )
 from studies.emulator.hidden_electrical import (
     ChargeDependentCapacitance,
@@ -87,6 +88,17 @@ def test_every_effect_of_the_catalogue_has_a_variation():
     check_complete(CATALOGUE, ids, where)
     assert not set(UNKNOWN) & set(CATALOGUE)
     assert len(UNKNOWN) >= 4
+
+
+def test_every_variation_is_held_against_its_law():
+    """By a test of this module: what it imports it uses, or the linter objects."""
+    kinds = {variation.physics.__name__ for variation in VARIATIONS.values()}
+    check_complete(
+        [name for name in kinds if name in globals()],
+        kinds,
+        "the classes that a test of tests/end_to_end/test_hidden_effects.py holds against a"
+        " closed form",
+    )
 
 
 @pytest.mark.parametrize("name", VARIATIONS)
@@ -219,6 +231,23 @@ def test_the_even_strain_is_even_and_starts_as_a_square():
     assert law(1.7) - law(-1.7) == pytest.approx(2 * NOMINAL.alpha * 1.7, rel=1e-12)
     assert law(0.01) + law(-0.01) == pytest.approx(2 * 3e-6 * 0.01**2, rel=1e-4)
     assert law(4.0) + law(-4.0) > 2 * 3e-6 * 4.0**2
+
+
+def test_the_strain_levels_off():
+    levelled = truth(partial(SaturatingStrain, saturation=1 / 2.0), current=1.0, force=0.5)
+    plain = truth(current=1.0, force=0.5)
+    np.testing.assert_array_equal(levelled["voltage"], plain["voltage"])
+    charge = plain["charge"]
+    np.testing.assert_allclose(
+        levelled["electrochemical_displacement"],
+        NOMINAL.alpha * charge / (1 + (charge / 2.0) ** 3) ** (1 / 3),
+        rtol=1e-12,
+        atol=1e-18,
+    )
+    law = SaturatingStrain(NOMINAL, 1 / 2.0).electrochemical_length
+    assert law(-1.3) == -law(1.3)
+    assert law(1e-4) == pytest.approx(NOMINAL.alpha * 1e-4, rel=1e-12)
+    assert law(1e6) == pytest.approx(NOMINAL.alpha * 2.0, rel=1e-12)  # alpha Qs
 
 
 def test_the_lagging_strain_follows_a_ramp_late_by_its_lag():

@@ -43,12 +43,16 @@ def check_described(package: str, effects: Mapping[str, type[Effect]]) -> None:
     numbered = re.findall(r"^(\d+)\. ", readme, re.M)
     for name, effect in effects.items():
         assert effect_name(effect) == name, f"{name}: list it by its id, with effects_by_name"
+        assert str(effect.assumption) in numbered, (
+            f"{name}: assumption = {effect.assumption!r}: write the number, of those in {page}"
+        )
         row = f"| `{name}` | {effect.assumption} | `{effect.neutral}`"
         assert row in readme, f"{name}: add a row to the table of effects in {page}: {row} | law |"
-        assert str(effect.assumption) in numbered, f"{name}: {page} numbers no such assumption"
         assumption = f"assumption {effect.assumption}"
         words = " ".join((effect.__doc__ or "").split())
         assert assumption in words, f"{name}: its docstring lacks 'Relaxes {assumption}, that ...'"
+        family = f"such as '{effect.term.law} over {effect.term.signal}'"
+        assert effect.term.family, f"{name}: its term lacks the family, {family}"
         assert effect.neutral in effect.declared, f"{name}: neutral is none of its parameters"
         for v in effect.declared.values():
             assert v.doc, f"{name}: {v.name} lacks doc="
@@ -65,11 +69,13 @@ class Listed(dict[str, Any]):
     module : str
         Dotted name of the module that it is in.
     entries : dict
+    says : str
+        What an entry says.
     """
 
-    def __init__(self, table: str, module: str, entries: dict[str, Any]):
+    def __init__(self, table: str, module: str, entries: dict[str, Any], says: str):
         super().__init__(entries)
-        self.where = f"{table} of {module.replace('.', '/')}.py"
+        self.where = f"{table} of {module.replace('.', '/')}.py: {says}"
 
     def __missing__(self, name: str) -> Any:
         raise AssertionError(f"add {name} to {self.where}")

@@ -44,6 +44,7 @@ ACTIVE = Listed(
         "slack": {"slack_compliance": 1.5, "preload": 0.8},
         "slack(smooth)": {"fading_compliance": 1.2, "fading_load": 0.6},
     },
+    "values of its parameters at which it acts",
 )
 POSITIVE = ("throughput", "fading_throughput", "temperature_rise")
 bases = pytest.mark.parametrize("base", BASES, ids=lambda cls: cls.name)
@@ -72,8 +73,15 @@ def named(cls, values):
     for name, value in values.items():
         setattr(model, name, value)
     layout = cls.layout
-    result = dict(zip((f"der({s.name})" for s in layout.states), model.rates(), strict=True))
-    result |= dict(zip((o.name for o in layout.outputs), model.outputs(), strict=True))
+    try:
+        rates, outputs = model.rates(), model.outputs()
+    except RecursionError:
+        raise AssertionError(
+            f"{cls.__name__}: laws call each other in a circle: a law that another effect makes"
+            " call this one cannot be called in it; an input or a state can"
+        ) from None
+    result = dict(zip((f"der({s.name})" for s in layout.states), rates, strict=True))
+    result |= dict(zip((o.name for o in layout.outputs), outputs, strict=True))
     return result | {d.name: getattr(model, d.update)() for d in layout.discretes}
 
 

@@ -28,6 +28,7 @@ ACTIVE = Listed(
         "voltage_gain": {"voltage_gain_error": 0.03},
         "sampling_skew": {"voltage_skew": 0.3},
     },
+    "values of its parameters at which it acts",
 )
 TIME = PERIOD * np.arange(3001)
 CURRENT = np.where(TIME % 5.0 < 2.5, 0.9, -0.9)

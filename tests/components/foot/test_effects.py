@@ -41,6 +41,7 @@ ACTIVE = Listed(
             "mtp_friction_coulomb_velocity": 0.03,
         },
     },
+    "values of its parameters at which it acts",
 )
 _LENGTHS = {f"{a}_length{end}" for a in ACTUATORS for end in ("", "_change", "_rate")}
 CHANGED = Listed(
@@ -53,6 +54,7 @@ CHANGED = Listed(
         "tendon_friction": {"ankle_torque", "mtp_torque"},
     }
     | {f"coulomb_friction({joint}_friction)": set() for joint in JOINTS},
+    "the rates and outputs that it changes",
 )
 MOVED = Listed(
     "MOVED",
@@ -63,6 +65,7 @@ MOVED = Listed(
         "tendon_friction": {"ankle", "mtp"},
     }
     | {f"coulomb_friction({joint}_friction)": {joint} for joint in JOINTS},
+    "joints of the moving foot that it accelerates",
 )
 CASES = [(base, name) for base in (Foot, FootDynamic) for name in fmus.effects(base.name)]
 cases = pytest.mark.parametrize(("base", "name"), CASES, ids=lambda v: getattr(v, "name", v))

@@ -35,6 +35,7 @@ from tests.support.effect_samples import (
     random_values,
 )
 from tests.support.pace import slow_but
+from tests.support.source import ROOT
 
 # What an active effect changes at an instant, beside its own state.
 ELECTRICAL = {"voltage", "der(charge)"}
@@ -87,16 +88,16 @@ LAYERED = [
 ]
 seeds = st.integers(0, 2**32 - 1)
 README = "fmus/ppy_actuator/README.md"
-readme = (Path(fmus.__file__).parents[1] / README).read_text(encoding="utf-8")
+readme = (ROOT / README).read_text(encoding="utf-8")
+HERE = Path(__file__).relative_to(ROOT).as_posix()
 
 
 def test_catalogue():
     check_complete(ACTIVE, EFFECTS, ACTIVE.where)
     check_described("ppy_actuator", EFFECTS)
     for name, effect in EFFECTS.items():
-        assert effect.term.law, f"{name}: say term = Term(law, signal, shape) in its class"
-        assert effect.term.signal
-        assert effect.term.shape
+        said = effect.term.law and effect.term.signal and effect.term.shape
+        assert said, f"{name}: say term = Term(law, signal, shape) in its class"
         own = [
             v
             for v in effect.declared.values()
@@ -104,10 +105,10 @@ def test_catalogue():
         ]
         assert NEUTRAL[name] in [v.name for v in own]
         for p in own:
-            assert math.isfinite(p.min)
-            assert math.isfinite(p.max)
+            limited = math.isfinite(p.min) and math.isfinite(p.max)
+            assert limited, f"{name}: give {p.name} a finite min= and max="
         for state in effect.layout.states:
-            assert state.start == 0.0, "at rest"
+            assert state.start == 0.0, f"{name}: {state.name} starts at rest, at 0"
     names = [v for effect in EFFECTS.values() for v in effect.declared]
     assert len(names) == len(set(names)), "effects must not share variables"
 
@@ -115,7 +116,7 @@ def test_catalogue():
 def test_table_of_the_readme():
     rows = re.findall(r"^\| `([\w()]+)` \| (\d+) \| `(\w+)`", readme, re.M)
     expected = [(name, str(e.assumption), e.neutral) for name, e in EFFECTS.items()]
-    check_complete(rows, expected, f"the table of effects in {README}, each with its law")
+    check_complete(rows, expected, f"the table of effects in {README}, in the order of EFFECTS")
     assert rows == expected, "the rows stand in the order of EFFECTS"
 
 
@@ -141,8 +142,8 @@ def test_catalogue_has_the_ids_of_the_design():
         "slack",
     ]
     ids = list(dict.fromkeys(effect.id for effect in EFFECTS.values()))
-    check_complete(designed, ids, f"the ids of this test, in {Path(__file__).name}")
-    assert designed == ids, "the ids stand in the order of EFFECTS"
+    check_complete(designed, ids, f"designed, in the order of EFFECTS, in {HERE}")
+    assert designed == ids, "the ids of designed stand in the order of EFFECTS"
 
 
 def test_shapes_of_one_family_are_of_one_law_and_signal():
@@ -274,7 +275,7 @@ def test_an_active_effect_changes_what_it_should_and_nothing_else(base, name):
         changed |= {n for n in moved if plain[n] != pytest.approx(found[n], rel=1e-9, abs=1e-15)}
         rounded |= moved
     expected = CHANGED[base].get(name, ELECTRICAL)
-    where = f"what CHANGED of {Path(__file__).name} says that {name} changes in {base.name}"
+    where = f"what CHANGED of {HERE} says that {name} changes in {base.name}"
     check_complete(expected, changed, where)
     assert rounded - changed <= ({"mechanical_displacement"} if (base, name) in ROUNDED else set())
 
@@ -294,7 +295,10 @@ def test_order_does_not_matter_where_laws_differ(base):
         values = {n: v for n, v in values.items() if n in forth.layout.names}
         one, other = named(forth, values), named(back, values)
         same = one == pytest.approx(other, rel=1e-12, abs=1e-18)
-        assert same == (pair not in LAYERED), pair
+        where = f"LAYERED of {HERE}, which lists effects that are laid one over the other"
+        assert same == (pair not in LAYERED), (
+            f"the order of {' and '.join(pair)} {'does not matter' if same else 'matters'}: {where}"
+        )
 
 
 @bases
@@ -387,7 +391,10 @@ def test_sensitivity_at_neutral_is_that_of_differences_and_not_zero(base, name, 
         exact = found[output][:, list(EFFECTS).index(name)]
         assert exact == pytest.approx(slope, rel=1e-3, abs=1e-3 * np.abs(slope).max() + floor)
         seen.append(np.abs(slope * declared.nominal).max() / runs[1.0][output].std())
-    assert max(seen) > 1e-3  # a change by the nominal value is seen
+    assert max(seen) > 1e-3, (
+        f"a change of {NEUTRAL[name]} by its nominal value is not seen: its effect begins linearly,"
+        " and nominal= is a size that matters"
+    )
 
 
 # --- both builds, as FMUs

@@ -19,6 +19,9 @@ from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from tests.support.completeness import check_complete
 from tests.support.effect_samples import ACTIVE, active, bases, effects, named, random_values
+from tests.support.source import ROOT
+
+PAPER = f"paper() of {Path(__file__).relative_to(ROOT).as_posix()}"
 
 
 def root(function, about):
@@ -40,6 +43,7 @@ def paper(v):
     """Rates and outputs from the table of the README; ``v`` gives what is there, the rest of the
     effects is absent.
     """
+    # an effect that is absent has zeros, but for what its equation divides by
     p = {n: 0.0 for effect in EFFECTS.values() for n in effect.declared}
     p |= {"thermal_resistance": 1.0, "softening_load": 1.0, "fading_load": 1.0}
     p |= {n: 1.0 for n in p if n.endswith(("_time", "_width")) and "lag_time" not in n} | v
@@ -138,13 +142,16 @@ def paper(v):
 
 def check_against_paper(cls, values):
     found, expected = named(cls, values), paper(values)
-    where = f"paper() of {Path(__file__).name}, with the equation of each effect"
-    check_complete([n for n in expected if n in found], found, where)
+    check_complete([n for n in expected if n in found], found, f"what {PAPER} finds")
     # below these, terms have cancelled: metres, and volts, amperes and newtons
     floors = {True: 1e-13, False: 1e-10 * (1.0 + abs(values["charge"]) + abs(values["current"]))}
     for name, value in found.items():
         floor = floors["elongation" in name or "displacement" in name]
-        assert value == pytest.approx(expected[name], rel=1e-9, abs=floor), f"{name}, by {where}"
+        same = value == pytest.approx(expected[name], rel=1e-9, abs=floor)
+        assert same, (
+            f"{name} = {value!r}, where {PAPER} has {expected[name]!r}: the equation of every"
+            " effect goes there, written anew"
+        )
 
 
 @bases
@@ -190,5 +197,8 @@ def test_all_effects_together_run_as_scipy_integrates_them(base):
         expected = solve_ivp(law, (0.0, 0.5), expected, rtol=1e-8, atol=1e-11).y[:, -1]
         size = np.maximum(size, np.abs(expected))
         found = np.array([getattr(model, name) for name in states])
-        assert (np.abs(found - expected) <= 1e-7 * (nominal + size)).all(), (k, states)
-    assert (size > 0.01 * nominal).all(), "every state takes part"
+        close = np.abs(found - expected) <= 1e-7 * (nominal + size)
+        others = [name for name, same in zip(states, close, strict=True) if not same]
+        assert not others, f"step {k}: {', '.join(others)}: not what {PAPER} gives, integrated"
+    idle = [name for name, most in zip(states, size > 0.01 * nominal, strict=True) if not most]
+    assert not idle, f"every state takes part, but {', '.join(idle)}"

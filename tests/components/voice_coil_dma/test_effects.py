@@ -35,6 +35,7 @@ ACTIVE = Listed(
         "end_stops": {"slide_friction_stop_stiffness": 50.0, "slide_friction_stop_position": 2e-3},
         "coil_heating": {"coil_heating": 0.5, "coil_heating_time": 0.4},
     },
+    "values of its parameters at which it acts",
 )
 CHANGED = Listed(
     "CHANGED",
@@ -48,6 +49,7 @@ CHANGED = Listed(
         "end_stops": {"der(velocity)"},
         "coil_heating": {"der(coil_current)"},
     },
+    "the rates and outputs that it changes",
 )
 effects = pytest.mark.parametrize("name", EFFECTS)
 

@@ -206,23 +206,6 @@ def test_between_samples_linear_physics_is_exact():
     np.testing.assert_array_equal(at_once, held)
 
 
-def test_saturating_strain_changes_the_stroke_only():
-    time = np.arange(0, 40, 0.1)
-    plain, hidden = quiet(), quiet(hidden=partial(SaturatingStrain, saturation=1 / 2.0))
-    first, second = (rig.run(time, 1.0, 0.5) for rig in (plain, hidden))
-    np.testing.assert_array_equal(first["voltage"], second["voltage"])
-    charge = plain.truth["charge"]
-    strain = NOMINAL.alpha * charge / (1 + (charge / 2.0) ** 3) ** (1 / 3)
-    np.testing.assert_allclose(
-        hidden.truth["electrochemical_displacement"], strain, rtol=1e-12, atol=1e-18
-    )
-    # Odd, linear where small, bounded by alpha Qs.
-    law = SaturatingStrain(NOMINAL, 1 / 2.0).electrochemical_length
-    assert law(-1.3) == -law(1.3)
-    assert law(1e-4) == pytest.approx(NOMINAL.alpha * 1e-4, rel=1e-12)
-    assert law(1e6) == pytest.approx(NOMINAL.alpha * 2.0, rel=1e-12)
-
-
 def test_growing_resistance_follows_its_throughput():
     # Without leakage all of the current reaches the films, so throughput and voltage are known in
     # closed form.

@@ -268,7 +268,7 @@ def test_right_answers_of_the_rig_are_in_the_laws_of_its_effects():
     known = catalogue(cls)
     laws = {law.name for law in list_laws(cls)}
     ids = {effect.id for effect in known.values()}
-    check_complete(laws_clean.RIG, ids, "RIG of studies/judging/laws_clean.py: the right answers")
+    check_complete(laws_clean.RIG, ids, "RIG of studies/judging/laws_clean.py: law * signal")
     for name in laws_clean.RIG:
         right = laws_clean.right_of(name)
         assert known[name].term.law in {a.law for a in right}

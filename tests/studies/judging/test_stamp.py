@@ -27,7 +27,10 @@ def test_a_page_was_drawn_with_this_code_or_says_that_it_was_not(page, code, how
     said = stamp.stamped(text)
     assert said, f"{page.name} has no stamp"
     if said != stamp.digest(code):
-        assert stamp.is_outdated(text), f"{page.name} is of other code: {how} draws it anew"
+        assert stamp.is_outdated(text), (
+            f"{page.name} is of other code: {how} draws it anew; until then OUTDATED of"
+            " studies/judging/stamp.py stands under its stamp"
+        )
     else:
         assert not stamp.is_outdated(text), f"{page.name} is of this code"
 
