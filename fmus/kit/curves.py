@@ -31,6 +31,14 @@ _SHARP = 0.01  # width of the smooth sign of a velocity, relative to its typical
 # Least width, likewise: what bends within that is a step to any record, and no integrator follows
 # it to the accuracy of an FMU.
 _SHARPEST = 1e-4
+# units over units that have a name of their own
+_NAMED_QUOTIENTS = {
+    ("V", "A"): "ohm",
+    ("A", "V"): "S",
+    ("C", "V"): "F",
+    ("C", "s"): "A",
+    ("J", "s"): "W",
+}
 
 
 @dataclass(frozen=True)
@@ -256,6 +264,8 @@ def per(unit: str, below: str, power: float = 1) -> str:
     """Return the unit of a coefficient that is multiplied by a power of a variable."""
     if not power or below == "1":
         return unit
+    if power == 1 and (unit, below) in _NAMED_QUOTIENTS:
+        return _NAMED_QUOTIENTS[unit, below]
     return f"{in_brackets(unit)}/{in_brackets(below)}" + (f"^{power:g}" if power != 1 else "")
 
 

@@ -6,10 +6,11 @@ Oracle: equations of motion with the missing term, integrated by SciPy.
 from __future__ import annotations
 
 import numpy as np
+import pint
 import pytest
 
 from fmus.kit import UserError, effect_name
-from fmus.kit.curves import SHAPES, EffectNames, curve
+from fmus.kit.curves import SHAPES, EffectNames, curve, per
 from tests.support.pushed_mass import DAMPER, LITTLE, MASS, SPRING, A, W, follows, static
 
 BY_HAND = {
@@ -69,3 +70,20 @@ def test_an_effect_has_the_names_that_are_given():
     assert list(effect.declared) == ["stiffening", "spring_force_saturating_width"]
     assert effect.neutral == "stiffening"
     assert list(curve(MASS, *SPRING, "cubic").declared) == ["spring_force_cubic"]
+
+
+@pytest.mark.parametrize(
+    ("unit", "below", "power", "written"),
+    [
+        ("V", "A", 1, "ohm"),
+        ("C", "V", 1, "F"),
+        ("V", "A", 2, "V/A^2"),
+        ("N*s/m", "m", 1, "(N*s/m)/m"),
+        ("N", "1", 1, "N"),
+    ],
+)
+def test_a_quotient_with_a_name_has_it(unit, below, power, written):
+    """pint is the oracle for what it measures."""
+    one = pint.UnitRegistry()
+    assert per(unit, below, power) == written
+    assert one.Quantity(1.0, written) == one.Quantity(1.0, unit) / one.Quantity(1.0, below) ** power
