@@ -11,7 +11,8 @@ from typing import NamedTuple
 from fmus.kit import Effect, capitalised, effect_title, summary
 from fmus.kit.units import Described, format_prefixed
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
-from orchestration.discrepancy.report.wording import NOT_DETERMINED, parameter_title
+from orchestration.discrepancy.report.sizes import NOT_DETERMINED
+from orchestration.discrepancy.report.wording import parameter_title
 from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting import FITTED, Markup, escaped, format_quantities, format_range
 

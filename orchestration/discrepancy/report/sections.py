@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fmus.kit import (
+    Effect,
     UserError,
     capitalised,
     effect_title,
@@ -36,6 +37,7 @@ from orchestration.discrepancy.report.figures import (
     Simulated,
 )
 from orchestration.discrepancy.report.html_elements import AxisScale, format_estimate
+from orchestration.discrepancy.report.sizes import told_of_parameter
 from orchestration.discrepancy.report.tables import (
     CHANGE_HEAD,
     TriedEffect,
@@ -298,18 +300,14 @@ def add_parameters(page: Page, diagnosis: Diagnosis) -> None:
     """Add the parameters with intervals, beside their nominal values."""
     best = diagnosis.selection.best
     declared = diagnosis.final.problem.declared
-    owners = {
-        name: within_sentence(effect_title(effect))
-        for effect in best.candidate.effects
-        for name in effect.declared
-    }
+    owners = {name: effect for effect in best.candidate.effects for name in effect.declared}
     estimates: dict[str, Estimate] = {}
     starts: dict[str, Estimate] = {}
     for name, e in diagnosis.estimates.items():
         group = starts if declared[name].starts else estimates
         group[name] = e
     scale = AxisScale.covering([e for name, e in estimates.items() if name not in owners])
-    rows = [_parameter_row(diagnosis, name, owners.get(name, ""), scale) for name in estimates]
+    rows = [_parameter_row(diagnosis, name, owners.get(name), scale) for name in estimates]
     page.subheading("Parameters")
     page.table(["parameter", "value (95 %)", "nominal", scale.header], rows)
     if diagnosis.changed:
@@ -323,15 +321,17 @@ def add_parameters(page: Page, diagnosis: Diagnosis) -> None:
         page.text(Markup(f"Where the states start: {texts}."))
 
 
-def _parameter_row(diagnosis: Diagnosis, name: str, owner: str, scale: AxisScale) -> list[str]:
+def _parameter_row(
+    diagnosis: Diagnosis, name: str, owner: type[Effect] | None, scale: AxisScale
+) -> list[str]:
     """Return the cells of a parameter: its meaning, its value, nominal, and its interval drawn.
 
     Parameters
     ----------
     diagnosis : Diagnosis
     name : str
-    owner : str
-        Effect that it belongs to; empty for a parameter of the model.
+    owner : type[Effect] or None
+        Effect that it belongs to; None for a parameter of the model.
     scale : AxisScale
     """
     e = diagnosis.estimates[name]
@@ -339,8 +339,11 @@ def _parameter_row(diagnosis: Diagnosis, name: str, owner: str, scale: AxisScale
     differs = name in diagnosis.changed
     formatted = format_estimate(e, declared)
     interval = ""
+    text = declared.doc
     if owner:
-        remark = f"without {owner}" if e.nominal == declared.start else ""
+        title = within_sentence(effect_title(owner))
+        remark = f"without {title}" if e.nominal == declared.start else ""
+        text = "; ".join([text, *told_of_parameter(diagnosis, owner, name)])
     else:
         remark = html_elements.format_change(e)
         interval = scale.draw_interval(e, differs)
@@ -348,7 +351,7 @@ def _parameter_row(diagnosis: Diagnosis, name: str, owner: str, scale: AxisScale
             remark = elements.chip("differs", remark)
     return [
         elements.named(
-            capitalised(wording.parameter_title(diagnosis, name)), shown_name(name), declared.doc
+            capitalised(wording.parameter_title(diagnosis, name)), shown_name(name), text
         ),
         elements.two_lines(formatted.value, formatted.interval),
         elements.two_lines(formatted.nominal, remark),
