@@ -79,6 +79,8 @@ def _html(part: RenderableType) -> str:
 
 def _table(table: Table) -> str:
     """Return a table with its title above it; numbers stand to the right."""
+    from orchestration.reporting.page import SCROLLED
+
     columns = [(column, f' style="text-align:{column.justify}"') for column in table.columns]
     head = "".join(f"<th{style}>{_escaped(column.header)}</th>" for column, style in columns)
     cells = (
@@ -87,8 +89,8 @@ def _table(table: Table) -> str:
     body = "".join(f"<tr>{''.join(row)}</tr>" for row in zip(*cells, strict=True))
     title = f"<p><b>{_escaped(table.title)}</b></p>" if table.title else ""
     return (
-        f'{title}<div style="overflow-x:auto"><table cellpadding="5"><thead><tr>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
+        f'{title}<div style="overflow-x:auto;{SCROLLED}"><table cellpadding="5"><thead><tr>{head}'
+        f"</tr></thead><tbody>{body}</tbody></table></div>"
     )
 
 

@@ -112,7 +112,9 @@ def test_stages_are_late_on_a_ramp_by_their_sum():
 def test_a_loop_is_as_wide_and_starts_as_flat_as_is_said():
     values = {"hysteresis_share": 0.3, "hysteresis_width": 0.4}
     effect = OF_ACTUATOR["strain_hysteresis"]
-    up = of_actuator(effect.id, values, "charge_elongation", settings={"trailing_charge_start": 0.4})
+    up = of_actuator(
+        effect.id, values, "charge_elongation", settings={"trailing_charge_start": 0.4}
+    )
     down = of_actuator(
         effect.id, values, "charge_elongation", settings={"trailing_charge_start": -0.4}
     )
@@ -237,7 +239,9 @@ def test_a_warm_coil_is_as_said():
 
 def test_the_galvanostat_is_as_said():
     def ratio(name, values, law):
-        given = getattr(stack(Galvanostat, OF_GALVANOSTAT[name])(**values, current_command=0.5), law)
+        given = getattr(
+            stack(Galvanostat, OF_GALVANOSTAT[name])(**values, current_command=0.5), law
+        )
         return 100.0 * given() / getattr(Galvanostat(current_command=0.5), law)()
 
     values = {"current_limit_loss": 0.2}

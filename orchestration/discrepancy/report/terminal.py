@@ -81,7 +81,7 @@ def _verdict(result: Result) -> list[Text]:
 
 
 def _errors(diagnosis: Diagnosis) -> Table:
-    """Return the errors of the model as it is, fitted by least squares, refitted and extended."""
+    """Return the errors of the model as it is, with parameters refitted, and with the effect."""
     head, rows = error_table(diagnosis)
     table = plain_table("error of the free run, rms over the spread of the signal", *head)
     for row in rows:
