@@ -39,7 +39,6 @@ figcaption, .muted { color: #52616e; font-size: 0.92rem }
 table { font-size: 0.9rem } td { white-space: nowrap } th, td { overflow-wrap: normal }
 td:not(:first-child) { font-variant-numeric: tabular-nums }
 div.table, div.picture, div.scroll { overflow-x: auto; SCROLLED }
-div.table th { background: rgb(11 61 92 / 0.07) }
 @media print { div.table, div.picture, div.scroll { background: none; overflow: visible } }
 :focus-visible { outline: 2px solid #0b6aa2 }
 summary { cursor: pointer; color: #0b3d5c; padding: 0.3rem 0; font-weight: 600 }

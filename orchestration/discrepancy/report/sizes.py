@@ -17,6 +17,7 @@ from orchestration.reporting import format_range
 
 NOT_DETERMINED = "not determined"  # in place of an interval
 _MOST_DIGITS = 8
+_FINENESS = 0.5  # of half an interval, to which its ends are rounded or finer
 
 Writer = Callable[[float, int], str]  # of a value and its digits
 
@@ -124,13 +125,13 @@ def with_interval(value: float, interval: tuple[float, float], write: Writer) ->
     half = 0.5 * (high - low)
     if not math.isfinite(half):
         return f"{write(value, 2)} ({_open(low, high, write)})"
-    known = math.log10(abs(value) / half) if value and half > 0.0 else 3.0
-    least = min(max(math.ceil(known), 2), 3)
-    for digits in range(least, _MOST_DIGITS):
-        first, last = write(low, digits), write(high, digits)
-        if write(value, digits) not in (first, last):
-            return f"{write(value, digits)} (95 %: {format_range(first, last)})"
-    return write(value, least)
+    if not half > 0.0:
+        return write(value, 3)
+    largest = max(abs(value), abs(low), abs(high))
+    digits = 1 + math.floor(math.log10(largest)) - math.floor(math.log10(_FINENESS * half))
+    digits = min(max(digits, 2), _MOST_DIGITS)
+    ends = format_range(write(low, digits), write(high, digits))
+    return f"{write(value, digits)} (95 %: {ends})"
 
 
 def _open(low: float, high: float, write: Writer) -> str:

@@ -114,8 +114,8 @@ def test_what_corrects_the_shape_of_a_cause_is_told_with_it(written):
         "The shape of a lag of the voltage sensor is not quite the catalogue's: a delay of the"
         " measured voltage corrects it."
     )
-    assert written["headline"].startswith("Either a lag of the voltage sensor (")
-    assert ") or a double layer, a second RC pair: this record" in written["headline"]
+    assert written["headline"].startswith("Either a lag of the voltage sensor, a time constant of ")
+    assert "), or a double layer, a second RC pair: this record" in written["headline"]
     assert shape in written["headline"]
 
 
