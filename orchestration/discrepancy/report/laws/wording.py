@@ -219,10 +219,8 @@ def _describe_bend(law_report: LawReport, correction: Correction) -> str:
         return ""
     _, unit = law_report.units(correction)
     zero = law_and_signal(correction.model.effect)[1].zero
-    side = _SIDES.get(correction.shape)
-    bend = template.format(
-        format_with_unit(zero + side * width if side else width, unit),
-    )
+    side = _SIDES.get(correction.shape, 0.0)
+    bend = template.format(format_with_unit(zero + side * width if side else width, unit))
     if zero and not side and correction.shape != "exponential":
         return f"{bend} from {format_with_unit(zero, unit)}"
     return bend
