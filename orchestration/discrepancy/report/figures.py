@@ -36,7 +36,7 @@ from orchestration.reporting import (
 )
 
 Simulated = Mapping[str, Mapping[str, Array]]  # outputs, SI, by label of the model and name
-NOMINAL, REFITTED, EXTENDED = "nominal", "refitted", "extended"
+NOMINAL, REFITTED, EXTENDED = "as it is", "parameters refitted", "with the effect"
 COLOURS = {NOMINAL: "#7fb0d0", REFITTED: pictures.MODEL, EXTENDED: pictures.FITTED}
 _HOURS = 7200.0  # seconds from which on time is shown in hours
 # ratio of the longest to the shortest step from which on time is drawn logarithmic, as in creep
@@ -65,7 +65,7 @@ class ShownModel:
 
     Attributes
     ----------
-    label : {"nominal", "refitted", "extended"}
+    label : {"as it is", "parameters refitted", "with the effect"}
         With the values it came with; with all of them fitted; with the named effects laid over it
         too.
     model : FittedCandidate

@@ -59,6 +59,7 @@ def diagnosis_page(
     sections.add_notes(page, result, done=True)
     page.heading("How it was found")
     add_laws(page, LawReport(result, result.laws))
+    sections.add_least_squares(page, diagnosis)
     records = [*result.records, *result.holdouts]
     if later is not None:
         records += later.records

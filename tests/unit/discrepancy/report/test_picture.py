@@ -18,8 +18,8 @@ def test_the_output_that_gained_most_is_drawn(results):
     labels = [text.get_text() for text in above.get_legend().get_texts()]
     assert labels == [
         "measured",
-        f"refitted: {100.0 * diagnosis.before[output]:.1f} % error",
-        f"extended: {100.0 * diagnosis.after[output]:.1f} % error",
+        f"parameters refitted: {100.0 * diagnosis.before[output]:.1f} % error",
+        f"with the effect: {100.0 * diagnosis.after[output]:.1f} % error",
     ]
     measured, refitted, extended = (line.get_ydata() for line in above.get_lines())
     drawn = [line.get_ydata() for line in below.get_lines()]
