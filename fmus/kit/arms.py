@@ -165,7 +165,7 @@ def lag_effect(
     power = _POWERS.get(kind, 1)
     loop = f"{law} {'loop of' if kind in ('hysteresis', 'play') else 'remembering'} {signal}"
     members = {
-        "__doc__": f"More in {law}: {ARMS[kind].text}, x = {signal}; a = 0 is the base model.",
+        "__doc__": f"Adds to {law}: {ARMS[kind].text}, x = {signal}; a = 0 is the base model.",
         amount: coefficient(
             per(unit, argument.unit, power),
             nominal / size**power,
@@ -197,7 +197,7 @@ def lag_effect(
         id=called.id or kind,
         term=Term(law, signal, ARMS[kind].text, loop, called.qualifier),
         title=generic_title(called.id or kind, law_title(component, law)),
-        assumption=f"{law} remembers nothing of {signal}",
+        assumption=f"{law} has no memory of {signal} but that of its states",
         sizes=(
             size_at(amount, unit, size, argument.unit, lambda x: x**power)
             if kind in _MEAN_SQUARE

@@ -202,7 +202,7 @@ class Size:
     Attributes
     ----------
     phrase : str
-        What is said of it, with a place for the quantity: ``"levels off at {}"``.
+        What is said of it, with a place for the quantity: ``"levels off beyond {}"``.
     parameters : tuple of str
         The parameters of the effect that it is made of.
     unit : str

@@ -221,7 +221,7 @@ def curve(
         return getattr(self, amount) * chosen.form(x, w, typical)
 
     members: dict[str, Any] = {
-        "__doc__": f"More in {law}: {chosen.text} with x = {signal}; a = 0 is the base model.",
+        "__doc__": f"Adds to {law}: {chosen.text} with x = {signal}; a = 0 is the base model.",
         amount: coefficient(
             per(unit, argument.unit, chosen.power),
             nominal / size**chosen.power,

@@ -184,7 +184,7 @@ class AmplifierSaturation(BenchEffect):
     )
     assumption = 3
     sizes = (
-        Size("levels off at {}", ("amplifier_saturation_coefficient",), "V", lambda c: c**-0.5),
+        Size("levels off beyond {}", ("amplifier_saturation_coefficient",), "V", lambda c: c**-0.5),
     )
 
     amplifier_saturation_coefficient = Parameter(

@@ -23,10 +23,12 @@ from fmus.kit.units import with_prefix
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.laws import unit_of
-from orchestration.discrepancy.report.figures import COLOURS, EXTENDED, REFITTED, Chart
+from orchestration.discrepancy.report.figures import COLOURS, Chart
+from orchestration.discrepancy.report.wording import EXTENDED
 from orchestration.reporting import MOST, Markup, Panel, Trace, pictures, stacked
 
 _HEIGHT = 260  # pixels
+WITHOUT = "#52616e"  # of no model: the parameters are those with the effect
 _BINS = 60  # of a signal, within which a function of it hardly changes
 _SCATTER = 0.1  # of the spread of what an effect does, that it may have within a bin
 _WINDOW = 6  # part of a record that is shown of what is no function of a signal
@@ -120,7 +122,7 @@ def effect_chart(diagnosis: Diagnosis, chosen: FittedCandidate) -> Chart | None:
     )
     if values.is_function:
         covered = "" if values.shown_by else " Ticks below: where the record has been."
-        text = f"The law with and without {title}, along the record. {words}{covered}"
+        text = f"The law with and without {title}, all else the same. {words}{covered}"
         return Chart(_over_signal(values), text)
     return Chart(
         _over_time(values),
@@ -174,7 +176,7 @@ def _draw(
     thinned = known[np.unique(np.linspace(0, len(known) - 1, _MOST_POINTS).astype(int))]
     title, (without, with_effect, measured) = values.law.scaled(*curves, values.measured[thinned])
     traces = [
-        Trace("without the effect", along, without, COLOURS[REFITTED], 2.0),
+        Trace("without the effect", along, without, WITHOUT, 2.0),
         Trace("with the effect", along, with_effect, COLOURS[EXTENDED], 2.0),
     ]
     if values.shown_by:

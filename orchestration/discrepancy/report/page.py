@@ -77,10 +77,13 @@ def _about(result: Result) -> Markup:
 
 
 def _verdict(result: Result, support: Sequence[str]) -> Markup:
-    """Return the verdict, and what supports it."""
+    """Return the verdict, what supports it, and the first thing to do next."""
     verdict = result.diagnosis.verdict
     chip = elements.chip(verdict, verdict)
-    return Markup(f"{chip} {elements.format_quantities(' '.join(support))}")
+    first_step = escaped(wording.next_steps(result)[0])
+    return Markup(
+        f"{chip} {elements.format_quantities(' '.join(support))}<br><b>Next:</b> {first_step}"
+    )
 
 
 def _division_of_data(result: Result) -> str:

@@ -10,13 +10,8 @@ from fmus.kit import units
 from fmus.kit.units import unit_of_differences
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.discrepancy.report.figures import (
-    COLOURS,
-    EXTENDED,
-    REFITTED,
-    in_display_unit,
-)
-from orchestration.discrepancy.report.wording import answer
+from orchestration.discrepancy.report.figures import COLOURS, in_display_unit
+from orchestration.discrepancy.report.wording import EXTENDED, REFITTED, answer
 from orchestration.discrepancy.validation import simulated_outputs
 from orchestration.fmu import Model
 from orchestration.reporting import pictures

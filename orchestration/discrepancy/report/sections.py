@@ -29,14 +29,7 @@ from orchestration.discrepancy.note import Action, Note, notes_by_action
 from orchestration.discrepancy.pipeline import Result, file_names
 from orchestration.discrepancy.report import figures, html_elements, wording
 from orchestration.discrepancy.report.effect_picture import effect_chart
-from orchestration.discrepancy.report.figures import (
-    EXTENDED,
-    NOMINAL,
-    REFITTED,
-    Parts,
-    ShownModel,
-    Simulated,
-)
+from orchestration.discrepancy.report.figures import Parts, ShownModel, Simulated
 from orchestration.discrepancy.report.html_elements import AxisScale, format_estimate
 from orchestration.discrepancy.report.sizes import told_of_parameter
 from orchestration.discrepancy.report.tables import (
@@ -48,6 +41,7 @@ from orchestration.discrepancy.report.tables import (
     least_squares_table,
     tried_effects,
 )
+from orchestration.discrepancy.report.wording import EXTENDED, NOMINAL, REFITTED
 from orchestration.discrepancy.residuals import ResidualAnalysis
 from orchestration.discrepancy.validation import simulated_outputs
 from orchestration.identify import rms
@@ -127,7 +121,7 @@ def add_errors(
     page.table(head, rows)
     page.parts.append(
         elements.muted_paragraph(
-            "Errors over the spread of the measurement, also where it was fitted."
+            "The same errors, and those on the part of the record that was fitted."
         )
     )
 
@@ -149,8 +143,8 @@ def _error_bar(
 def _explanation_of_errors(result: Result) -> str:
     selection = result.diagnosis.selection
     text = (
-        "Root mean square of measured minus simulated: in percent of that of the measurement"
-        f" about its mean, and in its unit. {NOMINAL.capitalize()}: the model as it came;"
+        "Root mean square of measured minus simulated, in percent of the standard deviation of the"
+        f" measurement, and in its unit. {NOMINAL.capitalize()}: the model as it came;"
         f" {REFITTED}: all of them, without an effect"
     )
     if selection.steps:

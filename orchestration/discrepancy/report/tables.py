@@ -17,7 +17,7 @@ from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.report.figures import EXTENDED, NOMINAL, REFITTED
+from orchestration.discrepancy.report.wording import EXTENDED, NOMINAL, REFITTED
 from orchestration.discrepancy.validation import Errors, simulated_outputs
 from orchestration.identify import finite_or_none, normalised_rms
 from orchestration.records import MeasuredRun

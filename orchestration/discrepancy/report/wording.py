@@ -29,6 +29,8 @@ from orchestration.discrepancy.validation import Outcome
 from orchestration.records import base_name, shown_name
 from orchestration.reporting import option
 
+# models that a diagnosis compares
+NOMINAL, REFITTED, EXTENDED = "as it is", "parameters refitted", "with the effect"
 INCONCLUSIVE = "This record cannot tell whether anything is wrong: no input moves."
 _NAMED = 3  # parameters that are told in a sentence
 _NO_PHRASES: Mapping[str, str] = MappingProxyType({})
@@ -481,7 +483,8 @@ def _gain(diagnosis: Diagnosis) -> list[str]:
     effects = "them" if diagnosis.causes[1:] else "it"
     return [
         f"With {effects} in the model the error{_of_output(diagnosis, output)} falls from"
-        f" {format_percent(before[output])} to {format_percent(after[output])} on {UNSEEN}."
+        f" {format_percent(before[output])} ({REFITTED}) to {format_percent(after[output])} on"
+        f" {UNSEEN}."
     ]
 
 
@@ -548,10 +551,10 @@ _NEXT = {
         "Nothing has to change. A record that moves more asks more of the model.",
     ),
     Verdict.RECALIBRATE: (
-        "Take the fitted values over: the same diagnosis with {FMU} writes the model with them.",
+        "Take the fitted values over: repeat the diagnosis with {FMU} to write that model.",
         "Confirm them on another record: {HOLDOUT}.",
     ),
-    Verdict.CAUSE: ("Go on with the extended model: the same diagnosis with {FMU} writes it.",),
+    Verdict.CAUSE: ("Go on with the extended model: repeat the diagnosis with {FMU} to write it.",),
     Verdict.AMBIGUOUS: (
         "Run an experiment that tells these apart ({EXPERIMENT} writes one), and diagnose"
         " its record.",

@@ -24,8 +24,10 @@ from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.extended_model import ExtensionGain
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.report.figures import COLOURS, EXTENDED, REFITTED
+from orchestration.discrepancy.report.effect_picture import WITHOUT
+from orchestration.discrepancy.report.figures import COLOURS
 from orchestration.discrepancy.report.page import diagnosis_page
+from orchestration.discrepancy.report.wording import EXTENDED, REFITTED
 from orchestration.discrepancy.residuals.correlation import CrossCorrelation
 from orchestration.fmu.model import find_model
 from orchestration.identify.comparison import read_for
@@ -73,7 +75,7 @@ def test_the_law_is_drawn_with_the_effect_and_without(results, made):
     section = made["cause"].split("<h2>The effect itself</h2>")[1]
     ((panel,), *_) = charts_of(section)
     assert panel.title == "charge elongation [µm]"
-    without, with_effect = (panel.lines[COLOURS[name]] for name in (REFITTED, EXTENDED))
+    without, with_effect = (panel.lines[colour] for colour in (WITHOUT, COLOURS[EXTENDED]))
     heights = [[-line[end][1] for line in (without, with_effect)] for end in (0, -1)]
     (left_without, left_with), (right_without, right_with) = heights
     assert left_without < left_with < right_with < right_without
