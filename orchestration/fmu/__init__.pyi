@@ -9,6 +9,7 @@ from .archive import unpack as unpack
 from .effects import catalogue as catalogue
 from .effects import families as families
 from .effects import known_effects as known_effects
+from .exchange import ExchangeFmu as ExchangeFmu
 from .instance import Fmu as Fmu
 from .loading import file_of_class as file_of_class
 from .loading import load_class as load_class

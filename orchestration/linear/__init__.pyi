@@ -1,7 +1,12 @@
-from .blocks import LinearBlocks as LinearBlocks
-from .blocks import blocks_of as blocks_of
-from .discretisation import assemble as assemble
+from .fmu_derivatives import FmuRequest as FmuRequest
+from .fmu_derivatives import linearise_fmu as linearise_fmu
+from .model import LinearModel as LinearModel
+from .model import LoopMargins as LoopMargins
 from .operating_point import OperatingPoint as OperatingPoint
 from .operating_point import point_at as point_at
+from .sine_sweep import SineSweep as SineSweep
+from .sine_sweep import sine_sweep as sine_sweep
+from .subject import LinearSubject as LinearSubject
+from .subject import subject_of as subject_of
 from .trim import TrimRequest as TrimRequest
 from .trim import trim as trim

@@ -132,9 +132,7 @@ class LinearBlocks:
         UserError
             If outputs and inputs determine each other without a solution.
         """
-        received = {
-            str(c.target): c.factor * self.signals[str(c.source)] for c in connections
-        }
+        received = {str(c.target): c.factor * self.signals[str(c.source)] for c in connections}
         names = tuple(received)
         places = [self.columns.index(name) for name in names]
         given = np.array(list(received.values())).reshape(len(names), len(self.columns))
@@ -265,13 +263,25 @@ def _listed(names: Sequence[str] | Mapping[str, object]) -> str:
 _MOST_LISTED = 12
 
 
-def blocks_of(graph: Graph, point: OperatingPoint) -> LinearBlocks:
+def jacobians(graph: Graph) -> ca.Function:
+    """Return the Jacobians of all laws by states, discrete states and inputs, as a function."""
+    moving = ca.vertcat(graph.states, graph.discretes, graph.inputs)
+    laws = [graph.rates, graph.outputs, *graph.updates]
+    matrices = [ca.densify(ca.jacobian(law, moving)) for law in laws]
+    return ca.Function("jacobians", graph.arguments, ca.cse(matrices))
+
+
+def blocks_of(
+    graph: Graph, point: OperatingPoint, function: ca.Function | None = None
+) -> LinearBlocks:
     """Linearise a traced component or a fused system about an operating point.
 
     Parameters
     ----------
     graph : Graph
     point : OperatingPoint
+    function : casadi.Function, optional
+        Its Jacobians, where they are made once for several points.
 
     Returns
     -------
@@ -287,11 +297,8 @@ def blocks_of(graph: Graph, point: OperatingPoint) -> LinearBlocks:
     discretes = [v.name for v in layout.discretes]
     inputs = [v.name for v in layout.inputs]
     columns = [*states, *discretes, *inputs]
-    moving = ca.vertcat(graph.states, graph.discretes, graph.inputs)
-    laws = [graph.rates, graph.outputs, *graph.updates]
-    jacobians = [ca.densify(ca.jacobian(law, moving)) for law in laws]
-    function = ca.Function("jacobians", graph.arguments, jacobians)
-    rates, outputs, *after = (matrix.full() for matrix in function.call(point.arguments(graph)))
+    matrices = (function or jacobians(graph)).call(point.arguments(graph))
+    rates, outputs, *after = (matrix.full() for matrix in matrices)
     identity = np.eye(len(columns))
     signals = {name: identity[k] for k, name in enumerate(columns)}
     signals |= {f"der({name})": row for name, row in zip(states, rates, strict=True)}

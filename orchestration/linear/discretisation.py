@@ -91,8 +91,8 @@ def assemble(blocks: LinearBlocks, outputs: Sequence[str], step: float = 0.0) ->
     Returns
     -------
     Matrices
-        Continuous where nothing is sampled or held; else discrete, its states the continuous ones and then
-        the discrete ones before the sample.
+        Continuous where nothing is sampled or held; else discrete, its states the continuous ones
+        and then the discrete ones before the sample.
 
     Raises
     ------

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 _UNITY = 1e-6  # |L| - 1 at a crossover that is one
 _POINTS = 4000  # of the frequencies between which margins are interpolated
-_DECADES = 2.0  # beyond the slowest and the fastest pole or zero
-_FLOOR = 1e-9  # of the fastest pole or zero, below which one is an integrator's
+_DECADES = 1.0  # beyond the slowest and the fastest pole or zero
+_FLOOR = 1e-6  # of the fastest pole or zero, below which one is an integrator's
 
 
 class LoopMargins(NamedTuple):
@@ -108,7 +108,9 @@ class LinearModel(Displayable):
             group: [name.replace(".", "/") for name in getattr(self, group)]
             for group in ("states", "inputs", "outputs")
         }
-        return control.StateSpace(m.A, m.B, m.C, m.D, m.period, **names, remove_useless_states=False)
+        return control.StateSpace(
+            m.A, m.B, m.C, m.D, m.period, **names, remove_useless_states=False
+        )
 
     def part(self, input: str = "", output: str = "") -> control.StateSpace:
         """Return the part from one input to one output; the first ones unless named.
@@ -136,8 +138,7 @@ class LinearModel(Displayable):
         """
         s = 2j * pi * np.asarray(frequencies, dtype=float)
         argument = np.exp(s * self.period) if self.period else s
-        part = self.part(input, output)
-        return np.array([part(one) for one in argument], dtype=complex)
+        return np.asarray(self.part(input, output)(argument), dtype=complex)
 
     def poles(self) -> Array:
         """Return the poles (n,), in 1/s, or in the z-plane of a sampled model."""
@@ -162,6 +163,11 @@ class LinearModel(Displayable):
             omega = 2.0 * pi * self._plane(self.frequencies(_POINTS))
             data = control.frd(plane(1j * omega), omega, smooth=True)
             gain, phase, at_phase, at_gain = control.margin(data)
+        at_nyquist = float(plane.D[0, 0]) if self.period else 0.0
+        if at_nyquist < 0.0 and abs(np.log(-at_nyquist)) < abs(np.log(gain)):
+            # the far end of the w-plane, which python-control leaves out
+            gain = -1.0 / at_nyquist
+            at_phase = np.inf
         return LoopMargins(
             float(phase), self._hertz(float(at_gain)), float(gain), self._hertz(float(at_phase))
         )
@@ -173,7 +179,7 @@ class LinearModel(Displayable):
         return np.tan(pi * frequencies * self.period) / (pi * self.period)
 
     def _hertz(self, omega: float) -> float:
-        """Return the frequency in Hz of an angular frequency of the w-plane, or of a continuous."""
+        """Return the frequency in Hz of an angular frequency in the w-plane or the s-plane."""
         if not self.period:
             return omega / (2.0 * pi)
         return float(np.arctan(0.5 * omega * self.period)) / (pi * self.period)
@@ -205,9 +211,9 @@ class LinearModel(Displayable):
         yield f"{self.name} {self.point.words}, {time}, by {self.method}"
         if self.loop:
             yield f"loop transfer function, cut at {self.loop}: {_margin_words(self.margins())}"
-        table = plain_table(None, "signal", "is", "operating point", "unit", right=[
-            "operating point"
-        ])
+        table = plain_table(
+            None, "signal", "is", "operating point", "unit", right=["operating point"]
+        )
         for kind in ("inputs", "states", "outputs"):
             for name in getattr(self, kind):
                 value = self.point.values.get(name)
@@ -299,7 +305,10 @@ class LinearModel(Displayable):
             for kind, names in cells.items()
         }
         held = io.BytesIO()
-        savemat(held, {"A": m.A, "B": m.B, "C": m.C, "D": m.D, "Ts": m.period, **cells, **units})
+        savemat(
+            cast(Any, held),
+            {"A": m.A, "B": m.B, "C": m.C, "D": m.D, "Ts": m.period, **cells, **units},
+        )
         files.write(Path(path), held.getvalue())
         return Path(path)
 
@@ -360,7 +369,7 @@ def _poles_table(model: LinearModel) -> Any:
     columns = ("pole", "frequency [Hz]", "damping")
     table = plain_table(None, *columns, right=columns)
     poles = np.atleast_1d(model.poles())
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         rates = np.log(poles + 0j) / model.period if model.period else poles
     for pole, rate in zip(poles, rates, strict=True):
         size = abs(rate)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+import casadi as ca
 import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import Graph
-from orchestration.fmu import grid
 from orchestration.reporting import option
 
 
@@ -25,6 +25,7 @@ class OperatingPoint:
         Seconds.
     parameters, inputs, states, discretes : dict of str to float
         In the units of the model.
+    outputs : dict of str to float
     trimmed : bool
         Whether it is an equilibrium that was searched.
     drift : dict of str to float
@@ -38,6 +39,7 @@ class OperatingPoint:
     inputs: dict[str, float]
     states: dict[str, float]
     discretes: dict[str, float]
+    outputs: dict[str, float] = field(default_factory=dict)
     trimmed: bool = False
     drift: dict[str, float] = field(default_factory=dict)
     undetermined: tuple[str, ...] = ()
@@ -49,8 +51,8 @@ class OperatingPoint:
 
     @property
     def values(self) -> dict[str, float]:
-        """Inputs, states and discrete states by name."""
-        return self.inputs | self.states | self.discretes
+        """Inputs, states, discrete states and outputs by name."""
+        return self.inputs | self.states | self.discretes | self.outputs
 
     def seconds(self, given: str | float) -> float:
         """Return a period: a number, or the value of a parameter."""
@@ -69,6 +71,13 @@ class OperatingPoint:
         return [np.array([self.time]), *vectors]
 
 
+def with_outputs(graph: Graph, point: OperatingPoint) -> OperatingPoint:
+    """Return an operating point with the values of outputs that belong to its other values."""
+    values = ca.Function("outputs", graph.arguments, [graph.outputs])(*point.arguments(graph))
+    names = [v.name for v in graph.layout.outputs]
+    return replace(point, outputs=dict(zip(names, values.full().ravel().tolist(), strict=True)))
+
+
 def start_point(graph: Graph, settings: Mapping[str, float]) -> OperatingPoint:
     """Return the operating point at which a model starts.
 
@@ -85,7 +94,8 @@ def start_point(graph: Graph, settings: Mapping[str, float]) -> OperatingPoint:
         {v.name: float(value) for v, value in zip(group, vector, strict=True)}
         for group, vector in zip(groups, vectors, strict=True)
     ]
-    return OperatingPoint(0.0, *named)
+    parameters, inputs, states, discretes = named
+    return OperatingPoint(0.0, parameters, inputs, states, discretes)
 
 
 def point_at(
@@ -94,6 +104,7 @@ def point_at(
     settings: Mapping[str, float],
     stimulus: Mapping[str, Array] | None = None,
     points: Array | None = None,
+    compiled: CompiledModel | None = None,
 ) -> OperatingPoint:
     """Simulate a model up to a time, and return the operating point there.
 
@@ -110,6 +121,8 @@ def point_at(
         Inputs that vary, at `points`, held until the next.
     points : ndarray, shape (n,), optional
         Seconds.
+    compiled : CompiledModel, optional
+        The same model, where it is compiled once for several points.
 
     Returns
     -------
@@ -120,22 +133,21 @@ def point_at(
     UserError
         If the time is negative, or the simulation fails.
     """
-    if not (np.isfinite(time) and time >= 0.0):
-        raise UserError(f"{option('at', f'{time:g}')}: a time from 0 s on")
+    earliest = 0.0 if points is None else float(points[0])
+    if not (np.isfinite(time) and time >= earliest):
+        raise UserError(f"{option('at', f'{time:g}')}: a time from {earliest:g} s on")
     start = start_point(graph, settings)
-    over = np.array([0.0]) if points is None else points[points < time]
-    inputs = {v.name: np.full(over.size, start.inputs[v.name]) for v in graph.layout.inputs}
-    inputs |= {name: values[: over.size] for name, values in (stimulus or {}).items()}
-    last = {name: float(values[-1]) for name, values in inputs.items()} if over.size else {}
-    if points is not None and stimulus:
-        last |= {n: float(v[np.searchsorted(points, time, "right") - 1]) for n, v in stimulus.items()}
-    now = start.inputs | last
-    if time == 0.0:
-        return OperatingPoint(0.0, start.parameters, now, start.states, start.discretes)
-    instants = np.append(over if over.size else grid(0.0, time, time)[:1], time)
-    driven = {name: np.append(values, now[name]) for name, values in inputs.items()}
+    instants = np.zeros(1) if points is None else points[points <= time]
+    driven = {v.name: np.full(instants.size, start.inputs[v.name]) for v in graph.layout.inputs}
+    driven |= {name: values[: instants.size] for name, values in (stimulus or {}).items()}
+    now = {name: float(values[-1]) for name, values in driven.items()}
+    if instants[-1] < time:
+        instants = np.append(instants, time)
+        driven = {name: np.append(values, values[-1]) for name, values in driven.items()}
+    if instants.size == 1:
+        return replace(start, inputs=now)
     known = {p.name: start.parameters[p.name] for p in graph.layout.parameters}
-    run = CompiledModel(graph).run(instants, driven, known)
+    run = (compiled or CompiledModel(graph)).run(instants, driven, known)
     reached = {name: float(values[-1]) for name, values in run.signals.items()}
     return OperatingPoint(
         time,

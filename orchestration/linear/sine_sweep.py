@@ -88,54 +88,45 @@ def sine_sweep(
     highest = float(np.max(sweep.frequencies))
     if highest * sweep.period * _FEWEST > 1.0:
         raise UserError(
-            f"{highest:g} Hz: a sine that is held for {sweep.period:g} s has {_FEWEST:g} values in a"
-            f" cycle up to {1.0 / (_FEWEST * sweep.period):g} Hz"
+            f"{highest:g} Hz: a sine that is held for {sweep.period:g} s has {_FEWEST:g} values in"
+            f" a cycle up to {1.0 / (_FEWEST * sweep.period):g} Hz"
         )
-    constants = dict(constant or {})
-    rows = [
-        _at_frequency(system, input, outputs, sweep, constants, float(f), method)
-        for f in sweep.frequencies
-    ]
-    return {name: np.array([row[k] for row in rows]) for k, name in enumerate(outputs)}
 
-
-def _at_frequency(
-    system: System,
-    input: str,
-    outputs: Sequence[str],
-    sweep: SineSweep,
-    constants: Mapping[str, float],
-    frequency: float,
-    method: str,
-) -> Array:
-    held = ceil(sweep.period / sweep.step - 1e-9)
-    before = ceil(sweep.at / sweep.period - 1e-9)
-    cycles = _CYCLES / frequency
-    evaluated = ceil(cycles / sweep.period)
-    driven = evaluated + ceil(max(cycles, sweep.settling) / sweep.period)
-    instants = (np.arange(before + driven + 1) - before) * sweep.period
-    angle = 2.0 * pi * frequency * instants
-    sine = np.where(instants >= 0.0, np.sin(angle), 0.0)
-    time = np.linspace(0.0, (before + driven) * sweep.period, (before + driven) * held + 1)
-    courses = {name: np.full(time.size, value) for name, value in constants.items()}
-    level = courses.pop(input, np.zeros(time.size))
-    wave = np.append(np.repeat(sine[:-1], held), sine[-1])
-
-    def signals(amplitude: float) -> list[Array]:
-        inputs = courses | {input: level + amplitude * wave}
+    def signals(frequency: float, amplitude: float) -> tuple[Array, list[Array]]:
+        """Return the instants at which outputs are read, and these for a sine."""
+        instants, time, wave = _sine(sweep, frequency)
+        inputs = {name: np.full(time.size, value) for name, value in (constant or {}).items()}
+        inputs[input] = inputs.get(input, np.zeros(time.size)) + amplitude * wave
         result = run(system, time, inputs, record=list(outputs), method=method)
         if not result.complete:
             raise UserError(result.message)
-        return [result.signals[name][::held] for name in outputs]
+        held = (time.size - 1) // (instants.size - 1)
+        return instants, [result.signals[name][::held] for name in outputs]
 
-    differences = zip(signals(sweep.amplitude), signals(-sweep.amplitude), strict=True)
-    last = slice(-evaluated, None)
-    return np.array(
-        [
-            _fitted((plus - minus)[last] / (2.0 * sweep.amplitude), instants[last], frequency)
-            for plus, minus in differences
-        ]
-    )
+    responses: dict[str, list[complex]] = {name: [] for name in outputs}
+    for frequency in sweep.frequencies.tolist():
+        instants, up = signals(frequency, sweep.amplitude)
+        _, down = signals(frequency, -sweep.amplitude)
+        last = slice(-ceil(_CYCLES / frequency / sweep.period), None)
+        for name, plus, minus in zip(outputs, up, down, strict=True):
+            half = (plus - minus)[last] / (2.0 * sweep.amplitude)
+            responses[name].append(_fitted(half, instants[last], frequency))
+    return {name: np.array(values) for name, values in responses.items()}
+
+
+def _sine(sweep: SineSweep, frequency: float) -> tuple[Array, Array, Array]:
+    """Return instants of the held values, communication points, and the sine at these.
+
+    Instants count from the operating point; the sine is zero before.
+    """
+    held = ceil(sweep.period / sweep.step - 1e-9)
+    before = ceil(sweep.at / sweep.period - 1e-9)
+    cycles = _CYCLES / frequency
+    driven = ceil(cycles / sweep.period) + ceil(max(cycles, sweep.settling) / sweep.period)
+    instants = (np.arange(before + driven + 1) - before) * sweep.period
+    time = np.linspace(0.0, (before + driven) * sweep.period, (before + driven) * held + 1)
+    sine = np.where(instants >= 0.0, np.sin(2.0 * pi * frequency * instants), 0.0)
+    return instants, np.asarray(time), np.append(np.repeat(sine[:-1], held), sine[-1])
 
 
 def _fitted(values: Array, time: Array, frequency: float) -> complex:
@@ -144,5 +135,5 @@ def _fitted(values: Array, time: Array, frequency: float) -> complex:
     trend = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, time.size), _TREND)
     regressors = np.column_stack([np.sin(angle), np.cos(angle), trend])
     scale = np.abs(values).max() or 1.0
-    in_phase, quadrature = np.linalg.lstsq(regressors, values / scale, rcond=None)[0][:2] * scale
-    return complex(in_phase, quadrature)
+    in_phase, quadrature = np.linalg.lstsq(regressors, values / scale, rcond=None)[0][:2]
+    return complex(in_phase, quadrature) * float(scale)

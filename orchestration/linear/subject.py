@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from fmus.kit import Component, Declaration, UserError, suggestion
+from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import Graph, trace
-from orchestration.linear.blocks import LinearBlocks, blocks_of
+from orchestration.linear.blocks import LinearBlocks, blocks_of, jacobians
 from orchestration.linear.discretisation import assemble
 from orchestration.linear.model import LinearModel
-from orchestration.linear.operating_point import OperatingPoint
+from orchestration.linear.operating_point import OperatingPoint, with_outputs
 from orchestration.master.reference import fuse
 from orchestration.reporting import option
 from orchestration.system import Connection, System
@@ -32,12 +34,18 @@ class LinearSubject:
     outputs : dict of str to str
         The signal that each output is: itself of a component, ``member.variable`` of a system.
     system : System, optional
+    cls : type[Component], optional
+        The class of a component.
     """
 
     name: str
     graph: Graph
     outputs: dict[str, str]
     system: System | None = None
+    cls: type[Component] | None = None
+    _opened: dict[tuple[tuple[Connection, ...], bool], tuple[Graph, ca.Function]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     @property
     def inputs(self) -> list[str]:
@@ -48,8 +56,11 @@ class LinearSubject:
     def units(self) -> dict[str, str]:
         """Units of all signals by name."""
         units = {v.name: v.unit for v in self.graph.layout.variables}
-        units |= {name: unit for name, unit in self.graph.layout.derivatives}
+        units |= dict(self.graph.layout.derivatives)
         units |= {f"next({v.name})": v.unit for v in self.graph.layout.discretes}
+        for member in self.system.members if self.system else ():
+            declared = member.cls.layout.inputs if member.cls else ()
+            units |= {f"{member.name}.{v.name}": v.unit for v in declared}
         return units | {name: units[signal] for name, signal in self.outputs.items()}
 
     def linearise(
@@ -93,10 +104,16 @@ class LinearSubject:
             tuple(chosen_inputs),
             tuple(chosen_outputs),
             self.units,
-            point,
+            self._complete(point),
             _BY_LAWS,
             notes=_notes(point),
         )
+
+    def _complete(self, point: OperatingPoint) -> OperatingPoint:
+        """Return an operating point with outputs, by the names of the system, too."""
+        point = with_outputs(self.graph, point)
+        named = {name: point.values[signal] for name, signal in self.outputs.items()}
+        return replace(point, outputs=named | point.outputs)
 
     def _named(self, blocks: LinearBlocks) -> LinearBlocks:
         """Return blocks whose signals have the names of the system's outputs, too."""
@@ -107,19 +124,36 @@ class LinearSubject:
     def _blocks(
         self, point: OperatingPoint, cut_ones: Sequence[Connection], step: float
     ) -> LinearBlocks:
-        """Return the blocks without some connections, the others held over a step if there is one."""
+        """Return the blocks without some connections, the others held over a step if any."""
         if self.system is None or not (step or cut_ones):
-            return blocks_of(self.graph, point)
-        values = _outputs_at(self.graph, point) | point.values
+            return blocks_of(*self._part((), False, point))
+        values = self._complete(point).values
         connections = self.system.connections
-        received = {
-            str(c.target): c.factor * values[str(c.source)] + c.offset for c in connections
-        }
+        received = {str(c.target): c.factor * values[str(c.source)] + c.offset for c in connections}
         at = replace(point, inputs=point.inputs | received)
-        kept = tuple(c for c in connections if c not in cut_ones)
-        if step:
-            return blocks_of(fuse(replace(self.system, connections=())), at).exchanging(kept, step)
-        return blocks_of(fuse(replace(self.system, connections=kept)), at)
+        blocks = blocks_of(*self._part(tuple(cut_ones), step > 0.0, at))
+        kept = [c for c in connections if c not in cut_ones]
+        return blocks.exchanging(kept, step) if step else blocks
+
+    def _part(
+        self, cut_ones: tuple[Connection, ...], apart: bool, point: OperatingPoint
+    ) -> tuple[Graph, OperatingPoint, ca.Function]:
+        """Return a graph without some or all connections, a point, and its Jacobians, made once."""
+        key = (cut_ones, apart)
+        if key not in self._opened:
+            graph = self.graph
+            if self.system and (cut_ones or apart):
+                gone = self.system.connections if apart else cut_ones
+                kept = tuple(c for c in self.system.connections if c not in gone)
+                graph = fuse(replace(self.system, connections=kept))
+            self._opened[key] = graph, jacobians(graph)
+        graph, function = self._opened[key]
+        return graph, point, function
+
+    @cached_property
+    def compiled(self) -> CompiledModel:
+        """The equations compiled for this machine, to simulate up to operating points."""
+        return CompiledModel(self.graph)
 
     def loop(self, point: OperatingPoint, cut: str, step: float = 0.0) -> LinearModel:
         """Return the loop transfer function of the loop that is cut at a signal.
@@ -158,9 +192,7 @@ class LinearSubject:
         kept = blocks.between(list(fed), [back])
         matrices = assemble(kept, [back], step)
         factors = np.array(list(fed.values()))[:, None]
-        turned = replace(
-            matrices, B=matrices.B @ factors, C=-matrices.C, D=-matrices.D @ factors
-        )
+        turned = replace(matrices, B=matrices.B @ factors, C=-matrices.C, D=-matrices.D @ factors)
         notes = _notes(point)
         if matrices.period and any(kept.rates[:, -len(fed) :].ravel()):
             notes += (
@@ -174,7 +206,7 @@ class LinearSubject:
             (fed_name,),
             (back,),
             units,
-            point,
+            self._complete(point),
             _BY_LAWS,
             loop=cut,
             notes=notes,
@@ -200,12 +232,6 @@ class LinearSubject:
 
 def _arrow(connection: Connection) -> str:
     return f"{connection.source} -> {connection.target}"
-
-
-def _outputs_at(graph: Graph, point: OperatingPoint) -> dict[str, float]:
-    values = ca.Function("outputs", graph.arguments, [graph.outputs])(*point.arguments(graph))
-    names = [v.name for v in graph.layout.outputs]
-    return dict(zip(names, values.full().ravel().tolist(), strict=True))
 
 
 def _notes(point: OperatingPoint) -> tuple[str, ...]:
@@ -244,9 +270,8 @@ def subject_of(model: type[Component] | System, name: str = "") -> LinearSubject
         return LinearSubject(name or model.name, graph, outputs, model)
     _check_laws(model, name or model.name)
     graph = trace(model)
-    return LinearSubject(
-        name or model.name, graph, {n: n for n in _real(model.layout.measurable)}
-    )
+    outputs = {n: n for n in _real(model.layout.measurable)}
+    return LinearSubject(name or model.name, graph, outputs, cls=model)
 
 
 def _check_laws(cls: type[Component], name: str) -> None:

@@ -97,8 +97,7 @@ def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingP
     for name in loose:
         if name in request.free:
             raise UserError(
-                f"{graph.name}: {option('free', [name])}: the equilibrium does not determine"
-                f" {name}"
+                f"{graph.name}: {option('free', [name])}: the equilibrium does not determine {name}"
             )
     return _point(graph, start, equations, solution, request, loose)
 
@@ -154,8 +153,8 @@ def _equations(
     scaled = ca.SX.sym("scaled", len(unknowns))
     rows, laws = _laws(graph, request, targets)
     symbols = ca.vertcat(*(symbol for _, symbol, _ in unknowns), *places, graph.time)
-    values = ca.vertcat(scaled * nominal, *known, 0.0)
-    (placed,) = ca.substitute([ca.vertcat(*laws)], [symbols], [values])
+    at = ca.vertcat(scaled * nominal, *known, start.time)
+    (placed,) = ca.substitute([ca.vertcat(*laws)], [symbols], [at])
     return _Equations(
         ca.Function("equations", [scaled], [placed, ca.densify(ca.jacobian(placed, scaled))]),
         rows,
@@ -198,7 +197,9 @@ def _laws(
         for k, variable in enumerate((*layout.states, *layout.discretes)):
             rows.append(f"a constant rate of {variable.name}")
             laws.append(later[k] / variable.nominal)
-    expressions = dict(zip([v.name for v in layout.states], ca.vertsplit(graph.states), strict=True))
+    expressions = dict(
+        zip([v.name for v in layout.states], ca.vertsplit(graph.states), strict=True)
+    )
     expressions |= zip([v.name for v in layout.outputs], ca.vertsplit(graph.outputs), strict=True)
     nominal = {v.name: v.nominal for v in (*layout.states, *layout.outputs)}
     for name, value in targets.items():
