@@ -19,9 +19,8 @@ from orchestration.api.options import LineariseKeywords
 from orchestration.api.simulation import Inputs, as_declared, inputs_over, values_of
 from orchestration.fmu import (
     Model,
-    built,
-    declared_model,
     declared_signal,
+    known_class,
     numeric,
     read_description,
     read_setting,
@@ -104,14 +103,14 @@ def _subject(model: Any) -> Iterator[LinearSubject | Model]:
         yield subject_of(_with_classes(name))
         return
     declared = as_declared(name)
-    yield built(declared) if declared.cls is None else subject_of(declared.cls, declared.title)
+    cls = declared.cls or known_class(declared.path)
+    yield declared if cls is None else subject_of(cls, declared.title)
 
 
 def _with_classes(system: System) -> System:
     """Return a system whose members have the classes that their FMUs were built from."""
     members = (
-        m if m.cls is not None else replace(m, cls=declared_model(str(m.fmu)).cls)
-        for m in system.members
+        m if m.cls is not None else replace(m, cls=known_class(m.fmu)) for m in system.members
     )
     return replace(system, members=tuple(members))
 

@@ -34,7 +34,8 @@ _PULSE = 1e-3  # of an input, relative to its magnitude or to one
 _RESPONSE = 400  # communication steps after a pulse
 _NOISE = 1e-6  # singular values relative to the largest, above the FMU's integration error
 _MOST_ORDER = 20
-_FAITHFUL = 1e-4  # error of a realisation, relative to its largest singular value
+# error of a realisation, relative to its largest singular value, and of a response a step later
+_FAITHFUL = 1e-4
 
 
 @dataclass(frozen=True)
@@ -195,16 +196,20 @@ def _by_pulses(request: FmuRequest) -> LinearModel:
         name: float(request.settings.get(name, request.model.inputs[name].start))
         for name in request.inputs
     }
-    responses = np.stack([_pulse(request, name, levels) for name in request.inputs], axis=1)
+    responses, later = (
+        np.stack([_pulse(request, name, levels, at) for name in request.inputs], axis=1)
+        for at in (0, 1)
+    )
     scale = np.abs(responses).max(axis=(1, 2), keepdims=True)
     scale[scale == 0.0] = 1.0
     responses /= scale
+    changed = np.abs(later[:, :, 1:] / scale - responses[:, :, :-1]).max(initial=0.0)
     order, error = _order(responses[:, :, 1:])
-    if error > _FAITHFUL:
+    if error > _FAITHFUL or changed > _FAITHFUL:
         raise UserError(
             f"{request.model.name}: its responses are not those of a linear model of up to"
-            f" {_MOST_ORDER} states, sampled every {request.step:g} s; if something is sampled in"
-            f" it, take a multiple of that period as {option('step')}"
+            f" {_MOST_ORDER} states that is the same at every step of {request.step:g} s; if"
+            f" something is sampled in it, take a multiple of that period as {option('step')}"
         )
     A, B, C = np.zeros((0, 0)), np.zeros((0, len(levels))), np.zeros((len(request.outputs), 0))
     if order:
@@ -232,17 +237,17 @@ def _order(responses: Array) -> tuple[int, float]:
     return order, float(sizes[order:].max(initial=0.0) / largest)
 
 
-def _pulse(request: FmuRequest, name: str, levels: Mapping[str, float]) -> Array:
-    """Return the responses (outputs, steps) to a pulse of one communication step, per its size."""
+def _pulse(request: FmuRequest, name: str, levels: Mapping[str, float], at: int) -> Array:
+    """Return the responses (outputs, steps) to a pulse in one step, per its size."""
     size = _PULSE * max(1.0, abs(levels[name]))
     up, down = (
-        _response(request, {**levels, name: levels[name] + s}, levels) for s in (size, -size)
+        _response(request, {**levels, name: levels[name] + s}, levels, at) for s in (size, -size)
     )
     return (up - down) / (2.0 * size)
 
 
 def _response(
-    request: FmuRequest, pulse: Mapping[str, float], levels: Mapping[str, float]
+    request: FmuRequest, pulse: Mapping[str, float], levels: Mapping[str, float], at: int
 ) -> Array:
     names = list(levels)
     responses = np.empty((_RESPONSE, len(request.outputs)))
@@ -252,7 +257,7 @@ def _response(
         fmu.start()
         _advance(fmu, request)
         for k, row in enumerate(responses):
-            now = levels if k else pulse
+            now = pulse if k == at else levels
             write(np.array([now[name] for name in names]))
             read(row)
             fmu.step(request.time + k * request.step, request.step)

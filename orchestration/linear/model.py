@@ -185,7 +185,7 @@ class LinearModel(Displayable):
         return float(np.arctan(0.5 * omega * self.period)) / (pi * self.period)
 
     def frequencies(self, count: int = 400) -> Array:
-        """Return frequencies (count,) in Hz over which poles and zeros show, up to half the rate."""
+        """Return frequencies (count,), Hz, over which poles and zeros show, up to half the rate."""
         speeds = [self._speeds(self.poles())]
         speeds += [self._speeds(self.zeros(i, o)) for i in self.inputs for o in self.outputs]
         every = np.concatenate(speeds) / (2.0 * pi)

@@ -97,8 +97,8 @@ def _draw_band(model: LinearModel, frequencies: Array, gain: Axes, phase: Axes, 
         axis.fill_between(frequencies, np.min(values, 0), np.max(values, 0), label=label, **look)
     time = _times(model)
     steps = [_step(one, time)[1] for one in model.variations]
-    held = "post" if model.period else None
-    step.fill_between(time, np.min(steps, 0), np.max(steps, 0), step=held, **look)
+    look["step"] = "post" if model.period else None
+    step.fill_between(time, np.min(steps, 0), np.max(steps, 0), **look)
 
 
 def _label(model: LinearModel, gain: Axes, phase: Axes, step: Axes, plane: Axes) -> None:

@@ -126,7 +126,7 @@ def _sine(sweep: SineSweep, frequency: float) -> tuple[Array, Array, Array]:
     instants = (np.arange(before + driven + 1) - before) * sweep.period
     time = np.linspace(0.0, (before + driven) * sweep.period, (before + driven) * held + 1)
     sine = np.where(instants >= 0.0, np.sin(2.0 * pi * frequency * instants), 0.0)
-    return instants, np.asarray(time), np.append(np.repeat(sine[:-1], held), sine[-1])
+    return np.asarray(instants), np.asarray(time), np.append(np.repeat(sine[:-1], held), sine[-1])
 
 
 def _fitted(values: Array, time: Array, frequency: float) -> complex:
