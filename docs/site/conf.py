@@ -64,6 +64,7 @@ navigation = {
         "docs/how-to/laws",
         "docs/how-to/new-component",
         "docs/how-to/sweeps",
+        "docs/how-to/linearise",
         "docs/how-to/systems",
         "docs/how-to/other-tools",
         "docs/how-to/continuous-integration",

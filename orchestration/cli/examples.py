@@ -51,7 +51,7 @@ EXAMPLES = {
     ),
     "linearise": (
         "ppy linearise ppy_actuator --trim --fix displacement=0.1mm --free current",
-        "ppy linearise dma_bench --set force_reference=1 --at 1s --cut bench.force_filtered",
+        "ppy linearise dma_bench --set force_reference=1 --at 1s --plot bode.png",
     ),
     "run": (
         "ppy run fig_3_4 --set duration=5s --out fig_3_4.nc --plot fig_3_4.html",

@@ -190,8 +190,6 @@ def _nominal(fmu: Fmu, name: str) -> float:
 
 def _by_pulses(request: FmuRequest) -> LinearModel:
     """Linearise by responses to pulses, whose realisation is sampled at the communication step."""
-    import control
-
     levels = {
         name: float(request.settings.get(name, request.model.inputs[name].start))
         for name in request.inputs
@@ -211,15 +209,23 @@ def _by_pulses(request: FmuRequest) -> LinearModel:
             f" {_MOST_ORDER} states that is the same at every step of {request.step:g} s; if"
             f" something is sampled in it, take a multiple of that period as {option('step')}"
         )
-    A, B, C = np.zeros((0, 0)), np.zeros((0, len(levels))), np.zeros((len(request.outputs), 0))
-    if order:
-        rows = (responses.shape[2] - 1) // 2
-        realised, _ = control.eigensys_realization(responses, order, rows, rows, dt=True)
-        A, B, C = realised.A, realised.B, realised.C
-    states = tuple(f"x{k + 1}" for k in range(order))
+    realised = _realised(responses, order)
     D = responses[:, :, 0] * scale[:, :, 0]
-    matrices = Matrices(A, B, C * scale[:, :, 0], D, request.step, states)
+    states = tuple(f"x{k + 1}" for k in range(order))
+    matrices = Matrices(*realised[:2], realised[2] * scale[:, :, 0], D, request.step, states)
     return _model(request, matrices, _point(request, levels, {}), _PULSES)
+
+
+def _realised(responses: Array, order: int) -> tuple[Array, Array, Array]:
+    """Return A, B and C of an order whose responses to pulses are (outputs, inputs, steps)."""
+    import control
+
+    outputs, inputs, steps = responses.shape
+    if not order:
+        return np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((outputs, 0))
+    rows = (steps - 1) // 2
+    realised, _ = control.eigensys_realization(responses, order, rows, rows, dt=True)
+    return realised.A, realised.B, realised.C
 
 
 def _order(responses: Array) -> tuple[int, float]:
