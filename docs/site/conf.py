@@ -54,6 +54,7 @@ navigation = {
         "docs/gallery/actuator",
         "docs/gallery/another_tool",
         "docs/gallery/bench",
+        "docs/gallery/force_loop",
         "docs/gallery/rig",
         "docs/gallery/own_law",
     ],

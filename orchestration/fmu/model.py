@@ -330,7 +330,7 @@ def known_class(path: Path) -> type[Component] | None:
     """Return the class of an FMU: what it was made from, or the component that it is a build of.
 
     An unchanged component tells no origin. Its GUID is made from its contents: where a build of the
-    component of that name has the same, so are its laws.
+    component of that name has the same, so are its laws. Start values in its description count.
 
     Parameters
     ----------
@@ -349,13 +349,15 @@ def known_class(path: Path) -> type[Component] | None:
     from fmus import MODELS, component
     from fmus.kit.build import build_cached
 
-    cls = _read_model(str(path)).cls
+    model = _read_model(str(path))
     described = read_description(path)
-    if cls is not None or described.modelName not in MODELS:
-        return cls
-    named = component(described.modelName)
-    builds = (read_description(build_cached(named, runtime)) for runtime in ("native", "python"))
-    return named if described.guid in {build.guid for build in builds} else None
+    name = described.modelName
+    if model.cls is not None or name not in MODELS:
+        return model.cls
+    builds = (build_cached(component(name), runtime) for runtime in ("native", "python"))
+    if described.guid not in {read_description(build).guid for build in builds}:
+        return None
+    return restore_class(name, Provenance(component=name), model.parameters)
 
 
 def _read_signals(path: Path) -> Model:

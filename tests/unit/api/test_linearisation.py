@@ -42,13 +42,15 @@ def test_a_system_is_given_in_any_form(form, tmp_path):
     assert round(found.margins().phase, 1) == 70.2
 
 
-def test_an_extended_model_is_a_model():
+def test_an_extended_model_and_its_fmu_are_models(tmp_path):
     extended = stack(
         component("ppy_actuator"),
         effects("ppy_actuator")["strain_saturation"],
         defaults={"strain_saturation_coefficient": 0.05},
     )
-    still = ppy.linearise(extended, inputs="current", outputs="displacement")
+    built = tmp_path / "extended.fmu"
+    ppy.build(extended, built)
+    still = ppy.linearise(built, inputs="current", outputs="displacement")
     moved = ppy.linearise(
         extended, {"current": 1.0}, at=10.0, inputs="current", outputs="displacement"
     )
