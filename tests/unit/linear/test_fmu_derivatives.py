@@ -21,7 +21,7 @@ R1, R2, C, ALPHA, K1, B1, K2, B2 = 0.43, 2.35, 2.70, 6.8e-5, 6300.0, 1.7e6, 1.0e
 
 
 def foreign(name, path, *changes):
-    """An FMU as anybody's: an unchanged component tells no origin; with changes of its description."""
+    """An FMU as anybody's, for an unchanged component tells no origin, with another description."""
 
     def edit(file, content):
         for old, new in changes if file == "modelDescription.xml" else ():
