@@ -125,7 +125,7 @@ def _of_equations(
     settings = values_of(model, options["settings"], options["preset"])
     constants, driven, points = _driven(model, stimulus, options)
     known = numeric(settings) | constants
-    step = optional_seconds(options["step"]) or 0.0
+    step = _step(options) or 0.0
     times = [seconds(time) for time in options["at"]] or [0.0]
     request = _trim_request(subject, model, options)
 
@@ -144,6 +144,14 @@ def _of_equations(
     first, *further = (at(time, {}) for time in times)
     variations = tuple(at(times[0], case) for case in _cases(model, known, options))
     return replace(first, further=tuple(further), variations=variations)
+
+
+def _step(options: LineariseKeywords) -> float | None:
+    """Return the communication step in s, if there is one."""
+    step = optional_seconds(options["step"])
+    if step is not None and not 0.0 < step < np.inf:
+        raise UserError(f"{option('step', f'{step:g}')}: a time above 0 s")
+    return step
 
 
 def _signals_of(subject: LinearSubject) -> Model:
@@ -216,10 +224,13 @@ def _cases(
         else given_range(name, values, model)
         for name, values in over.items()
     ]
-    if all(one.counted for one in ranges):
-        chosen = design(ranges)
-    else:
-        chosen = design(ranges, "latin-hypercube", count, seed)
+    counted = [one.name for one in ranges if one.counted]
+    if counted and len(counted) < len(ranges):
+        raise UserError(
+            f"{option('over')}: {', '.join(counted)} has its values, and others are drawn: write"
+            " all with a count, as in 4e3..8e3:5, or none"
+        )
+    chosen = design(ranges) if counted else design(ranges, "latin-hypercube", count, seed)
     return [dict(zip(chosen.names, row.tolist(), strict=True)) for row in chosen.cases]
 
 
@@ -240,7 +251,7 @@ def _of_fmu(model: Model, stimulus: Inputs, options: LineariseKeywords) -> Linea
         name: float(np.asarray(value)) for name, value in stimulus.items()
     }
     own = read_description(model.path).defaultExperiment
-    step = optional_seconds(options["step"])
+    step = _step(options)
     usual = float(getattr(own, "stepSize", None) or 1e-3)
     first, *further = (
         linearise_fmu(

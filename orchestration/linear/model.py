@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _UNITY = 1e-6  # |L| - 1 at a crossover that is one
 _POINTS = 4000  # of the frequencies between which margins are interpolated
 _DECADES = 1.0  # beyond the slowest and the fastest pole or zero
+FAR = 100.0  # times the fastest pole, beyond which a zero tells nothing of what a model does
 _FLOOR = 1e-6  # of the fastest pole or zero, below which one is an integrator's
 
 
@@ -186,9 +187,12 @@ class LinearModel(Displayable):
 
     def frequencies(self, count: int = 400) -> Array:
         """Return frequencies (count,), Hz, over which poles and zeros show, up to half the rate."""
-        speeds = [self._speeds(self.poles())]
-        speeds += [self._speeds(self.zeros(i, o)) for i in self.inputs for o in self.outputs]
-        every = np.concatenate(speeds) / (2.0 * pi)
+        poles = self._speeds(self.poles())
+        zeros = [self._speeds(self.zeros(i, o)) for i in self.inputs for o in self.outputs]
+        both = np.concatenate([poles, *zeros])
+        # a zero at infinity is computed as one that is far away
+        beyond = FAR * poles.max() if poles.size else np.inf
+        every = both[both <= beyond] / (2.0 * pi)
         high = 0.5 / self.period if self.period else np.inf
         seen = every[(every > _FLOOR * every.max(initial=0.0)) & (every < high)]
         slowest, fastest = (seen.min(), seen.max()) if seen.size else (1.0, 1.0)
@@ -220,7 +224,8 @@ class LinearModel(Displayable):
                 shown = "" if value is None else f"{value:.6g}"
                 table.add_row(name, kind.removesuffix("s"), shown, self.units.get(name, ""))
         yield table
-        yield _poles_table(self)
+        if self.matrices.states:
+            yield _poles_table(self)
         yield from self.notes
 
     def __repr__(self) -> str:

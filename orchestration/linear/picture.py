@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.linear.model import LinearModel
+from orchestration.linear.model import FAR, LinearModel
 from orchestration.reporting import FITTED, FORMATS, pictures
 
 if TYPE_CHECKING:
@@ -82,6 +82,7 @@ def _draw_one(
     else:
         step.plot(time, response, **look)
     poles, zeros = (_in_plane(model, roots) for roots in (model.poles(), model.zeros()))
+    zeros = zeros[np.abs(zeros) <= FAR * np.abs(poles).max(initial=0.0)] if poles.size else zeros
     plane.plot(poles.real, poles.imag, "x", **look)
     plane.plot(zeros.real, zeros.imag, "o", markerfacecolor="none", **look)
 

@@ -199,6 +199,8 @@ class LinearSubject:
                 f"{cut} is read between samples, too: behind the cut it is held for"
                 f" {matrices.period:g} s; a cut at what is only sampled tells of the closed loop",
             )
+        if not matrices.states and not matrices.D.any():
+            notes += (f"nothing comes back to the cut: no loop goes through {cut} here",)
         units = self.units | {fed_name: self.units.get(cut, self.units.get(back, ""))}
         return LinearModel(
             self.name,

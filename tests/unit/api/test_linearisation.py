@@ -138,6 +138,17 @@ def test_a_communication_step_is_part_of_the_model():
     assert found.poles().tolist() == pytest.approx([np.exp(0.1 * POLE)], rel=1e-12)
 
 
+@pytest.mark.parametrize("step", [0.0, -1.0, np.nan, np.inf])
+def test_a_step_that_is_no_time_is_refused(step):
+    with pytest.raises(ppy.UserError, match=r"step=.*: a time above 0 s"):
+        ppy.linearise("ppy_actuator", step=step)
+
+
+def test_values_that_are_given_and_drawn_do_not_mix():
+    with pytest.raises(ppy.UserError, match="over=: C has its values, and others are drawn"):
+        ppy.linearise("ppy_actuator", over={"C": "2..4:3", "R1": "0.3..0.7"})
+
+
 def test_an_fmu_without_equations(lag):
     found = ppy.linearise(lag, settings={"tau": 0.5}, step=0.1)
     assert found.poles().tolist() == pytest.approx([np.exp(-0.2)], rel=1e-6)

@@ -96,6 +96,9 @@ def test_frequencies_go_over_poles_and_zeros_and_no_farther_than_half_the_rate()
     assert found[0] < 1.0 / (2.0 * np.pi) < 3.0 / (2.0 * np.pi) < found[-1]
     held = sampled(third_order(2.0), 0.1)
     assert held.frequencies()[-1] < 5.0
+    # a zero that is at infinity but for rounding: 1 + 1e-12 s over s + 1
+    far = model([[-1.0]], [[1.0]], [[1.0 - 1e-12]], [[1e-12]])
+    assert far.frequencies()[-1] < 1e3
 
 
 def test_python_control_gets_names_without_full_stops():

@@ -215,6 +215,14 @@ def test_a_loop_whose_cut_is_read_between_samples_says_so():
     assert subject.loop(point, "bench.force_filtered").notes == ()
 
 
+def test_a_cut_through_which_no_loop_goes_says_so():
+    subject = subject_of(component("ppy_actuator"))
+    cut = subject.loop(start_point(subject.graph, {}), "charge")
+    assert cut.notes == ("nothing comes back to the cut: no loop goes through charge here",)
+    assert np.isinf(cut.margins().gain)
+    assert "pole" not in str(cut)
+
+
 def test_what_has_no_laws_or_no_such_connection_is_refused_in_a_line(loop):
     with pytest.raises(UserError, match="rig_proxy is computed by an engine"):
         subject_of(component("rig_proxy"))
