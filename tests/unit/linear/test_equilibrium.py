@@ -8,8 +8,8 @@ import pytest
 from fmus import component
 from fmus.kit import Component, Discrete, Input, Parameter, State, UserError
 from fmus.kit.symbolic import trace
+from orchestration.linear.equilibrium import TrimRequest, trim
 from orchestration.linear.operating_point import point_at, start_point
-from orchestration.linear.trim import TrimRequest, trim
 from orchestration.master.reference import fuse
 from orchestration.system import library
 

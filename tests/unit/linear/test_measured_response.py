@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.kit import Component, Input, Output, State, UserError
-from orchestration.linear.sine_sweep import SineSweep, sine_sweep
+from orchestration.linear.measured_response import SineSweep, sine_sweep
 from orchestration.system.model import Member, Port, System
 
 
