@@ -6,6 +6,7 @@ from .diagnosis import laws as laws
 from .identification import compare as compare
 from .identification import fit as fit
 from .linear_models import black_box as black_box
+from .linearisation import linearise as linearise
 from .models import build as build
 from .models import check as check
 from .package import UserError as UserError

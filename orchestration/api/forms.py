@@ -144,6 +144,12 @@ MAPPING = Form(_read_mapping, _pairs, list[str] | None)
 SETTINGS = Form(_read_settings, _pairs, list[str] | None)
 TEXTS = Form(typed=list[str] | None, write=list)
 TIME = Form(write=lambda value: [_in_seconds(value)], typed=float | None, parse=seconds)
+TIMES = Form(
+    lambda text, flag: [seconds(one) for one in comma_list(text, flag)],
+    lambda values: [",".join(_in_seconds(one) for one in values)],
+    str | None,
+    given=lambda value, name: [value] if isinstance(value, int | float | str) else list(value),
+)
 PERCENT = Form(write=lambda value: [f"{value:g}%"], typed=float | None, parse=percent)
 LEFT_OUT = Form(read=lambda typed, flag: not typed, typed=bool)
 EFFECTS_OR_NONE = EFFECTS._replace(read=lambda text, flag: _read_effects(text, flag) or [])

@@ -20,6 +20,7 @@ from orchestration.api.forms import (
     SETTINGS,
     TEXTS,
     TIME,
+    TIMES,
     numbers,
     some_of,
 )
@@ -477,6 +478,153 @@ class StudyKeywords(StudyOptions, CountOption, total=False):
 
 class BlackBoxKeywords(SamplePeriodOption, StudyKeywords, total=False):
     """Keyword arguments of ``black_box``."""
+
+
+# --- linear models -------------------------------------------------------------------------------
+
+
+class LinearisePointOptions(TypedDict, total=False):
+    """The operating point about which a model is linearised."""
+
+    at: Annotated[
+        Sequence[float | str],
+        Option(
+            "After a simulation of this time, e.g. 2s, or of several: 0s,1s,5s; default the start.",
+            "Times of simulations that end at the operating points; the start unless given. An"
+            " equilibrium is searched from there.",
+            default=(),
+            kind='float in s or str such as "10s", or sequence of these',
+            metavar="TIMES",
+            form=TIMES,
+        ),
+    ]
+    trim: Annotated[
+        bool,
+        Option(
+            "In an equilibrium, which is searched from there.",
+            "Whether to linearise in an equilibrium: rates are zero, samples change nothing.",
+            default=False,
+        ),
+    ]
+    fix: Annotated[
+        Mapping[str, float | str] | None,
+        Option(
+            "Of an equilibrium: value of an input, state or output, e.g. displacement=0.1mm."
+            " Repeatable.",
+            "Of an equilibrium: values of inputs, states and outputs.",
+            metavar="NAME=VALUE[UNIT]",
+            form=SETTINGS,
+        ),
+    ]
+    free: Annotated[
+        Sequence[str],
+        Option(
+            "Of an equilibrium: inputs and parameters that take the value it needs, e.g. current.",
+            "Of an equilibrium: inputs and parameters that take the value that it needs; for each"
+            " of these a state or an output is fixed.",
+            default=(),
+            form=NAMES,
+        ),
+    ]
+    drift: Annotated[
+        Sequence[str],
+        Option(
+            "Of an equilibrium: states that may move at a constant rate, e.g. maxwell_elongation.",
+            "Of an equilibrium: states that may move at a constant rate, all others being at rest.",
+            default=(),
+            form=NAMES,
+        ),
+    ]
+
+
+class LineariseSignalOptions(TypedDict, total=False):
+    """The signals between which a model is linear, and the time that it is discrete in."""
+
+    inputs: Annotated[
+        Sequence[str],
+        Option(
+            "Inputs, or states that are prescribed; all inputs unless named.",
+            "Inputs, or states that are prescribed, whose own laws do not count then; all inputs"
+            " unless given.",
+            default=(),
+            form=NAMES,
+        ),
+    ]
+    outputs: Annotated[
+        Sequence[str],
+        Option(
+            "Outputs, states, der(state), next(sampled state); all outputs unless named.",
+            "Outputs, states, ``der(state)``, ``next(sampled state)``; all outputs unless given.",
+            default=(),
+            form=NAMES,
+        ),
+    ]
+    cut: Annotated[
+        str | None,
+        Option(
+            "Loop transfer function: cut at a state, or at a connection of a system, e.g."
+            " bench.tension.",
+            "The loop transfer function of the loop that is cut here: at a state, or at the input"
+            " or output ``member.variable`` of a connection.",
+            metavar="SIGNAL",
+        ),
+    ]
+    step: Annotated[
+        float | str | None,
+        Option(
+            "Communication step over which inputs and connections are held.",
+            "Communication step over which inputs and connections are held, as a master by Jacobi's"
+            " method does; continuous unless given. Of an FMU that hides its states: that of the"
+            " pulses.",
+            kind='float in s or str such as "10ms", optional',
+            metavar="TIME",
+            form=TIME,
+        ),
+    ]
+
+
+class LineariseOptions(SettingsOption, LinearisePointOptions, LineariseSignalOptions, total=False):
+    """Options of ``linearise``, beside the model."""
+
+
+class BandOptions(TypedDict, total=False):
+    """The values of parameters that make a band."""
+
+    fitted: Annotated[
+        Path | None,
+        Option(
+            "Band of parameters drawn from a fit (ppy identify --json).",
+            "Band of parameters drawn from a fit: the file of ``ppy identify --json``.",
+            kind="str or Path, optional",
+            metavar="FILE",
+        ),
+    ]
+    samples: Annotated[
+        int | None,
+        Option(
+            "How many are drawn, default 50.",
+            "Values that are drawn for a band; 50 unless given.",
+            metavar="N",
+            least=1,
+        ),
+    ]
+    seed: Annotated[int, Option("Of what is drawn.", default=0, least=0)]
+
+
+class LineariseKeywords(LineariseOptions, BandOptions, PointsOption, total=False):
+    """Keyword arguments of ``linearise``."""
+
+    preset: Annotated[
+        str | None, Option(doc="Name of one of the component's presets to start from.")
+    ]
+    over: Annotated[
+        "Mapping[str, str | Sequence[float]] | None",
+        Option(
+            doc='Band of parameters: ``{"k1": "4e3..8e3"}``, drawn between these; or values, as'
+            " in `sweep`.",
+            kind="Mapping of str to str or sequence of float, optional",
+        ),
+    ]
 
 
 # --- sweeps --------------------------------------------------------------------------------------

@@ -49,6 +49,10 @@ EXAMPLES = {
         "ppy simulate ppy_actuator --set current=0.9 --stop 30s --plot run.png",
         "ppy simulate dma_bench.ssp --set force_reference=1N --stop 0.5s --out b.nc",
     ),
+    "linearise": (
+        "ppy linearise ppy_actuator --trim --fix displacement=0.1mm --free current",
+        "ppy linearise dma_bench --set force_reference=1 --at 1s --plot bode.png",
+    ),
     "run": (
         "ppy run fig_3_4 --set duration=5s --out fig_3_4.nc --plot fig_3_4.html",
         "ppy run dma_bench.ssp --set inputs.force_reference=1N --set duration=0.5s",

@@ -18,8 +18,9 @@ _PANELS = {
         "law",
     ),
     "Record": ("mapping", "input_file", "runs", "each", "holdout", "interpolate"),
+    "Operating point": ("at", "trim", "fix", "free", "drift"),
     "Time": ("stop", "step", "rate", "max_age"),
-    "Columns": ("output", "inputs"),
+    "Signals": ("output", "inputs", "outputs", "cut"),
     "Fit and search": (
         "fit",
         "profile",
@@ -42,7 +43,6 @@ _PANELS = {
         "kind",
         "samples",
         "seed",
-        "outputs",
         "keep",
         "engine",
         "scheduler",
@@ -54,6 +54,7 @@ _PANELS = {
     "Results": (
         "require",
         "json",
+        "mat",
         "out",
         "plot",
         "profile_plot",

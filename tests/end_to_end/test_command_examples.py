@@ -30,6 +30,7 @@ QUICK = (
     "system check",
     "check",
     "simulate",
+    "linearise",
     "run",
     "sweep",
     "compare",
