@@ -19,6 +19,8 @@ COMPONENTS = {
     "degradation_estimator": "degradation_estimator.model:DegradationEstimator",
     "foot": "foot.model:Foot",
     "foot_dynamic": "foot.model:FootDynamic",
+    "pid": "controllers.pid:Pid",
+    "displacement_controller": "controllers.displacement_controller:DisplacementController",
 }
 # What stands for a rig, and needs one to run.
 PROXIES = {

@@ -131,5 +131,18 @@ SUBJECTS = {
         {"l1": 0.052, "tm_angle_start": 0.01, "k_an": 8000.0},
         _FOOT,
     ),
+    "displacement_controller": Subject(
+        {"reference": 2e-5, "voltage": 0.4, "displacement": 1e-5, "current": 0.3},
+        "command",
+        {"charge_limit": 1.0, "unlimited_command_start": 0.2, "integral_time": 5.0},
+        "reference m displacement m voltage V current A hold - command A limited - charge C",
+    ),
+    "pid": Subject(
+        {"reference": 1.0, "measured": 0.4, "manual_command": 0.5, "applied_command": 0.1},
+        "command",
+        {"command_max": 0.5, "unlimited_command_start": 0.6, "integral_time": 0.7},
+        "reference N measured N manual - manual_command V tracking - applied_command V command V"
+        " saturated -",
+    ),
 }
 assert set(SUBJECTS) == set(COMPONENTS), "every component is under contract"

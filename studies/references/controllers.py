@@ -1,0 +1,166 @@
+"""Reference results of the controllers, from the laws of their README on plain numbers.
+
+Run ``python -m studies.references.controllers`` after changing a default value; its output is in
+the components' folder ``reference``. ``NAME_in.csv`` and ``NAME_ref.csv`` have the form of the FMI
+cross-check: a repeated time marks a jump. Communication points are sample instants; the sample at
+one is taken just after it, with the new inputs.
+"""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+FOLDER = Path(__file__).parents[2] / "fmus" / "controllers" / "reference"
+
+Row = list[float]
+# Outputs before the first sample, then after each, from the inputs of its instant.
+Law = Callable[[Callable[[int], Row], int], Iterator[Row]]
+
+
+class Case(NamedTuple):
+    """A controller and what it is fed.
+
+    Attributes
+    ----------
+    law : callable
+    inputs, outputs : str
+        Names, with commas between them.
+    stimulus : callable
+        Inputs at a sample.
+    period : float
+        Sample period in s.
+    count : int
+        Samples.
+    """
+
+    law: Law
+    inputs: str
+    outputs: str
+    stimulus: Callable[[int], Row]
+    period: float
+    count: int
+
+
+def clip(value: float, low: float, high: float) -> float:
+    """Limit a value."""
+    return min(max(value, low), high)
+
+
+def stairs(index: int, levels: Row, length: int = 40) -> float:
+    """Return the level that is held at a sample."""
+    return levels[index // length % len(levels)]
+
+
+def pid(inputs: Callable[[int], Row], count: int) -> Iterator[Row]:
+    """PI in its incremental form with limits of 10 V, without derivative."""
+    h, gain, integral, tracking = 0.01, 0.3, 0.5, 0.5
+    command = before = 0.0
+    yield [0.0, 0.0]
+    for k in range(count):
+        error = inputs(k)[0] - inputs(k)[1]
+        excess = command - clip(command, -10.0, 10.0)
+        command -= h / tracking * excess
+        command += gain * (error - before) + gain * h / integral * error
+        before = error
+        limited = clip(command, -10.0, 10.0)
+        yield [limited, float(command != limited)]
+
+
+def most(side: float, voltage: float, current: float) -> float:
+    """Largest current towards a side that the limits allow, and its smallest towards the other."""
+    films = side * (voltage * (1.0 + 0.43 / 2.35) - 0.43 * current)
+    room = 1.0 - 0.5 * 0.02 * 1.3 - side * voltage
+    by_voltage = side * current + room / (0.5 if room > 0 else 0.25)
+    by_charge = films / 2.35 + (2.5 - 1.5 * 2.70 * films) / 0.5 * (0.43 + 2.35) / 2.35
+    return side * clip(min(by_voltage, by_charge), -1.3, 1.3)
+
+
+def displacement(inputs: Callable[[int], Row], count: int) -> Iterator[Row]:
+    """PI of the displacement between the currents that voltage and charge allow."""
+    gain = 3.5e4
+    ratio = 0.02 / 7.5  # sample period per integral time
+    wanted = command = before = 0.0
+    yield [0.0, 0.0, 0.0]
+    for k in range(count):
+        reference, measured, voltage, current = inputs(k)
+        error = reference - measured
+        wanted += ratio * (command - wanted) + gain * (error - before + ratio * error)
+        before = error
+        command = max(min(wanted, most(1.0, voltage, current)), most(-1.0, voltage, current))
+        charge = 2.70 * (voltage * (1.0 + 0.43 / 2.35) - 0.43 * current)
+        yield [command, float(command != wanted), charge]
+
+
+CASES = {
+    "displacement_controller": Case(
+        displacement,
+        "reference,displacement,voltage,current",
+        "command,limited,charge",
+        lambda k: [
+            stairs(k, [1e-4, 4e-4, -2e-4]),
+            stairs(k, [0.0, 2e-5, 8e-5, 1.2e-4], 15),
+            stairs(k, [0.1, 0.6, 0.95, 1.05, -0.4, -0.99], 17),
+            stairs(k, [0.4, 1.0, 0.2, -0.7], 23),
+        ],
+        0.02,
+        240,
+    ),
+    "pid": Case(
+        pid,
+        "reference,measured",
+        "command,saturated",
+        lambda k: [stairs(k, [1.0, 60.0, 2.0, -5.0]), stairs(k, [0.0, 0.5, 3.0], 25)],
+        0.01,
+        320,
+    ),
+}
+
+
+def solve(case: Case) -> tuple[list[Row], list[Row]]:
+    """Rows of inputs and of outputs; the outputs just before and just after a jump both appear."""
+    inputs: list[Row] = []
+    outputs: list[Row] = []
+    held: Row | None = None
+    for k, row in enumerate(case.law(case.stimulus, case.count)):
+        time = round(k * case.period, 9)
+        now = case.stimulus(k)
+        if held is not None and held != now:
+            inputs.append([time, *held])
+            outputs.append([time, *row])
+        if held != now:
+            inputs.append([time, *now])
+        outputs.append([time, *row])
+        held = now
+    inputs.append([round(case.count * case.period, 9), *case.stimulus(case.count)])
+    return inputs, outputs
+
+
+def write(name: str, case: Case) -> None:
+    """Write the files of a controller."""
+    inputs, outputs = solve(case)
+    tables = (("in", case.inputs, inputs), ("ref", case.outputs, outputs))
+    for suffix, header, rows in tables:
+        text = "\n".join([f"time,{header}", *(",".join(f"{v:.12g}" for v in row) for row in rows)])
+        (FOLDER / f"{name}_{suffix}.csv").write_text(text + "\n", encoding="utf-8", newline="\n")
+    options = {
+        "StartTime": 0,
+        "StopTime": round(case.count * case.period, 9),
+        "StepSize": case.period,
+        "RelTol": 1e-7,
+        "AbsTol": 1e-9,
+        "SolverType": "sample by sample",
+        "OutputIntervalLength": case.period,
+    }
+    lines = "\n".join(f"{key},{value}" for key, value in options.items())
+    (FOLDER / f"{name}_ref.opt").write_text(lines + "\n", encoding="utf-8", newline="\n")
+
+
+def main() -> None:
+    """Write the files of all."""
+    FOLDER.mkdir(exist_ok=True)
+    for name, case in CASES.items():
+        write(name, case)
+
+
+if __name__ == "__main__":
+    main()
