@@ -21,6 +21,7 @@ COMPONENTS = {
     "foot_dynamic": "foot.model:FootDynamic",
     "pid": "controllers.pid:Pid",
     "displacement_controller": "controllers.displacement_controller:DisplacementController",
+    "state_feedback": "controllers.state_feedback:StateFeedback",
 }
 # What stands for a rig, and needs one to run.
 PROXIES = {

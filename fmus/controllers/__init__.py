@@ -2,5 +2,6 @@
 
 from .displacement_controller import DisplacementController
 from .pid import Pid
+from .state_feedback import StateFeedback
 
-__all__ = ["DisplacementController", "Pid"]
+__all__ = ["DisplacementController", "Pid", "StateFeedback"]

@@ -10,6 +10,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+from scipy.linalg import solve_discrete_are
+
 FOLDER = Path(__file__).parents[2] / "fmus" / "controllers" / "reference"
 
 Row = list[float]
@@ -91,7 +94,89 @@ def displacement(inputs: Callable[[int], Row], count: int) -> Iterator[Row]:
         yield [command, float(command != wanted), charge]
 
 
+class Films(NamedTuple):
+    """The actuator as it is sampled, and what follows from it.
+
+    Attributes
+    ----------
+    poles, driven : ndarray, shape (3,)
+        Of charge, Kelvin and Maxwell elongation: what is left after a sample, what an input adds.
+    seen : ndarray, shape (2, 3)
+        Displacement and voltage of the states.
+    kalman : ndarray, shape (3, 2)
+    charge_gain, integral_gain : float
+    """
+
+    poles: np.ndarray
+    driven: np.ndarray
+    seen: np.ndarray
+    kalman: np.ndarray
+    charge_gain: float
+    integral_gain: float
+
+
+def films() -> Films:
+    """Return the nominal actuator, sampled at 50 Hz, with its gains."""
+    h = 0.02
+    rates = np.array([1.0 / (2.70 * 2.78), 1.0e4 / 2.0e6])
+    poles = np.append(np.exp(-h * rates), 1.0)
+    held = np.append((1.0 - poles[:2]) / rates, h)
+    driven = held * np.array([2.35 / 2.78, 1.0 / 2.0e6, 1.0 / 1.7e6])
+    seen = np.array([[6.8e-5, 1.0, 1.0], [2.35 / (2.70 * 2.78), 0.0, 0.0]])
+    noise = np.diag([1e-3, 1e-8, 1e-8]) ** 2
+    measured = np.diag([3e-6, 1e-3]) ** 2
+    spread = solve_discrete_are(np.diag(poles), seen.T, noise, measured)
+    kalman = spread @ seen.T @ np.linalg.inv(seen @ spread @ seen.T + measured)
+    first, second = np.exp(-h / 0.5), np.exp(-h / 1.5)
+    charge_gain = (poles[0] + 1.0 - first - second) / driven[0]
+    rest = poles[0] - driven[0] * charge_gain - first * second
+    integral_gain = -rest / (driven[0] * h * 6.8e-5)
+    return Films(poles, driven, seen, kalman, charge_gain, integral_gain)
+
+
+def observed(model: Films, state: np.ndarray, row: Row) -> np.ndarray:
+    """Return the states after a sample, by the Kalman filter."""
+    _, displacement, voltage, current, force = row
+    predicted = model.poles * state + model.driven * np.array([current, force, force])
+    through = np.array([force / 6300.0, 0.43 * 2.35 / 2.78 * current])
+    innovations = np.array([displacement, voltage]) - model.seen @ predicted - through
+    return np.asarray(predicted + model.kalman @ innovations)
+
+
+def state_feedback(inputs: Callable[[int], Row], count: int) -> Iterator[Row]:
+    """Kalman filter of charge and creep, and their feedback with an integral."""
+    model = films()
+    reference_gain = model.integral_gain * 0.02 / (1.0 - np.exp(-0.02 / 1.5))
+    state = np.zeros(3)
+    integral = 0.0
+    yield [0.0, 0.0, 0.0, 0.0]
+    for k in range(count):
+        row = inputs(k)
+        state = observed(model, state, row)
+        elongation = row[0] - state[1] - state[2] - row[4] / 6300.0
+        wanted = reference_gain * elongation - model.charge_gain * state[0] + integral
+        reach = (np.array([-2.5, 2.5]) - model.poles[0] * state[0]) / model.driven[0]
+        command = clip(clip(wanted, reach[0], reach[1]), -1.3, 1.3)
+        integral += model.integral_gain * 0.02 * (row[0] - row[1])
+        integral += 0.02 / 1.5 * (command - wanted)
+        yield [float(command), *map(float, state)]
+
+
 CASES = {
+    "state_feedback": Case(
+        state_feedback,
+        "reference,displacement,voltage,current,force",
+        "command,charge,kelvin_elongation,maxwell_elongation",
+        lambda k: [
+            stairs(k, [1e-5, 1e-4, -3e-5]),
+            stairs(k, [0.0, 1e-5, 3e-5], 15),
+            stairs(k, [0.1, 0.3, 0.2, -0.1], 17),
+            stairs(k, [0.4, 1.0, 0.2, -0.7], 23),
+            stairs(k, [0.0, 0.2], 31),
+        ],
+        0.02,
+        240,
+    ),
     "displacement_controller": Case(
         displacement,
         "reference,displacement,voltage,current",

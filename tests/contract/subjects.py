@@ -137,6 +137,13 @@ SUBJECTS = {
         {"charge_limit": 1.0, "unlimited_command_start": 0.2, "integral_time": 5.0},
         "reference m displacement m voltage V current A hold - command A limited - charge C",
     ),
+    "state_feedback": Subject(
+        {"reference": 2e-5, "force": 0.1, "displacement": 1e-5, "voltage": 0.1, "current": 0.3},
+        "command",
+        {"current_limit": 0.2, "charge_start": 0.2, "charge_limit": 1.0},
+        "reference m displacement m voltage V current A force N command A charge C"
+        " kelvin_elongation m maxwell_elongation m",
+    ),
     "pid": Subject(
         {"reference": 1.0, "measured": 0.4, "manual_command": 0.5, "applied_command": 0.1},
         "command",

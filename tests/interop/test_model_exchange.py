@@ -58,6 +58,11 @@ STIMULI = {
         0.0037,
         {"reference": (1e-5, 1e-5, 20.0), "voltage": (0.1, 0.8, 3.0), "current": (0.0, 0.3, 3.0)},
     ),
+    "state_feedback": (
+        2.0,
+        0.0037,
+        {"reference": (1e-5, 1e-5, 20.0), "voltage": (0.1, 0.2, 3.0), "force": (0.1, 0.1, 3.0)},
+    ),
     "pid": (1.0, 0.0037, {"reference": (1.0, 0.5, 20.0), "measured": (0.8, 0.5, 7.0)}),
     "foot_dynamic": (1.0, 0.013, {"an_tension": (20.0, 20.0, 3.0), "po_tension": (5.0, 5.0, 7.0)}),
 }
