@@ -162,7 +162,84 @@ def state_feedback(inputs: Callable[[int], Row], count: int) -> Iterator[Row]:
         yield [float(command), *map(float, state)]
 
 
+def learning(inputs: Callable[[int], Row], count: int) -> Iterator[Row]:
+    """Command of a period ago and what its error asks for, smoothed over three samples."""
+    commands: Row = []
+    lessons: Row = []
+    before = 0.0
+
+    def improved(k: int) -> float:
+        """Command of a sample with the lesson of the next one; nothing before the start."""
+        return (commands[k] if k >= 0 else 0.0) + (lessons[k + 1] if k >= -1 else 0.0)
+
+    yield [0.0]
+    for k in range(count):
+        reference, displacement, beside = inputs(k)
+        ago = k - 40
+        smooth = 0.9 * improved(ago) + 0.05 * (improved(ago - 1) + improved(ago + 1))
+        commands.append(clip(smooth, -1.3, 1.3))
+        error = reference - displacement
+        lessons.append(1160.0 * (error + 7.4 * (error - before) / 0.25))
+        before = error
+        yield [clip(commands[-1] + beside, -1.3, 1.3)]
+
+
+def impedance(inputs: Callable[[int], Row], count: int) -> Iterator[Row]:
+    """Spring, damper and preload, between no force and 3 N."""
+    before = rate = 0.0
+    yield [0.0, 0.0]
+    for k in range(count):
+        length, rest = inputs(k)
+        rate = (0.05 * rate + length - before) / 0.07
+        before = length
+        yield [clip(0.5 + 1e3 * (length - rest) + 50.0 * rate, 0.0, 3.0), rate]
+
+
+def adaptive(inputs: Callable[[int], Row], count: int) -> Iterator[Row]:
+    """Follow a model of 1 s with a gain that moves by the normalised MIT rule."""
+    decay = float(np.exp(-0.02 / (2.70 * 2.78)))
+    per_current = 6.8e-5 * 2.35 * 2.70 * (1.0 - decay)
+    pole = float(np.exp(-0.02))
+    gain = 1.0
+    model = sensitivity = 0.0
+    yield [0.0, gain, model]
+    for k in range(count):
+        reference, displacement = inputs(k)
+        nominal = ((pole - decay) * displacement + (1.0 - pole) * reference) / per_current
+        command = clip(gain * nominal, -1.3, 1.3)
+        if command == gain * nominal:
+            size = 1e-12 + sensitivity**2
+            gain = clip(gain - 0.02 * (displacement - model) * sensitivity / size, 0.2, 5.0)
+        model = pole * model + (1.0 - pole) * reference
+        sensitivity = pole * sensitivity + per_current * nominal
+        yield [command, gain, model]
+
+
 CASES = {
+    "impedance_controller": Case(
+        impedance,
+        "length,rest_length",
+        "force_reference,length_rate",
+        lambda k: [stairs(k, [0.0, 1e-3, 4e-3, -2e-3], 30), stairs(k, [0.0, 5e-4], 50)],
+        0.02,
+        200,
+    ),
+    "adaptive_controller": Case(
+        adaptive,
+        "reference,displacement",
+        "command,gain,model_displacement",
+        lambda k: [stairs(k, [3e-5, 6e-5, 1e-4, 0.0]), stairs(k, [0.0, 2e-5, 5e-5], 25)],
+        0.02,
+        320,
+    ),
+    "learning_controller": Case(
+        learning,
+        "reference,displacement,feedback_command",
+        "command",
+        lambda k: [stairs(k, [1e-5, 4e-5], 20), stairs(k, [0.0, 1e-5], 13), 0.0],
+        0.25,
+        240,
+    ),
     "state_feedback": Case(
         state_feedback,
         "reference,displacement,voltage,current,force",
