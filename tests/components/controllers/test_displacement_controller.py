@@ -12,6 +12,7 @@ from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from tests.support.displacement_loop import drive, worst
 from tests.support.effect_samples import ACTIVE
+from tests.support.pace import slow_but
 from tests.support.sampled import run
 
 PERIOD = 0.02
@@ -62,20 +63,8 @@ def test_limits_hold_on_random_plants():
     assert max(reached) > 0.9, "the limit of the voltage was near"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("first", EFFECTS)
-def test_limits_hold_with_any_two_effects_hidden(first):
-    for pair in PAIRS:
-        if pair[0] == first:
-            check_with(pair)
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_limits_hold_with_two_effects_hidden(seed):
-    check_with(PAIRS[np.random.default_rng(seed).integers(len(PAIRS))])
-
-
-def check_with(pair):
+@pytest.mark.parametrize("pair", slow_but(PAIRS, *(p for n, p in enumerate(PAIRS) if n % 23)))
+def test_limits_hold_with_any_two_effects_hidden(pair):
     values = {name: value for effect in pair for name, value in ACTIVE[effect].items()}
     plant = stack(PpyActuator, *(EFFECTS[name] for name in pair))(**values)
     plant.force = 1.0
