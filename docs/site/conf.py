@@ -93,6 +93,7 @@ navigation = {
         "fmus/voice_coil_dma/README",
         "fmus/degradation_estimator/README",
         "fmus/foot/README",
+        "fmus/controllers/README",
         "fmus/rig_proxy/README",
     ],
     "docs/studies": [
