@@ -17,9 +17,9 @@ _PANELS = {
         "connectors",
         "law",
     ),
-    "Record": ("mapping", "input_file", "runs", "each", "holdout", "interpolate"),
+    "Record": ("mapping", "input_file", "runs", "each", "holdout", "interpolate", "period", "band"),
     "Time": ("stop", "step", "rate", "max_age"),
-    "Columns": ("output", "inputs"),
+    "Columns": ("output", "inputs", "of"),
     "Fit and search": (
         "fit",
         "profile",
