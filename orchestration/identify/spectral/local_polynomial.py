@@ -30,12 +30,13 @@ FREEDOM = 8  # complex degrees of freedom of the noise in a window, at the least
 WIDTH = 0.1  # of a window to either side, as a share of its frequency, if responses are smooth
 _OVERLAP = 2  # responses in either half of such a window
 _ROUGH = 0.01  # p-value of one more term below which a window is too wide
+_TOO_ROUGH = 0.001  # below which the narrowest is; of smooth responses one line in a thousand
 _MATERIAL = 0.01  # relative change of a response by one more term that is an error worth telling
 _WEAK = 1e-4  # rms of an input near a line, over its strongest line, that is no excitation
 _ABOVE_NOISE = 10.0  # power of an excited line over that of the lines between, at the least
 _INFLATED = 1e4  # growth of variance by what is alike beyond which responses are not told apart
 _SINGULAR = 1e-15
-_OFF_CENTRE = 2  # lines more to one side than to the other from which on a window is one-sided
+_OFF_CENTRE = 2  # lines that a window may have more to one side of its line than to the other
 
 
 @dataclass(frozen=True)
@@ -133,8 +134,8 @@ class _Fit(NamedTuple):
     """Least squares in a window, by the inputs that are active there.
 
     ``change`` is what one more term makes of the responses, and ``significance`` its p-value for
-    each output. In a window that reaches farther to one side, responses are extrapolated, and the
-    change counts as an error.
+    each output. In a window that reaches far, terms are so few for it that the change counts as an
+    error.
     """
 
     values: Spectrum  # (active, outputs)
@@ -144,7 +145,7 @@ class _Fit(NamedTuple):
     freedom: int
     change: Spectrum  # (active, measured)
     significance: Array  # (measured,)
-    one_sided: bool
+    reaches_far: bool
 
     @property
     def is_smooth(self) -> bool:
@@ -152,7 +153,7 @@ class _Fit(NamedTuple):
 
     def covariance(self, place: int) -> Spectrum:
         by_noise = self.scale[place] * self.noise
-        if not self.one_sided:
+        if not self.reaches_far:
             return by_noise
         return by_noise + np.outer(self.change[place], self.change[place].conj())
 
@@ -160,7 +161,7 @@ class _Fit(NamedTuple):
         large = np.abs(self.change[place]) > _MATERIAL * np.abs(
             self.values[place, : self.change.shape[1]]
         )
-        return (self.significance < _ROUGH) & large
+        return (self.significance < _TOO_ROUGH) & large
 
 
 def estimate(spectra: Spectra, first: int, last: int) -> list[Estimates]:
@@ -294,8 +295,15 @@ def _fit(
         freedom,
         (extended - values)[:, : spectra.measured],
         _significance(residual, projected[fitted:, : spectra.measured], freedom),
-        bool(abs(2 * np.searchsorted(window, line) - len(window) + 1) > _OFF_CENTRE),
+        _reaches_far(line, window),
     )
+
+
+def _reaches_far(line: int, window: Indices) -> bool:
+    """Return whether a window goes to below half its line, or has it near an end."""
+    before = int(np.searchsorted(window, line))
+    after = len(window) - 1 - before
+    return bool(2 * window[0] < line) or abs(after - before) > _OFF_CENTRE
 
 
 def _terms(line: int, window: Indices) -> Array:
