@@ -44,7 +44,7 @@ def test_the_right_model_agrees_and_a_wrong_one_does_not(file):
 
 
 def test_any_fmu_is_shown_beside_its_record(lag):
-    """One of another toolchain; its response is exact but for the lowest lines of 80 s."""
+    """One of another toolchain; its response is right to a thousandth above 0.3 Hz."""
     random = np.random.default_rng(2)
     u = random.normal(size=800)
     pole = np.exp(-made.STEP / 0.8)
@@ -52,7 +52,7 @@ def test_any_fmu_is_shown_beside_its_record(lag):
     columns = {"time [s]": made.STEP * np.arange(800), "u [1]": u, "x [1]": x}
     found = ppy.frequency_response(columns, lag, settings={"tau": 0.8})["x/u"]
     z = np.exp(2j * np.pi * found.frequency * made.STEP)
-    others = found.frequency > 0.15
+    others = found.frequency > 0.3
     assert found.model[others] == pytest.approx(((1.0 - pole) / (z - pole))[others], rel=1e-3)
     assert np.mean(found.agrees) > 0.85
 
