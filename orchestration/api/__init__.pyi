@@ -3,6 +3,7 @@ from . import forms as forms
 from . import options as options
 from .diagnosis import diagnose as diagnose
 from .diagnosis import laws as laws
+from .frequency import frequency_response as frequency_response
 from .identification import compare as compare
 from .identification import fit as fit
 from .linear_models import black_box as black_box

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Annotated, TypedDict
 
 from orchestration.api.declaration import Form, Option
 from orchestration.api.forms import (
+    BAND,
     EFFECTS,
     EFFECTS_OR_NONE,
     LEFT_OUT,
     MAPPING,
     NAMES,
     ONE_OR_ALL,
+    RATIOS,
     SETTINGS,
     TEXTS,
     TIME,
@@ -362,6 +364,61 @@ class FitKeywords(MappingOption, SettingsOption, WorkersOption, total=False):
 
 class CompareKeywords(FittedOption, FitKeywords, total=False):
     """Keyword arguments of ``compare``."""
+
+
+# --- frequency responses -------------------------------------------------------------------------
+
+
+class ResponseOptions(TypedDict, total=False):
+    """The responses that are estimated: of what, to what, at which frequencies."""
+
+    of: Annotated[
+        Sequence[str],
+        Option(
+            "Ratio of two signals, e.g. voltage/current or force/displacement; default every output"
+            " over every input that varies. Repeatable.",
+            "Ratios of two signals, such as ``voltage/current`` or ``force/displacement``; every"
+            " output over every input that varies unless given. Needed without a model.",
+            default=(),
+            metavar="A/B",
+            form=RATIOS,
+        ),
+    ]
+    inputs: Annotated[
+        Sequence[str],
+        Option(
+            "What drives, e.g. force; default the model's inputs, or what the ratios are over.",
+            "Signals that drive the others; the model's inputs unless given, or without a model"
+            " those that ratios are over.",
+            default=(),
+            metavar="COLUMNS",
+            form=NAMES,
+        ),
+    ]
+    period: Annotated[
+        float | str | None,
+        Option(
+            "Period of the inputs, e.g. 10s; default found in the record.",
+            "Period of the inputs; found in the record unless given.",
+            kind='float in s or str such as "10s", optional',
+            metavar="TIME",
+            form=TIME,
+        ),
+    ]
+    band: Annotated[
+        tuple[float, float] | None,
+        Option(
+            "Frequencies to show, e.g. 10mHz..2Hz; default all that the record has.",
+            "Lowest and highest frequency; all that the record has unless given.",
+            kind='tuple of float in Hz or str such as "10mHz..2Hz", optional',
+            metavar="FROM..TO",
+            form=BAND,
+        ),
+    ]
+
+
+class FrequencyKeywords(MappingOption, SettingsOption, ResponseOptions, total=False):
+    """Keyword arguments of ``frequency_response``."""
 
 
 # --- black-box models ----------------------------------------------------------------------------

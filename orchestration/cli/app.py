@@ -40,6 +40,10 @@ _GROUPS = {
             "Identify parameters of a component or any FMU from a record.",
             "identify:identify",
         ),
+        "frequency": (
+            "Estimate impedance and dynamic stiffness, with intervals.",
+            "frequency:frequency",
+        ),
         "black-box": (
             "Identify ARX to Box-Jenkins models of a column, and choose one.",
             "black_box:black_box",
@@ -69,6 +73,7 @@ _GROUPS = {
     },
 }
 _COMMANDS = {name: about for group in _GROUPS.values() for name, about in group.items()}
+_MODES = {"laws"}  # of another command, whose help names them; no room for them in the overview
 _OPTIONS = "-q --quiet, -v --verbose, --version, --install-completion, --help"
 
 
@@ -105,7 +110,8 @@ class _Commands(TyperGroup):
         for title, group in _GROUPS.items():
             formatter.write(typer.style(title, bold=True) + "\n")
             for name, (summary, _) in group.items():
-                formatter.write(f"  {name:{width}}  {summary}\n")
+                if name not in _MODES:
+                    formatter.write(f"  {name:{width}}  {summary}\n")
         formatter.write(f"Options: {_OPTIONS}\n")
 
 

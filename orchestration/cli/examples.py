@@ -23,6 +23,10 @@ EXAMPLES = {
         "ppy identify demo-output/record.csv --fit R1,R2,C --ssv fitted.ssv",
         "ppy identify demo-output/record.csv --fit R1,C --profile R1 --json fit.json",
     ),
+    "frequency": (
+        "ppy frequency demo-output/record.csv --of voltage/current --plot impedance.png",
+        "ppy frequency demo-output/record.csv --model ppy_actuator --set R1=0.6 --json -",
+    ),
     "black-box": (
         "ppy black-box demo-output/record.csv --output voltage --inputs current",
         "ppy black-box demo-output/record.csv --output voltage --orders 1 --out own.py",

@@ -17,10 +17,10 @@ _PANELS = {
         "connectors",
         "law",
     ),
-    "Record": ("mapping", "input_file", "runs", "each", "holdout", "interpolate"),
+    "Record": ("mapping", "input_file", "runs", "each", "holdout", "interpolate", "period", "band"),
     "Operating point": ("at", "trim", "fix", "free", "drift"),
     "Time": ("stop", "step", "rate", "max_age"),
-    "Signals": ("output", "inputs", "outputs", "cut"),
+    "Signals": ("output", "inputs", "outputs", "cut", "of"),
     "Fit and search": (
         "fit",
         "profile",

@@ -35,6 +35,7 @@ QUICK = (
     "sweep",
     "compare",
     "identify",
+    "frequency",
 )
 SERVED = ("rig stop", "rig acknowledge", "rig status")
 OF_A_RIG = tuple(command for command in EXAMPLES if command.startswith("rig "))

@@ -19,6 +19,7 @@ from orchestration.api.options import (
     LawsOptions,
     LineariseOptions,
     MappingOption,
+    ResponseOptions,
     SamplePeriodOption,
     SettingsOption,
     StudyOptions,
@@ -441,6 +442,43 @@ class IdentifyCommand(
     total=False,
 ):
     """Options of ``ppy identify``."""
+
+
+class BesideOption(TypedDict, total=False):
+    """The model beside what was measured, if there is one."""
+
+    model: Annotated[
+        str | None,
+        Option(
+            "Shown beside the record: a component (see ppy list), path/to/file.py:Class, or an .fmu"
+            " file.",
+            metavar="MODEL",
+            complete="component",
+        ),
+    ]
+
+
+class ResponsesOption(TypedDict, total=False):
+    """The responses as a file."""
+
+    out: Annotated[Path | None, Option("Responses with their intervals (.csv).", metavar="FILE")]
+
+
+class FrequencyCommand(
+    RecordArgument,
+    BesideOption,
+    LaidOverOption,
+    MappingOption,
+    SettingsOption,
+    PresetOption,
+    ResponseOptions,
+    ResponsesOption,
+    JsonOption,
+    PlotOption,
+    IsolateOption,
+    total=False,
+):
+    """Options of ``ppy frequency``."""
 
 
 class OutputOption(TypedDict, total=False):
