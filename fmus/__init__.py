@@ -19,6 +19,7 @@ COMPONENTS = {
     "degradation_estimator": "degradation_estimator.model:DegradationEstimator",
     "foot": "foot.model:Foot",
     "foot_dynamic": "foot.model:FootDynamic",
+    "foot_free": "foot.model:FootFree",
 }
 # What stands for a rig, and needs one to run.
 PROXIES = {

@@ -54,6 +54,7 @@ STIMULI = {
         },
     ),
     "foot_dynamic": (1.0, 0.013, {"an_tension": (20.0, 20.0, 3.0), "po_tension": (5.0, 5.0, 7.0)}),
+    "foot_free": (0.5, 0.0047, {"an_tension": (2.0, 2.0, 3.0), "leg_force_y": (0.0, 0.5, 7.0)}),
 }
 
 
