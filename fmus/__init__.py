@@ -18,6 +18,7 @@ COMPONENTS = {
     "voice_coil_dma": "voice_coil_dma.model:VoiceCoilDma",
     "degradation_estimator": "degradation_estimator.model:DegradationEstimator",
     "foot": "foot.model:Foot",
+    "foot_design": "foot.design:FootDesign",
     "foot_dynamic": "foot.model:FootDynamic",
     "foot_free": "foot.model:FootFree",
 }

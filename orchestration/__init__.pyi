@@ -7,6 +7,7 @@ from .api import compare as compare
 from .api import diagnose as diagnose
 from .api import fit as fit
 from .api import laws as laws
+from .api import optimise as optimise
 from .api import read_record as read_record
 from .api import run as run
 from .api import simulate as simulate

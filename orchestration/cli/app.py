@@ -61,6 +61,7 @@ _GROUPS = {
     },
     "Sweeps": {
         "sweep": ("Run a model over many values of its parameters.", "sweep:sweep"),
+        "optimise": ("Search parameters for the best, or for a Pareto front.", "optimise:optimise"),
     },
     "Rig": {
         "rig": ("Serve a rig, watch it, record from it, stop it.", "rig:rig"),

@@ -8,6 +8,7 @@ from .execution import run_sweep as run_sweep
 from .file import read_sweep as read_sweep
 from .fitted import SweepFit as SweepFit
 from .fitted import read_fitted as read_fitted
+from .ranges import Range as Range
 from .ranges import given_range as given_range
 from .ranges import read_range as read_range
 from .reductions import KEPT as KEPT

@@ -313,6 +313,14 @@ def free_slope(x: np.ndarray, loads: np.ndarray) -> np.ndarray:
     return np.array([*moved, *works])
 
 
+def design_outputs(posture: np.ndarray) -> list[float]:
+    """Return forces and stroke of the toe, from levers and arms."""
+    _, arms = actuators(posture[0], posture[2])
+    _, jacobian = toe(posture)
+    gains = [arms[1, 0] / -jacobian[0, 0], arms[3, 2] / max(-jacobian[0, 2], 1e-4)]
+    return [*(3.0 * g for g in gains), 3.0 * min(gains), 1.8e-4 * sum(1.0 / g for g in gains)]
+
+
 def free_outputs(x: np.ndarray, loads: np.ndarray) -> list[float]:
     """Return states, outputs of the other feet and those of the free one."""
     angles, rates, speeds = sorted_free(x)
@@ -381,6 +389,16 @@ def main() -> None:
                 np.zeros(1),
             ),
         ),
+        "foot_design": (
+            (*LOADS, *POSTURE),
+            ("ankle_limited_force", "toe_limited_force", "toe_force", "toe_stroke"),
+            follow(
+                lambda t: np.concatenate([fed(t), *given_posture(t)]),
+                lambda _, u: design_outputs(u[6:9]),
+                lambda x, _: np.zeros(x.size),
+                np.zeros(1),
+            ),
+        ),
         "foot_dynamic": (
             LOADS,
             (*POSTURE, *OUTPUTS),
@@ -409,7 +427,7 @@ def main() -> None:
             "StepSize": STEP,
             "RelTol": 1e-7,
             "AbsTol": 1e-9,
-            "SolverType": "algebraic" if name == "foot" else "DOP853",
+            "SolverType": "DOP853" if name in ("foot_dynamic", "foot_free") else "algebraic",
             "OutputIntervalLength": STEP,
         }
         text = "\n".join(f"{key},{value}" for key, value in options.items())

@@ -125,6 +125,12 @@ SUBJECTS = {
     "foot": Subject(
         {"po_tension": 1.0, "ankle_angle": 0.1}, "toe_x", {"l1": 0.052, "k_an": 8000.0}, _FOOT
     ),
+    "foot_design": Subject(
+        {"mtp_angle": 0.2, "ankle_angle": 0.1},
+        "toe_x",
+        {"l1": 0.052, "actuator_force": 2.0, "k_an": 8000.0},
+        f"{_FOOT} ankle_limited_force N toe_limited_force N toe_force N toe_stroke m",
+    ),
     "foot_dynamic": Subject(
         {"po_tension": 0.1, "toe_force_y": 0.1},
         "toe_x",

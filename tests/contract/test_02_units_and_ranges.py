@@ -51,6 +51,7 @@ POSITIVE = {
     "voice_coil_dma": "R L m force_cutoff position_cutoff sample_period",
     "degradation_estimator": "sample_period forgetting_time remaining_weight initial_covariance",
     "foot": "l1 l2 l3 k_an b_an r_po",
+    "foot_design": "l1 l2 l3 k_an b_an r_po",
     "foot_dynamic": "l1 l2 l3 k_an b_an r_po ankle_inertia tm_inertia mtp_inertia",
     "foot_free": "l1 l4 k_an r_po ankle_inertia mtp2_inertia ground_depth slip_velocity",
 }

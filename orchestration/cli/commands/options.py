@@ -17,6 +17,7 @@ from orchestration.api.options import (
     InputsOption,
     LawsOptions,
     MappingOption,
+    OptimiseOptions,
     SamplePeriodOption,
     SettingsOption,
     StudyOptions,
@@ -294,6 +295,34 @@ class SweepCommand(
     total=False,
 ):
     """Options of ``ppy sweep``."""
+
+
+class SearchedOption(TypedDict, total=False):
+    """The parameters of an optimisation."""
+
+    over: Annotated[
+        list[str],
+        Option(
+            "Range of a parameter that is searched: r_po=30..45mm, C=1e-3..1e-1 log. Repeatable.",
+            default=REQUIRED,
+            metavar="NAME=FROM..TO",
+        ),
+    ]
+
+
+class OptimiseCommand(
+    ModelArgument,
+    SearchedOption,
+    OptimiseOptions,
+    LaidOverOption,
+    SettingsOption,
+    PresetOption,
+    GridOptions,
+    JsonOption,
+    PlotOption,
+    total=False,
+):
+    """Options of ``ppy optimise``."""
 
 
 # --- a model and a record ------------------------------------------------------------------------

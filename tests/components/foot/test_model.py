@@ -16,7 +16,7 @@ from tests.contract.raw import instance
 from tests.support import hosts
 from tests.support.foot import ACTUATORS, JOINTS, lengths_at, toe_at
 
-FEET = ["foot", "foot_dynamic", "foot_free"]
+FEET = ["foot", "foot_design", "foot_dynamic", "foot_free"]
 OUTPUTS = [o.name for o in Foot.layout.outputs]
 FOLDER = Path(model.__file__).parent
 
