@@ -41,14 +41,20 @@ class FootDesign(Foot):
     )
 
     def levers(self) -> tuple[Any, Any]:
-        """Levers of a force along the leg on the toe, about ankle and toe joint (eq. 5.3)."""
-        ankle, _, mtp = self.jacobian()
+        """Levers of a force along the leg on the toe, about ankle and toe joint (eq. 5.3), at the
+        size of table 5-1.
+        """
+        ankle, _, mtp = self.shape_jacobian()
         return maximum(-ankle[0], _NO_LEVER), maximum(-mtp[0], _NO_LEVER)
 
     def force_gains(self) -> tuple[Any, Any]:
-        """Force at the toe per tension of po about the ankle, and of pl about the toe joint."""
+        """Force at the toe per tension of po about the ankle, and of pl about the toe joint.
+
+        Arms and levers are equally long, so that they are the same at any scale.
+        """
         ankle, mtp = self.levers()
-        return self.po_arm() / ankle, self.pl_arm() / mtp
+        _, po, _, pl = self.arms()
+        return po / ankle, pl / mtp
 
     @Output("N")
     def ankle_limited_force(self) -> Any:

@@ -53,13 +53,11 @@ _GROUPS = {
         "build": ("Build FMUs: OUT/python/NAME.fmu and OUT/native/NAME.fmu.", "build:build"),
         "check": ("Check FMUs: structure, units, documentation, binaries.", "check:check"),
     },
-    "Systems and experiments": {
+    "Systems, experiments, sweeps": {
         "simulate": ("Simulate a component, any FMU, or a system (.ssp).", "simulate:simulate"),
         "run": ("Run an experiment, a system, or a result again, bit by bit.", "run:run"),
         "system": ("Show, draw and check systems of FMUs; export them as SSP.", "system:systems"),
         "thesis": ("Recompute the thesis: what holds, what does not and why.", "thesis:thesis"),
-    },
-    "Sweeps": {
         "sweep": ("Run a model over many values of its parameters.", "sweep:sweep"),
         "optimise": ("Search parameters for the best, or for a Pareto front.", "optimise:optimise"),
     },

@@ -71,8 +71,7 @@ EXAMPLES = {
     ),
     "optimise": (
         "ppy optimise foot_design --over l3=15..40mm --maximise toe_stroke",
-        "ppy optimise foot_design --over r_po=30..45mm --over r_pl=5..30mm"
-        " --maximise 'ankle_limited_force & toe_limited_force,toe_stroke' --plot front.png",
+        "ppy optimise foot_design --over r_pl=5..30mm --maximise toe_force,toe_stroke",
     ),
     "rig serve": (
         "ppy rig serve --rate 1000",

@@ -32,6 +32,7 @@ QUICK = (
     "simulate",
     "run",
     "sweep",
+    "optimise",
     "compare",
     "identify",
 )

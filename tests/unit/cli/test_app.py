@@ -45,8 +45,7 @@ def test_the_help_of_all_commands_fits_a_terminal_and_says_first_what_is_wrong(t
     assert titles == [
         "Find out what is wrong",
         "Models and FMUs",
-        "Systems and experiments",
-        "Sweeps",
+        "Systems, experiments, sweeps",
         "Rig",
     ]
     shown = [line.split()[0] for line in lines if line.startswith("  ")]
