@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus.kit.arrays import Array, Mask
-from orchestration.reporting import Displayable
+from orchestration.reporting import Displayable, one_line
 
 if TYPE_CHECKING:
     import pandas
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from orchestration.sweeps.pareto.objectives import Objectives
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Front(Displayable):
     """Points none of which is better in every objective than another.
 
@@ -75,6 +75,9 @@ class Front(Displayable):
             signs * objectives.nominal(),
             objectives.evaluations,
         )
+
+    def __repr__(self) -> str:
+        return one_line(f"front of {self.model}, {len(self.values)} points: {self.objectives}")
 
     def overview(self) -> Iterable[RenderableType]:
         """Return the words on the front and its table."""
