@@ -18,6 +18,8 @@ from .ground import Ground
 
 # links that turn with ankle, tm, mtp and the second mtp joint
 _BEYOND = ((0, 1, 2, 3), (1, 2, 3), (2,), (3,))
+# joints that turn heel, ball, first toe and other toes
+_TURNED_BY = ((0,), (0, 1), (0, 1, 2), (0, 1, 3))
 _LINKS = range(4)
 
 
@@ -220,38 +222,24 @@ class FootFree(Ground, FootDynamic):
     # --- the ground
     # ----------------------------------------------------------------------------------------------
 
-    def joints_of(self, point: int) -> tuple[int, ...]:
-        """Joints that turn a point of the foot: the heel, the ball, the first toe, the others."""
-        return ((0,), (0, 1), (0, 1, 2), (0, 1, 3))[point]
-
-    def point_velocity(self, point: int) -> tuple[Any, Any]:
-        """Velocity of a touching point over the ground, along x and y."""
-        x, y = self.leg_velocity()
-        rates = self.joint_rates()
-        turns = zip(self.joints_of(point), self.touching_points()[point], strict=True)
-        for joint, (down, forward) in turns:
-            x = x - rates[joint] * forward
-            y = y + rates[joint] * down
-        return x, y
-
-    def ground_reaction(self, point: int) -> tuple[Any, Any]:
-        """Force of the ground on a touching point, along x and y."""
-        down, forward = self.point_velocity(point)
-        pressure = self.ground_pressure(self.touching_points()[point][0][0] - self.leg_height, down)
-        return -pressure, self.ground_drag(pressure, forward)
+    def touches(self) -> list[tuple[list[tuple[int, Any, Any]], tuple[Any, Any], tuple[Any, Any]]]:
+        """Heel, ball, first toe and other toes: the joints that turn each with its distances from
+        them along x and y, its velocity over the ground, and the force of the ground on it.
+        """
+        leg, rates = self.leg_velocity(), self.joint_rates()
+        found = []
+        for joints, distances in zip(_TURNED_BY, self.touching_points(), strict=True):
+            turns = [(joint, *at) for joint, at in zip(joints, distances, strict=True)]
+            down = leg[0] - sum(rates[joint] * y for joint, _, y in turns)
+            forward = leg[1] + sum(rates[joint] * x for joint, x, _ in turns)
+            pressure = self.ground_pressure(distances[0][0] - self.leg_height, down)
+            force = -pressure, self.ground_drag(pressure, forward)
+            found.append((turns, (down, forward), force))
+        return found
 
     def ground_reactions(self) -> list[tuple[Any, Any]]:
         """Forces of the ground on heel, ball, first toe and other toes."""
-        return [self.ground_reaction(point) for point in _LINKS]
-
-    def ground_torques(self) -> list[Any]:
-        """Torques of the ground on the four joints: moments of its forces."""
-        torques: list[Any] = [0.0, 0.0, 0.0, 0.0]
-        pairs = zip(self.touching_points(), self.ground_reactions(), strict=True)
-        for point, (distances, (x, y)) in enumerate(pairs):
-            for joint, (down, forward) in zip(self.joints_of(point), distances, strict=True):
-                torques[joint] = torques[joint] + down * y - forward * x
-        return torques
+        return [force for _, _, force in self.touches()]
 
     # --- inertia
     # ----------------------------------------------------------------------------------------------
@@ -322,7 +310,15 @@ class FootFree(Ground, FootDynamic):
         )
         return ankle, tm, mtp, mtp2
 
-    def driving_torques(self) -> list[Any]:
+    def ground_torques(self, touches: Any) -> list[Any]:
+        """Torques of the ground on the four joints: moments of its forces."""
+        torques: list[Any] = [0.0, 0.0, 0.0, 0.0]
+        for turns, _, (x, y) in touches:
+            for joint, down, forward in turns:
+                torques[joint] = torques[joint] + down * y - forward * x
+        return torques
+
+    def driving_torques(self, touches: Any) -> list[Any]:
         """Torques on the joints but for gravity and inertia: tensions, loads, ground, arch,
         friction and stops.
         """
@@ -333,7 +329,7 @@ class FootFree(Ground, FootDynamic):
             pull + ground - friction - spring - inertia * stop * beyond
             for pull, ground, friction, spring, inertia, beyond in zip(
                 pulls,
-                self.ground_torques(),
+                self.ground_torques(touches),
                 self.joint_frictions(),
                 springs,
                 self.joint_inertias(),
@@ -342,27 +338,29 @@ class FootFree(Ground, FootDynamic):
             )
         ]
 
-    def outer_force(self) -> tuple[Any, Any]:
+    def outer_force(self, touches: Any) -> tuple[Any, Any]:
         """Force on leg and foot together: loads, ground and weight."""
-        reactions = self.ground_reactions()
-        x = self.toe_force_x + self.leg_force_x + sum(force[0] for force in reactions)
-        y = self.toe_force_y + self.leg_force_y + sum(force[1] for force in reactions)
+        x = self.toe_force_x + self.leg_force_x + sum(force[0] for _, _, force in touches)
+        y = self.toe_force_y + self.leg_force_y + sum(force[1] for _, _, force in touches)
         return x + self.whole_mass() * self.gravity, y
 
-    def forced(self) -> tuple[Any, Any]:
+    def forced(self, touches: Any) -> tuple[Any, Any]:
         """Outer force less what it takes to turn the links' centres of mass at constant rates."""
-        x, y = self.outer_force()
+        x, y = self.outer_force(touches)
         turning = zip(self.moments_of_mass(), self.directions(), self.link_rates(), strict=True)
         for moment, (down, forward), rate in turning:
             x = x + moment * down * rate * rate
             y = y + moment * forward * rate * rate
         return x, y
 
-    def joint_accelerations(self) -> list[Any]:
-        """Angular accelerations of the joints, the leg's own put into them (Lagrange)."""
+    def accelerations(self) -> tuple[list[Any], tuple[Any, Any]]:
+        """Angular accelerations of the joints, the leg's own put into them (Lagrange), and the
+        force that is left for the leg.
+        """
+        touches = self.touches()
         s, a = self.moments_of_mass(), self.moments_of_inertia()
         e, rates, mobility = self.directions(), self.link_rates(), self.mobility()
-        x, y = self.forced()
+        x, y = self.forced(touches)
         # by link: coupled inertia, and torque of inertia at constant rates and of gravity
         coupled = [
             [(a[i][k] - mobility * s[i] * s[k]) * _dot(e[i], e[k]) for k in _LINKS] for i in _LINKS
@@ -378,15 +376,16 @@ class FootFree(Ground, FootDynamic):
         ]
         for joint, own in enumerate(self.joint_inertias()):
             inertias[joint][joint] = inertias[joint][joint] + own
-        driving = self.driving_torques()
-        return solved(
+        driving = self.driving_torques(touches)
+        joints = solved(
             inertias,
             [driving[j] + sum(torques[i] for i in of) for j, of in enumerate(_BEYOND)],
         )
+        return joints, (x, y)
 
     def leg_acceleration(self, axis: int) -> Any:
         """Acceleration of the leg along x (0) or y (1), by what is left of the outer force."""
-        ankle, tm, mtp, mtp2 = self.joint_accelerations()
+        (ankle, tm, mtp, mtp2), force = self.accelerations()
         turned = ankle, ankle + tm, ankle + tm + mtp, ankle + tm + mtp2
         drawn = sum(
             moment * (-way[1], way[0])[axis] * acceleration
@@ -394,7 +393,7 @@ class FootFree(Ground, FootDynamic):
                 self.moments_of_mass(), self.directions(), turned, strict=True
             )
         )
-        return self.mobility() * (self.forced()[axis] - drawn)
+        return self.mobility() * (force[axis] - drawn)
 
     def leg_acceleration_x(self) -> Any:
         """Acceleration of the leg along x."""
@@ -418,19 +417,19 @@ class FootFree(Ground, FootDynamic):
 
     def ankle_acceleration(self) -> Any:
         """Angular acceleration of the ankle."""
-        return self.joint_accelerations()[0]
+        return self.accelerations()[0][0]
 
     def tm_acceleration(self) -> Any:
         """Angular acceleration of the tarsal-metatarsal joint."""
-        return self.joint_accelerations()[1]
+        return self.accelerations()[0][1]
 
     def mtp_acceleration(self) -> Any:
         """Angular acceleration of the metatarsal-phalangeal joint."""
-        return self.joint_accelerations()[2]
+        return self.accelerations()[0][2]
 
     def mtp2_acceleration(self) -> Any:
         """Angular acceleration of the second metatarsal-phalangeal joint."""
-        return self.joint_accelerations()[3]
+        return self.accelerations()[0][3]
 
     # --- energy
     # ----------------------------------------------------------------------------------------------
@@ -442,9 +441,7 @@ class FootFree(Ground, FootDynamic):
 
     def ground_power(self) -> Any:
         """Power of the ground on the touching points."""
-        return sum(
-            _dot(self.ground_reaction(point), self.point_velocity(point)) for point in _LINKS
-        )
+        return sum(_dot(force, velocity) for _, velocity, force in self.touches())
 
     def load_power(self) -> Any:
         """Power of the toe force and of the force on the leg."""
@@ -502,22 +499,22 @@ class FootFree(Ground, FootDynamic):
     @Output("N")
     def heel_pressure(self) -> Any:
         """Force of the ground on the heel, up."""
-        return -self.ground_reaction(0)[0]
+        return -self.ground_reactions()[0][0]
 
     @Output("N")
     def ball_pressure(self) -> Any:
         """Force of the ground on the ball, where the toes are hinged, up."""
-        return -self.ground_reaction(1)[0]
+        return -self.ground_reactions()[1][0]
 
     @Output("N")
     def toe_pressure(self) -> Any:
         """Force of the ground on the first toe, up."""
-        return -self.ground_reaction(2)[0]
+        return -self.ground_reactions()[2][0]
 
     @Output("N")
     def toes_pressure(self) -> Any:
         """Force of the ground on the other toes, up."""
-        return -self.ground_reaction(3)[0]
+        return -self.ground_reactions()[3][0]
 
 
 def _sum(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[Any, Any]:

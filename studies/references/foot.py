@@ -190,6 +190,7 @@ def move(slope: Slope, state: np.ndarray, loads: np.ndarray) -> np.ndarray:
 MASSES = np.array([0.06, 0.03, 0.01, 0.01])
 RODS = np.array([*LINKS, LINKS[2]])
 LEG = 0.2
+FREE_STOP = 0.4  # s, within which it lands on heel, ball and toe
 GRAVITY = 9.80665
 FREE_INERTIA = np.array([*INERTIA, 2e-5])
 FREE_FRICTION = np.array([*FRICTION, 1e-3])
@@ -357,12 +358,13 @@ def follow(
     row: Callable[[np.ndarray, np.ndarray], list[float]],
     slope: Slope,
     start: np.ndarray,
+    stop: float = STOP,
 ) -> tuple[list[list[float]], list[list[float]]]:
     """Rows of inputs and of outputs; just before and just after a jump both appear."""
     state, held = start, stimulus(0.0)
     inputs = [[0.0, *held]]
     results = [[0.0, *row(state, held)]]
-    for k in range(1, round(STOP / STEP) + 1):
+    for k in range(1, round(stop / STEP) + 1):
         time = round(k * STEP, 9)
         state = move(slope, state, held)
         now = stimulus(time)
@@ -371,8 +373,8 @@ def follow(
             inputs += [[time, *held], [time, *now]]
             results.append([time, *row(state, now)])
         held = now
-    if inputs[-1][0] < STOP:
-        inputs.append([STOP, *held])
+    if inputs[-1][0] < stop:
+        inputs.append([stop, *held])
     return inputs, results
 
 
@@ -408,7 +410,11 @@ def main() -> None:
             FREE_LOADS,
             (*FREE_STATES, *OUTPUTS, *FREE_OUTPUTS),
             follow(
-                fed_free, free_outputs, free_slope, np.array([*np.zeros(8), 0.05, *np.zeros(7)])
+                fed_free,
+                free_outputs,
+                free_slope,
+                np.array([*np.zeros(8), 0.05, *np.zeros(7)]),
+                FREE_STOP,
             ),
         ),
     }
@@ -423,7 +429,7 @@ def main() -> None:
             )
         options = {
             "StartTime": 0,
-            "StopTime": STOP,
+            "StopTime": tables[1][-1][0],
             "StepSize": STEP,
             "RelTol": 1e-7,
             "AbsTol": 1e-9,
