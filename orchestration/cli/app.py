@@ -106,7 +106,7 @@ class _Commands(TyperGroup):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the commands by what they are for; the whole fits a terminal of 24 lines."""
-        formatter.write(f"Usage: ppy [{_OPTIONS}] COMMAND ...  (examples: --help)\n")
+        formatter.write(f"Usage: ppy [{_OPTIONS}] COMMAND ... (examples: --help)\n")
         width = max(map(len, _COMMANDS))
         for title, group in _GROUPS.items():
             formatter.write(typer.style(title, bold=True) + "\n")
