@@ -20,6 +20,12 @@ COMPONENTS = {
     "degradation_estimator": "degradation_estimator.model:DegradationEstimator",
     "foot": "foot.model:Foot",
     "foot_dynamic": "foot.model:FootDynamic",
+    "adaptive_controller": "controllers.adaptive_controller:AdaptiveController",
+    "impedance_controller": "controllers.impedance_controller:ImpedanceController",
+    "learning_controller": "controllers.learning_controller:LearningController",
+    "pid": "controllers.pid:Pid",
+    "displacement_controller": "controllers.displacement_controller:DisplacementController",
+    "state_feedback": "controllers.state_feedback:StateFeedback",
 }
 # What stands for a rig, and needs one to run.
 PROXIES = {

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..kit import Discrete, Effect, Parameter, Term, effects_by_name
+from ..kit import Discrete, Effect, Parameter, Size, Term, effects_by_name
 
 if TYPE_CHECKING:
     from .model import DegradationEstimator
@@ -30,6 +30,7 @@ class LeadResistance(EstimatorEffect):
     neutral = "resistance_of_leads"
     assumption = 5
     term = Term("measured_voltage", "current", "v + R_l i", "measured_voltage over current")
+    sizes = (Size("{}", ("resistance_of_leads",)),)
 
     resistance_of_leads = Parameter(
         0.0,
@@ -58,6 +59,9 @@ class VoltageGain(EstimatorEffect):
     neutral = "voltage_gain_error"
     assumption = 5
     term = Term("measured_voltage", "voltage", "g v", "measured_voltage over voltage")
+    sizes = (
+        Size("reads {} of the voltage", ("voltage_gain_error",), "%", lambda g: 100.0 * (1.0 + g)),
+    )
 
     voltage_gain_error = Parameter(
         0.0,
@@ -93,6 +97,7 @@ class SamplingSkew(EstimatorEffect):
         "s (v(t - T_s) - v(t))",
         "measured_voltage remembering voltage",
     )
+    sizes = (Size("old by {} of the period", ("voltage_skew",), "%", lambda s: 100.0 * s),)
 
     voltage_skew = Parameter(
         0.0,

@@ -14,6 +14,7 @@ from ..kit import (
     Effect,
     EffectNames,
     Parameter,
+    Size,
     State,
     Term,
     curve,
@@ -61,6 +62,7 @@ class PlantarTendonAcrossArch(FootEffect):
     neutral = "pl_arch_radius"
     assumption = 3
     term = Term("joint_torques", "pl_tension", "a T_pl", "joint_torques over pl_tension")
+    sizes = (Size("a radius of {}", ("pl_arch_radius",)),)
 
     pl_arch_radius = Parameter(
         0.0,
@@ -123,6 +125,10 @@ class TendonStretch(FootEffect):
     assumption = 7
     term = Term(
         "length_changes", "", "-s with tau ds/dt = c T - s", "length_changes remembering tensions"
+    )
+    sizes = (
+        Size("{}", ("tendon_compliance",)),
+        Size("a time constant of {}", ("tendon_time",)),
     )
 
     tendon_compliance = Parameter(
@@ -194,6 +200,14 @@ class TendonFriction(FootEffect):
     neutral = "tendon_wrap_friction"
     assumption = 7
     term = Term("tensions", "", "T exp(w tanh(v / v_w))", "tensions over length rates")
+    sizes = (
+        Size(
+            "{} more tension where a tendon is drawn out",
+            ("tendon_wrap_friction",),
+            "%",
+            lambda w: 100.0 * (exp(w) - 1.0),
+        ),
+    )
 
     tendon_wrap_friction = Parameter(
         0.0,

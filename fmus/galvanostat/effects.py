@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..kit import Effect, Parameter, Term, effects_by_name
+from ..kit import Effect, Parameter, Size, Term, effects_by_name
 
 if TYPE_CHECKING:
     from .model import Galvanostat
@@ -29,6 +29,14 @@ class CurrentSaturation(GalvanostatEffect):
         "maximum_current", "current_command", "(1 - l) I", "maximum_current over current_command"
     )
     assumption = 1
+    sizes = (
+        Size(
+            "clips at {} of the declared limit",
+            ("current_limit_loss",),
+            "%",
+            lambda loss: 100.0 * (1.0 - loss),
+        ),
+    )
 
     current_limit_loss = Parameter(
         0.0,
@@ -57,6 +65,7 @@ class CurrentOffset(GalvanostatEffect):
     neutral = "drive_offset"
     assumption = 2
     term = Term("tolerated_current", "", "b", "tolerated_current offset")
+    sizes = (Size("{} more than wanted", ("drive_offset",)),)
 
     drive_offset = Parameter(
         0.0,
@@ -87,6 +96,7 @@ class CurrentGain(GalvanostatEffect):
     term = Term(
         "tolerated_current", "current_command", "g i", "tolerated_current over current_command"
     )
+    sizes = (Size("{} of what is wanted", ("drive_gain_error",), "%", lambda g: 100.0 * (1.0 + g)),)
 
     drive_gain_error = Parameter(
         0.0, "1", min=-0.99, max=1e2, nominal=0.01, doc="relative error of the current (g)"

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from .component import Component, Effect, Term
-from .curves import EffectNames, added, coefficient, per, variable
+from .component import Component, Effect, Size, Term
+from .curves import EffectNames, added, coefficient, per, size_at, variable
 from .declare import Declaration, Discrete, Parameter, State
 from .errors import UserError, suggestion
 from .functions import absolute, clip, where
@@ -85,6 +85,7 @@ _MEAN_SQUARE = ("heating", "warming")  # the state is the mean square of the sig
 # the state starts in equilibrium with a signal that stayed where it starts
 _SETTLED = ("lagging", "leading", "play")
 _LOOPS = ("sliding", "hysteresis", "play")  # the constant is a way
+_WAY, _TIME = "gives within {}", "a time constant of {}"  # what is said of it
 _POWERS = {"sliding": 0, "hysteresis": 0, "heating": 3, "warming": 2}  # of the signal; others 1
 
 
@@ -164,7 +165,7 @@ def lag_effect(
     power = _POWERS.get(kind, 1)
     loop = f"{law} {'loop of' if kind in ('hysteresis', 'play') else 'remembering'} {signal}"
     members = {
-        "__doc__": f"More in {law}: {ARMS[kind].text}, x = {signal}; a = 0 is the base model.",
+        "__doc__": f"Adds to {law}: {ARMS[kind].text}, x = {signal}; a = 0 is the base model.",
         amount: coefficient(
             per(unit, argument.unit, power),
             nominal / size**power,
@@ -196,7 +197,13 @@ def lag_effect(
         id=called.id or kind,
         term=Term(law, signal, ARMS[kind].text, loop, called.qualifier),
         title=generic_title(called.id or kind, law_title(component, law)),
-        assumption=f"{law} remembers nothing of {signal}",
+        assumption=f"{law} has no memory of {signal} but that of its states",
+        sizes=(
+            size_at(amount, unit, size, argument.unit, lambda x: x**power)
+            if kind in _MEAN_SQUARE
+            else Size("{}", (amount,)),
+            Size(_WAY if kind in _LOOPS else _TIME, (variables[1],)),
+        ),
     )
 
 
@@ -299,6 +306,11 @@ def storing_wall(
         term=Term(law, "", "G (w x + (1 - w) y - s)", f"store within {law}", law),
         title=f"A store between {in_words(one.name)} and {in_words(other.name)}",
         assumption=f"nothing is stored between {one.name} and {other.name}",
+        sizes=(
+            Size("{} to the store", (conductance,)),
+            Size(f"which is at {{}} of {one.name}", (share,), "%", lambda w: 100.0 * w),
+            Size(_TIME, (time,)),
+        ),
     )
 
 

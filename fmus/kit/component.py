@@ -42,7 +42,8 @@ class Engine:
     libraries: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-_SAID = frozenset({"id", "title", "output", "term", "neutral", "assumption"})  # of an effect
+# of an effect
+_SAID = frozenset({"id", "title", "output", "term", "neutral", "assumption", "sizes"})
 _LONGEST_NAME = 120  # file systems allow 255 bytes, with a prefix and a suffix of the cache
 
 
@@ -190,6 +191,35 @@ class Term:
     qualifier: str = ""
 
 
+def _as_it_is(value: Any) -> Any:
+    return value
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large an effect is, as a quantity that can be held against a rig.
+
+    Attributes
+    ----------
+    phrase : str
+        What is said of it, with a place for the quantity: ``"levels off beyond {}"``.
+    parameters : tuple of str
+        The parameters of the effect that it is made of.
+    unit : str
+        SI unit of the quantity, or ``%``; that of the parameter where empty.
+    quantity : callable
+        Of the values of these parameters, SI; monotonic in the first one.
+    """
+
+    phrase: str
+    parameters: tuple[str, ...]
+    unit: str = ""
+    quantity: Callable[..., Any] = _as_it_is
+
+
+_KINDS_SAID = (str, int, Term, tuple)  # a law of such a name is none of these
+
+
 class EffectType(type):
     """The type of effects, which keeps what is said of one apart from its laws.
 
@@ -202,9 +232,9 @@ class EffectType(type):
     def __new__(
         mcs, name: str, bases: tuple[type, ...], body: dict[str, Any], /, **about: Any
     ) -> EffectType:
-        """Make a class; in its body, what is said of it are numbers, texts and a term."""
+        """Make a class; in its body, what is said of it are numbers, texts, a term and sizes."""
         alike = {key: body[key] for key in _SAID & body.keys()}
-        own = {key: value for key, value in alike.items() if isinstance(value, str | int | Term)}
+        own = {key: value for key, value in alike.items() if isinstance(value, _KINDS_SAID)}
         apart = {
             key: name_declaration(value, key)
             for key, value in alike.items()
@@ -257,6 +287,9 @@ class Effect(Component, metaclass=EffectType):
         The parameter that switches it: at the default value the component is exactly the one below.
     assumption : int or str
         The assumption it relaxes: its number in the component's README, or words.
+    sizes : tuple of Size
+        How large it is, in quantities that mean something at a rig; where there are none, its
+        parameters are told as they are.
     """
 
     id: ClassVar[str] = ""
@@ -265,6 +298,7 @@ class Effect(Component, metaclass=EffectType):
     term: ClassVar[Term] = Term()
     neutral: ClassVar[str] = ""
     assumption: ClassVar[int | str] = ""
+    sizes: ClassVar[tuple[Size, ...]] = ()
 
 
 def make_effect(name: str, body: Mapping[str, Any], /, **about: Any) -> type[Effect]:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from .component import Component, Effect, Term, make_effect
+from .component import Component, Effect, Size, Term, make_effect
 from .declare import Constant, Declaration, Parameter
 from .errors import UserError, suggestion
 from .functions import absolute, clip, exp, maximum, minimum, sqrt, tanh
@@ -31,6 +31,16 @@ _SHARP = 0.01  # width of the smooth sign of a velocity, relative to its typical
 # Least width, likewise: what bends within that is a step to any record, and no integrator follows
 # it to the accuracy of an FMU.
 _SHARPEST = 1e-4
+# units over units that have a name of their own
+_NAMED_QUOTIENTS = {
+    ("V", "A"): "ohm",
+    ("A", "V"): "S",
+    ("C", "V"): "F",
+    ("C", "s"): "A",
+    ("J", "s"): "W",
+}
+# shapes whose coefficient nobody knows from a rig: what it adds somewhere tells more
+_GROWING = ("quadratic", "odd_quadratic", "cubic", "quartic", "square_root")
 
 
 @dataclass(frozen=True)
@@ -49,6 +59,8 @@ class Shape:
         The formula, for people; n is the nominal signal, because units have whole powers in FMI.
     least : float
         Lower bound of ``a``, in nominal values.
+    bend : str
+        What happens at ``w``, with a place for it; empty where nothing is seen there.
     """
 
     form: Callable[[Any, Any, float], Any]
@@ -56,6 +68,7 @@ class Shape:
     width: float
     text: str
     least: float = -ANY
+    bend: str = ""
 
 
 SHAPES: dict[str, Shape] = {
@@ -65,17 +78,30 @@ SHAPES: dict[str, Shape] = {
     "odd_quadratic": Shape(lambda x, w, s: x * absolute(x), 2, 0.0, "a x |x|"),
     "cubic": Shape(lambda x, w, s: x * (x * x), 3, 0.0, "a x^3"),
     "quartic": Shape(lambda x, w, s: (x * x) * (x * x), 4, 0.0, "a x^4"),
-    "saturating": Shape(lambda x, w, s: tanh(x / w), 0, 1.0, "a tanh(x / w)"),
+    "saturating": Shape(
+        lambda x, w, s: tanh(x / w), 0, 1.0, "a tanh(x / w)", bend="levels off beyond about {}"
+    ),
     "sign": Shape(lambda x, w, s: tanh(x / w), 0, _SHARP, "a tanh(x / w), w small", 0.0),
     "sign_beyond": Shape(
         lambda x, w, s: 0.5 * (tanh(_STEEP * (x / w - 1.0)) + tanh(_STEEP * (x / w + 1.0))),
         0,
         0.5,
         "a sign(x) beyond |x| = w, smooth",
+        bend="sets in beyond {} on either side",
     ),
-    "levelling": Shape(lambda x, w, s: x - w * tanh(x / w), 1, 0.5, "a (x - w tanh(x / w))"),
+    "levelling": Shape(
+        lambda x, w, s: x - w * tanh(x / w),
+        1,
+        0.5,
+        "a (x - w tanh(x / w))",
+        bend="sets in beyond about {} on either side",
+    ),
     "exponential": Shape(
-        lambda x, w, s: exp(minimum(x / w, _STEEPEST)) - 1.0, 0, 1.0, "a (exp(x / w) - 1)"
+        lambda x, w, s: exp(minimum(x / w, _STEEPEST)) - 1.0,
+        0,
+        1.0,
+        "a (exp(x / w) - 1)",
+        bend="grows e times with every {}",
     ),
     "square_root": Shape(
         lambda x, w, s: x / sqrt(absolute(x) / s + _ROUND), 1, 0.0, "a x / sqrt(|x| / n)"
@@ -86,17 +112,30 @@ SHAPES: dict[str, Shape] = {
         0.1,
         "a sign(x) exp(-(x / w)^2), smooth",
         0.0,
+        bend="falls off beyond about {}",
     ),
-    "stops": Shape(lambda x, w, s: x - clip(x, -w, w), 1, 0.5, "a (x - clip(x, -w, w))", 0.0),
+    "stops": Shape(
+        lambda x, w, s: x - clip(x, -w, w),
+        1,
+        0.5,
+        "a (x - clip(x, -w, w))",
+        0.0,
+        bend="sets in beyond {} on either side",
+    ),
     "weir": Shape(
         lambda x, w, s: maximum(x - w, 0.0) * sqrt(maximum(x - w, 0.0) / s + _ROUND),
         1,
         0.5,
         "a e sqrt(e / n) with e = max(x - w, 0)",
         0.0,
+        bend="sets in above {}",
     ),
-    "upper_stop": Shape(lambda x, w, s: maximum(x - w, 0.0), 1, 0.5, "a max(x - w, 0)"),
-    "lower_stop": Shape(lambda x, w, s: minimum(x + w, 0.0), 1, 0.5, "a min(x + w, 0)"),
+    "upper_stop": Shape(
+        lambda x, w, s: maximum(x - w, 0.0), 1, 0.5, "a max(x - w, 0)", bend="sets in above {}"
+    ),
+    "lower_stop": Shape(
+        lambda x, w, s: minimum(x + w, 0.0), 1, 0.5, "a min(x + w, 0)", bend="sets in below {}"
+    ),
 }
 
 
@@ -182,7 +221,7 @@ def curve(
         return getattr(self, amount) * chosen.form(x, w, typical)
 
     members: dict[str, Any] = {
-        "__doc__": f"More in {law}: {chosen.text} with x = {signal}; a = 0 is the base model.",
+        "__doc__": f"Adds to {law}: {chosen.text} with x = {signal}; a = 0 is the base model.",
         amount: coefficient(
             per(unit, argument.unit, chosen.power),
             nominal / size**chosen.power,
@@ -193,6 +232,12 @@ def curve(
     if chosen.width:
         doc = f"{signal} at which {law} bends (w)"
         members[width] = width_parameter(chosen, argument.unit, size, doc)
+    sizes = [Size("{}", (amount,))]
+    if shape in _GROWING:
+        sizes = [size_at(amount, unit, size, argument.unit, lambda x: chosen.form(x, 1.0, typical))]
+    if chosen.bend:
+        at_bend = (lambda w: -w) if shape == "lower_stop" else (lambda w: w)
+        sizes.append(Size(chosen.bend, (width,), argument.unit, at_bend))
     arguments = {
         "law": law,
         "signal": signal,
@@ -213,7 +258,30 @@ def curve(
         term=Term(law, signal, chosen.text, f"{law} over {signal}", called.qualifier),
         title=generic_title(called.id or shape, law_title(component, law)),
         assumption=f"{law} has no part {chosen.text} with x = {signal}",
+        sizes=tuple(sizes),
     )
+
+
+def size_at(
+    amount: str, unit: str, typical: float, unit_of_x: str, form: Callable[[float], Any]
+) -> Size:
+    """Say what an effect adds to a law at a typical value of its signal.
+
+    Parameters
+    ----------
+    amount : str
+        Parameter that it is in proportion to.
+    unit : str
+        Of the law.
+    typical : float
+        Value of the signal, which is rounded.
+    unit_of_x : str
+    form : callable
+        What it adds per amount, of that value.
+    """
+    x = float(f"{typical:.2g}")
+    place = f"{x:g}" if unit_of_x == "1" else f"{x:g} {unit_of_x}"
+    return Size(f"{{}} more at {place}", (amount,), unit, lambda a: a * form(x))
 
 
 def variable(component: type[Component], name: str) -> Declaration:
@@ -256,6 +324,8 @@ def per(unit: str, below: str, power: float = 1) -> str:
     """Return the unit of a coefficient that is multiplied by a power of a variable."""
     if not power or below == "1":
         return unit
+    if power == 1 and (unit, below) in _NAMED_QUOTIENTS:
+        return _NAMED_QUOTIENTS[unit, below]
     return f"{in_brackets(unit)}/{in_brackets(below)}" + (f"^{power:g}" if power != 1 else "")
 
 

@@ -14,7 +14,7 @@ here.
 from __future__ import annotations
 
 from .arms import lag_effect
-from .component import Component, Effect, Term
+from .component import Component, Effect, Size, Term
 from .curves import EffectNames, added, coefficient, curve
 
 
@@ -137,6 +137,7 @@ def force_offset(
         term=Term(law, "", "a"),
         title="A constant force",
         assumption="nothing pushes at rest",
+        sizes=(Size("{}", (offset,)),),
     )
 
 

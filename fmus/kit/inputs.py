@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from .component import Component, Effect, Term, make_effect
+from .component import Component, Effect, Size, Term, make_effect
 from .curves import per
 from .declare import Declaration, InputDeclaration, Parameter, State
 from .errors import UserError, suggestion
@@ -76,7 +76,8 @@ class _Change:
         Gives the arriving value, from the component instance and the value below.
     declared : dict of str to Declaration
         Variables of the effect; the first parameter switches it.
-    rates : dict of str to callable
+    sizes : tuple of Size
+    rates : Mapping of str to callable
         Laws for the rates of its states, from the component instance and the value below.
     family : str
         Name shared by effects that are one cause in several shapes, with a place for the input.
@@ -85,7 +86,8 @@ class _Change:
     text: str
     arrives: Callable[[Any, Any], Any]
     declared: dict[str, Any]
-    rates: dict[str, Callable[[Any, Any], Any]] = field(default_factory=dict)
+    sizes: tuple[Size, ...]
+    rates: Mapping[str, Callable[[Any, Any], Any]] = field(default_factory=dict)
     family: str = "{} as it arrives"
 
 
@@ -121,6 +123,7 @@ def _changed(
         term=Term("", name, change.text, change.family.format(name), name),
         assumption=f"{name} arrives as it is commanded",
         neutral=switch,
+        sizes=change.sizes,
         made_by=make,
         made_with={"input": name, "scale": scale, **(more or {})},
     )
@@ -181,7 +184,9 @@ def dead_zone(component: type[Component], input: str, scale: float | None = None
 
     switch = _switch(fed, size, f"{input} below which nothing arrives (d)")
     doc = "Dead zone of an input: within ``d`` of zero nothing arrives, beyond it what is more."
-    change = _Change("x - clip(x, -d, d)", arrives, {width: switch})
+    change = _Change(
+        "x - clip(x, -d, d)", arrives, {width: switch}, (Size("dead below {}", (width,)),)
+    )
     return _changed(dead_zone, input, scale, doc, change)
 
 
@@ -225,7 +230,11 @@ def asymmetric_dead_zone(
         ),
     }
     doc = "Dead zone of an input whose ends differ: from ``-r d`` to ``d`` nothing arrives."
-    change = _Change("x - clip(x, -r d, d)", arrives, declared)
+    sizes = (
+        Size("dead up to {}", (end,)),
+        Size("and down to {}", (end, ratio), fed.unit, lambda d, r: -r * d),
+    )
+    change = _Change("x - clip(x, -r d, d)", arrives, declared, sizes)
     return _changed(asymmetric_dead_zone, input, scale, doc, change)
 
 
@@ -257,7 +266,7 @@ def input_offset(
 
     switch = _switch(fed, size, f"{input} that arrives where none is commanded", least=-_ANY)
     doc = "Offset of an input: something arrives where nothing is commanded."
-    change = _Change("x + a", arrives, {offset: switch})
+    change = _Change("x + a", arrives, {offset: switch}, (Size("{}", (offset,)),))
     return _changed(input_offset, input, scale, doc, change)
 
 
@@ -301,7 +310,8 @@ def input_saturation(
         "Input that levels off: ``x / sqrt(1 + c x^2)`` arrives, which never passes"
         " ``1 / sqrt(c)``."
     )
-    change = _Change("x / sqrt(1 + c x^2)", arrives, {level: switch})
+    sizes = (Size("never passes {}", (level,), fed.unit, lambda c: c**-0.5),)
+    change = _Change("x / sqrt(1 + c x^2)", arrives, {level: switch}, sizes)
     return _changed(input_saturation, input, scale, doc, change)
 
 
@@ -359,7 +369,9 @@ def backlash(
         " on the way back."
     )
     text = "x - clip(x - z, -d, d)"
-    change = _Change(text, arrives, declared, {f"{place}_rate": rate}, "loop of {} on its way")
+    sizes = (Size("a gap of {}", (gap,), fed.unit, lambda d: 2.0 * d),)
+    rates = {f"{place}_rate": rate}
+    change = _Change(text, arrives, declared, sizes, rates, "loop of {} on its way")
     return _changed(backlash, input, scale, doc, change, {"sampling": sampling})
 
 
@@ -428,7 +440,12 @@ def input_lag(
     }
     doc = "Input that arrives late: the share ``p`` of it lags by ``T`` behind the command."
     text = "x + p (s - x) with T ds/dt = x - s"
-    change = _Change(text, arrives, declared, {f"{lagged}_rate": rate}, "{} arriving late")
+    sizes = (
+        Size("{} of it late", (share,), "%", lambda p: 100.0 * p),
+        Size("with a time constant of {}", (time,)),
+    )
+    rates = {f"{lagged}_rate": rate}
+    change = _Change(text, arrives, declared, sizes, rates, "{} arriving late")
     return _changed(input_lag, input, scale, doc, change, {"sampling": sampling})
 
 

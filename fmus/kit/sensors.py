@@ -15,10 +15,10 @@ reasons.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from .component import Component, Effect, make_effect
+from .component import Component, Effect, Size, make_effect
 from .declare import Declaration, Discrete, Parameter, State
 from .errors import UserError, suggestion
 from .functions import clip, exp, maximum, minimum, where
@@ -81,17 +81,23 @@ class _Quantity:
 
 
 def _measurement(
-    assumption: str, title: str
+    assumption: str, title: str, size: Size
 ) -> Callable[[Callable[[_Quantity], dict[str, Any]]], Factory]:
     """Make a factory of effects from a function that returns the class body for one output.
 
     The docstring of that function is the docstring of the effects, unless the body has one; the
-    first variable of the body switches them. Their title has a place for the output.
+    first variable of the body switches them. Their title has a place for the output. Their size
+    is given without that variable.
     """
-    return lambda body: _factory(assumption, title, body)
+    return lambda body: _factory(assumption, title, size, body)
 
 
-def _factory(assumption: str, title: str, body: Callable[[_Quantity], dict[str, Any]]) -> Factory:
+def _factory(
+    assumption: str,
+    title: str,
+    size: Size,
+    body: Callable[[_Quantity], dict[str, Any]],
+) -> Factory:
     """Make a factory of effects that relax an assumption, and are called by a title."""
 
     def make(
@@ -118,14 +124,16 @@ def _factory(assumption: str, title: str, body: Callable[[_Quantity], dict[str, 
             sampling or Sampling(),
         )
         members = {"__doc__": body.__doc__, "__module__": __name__, **body(quantity)}
+        switch = next(n for n, value in members.items() if isinstance(value, Declaration))
         effect = make_effect(
             f"{body.__name__}_of_{output}".title().replace("_", ""),
             members,
             id=body.__name__,
             title=title.format(in_words(output)),
             output=output,
-            neutral=next(n for n, value in members.items() if isinstance(value, Declaration)),
+            neutral=switch,
             assumption=assumption,
+            sizes=(replace(size, parameters=(switch,)),),
             # by which the effect can be made anew, in a package or a report
             made_by=make,
             made_with={"output": output, "sampling": sampling},
@@ -138,7 +146,9 @@ def _factory(assumption: str, title: str, body: Callable[[_Quantity], dict[str, 
     return make
 
 
-@_measurement("the sensor follows at once", "A lag of the {} sensor")
+@_measurement(
+    "the sensor follows at once", "A lag of the {} sensor", Size("a time constant of {}", ())
+)
 def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
     """First-order lag of a sensor, in equilibrium at the start.
 
@@ -200,7 +210,9 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
     }
 
 
-@_measurement("the measurement arrives at once", "A delay of the measured {}")
+@_measurement(
+    "the measurement arrives at once", "A delay of the measured {}", Size("late by {}", ())
+)
 def transport_delay(quantity: _Quantity) -> dict[str, Any]:
     """Pure delay, of up to 64 periods of 20 ms.
 
@@ -295,7 +307,11 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
     return members
 
 
-@_measurement("the sensor is calibrated", "A scale error of the {} sensor")
+@_measurement(
+    "the sensor is calibrated",
+    "A scale error of the {} sensor",
+    Size("reads {} of it", (), "%", lambda g: 100.0 * g),
+)
 def sensor_gain(quantity: _Quantity) -> dict[str, Any]:
     """Scale error of a sensor: it reads ``g u``; ``g = 1`` is without."""
     gain = f"{quantity.name}_gain"
@@ -311,7 +327,9 @@ def sensor_gain(quantity: _Quantity) -> dict[str, Any]:
     }
 
 
-@_measurement("the sensor has its zero at zero", "An offset of the {} sensor")
+@_measurement(
+    "the sensor has its zero at zero", "An offset of the {} sensor", Size("{} too much", ())
+)
 def sensor_offset(quantity: _Quantity) -> dict[str, Any]:
     """Bias of a sensor: it reads ``u + b``; ``b = 0`` is without."""
     offset = f"{quantity.name}_offset"
@@ -327,7 +345,7 @@ def sensor_offset(quantity: _Quantity) -> dict[str, Any]:
     }
 
 
-@_measurement("the zero of the sensor stays", "A drift of the {} sensor")
+@_measurement("the zero of the sensor stays", "A drift of the {} sensor", Size("{}", ()))
 def sensor_drift(quantity: _Quantity) -> dict[str, Any]:
     """Bias of a sensor that grows steadily: it reads ``u + d t`` at the time ``t``."""
     drift = f"{quantity.name}_drift"

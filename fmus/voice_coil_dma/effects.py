@@ -14,6 +14,7 @@ from ..kit import (
     Effect,
     EffectNames,
     Parameter,
+    Size,
     Term,
     curve,
     describe_effect,
@@ -52,6 +53,7 @@ class CoulombFriction(BenchEffect):
     neutral = "coulomb_force"
     term = Term("slide_friction", "velocity", "F_c tanh(v / v_c)", "slide_friction over velocity")
     assumption = 1
+    sizes = (Size("{}", ("coulomb_force",)),)
 
     coulomb_force = Parameter(
         0.0, "N", min=0, max=100.0, nominal=0.1, doc="dry friction of the slide (F_c)"
@@ -87,6 +89,7 @@ class AsymmetricFriction(BenchEffect):
     neutral = "asymmetric_force"
     term = Term("slide_friction", "velocity", "F_a s (1 + s) / 2", "slide_friction over velocity")
     assumption = 1
+    sizes = (Size("{} more while it stretches", ("asymmetric_force",)),)
 
     asymmetric_force = Parameter(
         0.0,
@@ -127,6 +130,12 @@ class PositionDependentForceConstant(BenchEffect):
         "force_constant", "position", "K / (1 + c (x - x_c)^2)", "force_constant over position"
     )
     assumption = 2
+    sizes = (
+        Size(
+            "half of it left {} off the centre", ("force_constant_falloff",), "m", lambda c: c**-0.5
+        ),
+        Size("which is at {}", ("force_constant_centre",)),
+    )
 
     force_constant_falloff = Parameter(
         0.0,
@@ -174,6 +183,9 @@ class AmplifierSaturation(BenchEffect):
         "drive_voltage over voltage_command",
     )
     assumption = 3
+    sizes = (
+        Size("levels off beyond {}", ("amplifier_saturation_coefficient",), "V", lambda c: c**-0.5),
+    )
 
     amplifier_saturation_coefficient = Parameter(
         0.0,

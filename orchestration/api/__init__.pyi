@@ -3,9 +3,11 @@ from . import forms as forms
 from . import options as options
 from .diagnosis import diagnose as diagnose
 from .diagnosis import laws as laws
+from .frequency import frequency_response as frequency_response
 from .identification import compare as compare
 from .identification import fit as fit
 from .linear_models import black_box as black_box
+from .linearisation import linearise as linearise
 from .models import build as build
 from .models import check as check
 from .package import UserError as UserError

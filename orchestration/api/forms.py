@@ -90,6 +90,19 @@ def percent(text: str) -> float:
     return value
 
 
+def band(given: str, name: str) -> tuple[float, float]:
+    """Read a band of frequencies, such as ``10mHz..2Hz``, in Hz."""
+    from orchestration.fmu import read_amount
+
+    ends = given.split("..")
+    if len(ends) != 2:
+        raise UserError(f"{name} {given!r}: write two frequencies, such as 10mHz..2Hz")
+    low, high = (read_amount(end, "Hz", f"{name} {given!r}") for end in ends)
+    if not 0.0 <= low < high:
+        raise UserError(f"{name} {given!r}: the first frequency must be below the second one")
+    return low, high
+
+
 def optional_seconds(given: str | float | None) -> float | None:
     """Read a time that may be left open."""
     return None if given is None else seconds(given)
@@ -143,7 +156,20 @@ EFFECTS = Form(
 MAPPING = Form(_read_mapping, _pairs, list[str] | None)
 SETTINGS = Form(_read_settings, _pairs, list[str] | None)
 TEXTS = Form(typed=list[str] | None, write=list)
+RATIOS = TEXTS._replace(given=lambda value, name: [value] if isinstance(value, str) else [*value])
+BAND = Form(
+    band,
+    lambda ends: [f"{ends[0]:.12g}Hz..{ends[1]:.12g}Hz"],
+    str | None,
+    given=lambda value, name: band(value, name) if isinstance(value, str) else value,
+)
 TIME = Form(write=lambda value: [_in_seconds(value)], typed=float | None, parse=seconds)
+TIMES = Form(
+    lambda text, flag: [seconds(one) for one in comma_list(text, flag)],
+    lambda values: [",".join(_in_seconds(one) for one in values)],
+    str | None,
+    given=lambda value, name: [value] if isinstance(value, int | float | str) else list(value),
+)
 PERCENT = Form(write=lambda value: [f"{value:g}%"], typed=float | None, parse=percent)
 LEFT_OUT = Form(read=lambda typed, flag: not typed, typed=bool)
 EFFECTS_OR_NONE = EFFECTS._replace(read=lambda text, flag: _read_effects(text, flag) or [])

@@ -11,15 +11,18 @@ from typing import TYPE_CHECKING, Annotated, TypedDict
 
 from orchestration.api.declaration import Form, Option
 from orchestration.api.forms import (
+    BAND,
     EFFECTS,
     EFFECTS_OR_NONE,
     LEFT_OUT,
     MAPPING,
     NAMES,
     ONE_OR_ALL,
+    RATIOS,
     SETTINGS,
     TEXTS,
     TIME,
+    TIMES,
     numbers,
     some_of,
 )
@@ -363,6 +366,61 @@ class CompareKeywords(FittedOption, FitKeywords, total=False):
     """Keyword arguments of ``compare``."""
 
 
+# --- frequency responses -------------------------------------------------------------------------
+
+
+class ResponseOptions(TypedDict, total=False):
+    """The responses that are estimated: of what, to what, at which frequencies."""
+
+    of: Annotated[
+        Sequence[str],
+        Option(
+            "Ratio of two signals, e.g. voltage/current or force/displacement; default every output"
+            " over every input that varies. Repeatable.",
+            "Ratios of two signals, such as ``voltage/current`` or ``force/displacement``; every"
+            " output over every input that varies unless given. Needed without a model.",
+            default=(),
+            metavar="A/B",
+            form=RATIOS,
+        ),
+    ]
+    inputs: Annotated[
+        Sequence[str],
+        Option(
+            "What drives, e.g. force; default the model's inputs, or what the ratios are over.",
+            "Signals that drive the others; the model's inputs unless given, or without a model"
+            " those that ratios are over.",
+            default=(),
+            metavar="COLUMNS",
+            form=NAMES,
+        ),
+    ]
+    period: Annotated[
+        float | str | None,
+        Option(
+            "Period of the inputs, e.g. 10s; default found in the record.",
+            "Period of the inputs; found in the record unless given.",
+            kind='float in s or str such as "10s", optional',
+            metavar="TIME",
+            form=TIME,
+        ),
+    ]
+    band: Annotated[
+        tuple[float, float] | None,
+        Option(
+            "Frequencies to show, e.g. 10mHz..2Hz; default all that the record has.",
+            "Lowest and highest frequency; all that the record has unless given.",
+            kind='tuple of float in Hz or str such as "10mHz..2Hz", optional',
+            metavar="FROM..TO",
+            form=BAND,
+        ),
+    ]
+
+
+class FrequencyKeywords(MappingOption, SettingsOption, ResponseOptions, total=False):
+    """Keyword arguments of ``frequency_response``."""
+
+
 # --- black-box models ----------------------------------------------------------------------------
 
 _AT_LEAST_ONE = some_of("name at least one, or leave the option out")
@@ -477,6 +535,153 @@ class StudyKeywords(StudyOptions, CountOption, total=False):
 
 class BlackBoxKeywords(SamplePeriodOption, StudyKeywords, total=False):
     """Keyword arguments of ``black_box``."""
+
+
+# --- linear models -------------------------------------------------------------------------------
+
+
+class LinearisePointOptions(TypedDict, total=False):
+    """The operating point about which a model is linearised."""
+
+    at: Annotated[
+        Sequence[float | str],
+        Option(
+            "After a simulation of this time, e.g. 2s, or of several: 0s,1s,5s; default the start.",
+            "Times of simulations that end at the operating points; the start unless given. An"
+            " equilibrium is searched from there.",
+            default=(),
+            kind='float in s or str such as "10s", or sequence of these',
+            metavar="TIMES",
+            form=TIMES,
+        ),
+    ]
+    trim: Annotated[
+        bool,
+        Option(
+            "In an equilibrium, which is searched from there.",
+            "Whether to linearise in an equilibrium: rates are zero, samples change nothing.",
+            default=False,
+        ),
+    ]
+    fix: Annotated[
+        Mapping[str, float | str] | None,
+        Option(
+            "Of an equilibrium: value of an input, state or output, e.g. displacement=0.1mm."
+            " Repeatable.",
+            "Of an equilibrium: values of inputs, states and outputs.",
+            metavar="NAME=VALUE[UNIT]",
+            form=SETTINGS,
+        ),
+    ]
+    free: Annotated[
+        Sequence[str],
+        Option(
+            "Of an equilibrium: inputs and parameters that take the value it needs, e.g. current.",
+            "Of an equilibrium: inputs and parameters that take the value that it needs; for each"
+            " of these a state or an output is fixed.",
+            default=(),
+            form=NAMES,
+        ),
+    ]
+    drift: Annotated[
+        Sequence[str],
+        Option(
+            "Of an equilibrium: states that may move at a constant rate, e.g. maxwell_elongation.",
+            "Of an equilibrium: states that may move at a constant rate, all others being at rest.",
+            default=(),
+            form=NAMES,
+        ),
+    ]
+
+
+class LineariseSignalOptions(TypedDict, total=False):
+    """The signals between which a model is linear, and the time that it is discrete in."""
+
+    inputs: Annotated[
+        Sequence[str],
+        Option(
+            "Inputs, or states that are prescribed; all inputs unless named.",
+            "Inputs, or states that are prescribed, whose own laws do not count then; all inputs"
+            " unless given.",
+            default=(),
+            form=NAMES,
+        ),
+    ]
+    outputs: Annotated[
+        Sequence[str],
+        Option(
+            "Outputs, states, der(state), next(sampled state); all outputs unless named.",
+            "Outputs, states, ``der(state)``, ``next(sampled state)``; all outputs unless given.",
+            default=(),
+            form=NAMES,
+        ),
+    ]
+    cut: Annotated[
+        str | None,
+        Option(
+            "Loop transfer function: cut at a state, or at a connection of a system, e.g."
+            " bench.tension.",
+            "The loop transfer function of the loop that is cut here: at a state, or at the input"
+            " or output ``member.variable`` of a connection.",
+            metavar="SIGNAL",
+        ),
+    ]
+    step: Annotated[
+        float | str | None,
+        Option(
+            "Communication step over which inputs and connections are held.",
+            "Communication step over which inputs and connections are held, as a master by Jacobi's"
+            " method does; continuous unless given. Of an FMU that hides its states: that of the"
+            " pulses.",
+            kind='float in s or str such as "10ms", optional',
+            metavar="TIME",
+            form=TIME,
+        ),
+    ]
+
+
+class LineariseOptions(SettingsOption, LinearisePointOptions, LineariseSignalOptions, total=False):
+    """Options of ``linearise``, beside the model."""
+
+
+class BandOptions(TypedDict, total=False):
+    """The values of parameters that make a band."""
+
+    fitted: Annotated[
+        Path | None,
+        Option(
+            "Band of parameters drawn from a fit (ppy identify --json).",
+            "Band of parameters drawn from a fit: the file of ``ppy identify --json``.",
+            kind="str or Path, optional",
+            metavar="FILE",
+        ),
+    ]
+    samples: Annotated[
+        int | None,
+        Option(
+            "How many are drawn, default 50.",
+            "Values that are drawn for a band; 50 unless given.",
+            metavar="N",
+            least=1,
+        ),
+    ]
+    seed: Annotated[int, Option("Of what is drawn.", default=0, least=0)]
+
+
+class LineariseKeywords(LineariseOptions, BandOptions, PointsOption, total=False):
+    """Keyword arguments of ``linearise``."""
+
+    preset: Annotated[
+        str | None, Option(doc="Name of one of the component's presets to start from.")
+    ]
+    over: Annotated[
+        "Mapping[str, str | Sequence[float]] | None",
+        Option(
+            doc='Band of parameters: ``{"k1": "4e3..8e3"}``, drawn between these; or values, as'
+            " in `sweep`.",
+            kind="Mapping of str to str or sequence of float, optional",
+        ),
+    ]
 
 
 # --- sweeps --------------------------------------------------------------------------------------

@@ -23,6 +23,10 @@ EXAMPLES = {
         "ppy identify demo-output/record.csv --fit R1,R2,C --ssv fitted.ssv",
         "ppy identify demo-output/record.csv --fit R1,C --profile R1 --json fit.json",
     ),
+    "frequency": (
+        "ppy frequency demo-output/record.csv --of voltage/current --plot impedance.png",
+        "ppy frequency demo-output/record.csv --model ppy_actuator --set R1=0.6 --json -",
+    ),
     "black-box": (
         "ppy black-box demo-output/record.csv --output voltage --inputs current",
         "ppy black-box demo-output/record.csv --output voltage --orders 1 --out own.py",
@@ -48,6 +52,10 @@ EXAMPLES = {
     "simulate": (
         "ppy simulate ppy_actuator --set current=0.9 --stop 30s --plot run.png",
         "ppy simulate dma_bench.ssp --set force_reference=1N --stop 0.5s --out b.nc",
+    ),
+    "linearise": (
+        "ppy linearise ppy_actuator --trim --fix displacement=0.1mm --free current",
+        "ppy linearise dma_bench --set force_reference=1 --at 1s --plot bode.png",
     ),
     "run": (
         "ppy run fig_3_4 --set duration=5s --out fig_3_4.nc --plot fig_3_4.html",

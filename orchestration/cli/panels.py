@@ -17,9 +17,10 @@ _PANELS = {
         "connectors",
         "law",
     ),
-    "Record": ("mapping", "input_file", "runs", "each", "holdout", "interpolate"),
+    "Record": ("mapping", "input_file", "runs", "each", "holdout", "interpolate", "period", "band"),
+    "Operating point": ("at", "trim", "fix", "free", "drift"),
     "Time": ("stop", "step", "rate", "max_age"),
-    "Columns": ("output", "inputs"),
+    "Signals": ("output", "inputs", "outputs", "cut", "of"),
     "Fit and search": (
         "fit",
         "profile",
@@ -42,7 +43,6 @@ _PANELS = {
         "kind",
         "samples",
         "seed",
-        "outputs",
         "keep",
         "engine",
         "scheduler",
@@ -54,6 +54,7 @@ _PANELS = {
     "Results": (
         "require",
         "json",
+        "mat",
         "out",
         "plot",
         "profile_plot",

@@ -24,7 +24,7 @@ from fmus.kit import (
     unstack,
 )
 from fmus.kit.arrays import Array
-from fmus.kit.build import build, build_cached
+from fmus.kit.build import build, build_cached, relaxed_assumption
 from fmus.kit.record import with_knots
 from fmus.kit.units import format_value
 from orchestration.discrepancy.candidates import FittedCandidate, label
@@ -124,9 +124,12 @@ def _allowed(value: float, declared: ParameterDeclaration) -> float:
 def _remarks(diagnosis: Diagnosis, record: str, defaults: Mapping[str, float]) -> list[str]:
     """Tell in plain words what a model is made of: one statement to a line."""
     best = diagnosis.selection.best.candidate
-    base = diagnosis.selection.base.candidate.cls.name
+    cls = diagnosis.selection.base.candidate.cls
+    base = cls.name
     remarks = [f"Fitted to {Path(record).name.encode(errors='backslashreplace').decode()}"]
-    remarks += [f"Added to {base}: {label(effect)}, {_meaning(effect)}" for effect in best.effects]
+    remarks += [
+        f"Added to {base}: {label(effect)}, {_meaning(cls, effect)}" for effect in best.effects
+    ]
     if not best.effects:
         remarks.append(f"Nothing was added to {base}: only its parameters were fitted")
     if diagnosis.alternatives:
@@ -160,13 +163,12 @@ def _interval(fitted: Estimate, declared: ParameterDeclaration) -> str:
     return f"95 % interval {format_value(low, declared)} … {format_value(high, declared)}"
 
 
-def _meaning(effect: type[Effect]) -> str:
-    """Tell what an effect does, and which assumption of the model it relaxes."""
-    words = summary(effect).replace("``", "")
-    relaxed = effect.assumption
-    if isinstance(relaxed, int):
-        return f"{words}; relaxes assumption {relaxed} of its documentation"
-    return f"{words}; relaxes the assumption that {relaxed}"
+def _meaning(cls: type[Component], effect: type[Effect]) -> str:
+    """Tell what an effect does, and what the model assumes in place of that."""
+    what = summary(effect).replace("``", "")
+    words, number = relaxed_assumption(cls, effect)
+    where = f" ({number} of its documentation)" if number else ""
+    return f"{what}; {words}{where}" if words else f"{what}{where}"
 
 
 def fmu_paths(path: Path, records: Iterable[Path]) -> dict[str, Path]:

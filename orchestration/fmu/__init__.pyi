@@ -9,6 +9,7 @@ from .archive import unpack as unpack
 from .effects import catalogue as catalogue
 from .effects import families as families
 from .effects import known_effects as known_effects
+from .exchange import ExchangeFmu as ExchangeFmu
 from .instance import Fmu as Fmu
 from .loading import file_of_class as file_of_class
 from .loading import load_class as load_class
@@ -20,6 +21,7 @@ from .model import declared_model as declared_model
 from .model import declared_model_of as declared_model_of
 from .model import find_class as find_class
 from .model import find_model as find_model
+from .model import known_class as known_class
 from .model import model_of as model_of
 from .model import read_settings as read_settings
 from .repeated import RepeatedFmu as RepeatedFmu

@@ -376,6 +376,32 @@ class Fmu:
 
         return read
 
+    def directional_derivatives(self, unknowns: Sequence[str], knowns: Sequence[str]) -> Array:
+        """Return the partial derivatives that the FMU gives, shape (unknowns, knowns).
+
+        Parameters
+        ----------
+        unknowns, knowns : sequence of str
+            Real variables.
+
+        Raises
+        ------
+        UserError
+            If the FMU refuses.
+        """
+        rows = [self.variable(name).valueReference for name in unknowns]
+        columns = [
+            self._checked(
+                f"the derivative by {name}",
+                self._slave.getDirectionalDerivative,
+                rows,
+                [self.variable(name).valueReference],
+                [1.0],
+            )
+            for name in knowns
+        ]
+        return np.array(columns, dtype=float).reshape(len(knowns), len(rows)).T
+
     def slope_writer(self, names: Sequence[str]) -> Callable[[Array], None]:
         """Return a function that sets the slopes of real inputs over the next step.
 

@@ -36,6 +36,7 @@ __all__ = [
     "declared_model_of",
     "find_class",
     "find_model",
+    "known_class",
     "load_class",
     "model_of",
     "names_class",
@@ -323,6 +324,40 @@ def _read_model(name: str) -> Model:
             " equations"
         )
         return replace(model, notes=(note,))
+
+
+def known_class(path: Path) -> type[Component] | None:
+    """Return the class of an FMU: what it was made from, or the component that it is a build of.
+
+    An unchanged component tells no origin. Its GUID is made from its contents: where a build of the
+    component of that name has the same, so are its laws. Start values in its description count.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    type[Component] or None
+        None where its equations are not known.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read.
+    """
+    from fmus import MODELS, component
+    from fmus.kit.build import build_cached
+
+    model = _read_model(str(path))
+    described = read_description(path)
+    name = described.modelName
+    if model.cls is not None or name not in MODELS:
+        return model.cls
+    builds = (build_cached(component(name), runtime) for runtime in ("native", "python"))
+    if described.guid not in {read_description(build).guid for build in builds}:
+        return None
+    return restore_class(name, Provenance(component=name), model.parameters)
 
 
 def _read_signals(path: Path) -> Model:

@@ -1,7 +1,9 @@
 from .channels import input_steps as input_steps
 from .channels import true_runs as true_runs
+from .clock import UNEVEN as UNEVEN
 from .clock import evenly_sampled as evenly_sampled
 from .clock import gaps as gaps
+from .clock import sample_period as sample_period
 from .formats import read_table as read_table
 from .frames import Arrays as Arrays
 from .instants import holds_instants as holds_instants
@@ -15,6 +17,7 @@ from .mapping import parse_mapping as parse_mapping
 from .overview import FileOverview as FileOverview
 from .overview import read_overview as read_overview
 from .proposal import Proposal as Proposal
+from .reading import read_columns as read_columns
 from .reading import read_record as read_record
 from .reading import read_runs as read_runs
 from .record import Record as Record

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.kit import UserError
 from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.records.record import Repair, list_rows, refuse
 
@@ -19,6 +20,8 @@ JITTER = 0.55
 """Standard deviation of steps over their mean, up to which a clock is even."""
 RATE_SAMPLES = 16
 """Steps over which jitter of a clock averages out."""
+UNEVEN = 0.01
+"""Share of a sample period by which samples may be off it where equal steps are needed."""
 
 
 @dataclass
@@ -246,6 +249,39 @@ def evenly_sampled(time: Array) -> bool:
     # gaps, which are none of the clock's doing, are beyond the quantiles
     inner = np.clip(steps, *np.quantile(steps, [0.01, 0.99]))
     return bool(0.5 * fastest <= slowest and np.std(inner) <= JITTER * np.mean(inner))
+
+
+def sample_period(path: Path, time: Array, purpose: str) -> float:
+    """Return the sample period of a clock that keeps one; refuse one that does not.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for the message.
+    time : ndarray, shape (n,)
+        Seconds, increasing.
+    purpose : str
+        What needs equal steps, for the message.
+
+    Returns
+    -------
+    float
+        Seconds.
+
+    Raises
+    ------
+    UserError
+        If a step is off the median by more than `UNEVEN`.
+    """
+    steps = np.diff(time)
+    period = float(np.median(steps))
+    worst = int(np.argmax(np.abs(steps - period)))
+    if abs(steps[worst] - period) > UNEVEN * period:
+        raise UserError(
+            f"{path}: samples are {period:g} s apart, but {steps[worst]:g} s after {time[worst]:g}"
+            f" s: {purpose} needs equal steps; cut out an even stretch, or resample"
+        )
+    return float((time[-1] - time[0]) / (len(time) - 1))
 
 
 def gaps(time: Array) -> Indices:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fmus.kit import UserError, units
+from fmus.kit import UserError, suggestion, units
 from fmus.kit.arrays import Array
 from orchestration.records.channels import mask_infinite, notice_channels, repair_holes
 from orchestration.records.clock import Samples, repair_clock
@@ -59,6 +59,36 @@ def read_record(
     return _record(samples, signals, required, inputs)
 
 
+def read_columns(
+    path: str | Path | Arrays, names: Collection[str], inputs: Collection[str] = ()
+) -> Record:
+    """Read columns under their own names and in their own units, where no model has any.
+
+    Parameters
+    ----------
+    path : str, Path, DataFrame or Mapping of str to array_like, shape (n,)
+        See :func:`read_record`.
+    names : collection of str
+        Columns.
+    inputs : collection of str
+        Which of them drive, see :func:`read_record`.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be used, or has no such column.
+    """
+    table = _read(path)
+    units = {column.name: column.unit or "1" for column in table.columns if column.name in names}
+    for name in names:
+        if name not in units:
+            known = table.names()
+            raise UserError(
+                f"{table.path}: no column {name!r}{suggestion(name, known, few=len(known))}"
+            )
+    return _record(_samples(table, units, {}, names), units, names, inputs)
+
+
 def read_runs(
     path: str | Path | Arrays,
     signals: Mapping[str, str],
@@ -106,6 +136,10 @@ def _table(
     for name in (*required, *inputs):
         if name not in signals:
             raise UserError(f"'{name}' is not a signal of the model; it has: {', '.join(signals)}")
+    return _read(path)
+
+
+def _read(path: str | Path | Arrays) -> Table:
     return read_table(Path(path)) if isinstance(path, str | Path) else table_of(path)
 
 

@@ -119,6 +119,8 @@ def _html(part: RenderableType) -> str:
 
 def _table(table: Table) -> str:
     """Return a table with its title above it; numbers stand to the right."""
+    from orchestration.reporting.page import SCROLLED
+
     columns = [(column, f' style="text-align:{column.justify}"') for column in table.columns]
     head = "".join(f"<th{style}>{_escaped(column.header)}</th>" for column, style in columns)
     cells = (
@@ -128,7 +130,7 @@ def _table(table: Table) -> str:
     title = f"<p><b>{_escaped(table.title)}</b></p>" if table.title else ""
     return (
         # within reach of the keyboard, which scrolls what is wider than the page
-        f'{title}<div tabindex="0" style="overflow-x:auto"><table cellpadding="5">'
+        f'{title}<div tabindex="0" style="overflow-x:auto;{SCROLLED}"><table cellpadding="5">'
         f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )
 

@@ -15,6 +15,17 @@ from pathlib import Path
 from fmus.kit import UserError, files
 from fmus.kit.build import STYLE
 
+_GROUND = "var(--jp-layout-color0, var(--vscode-editor-background, Canvas))"  # of notebooks, too
+_EDGE = "#7f8a96 3px, rgb(127 138 150 / 0.25) 3px, transparent"
+# A bar and a shadow at an edge beyond which there is more, without a script: what covers them moves
+# with the contents, and they do not. The bar has 3:1 to a light ground and to a dark one, and text
+# over the shadow keeps 4.5:1.
+SCROLLED = (
+    f"background: linear-gradient(to right, {_GROUND} 1rem, transparent) 0 0 / 2rem 100% no-repeat"
+    f" local, linear-gradient(to left, {_GROUND} 1rem, transparent) 100% 0 / 2rem 100% no-repeat"
+    f" local, linear-gradient(to right, {_EDGE}) 0 0 / 0.9rem 100% no-repeat,"
+    f" linear-gradient(to left, {_EDGE}) 100% 0 / 0.9rem 100% no-repeat"
+)
 _MORE = """
 body { overflow-wrap: anywhere; max-width: 64rem }
 h1 { font-size: 1.7rem; margin: 0.3rem 0 0.8rem }
@@ -27,7 +38,9 @@ figure { margin: 1.2rem 0; min-width: 0 }
 figcaption, .muted { color: #52616e; font-size: 0.92rem }
 table { font-size: 0.9rem } td { white-space: nowrap } th, td { overflow-wrap: normal }
 td:not(:first-child) { font-variant-numeric: tabular-nums }
-div.picture, div.scroll { overflow-x: auto } :focus-visible { outline: 2px solid #0b6aa2 }
+div.table, div.picture, div.scroll { overflow-x: auto; SCROLLED }
+@media print { div.table, div.picture, div.scroll { background: none; overflow: visible } }
+:focus-visible { outline: 2px solid #0b6aa2 }
 summary { cursor: pointer; color: #0b3d5c; padding: 0.3rem 0; font-weight: 600 }
 @media (max-width: 640px) { div.picture img { max-width: none; width: 640px } }
 """
@@ -195,7 +208,7 @@ class Page:
             '<meta charset="utf-8"><meta name="viewport" content="width=device-width,'
             ' initial-scale=1">'
         )
-        style = STYLE + _MORE + _CHART + _ELEMENTS
+        style = STYLE + _MORE.replace("SCROLLED", SCROLLED) + _CHART + _ELEMENTS
         head += f"<title>{_plain([self.title])}</title><style>{style}</style>"
         body = "\n".join(self.parts)
         return (

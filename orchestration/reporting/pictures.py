@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -54,12 +55,36 @@ def panels(
     with matplotlib.style.context(_STYLE):
         figure = ShownFigure(figsize=(9, 1.0 + height * count), layout="constrained")
         axes = figure.subplots(count, 1, sharex=shared, squeeze=False)
-    title = title.encode(
-        errors="backslashreplace"
-    ).decode()  # a file name may hold bytes that no font can draw
-    figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+    _entitle(figure, title)
     axes[-1, 0].set_xlabel(below)
     return figure, list(axes.flat)
+
+
+def mosaic(rows: Sequence[Sequence[str]], title: str) -> tuple[ShownFigure, dict[str, Axes]]:
+    """Make a figure of panels that are arranged by their names.
+
+    Parameters
+    ----------
+    rows : sequence of sequences of str
+        Names from left to right; a panel reaches over all places that have its name.
+    title : str
+    """
+    import matplotlib.style
+
+    from orchestration.reporting.figure import ShownFigure
+
+    with matplotlib.style.context(_STYLE):
+        figure = ShownFigure(figsize=(10, 0.6 + 2.1 * len(rows)), layout="constrained")
+        places: Any = [list(row) for row in rows]
+        axes: dict[str, Axes] = figure.subplot_mosaic(places)
+    _entitle(figure, title)
+    return figure, axes
+
+
+def _entitle(figure: Figure, title: str) -> None:
+    # a file name may hold bytes that no font can draw
+    text = title.encode(errors="backslashreplace").decode()
+    figure.suptitle(text, x=0.01, ha="left", fontweight="bold")
 
 
 def label(axis: Axes, name: str, unit: str) -> None:

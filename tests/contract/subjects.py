@@ -137,5 +137,43 @@ SUBJECTS = {
         {"l1": 0.052, "tm_angle_start": 0.01, "k_an": 8000.0},
         _FOOT,
     ),
+    "displacement_controller": Subject(
+        {"reference": 2e-5, "voltage": 0.4, "displacement": 1e-5, "current": 0.3},
+        "command",
+        {"charge_limit": 1.0, "unlimited_command_start": 0.2, "integral_time": 5.0},
+        "reference m displacement m voltage V current A hold - command A limited - charge C",
+    ),
+    "state_feedback": Subject(
+        {"reference": 2e-5, "force": 0.1, "displacement": 1e-5, "voltage": 0.1, "current": 0.3},
+        "command",
+        {"current_limit": 0.2, "charge_start": 0.2, "charge_limit": 1.0},
+        "reference m displacement m voltage V current A force N command A charge C"
+        " kelvin_elongation m maxwell_elongation m",
+    ),
+    "learning_controller": Subject(
+        {"feedback_command": 0.4, "reference": 2e-5, "displacement": 1e-5},
+        "command",
+        {"current_limit": 0.3, "learnt_40_start": 0.1, "sample_period": 0.2},
+        "reference m displacement m feedback_command A learning - command A",
+    ),
+    "impedance_controller": Subject(
+        {"length": 5e-4, "rest_length": 2e-4},
+        "force_reference",
+        {"force_max": 0.7, "unlimited_force_start": 0.8, "sample_period": 0.03},
+        "length m rest_length m force_reference N length_rate m/s",
+    ),
+    "adaptive_controller": Subject(
+        {"reference": 5e-5, "displacement": 3e-5},
+        "command",
+        {"current_limit": 0.3, "command_within_limits_start": 0.1, "model_time": 0.8},
+        "reference m displacement m command A gain 1 model_displacement m",
+    ),
+    "pid": Subject(
+        {"reference": 1.0, "measured": 0.4, "manual_command": 0.5, "applied_command": 0.1},
+        "command",
+        {"command_max": 0.5, "unlimited_command_start": 0.6, "integral_time": 0.7},
+        "reference N measured N manual - manual_command V tracking - applied_command V command V"
+        " saturated -",
+    ),
 }
 assert set(SUBJECTS) == set(COMPONENTS), "every component is under contract"

@@ -52,6 +52,12 @@ POSITIVE = {
     "isotonic_stand": "placing_time full_scale lvdt_sensitivity sample_period",
     "degradation_estimator": "sample_period forgetting_time remaining_weight initial_covariance",
     "foot": "l1 l2 l3 k_an b_an r_po",
+    "displacement_controller": "sample_period integral_time current_limit R2 C approach_time",
+    "state_feedback": "sample_period charge_per_current current_limit charge_limit",
+    "learning_controller": "sample_period current_limit",
+    "impedance_controller": "sample_period force_max",
+    "adaptive_controller": "sample_period model_time displacement_per_current current_limit",
+    "pid": "sample_period integral_time",
     "foot_dynamic": "l1 l2 l3 k_an b_an r_po ankle_inertia tm_inertia mtp_inertia",
 }
 

@@ -30,10 +30,12 @@ QUICK = (
     "system check",
     "check",
     "simulate",
+    "linearise",
     "run",
     "sweep",
     "compare",
     "identify",
+    "frequency",
 )
 SERVED = ("rig stop", "rig acknowledge", "rig status")
 OF_A_RIG = tuple(command for command in EXAMPLES if command.startswith("rig "))

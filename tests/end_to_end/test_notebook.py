@@ -76,6 +76,7 @@ RESULTS = {
     "comparison": ('ppy.compare(record, model, fit="tau")', True),
     "fit": ('fitted = ppy.fit(record, model, "tau"); fitted', True),
     "profile": ('fitted.profile("tau")', True),
+    "frequency response": ('ppy.frequency_response("lag.csv", model)', True),
     "black box": (
         'ppy.black_box("lag.csv", "x", structures="ARX", path_orders=[1], noise_orders=[1])',
         True,

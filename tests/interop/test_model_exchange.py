@@ -53,6 +53,32 @@ STIMULI = {
             "mtp_angle": (0.1, 0.1, 4),
         },
     ),
+    "displacement_controller": (
+        2.0,
+        0.0037,
+        {"reference": (1e-5, 1e-5, 20.0), "voltage": (0.1, 0.8, 3.0), "current": (0.0, 0.3, 3.0)},
+    ),
+    "state_feedback": (
+        2.0,
+        0.0037,
+        {"reference": (1e-5, 1e-5, 20.0), "voltage": (0.1, 0.2, 3.0), "force": (0.1, 0.1, 3.0)},
+    ),
+    "learning_controller": (
+        30.0,
+        0.037,
+        {"reference": (1e-5, 1e-5, 0.7), "displacement": (0.0, 1e-5, 0.5)},
+    ),
+    "impedance_controller": (
+        2.0,
+        0.0037,
+        {"length": (5e-4, 5e-4, 7.0), "rest_length": (1e-4, 1e-4, 3.0)},
+    ),
+    "adaptive_controller": (
+        5.0,
+        0.0037,
+        {"reference": (3e-5, 3e-5, 2.0), "displacement": (2e-5, 2e-5, 1.9)},
+    ),
+    "pid": (1.0, 0.0037, {"reference": (1.0, 0.5, 20.0), "measured": (0.8, 0.5, 7.0)}),
     "foot_dynamic": (1.0, 0.013, {"an_tension": (20.0, 20.0, 3.0), "po_tension": (5.0, 5.0, 7.0)}),
 }
 

@@ -54,6 +54,9 @@ def check_described(package: str, effects: Mapping[str, type[Effect]]) -> None:
         family = f"such as '{effect.term.law} over {effect.term.signal}'"
         assert effect.term.family, f"{name}: its term lacks the family, {family}"
         assert effect.neutral in effect.declared, f"{name}: neutral is none of its parameters"
+        told = [parameter for size in effect.sizes for parameter in size.parameters]
+        assert effect.neutral in told, f"{name}: sizes do not say how large it is"
+        assert set(told) <= {*effect.declared}, f"{name}: sizes are of parameters it has not"
         for v in effect.declared.values():
             assert v.doc, f"{name}: {v.name} lacks doc="
             assert v.min <= getattr(v, "start", v.min) <= v.max, f"{name}: {v.name} is out of range"

@@ -7,6 +7,7 @@ from .building import build_cached as build_cached
 from .building import plan_build as plan_build
 from .building import version as version
 from .documentation import STYLE as STYLE
+from .documentation import relaxed_assumption as relaxed_assumption
 from .parameters import SSC as SSC
 from .parameters import SSV as SSV
 from .parameters import Typed as Typed

@@ -13,11 +13,14 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from fmus.kit.build.parameters import to_ssv
-from fmus.kit.component import Component
+from fmus.kit.component import Component, Effect
 from fmus.kit.declare import Declaration, ParameterDeclaration, TextDeclaration
+from fmus.kit.titles import within_sentence
 from fmus.kit.units import format_range, format_value
 
 _LICENCES = Path(__file__).parent / "licences"
+# a full stop before a capital letter, the next item or the end of the list, not one of "fig. 2"
+_END_OF_SENTENCE = r"\.(?=\s+(?:[A-Z`]|\d+\. )|\s*\n\n|\s*\Z)"
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; \
 padding: 0 1rem; color: #1c2733 }
@@ -54,6 +57,35 @@ def documents(cls: type[Component]) -> dict[str, bytes]:
     for name, preset in cls.presets.items():
         files[f"resources/presets/{name}.ssv"] = to_ssv(name, preset.values, declared, preset.doc)
     return files | _reference(cls, folder / "reference")
+
+
+def relaxed_assumption(cls: type[Component], effect: type[Effect]) -> tuple[str, str]:
+    """Return what a component assumes and an effect relaxes.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        Its README numbers the assumptions.
+    effect : type[Effect]
+        Says which, or says it in words.
+
+    Returns
+    -------
+    words : str
+        ``the model assumes that ...``, the first sentence of the README on it; empty where that
+        has none of the number.
+    number : str
+        ``assumption 5``; empty where it has none.
+    """
+    given = effect.assumption
+    if isinstance(given, str):
+        return f"the model assumes that {given}" if given else "", ""
+    readme = _folder(cls) / "README.md"
+    text = readme.read_text(encoding="utf-8") if readme.exists() else ""
+    listed = text.partition("\n## Assumptions\n")[2]
+    found = re.search(rf"^{given}\. (?:`\w+`: )?(.+?){_END_OF_SENTENCE}", listed, re.M | re.S)
+    words = within_sentence(" ".join(found[1].split())) if found else ""
+    return f"the model assumes that {words}" if words else "", f"assumption {given}"
 
 
 def _folder(cls: type[Component]) -> Path:

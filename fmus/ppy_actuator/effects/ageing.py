@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...kit import Parameter, State, Term
+from ...kit import Parameter, Size, State, Term
 from .base import ActuatorEffect
 
 
@@ -22,6 +22,14 @@ class ResistanceGrowth(ActuatorEffect):
         "series_resistance", "throughput", "R1 gamma q", "series_resistance over throughput"
     )
     assumption = 6
+    sizes = (
+        Size(
+            "twice as large after {} moved",
+            ("resistance_growth_rate",),
+            "C",
+            lambda gamma: 1.0 / gamma,
+        ),
+    )
 
     resistance_growth_rate = Parameter(
         0.0,
@@ -59,6 +67,11 @@ class CapacitanceFade(ActuatorEffect):
         "capacitance", "fading_throughput", "C / (1 + phi q)", "capacitance over throughput"
     )
     assumption = 6
+    sizes = (
+        Size(
+            "half as large after {} moved", ("capacitance_fade_rate",), "C", lambda phi: 1.0 / phi
+        ),
+    )
 
     capacitance_fade_rate = Parameter(
         0.0,
@@ -103,6 +116,16 @@ class SelfHeating(ActuatorEffect):
         "series_resistance over temperature",
     )
     assumption = 7
+    sizes = (
+        Size(
+            "conducts {} better per kelvin",
+            ("conductance_rise_per_kelvin",),
+            "%",
+            lambda kappa: 100.0 * kappa,
+        ),
+        Size("warms by {}", ("thermal_resistance",)),
+        Size("a time constant of {}", ("thermal_time",)),
+    )
 
     conductance_rise_per_kelvin = Parameter(
         0.0,

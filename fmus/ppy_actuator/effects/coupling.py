@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...kit import Parameter, State, Term, absolute, exp, sqrt, tanh, where
+from ...kit import Parameter, Size, State, Term, absolute, exp, sqrt, tanh, where
 from .base import ActuatorEffect
 
 # Time constant below which a lag is not resolved, in seconds. A lag of zero time would be
@@ -31,6 +31,7 @@ class ForceToVoltage(ActuatorEffect):
     neutral = "voltage_per_force"
     term = Term("capacitor_voltage", "force", "s F", "capacitor_voltage over force")
     assumption = 5
+    sizes = (Size("{}", ("voltage_per_force",)),)
 
     voltage_per_force = Parameter(
         0.0,
@@ -59,6 +60,7 @@ class QuadraticStrain(ActuatorEffect):
     neutral = "beta"
     term = Term("charge_elongation", "charge", "beta Q^2", _EVEN)
     assumption = 5
+    sizes = (Size("{} more at 1 C", ("beta",), "m"),)
 
     beta = Parameter(
         0.0,
@@ -89,6 +91,7 @@ class UnequalStrain(ActuatorEffect):
     neutral = "strain_asymmetry"
     assumption = 5
     term = Term("charge_elongation", "charge", "beta_1 |Q|", _EVEN, "modulus")
+    sizes = (Size("{} more whatever the sign of the charge", ("strain_asymmetry",)),)
 
     strain_asymmetry = Parameter(
         0.0,
@@ -120,6 +123,9 @@ class StrainSaturation(ActuatorEffect):
     neutral = "strain_saturation_coefficient"
     term = Term("charge_elongation", "charge", "alpha Q_sat tanh(Q / Q_sat)", _ODD)
     assumption = 5
+    sizes = (
+        Size("levels off beyond {}", ("strain_saturation_coefficient",), "C", lambda c: c**-0.5),
+    )
 
     strain_saturation_coefficient = Parameter(
         0.0,
@@ -154,6 +160,7 @@ class SlowStrainSaturation(ActuatorEffect):
     neutral = "strain_levelling"
     assumption = 5
     term = Term("charge_elongation", "charge", "alpha Q / (1 + c_1 |Q|)", _ODD, "slow")
+    sizes = (Size("half of it lost at {}", ("strain_levelling",), "C", lambda c: 1.0 / c),)
 
     strain_levelling = Parameter(
         0.0,
@@ -185,6 +192,7 @@ class StrainLag(ActuatorEffect):
     neutral = "lag_time"
     term = Term("charge_elongation", "charge", "1 / (T s + 1)", _BEHIND)
     assumption = 5
+    sizes = (Size("a time constant of {}", ("lag_time",)),)
 
     lag_time = Parameter(
         0.0, "s", min=0, max=1e6, doc="time constant with which elongation follows charge"
@@ -221,6 +229,9 @@ class TwoStageStrainLag(ActuatorEffect):
     neutral = "staged_lag_time"
     assumption = 5
     term = Term("charge_elongation", "charge", "1 / (T/2 s + 1)^2", _BEHIND, "two_stages")
+    sizes = (
+        Size("two time constants of {} each", ("staged_lag_time",), "s", lambda time: 0.5 * time),
+    )
 
     staged_lag_time = Parameter(
         0.0, "s", min=0, max=1e6, doc="time of two stages with which elongation follows charge"
@@ -271,6 +282,20 @@ class StrainHysteresis(ActuatorEffect):
         "charge_elongation loop of charge",
     )
     assumption = 5
+    sizes = (
+        Size(
+            "a loop {} wide",
+            ("hysteresis_share", "hysteresis_width"),
+            "C",
+            lambda share, width: 2.0 * share * width,
+        ),
+        Size(
+            "{} of the slope lost after a reversal",
+            ("hysteresis_share",),
+            "%",
+            lambda share: 200.0 * share,
+        ),
+    )
 
     hysteresis_share = Parameter(
         0.0,
@@ -315,6 +340,14 @@ class ChargeDependentStiffness(ActuatorEffect):
     neutral = "softening_per_charge"
     term = Term("spring_elongation", "charge", "exp(s Q)", _SOFTNESS)
     assumption = 1
+    sizes = (
+        Size(
+            "the compliance changes by {} at 1 C",
+            ("softening_per_charge",),
+            "%",
+            lambda s: 100.0 * (exp(s) - 1.0),
+        ),
+    )
 
     softening_per_charge = Parameter(
         0.0,

@@ -7,7 +7,7 @@ from __future__ import annotations
 from math import pi
 from typing import Any
 
-from ...kit import Parameter, State, Term, absolute, exp, maximum, sign, sqrt, where
+from ...kit import Parameter, Size, State, Term, absolute, exp, maximum, sign, sqrt, where
 from .base import ActuatorEffect
 
 # Sections that stand for a diffusion; what is left to the immediate resistance is 4 % of the
@@ -38,6 +38,10 @@ class DoubleLayer(ActuatorEffect):
         "capacitor_voltage remembering current",
     )
     assumption = 4
+    sizes = (
+        Size("{}", ("double_layer_resistance",)),
+        Size("a time constant of {}", ("double_layer_time",)),
+    )
 
     double_layer_resistance = Parameter(
         0.0,
@@ -104,6 +108,10 @@ class Diffusion(ActuatorEffect):
         "capacitor_voltage diffusion of current",
     )
     assumption = 8
+    sizes = (
+        Size("{} of the series resistance", ("diffusion_share",), "%", lambda share: 100.0 * share),
+        Size("a diffusion time of {}", ("diffusion_time",)),
+    )
 
     diffusion_share = Parameter(
         0.0,
@@ -167,6 +175,10 @@ class NonlinearLeakage(ActuatorEffect):
         "supply_current", "voltage", "g max(|V| - V_on, 0)^2", "supply_current over voltage"
     )
     assumption = 8
+    sizes = (
+        Size("{} at 0.1 V above the onset", ("leakage_growth",), "A", lambda growth: 0.01 * growth),
+        Size("sets in at {}", ("leakage_onset",)),
+    )
 
     leakage_growth = Parameter(
         0.0,
@@ -213,6 +225,11 @@ class ChargeDependentCapacitance(ActuatorEffect):
     neutral = "capacitance_falloff"
     term = Term("film_voltage", "charge", "(exp(a Q) - 1) / (a Q)", _CAPACITANCE)
     assumption = 8
+    sizes = (
+        Size(
+            "changes by {} at 1 C", ("capacitance_falloff",), "%", lambda a: 100.0 * (exp(-a) - 1.0)
+        ),
+    )
 
     capacitance_falloff = Parameter(
         0.0,
@@ -241,6 +258,14 @@ class CapacitanceOverModulus(ActuatorEffect):
     neutral = "capacitance_falloff_either_way"
     assumption = 8
     term = Term("film_voltage", "charge", "(exp(a |Q|) - 1) / (a |Q|)", _CAPACITANCE, "modulus")
+    sizes = (
+        Size(
+            "changes by {} at 1 C of either sign",
+            ("capacitance_falloff_either_way",),
+            "%",
+            lambda a: 100.0 * (exp(-a) - 1.0),
+        ),
+    )
 
     capacitance_falloff_either_way = Parameter(
         0.0,
@@ -272,6 +297,14 @@ class EvenCapacitance(ActuatorEffect):
     neutral = "capacitance_bend"
     assumption = 8
     term = Term("film_voltage", "charge", "sqrt(1 + b Q^2)", _CAPACITANCE, "even")
+    sizes = (
+        Size(
+            "charge per voltage changes by {} at 1 C",
+            ("capacitance_bend",),
+            "%",
+            lambda b: 100.0 * (where(b < 0.0, sqrt(1.0 + abs(b)), 1.0 / sqrt(1.0 + abs(b))) - 1.0),
+        ),
+    )
 
     capacitance_bend = Parameter(
         0.0,

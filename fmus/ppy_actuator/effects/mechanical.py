@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...kit import Parameter, State, Term, absolute, minimum, sign, sqrt, where
+from ...kit import Parameter, Size, State, Term, absolute, minimum, sign, sqrt, where
 from .base import ActuatorEffect
 
 _SPRING = "spring_elongation over force"
@@ -23,6 +23,10 @@ class SecondKelvin(ActuatorEffect):
     neutral = "second_creep_compliance"
     term = Term("creep", "force", "J / (T s + 1)", "creep remembering force")
     assumption = 9
+    sizes = (
+        Size("{}", ("second_creep_compliance",)),
+        Size("a time constant of {}", ("second_creep_time",)),
+    )
 
     second_creep_compliance = Parameter(
         0.0,
@@ -69,6 +73,15 @@ class NonlinearStiffness(ActuatorEffect):
     neutral = "load_softening"
     term = Term("spring_elongation", "force", "n (sqrt(F^2 + S^2) - S)", _SPRING)
     assumption = 9
+    sizes = (
+        Size(
+            "the compliance changes by {} under large load",
+            ("load_softening",),
+            "%",
+            lambda n: 100.0 * n,
+        ),
+        Size("about a load of {}", ("softening_load",)),
+    )
 
     load_softening = Parameter(
         0.0,
@@ -118,6 +131,14 @@ class AsymmetricCreep(ActuatorEffect):
         "kelvin_rate", "kelvin_rate", "1 / (1 + r) below 0", "kelvin_rate over its direction"
     )
     assumption = 9
+    sizes = (
+        Size(
+            "recovery takes {} times as long as creep",
+            ("recovery_slowness",),
+            "1",
+            lambda r: 1.0 + r,
+        ),
+    )
 
     recovery_slowness = Parameter(
         0.0,
@@ -147,6 +168,7 @@ class YieldThreshold(ActuatorEffect):
     neutral = "yield_force"
     term = Term("flow_force", "force", "F - clip(F, -F_y, F_y)", "flow_force over force")
     assumption = 9
+    sizes = (Size("no flow below {}", ("yield_force",)),)
 
     yield_force = Parameter(
         0.0, "N", min=0, max=1e6, nominal=0.1, doc="load that the dashpot bears without flow (F_y)"
@@ -171,6 +193,10 @@ class Slack(ActuatorEffect):
     neutral = "slack_compliance"
     term = Term("spring_elongation", "force", "m min(F, P)", _SPRING)
     assumption = 3
+    sizes = (
+        Size("{} more compliance", ("slack_compliance",), "%", lambda m: 100.0 * m),
+        Size("below {}", ("preload",)),
+    )
 
     slack_compliance = Parameter(
         0.0,
@@ -212,6 +238,10 @@ class SmoothSlack(ActuatorEffect):
     neutral = "fading_compliance"
     assumption = 3
     term = Term("spring_elongation", "force", "m F P / (P + |F|)", _SPRING, "smooth")
+    sizes = (
+        Size("{} more compliance without load", ("fading_compliance",), "%", lambda m: 100.0 * m),
+        Size("half of that gone at {}", ("fading_load",)),
+    )
 
     fading_compliance = Parameter(
         0.0,

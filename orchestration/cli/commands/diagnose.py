@@ -14,7 +14,10 @@ from orchestration.cli.outputs import standard_output_for, typed_command
 
 @command(DiagnoseCommand)
 def diagnose(options: DiagnoseCommand) -> None:
-    """Name what a model gets wrong on a record, extend it, and measure the gain on unseen data."""
+    """Name what a model gets wrong on a record, extend it, and measure the gain on unseen data.
+
+    ``ppy laws`` asks every law of the model what it lacks, without looking for effects before.
+    """
     with isolating(options["isolate"]):
         # imported only where it is needed, for it takes half a second
         from orchestration.cli import diagnose as work

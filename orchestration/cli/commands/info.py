@@ -48,7 +48,7 @@ class _Facts(NamedTuple):
     presets: Mapping[str, str] = {}
     made_from: str = ""
     laid_over: Sequence[str] = ()
-    effects: Sequence[type[Effect]] = ()
+    effects: Mapping[type[Effect], str] = {}  # each with what it relaxes
 
 
 def _facts(name: str, effects: Sequence[str]) -> _Facts:
@@ -95,13 +95,15 @@ def _of_class(name: str, cls: type[Component]) -> _Facts:
         {preset: about.doc for preset, about in cls.presets.items()},
         base.name,
         there,
-        [effect for n, effect in known_effects(cls).items() if n not in there],
+        {e: _relaxes(base, e) for name, e in known_effects(cls).items() if name not in there},
     )
 
 
-def _relaxes(effect: type[Effect]) -> str:
-    assumption = effect.assumption
-    return f"assumption {assumption}" if isinstance(assumption, int) else assumption
+def _relaxes(cls: type[Component], effect: type[Effect]) -> str:
+    from fmus.kit.build import relaxed_assumption
+
+    words, number = relaxed_assumption(cls, effect)
+    return f"{words} ({number})" if words and number else words or number
 
 
 def _as_json(known: _Facts) -> dict[str, Any]:
@@ -129,9 +131,9 @@ def _as_json(known: _Facts) -> dict[str, Any]:
                 "output": e.output or None,
                 "summary": _first_line(e),
                 "parameter": e.neutral,
-                "relaxes": _relaxes(e),
+                "relaxes": relaxed,
             }
-            for e in known.effects
+            for e, relaxed in known.effects.items()
         ],
         "step": known.step,
         "tolerance": known.tolerance,
@@ -188,7 +190,7 @@ def _show(known: _Facts) -> None:
         out.print(f"\nstep {known.step:g} s by default{accuracy}")
 
 
-def _show_effects(effects: Sequence[type[Effect]]) -> None:
+def _show_effects(effects: Mapping[type[Effect], str]) -> None:
     """Print the effects that can be laid over a model.
 
     Of measurements each kind once, with the outputs beneath.
@@ -199,7 +201,7 @@ def _show_effects(effects: Sequence[type[Effect]]) -> None:
     table = plain_table(
         "effects that --with lays over it",
         "effect",
-        "what it is (what it relaxes; what switches it)",
+        "what it is (what the model assumes; what switches it)",
     )
     for effect in {(e.id, e.term.qualifier): e for e in effects}.values():
         name = effect_name(effect)
@@ -207,7 +209,7 @@ def _show_effects(effects: Sequence[type[Effect]]) -> None:
         if effect.output:
             name = f"{effect.id}(OUTPUT)"
             switch = switch.replace(effect.output, "OUTPUT")
-        table.add_row(name, f"{_first_line(effect)} ({_relaxes(effect)}; {switch})")
+        table.add_row(name, f"{_first_line(effect)} ({effects[effect]}; {switch})")
     out.print(table)
     outputs = dict.fromkeys(effect.output for effect in effects if effect.output)
     if outputs:

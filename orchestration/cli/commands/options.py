@@ -11,12 +11,15 @@ from fmus.rig_proxy import ENDPOINT, PORT
 from orchestration.api.declaration import REQUIRED, Option
 from orchestration.api.forms import NAMES, PERCENT, TEXTS, TIME, names_among, some_of
 from orchestration.api.options import (
+    BandOptions,
     DiagnoseOptions,
     FittedOption,
     GridOptions,
     InputsOption,
     LawsOptions,
+    LineariseOptions,
     MappingOption,
+    ResponseOptions,
     SamplePeriodOption,
     SettingsOption,
     StudyOptions,
@@ -240,8 +243,8 @@ class ReportOption(TypedDict, total=False):
     report: Annotated[Path | None, Option("Page (.html) with all of it, to look at and pass on.")]
 
 
-class OverOption(TypedDict, total=False):
-    """The values that parameters of a sweep go through."""
+class RangesOption(TypedDict, total=False):
+    """The values that parameters go through."""
 
     over: Annotated[
         Sequence[str],
@@ -254,6 +257,11 @@ class OverOption(TypedDict, total=False):
             form=TEXTS,
         ),
     ]
+
+
+class OverOption(RangesOption, total=False):
+    """The values that parameters of a sweep go through."""
+
     fitted: Annotated[
         Path | None,
         Option(
@@ -294,6 +302,50 @@ class SweepCommand(
     total=False,
 ):
     """Options of ``ppy sweep``."""
+
+
+# --- linear models -------------------------------------------------------------------------------
+
+
+class LinearisedArgument(TypedDict, total=False):
+    """What is linearised, by its place."""
+
+    model: Annotated[
+        str,
+        Option(
+            "A component (see ppy list), path/to/file.py:Class, an .fmu file, or a system: its name"
+            " or .ssp file.",
+            default=REQUIRED,
+            metavar="MODEL|SYSTEM",
+            complete="component",
+            argument=True,
+        ),
+    ]
+
+
+class MatOption(TypedDict, total=False):
+    """The matrices as a MATLAB file."""
+
+    mat: Annotated[
+        Path | None, Option("A, B, C, D with names and units, for MATLAB (.mat).", metavar="FILE")
+    ]
+
+
+class LineariseCommand(
+    LinearisedArgument,
+    LaidOverOption,
+    LineariseOptions,
+    PresetOption,
+    InputFileOption,
+    MappingOption,
+    RangesOption,
+    BandOptions,
+    JsonOption,
+    MatOption,
+    PlotOption,
+    total=False,
+):
+    """Options of ``ppy linearise``."""
 
 
 # --- a model and a record ------------------------------------------------------------------------
@@ -390,6 +442,43 @@ class IdentifyCommand(
     total=False,
 ):
     """Options of ``ppy identify``."""
+
+
+class BesideOption(TypedDict, total=False):
+    """The model beside what was measured, if there is one."""
+
+    model: Annotated[
+        str | None,
+        Option(
+            "Shown beside the record: a component (see ppy list), path/to/file.py:Class, or an .fmu"
+            " file.",
+            metavar="MODEL",
+            complete="component",
+        ),
+    ]
+
+
+class ResponsesOption(TypedDict, total=False):
+    """The responses as a file."""
+
+    out: Annotated[Path | None, Option("Responses with their intervals (.csv).", metavar="FILE")]
+
+
+class FrequencyCommand(
+    RecordArgument,
+    BesideOption,
+    LaidOverOption,
+    MappingOption,
+    SettingsOption,
+    PresetOption,
+    ResponseOptions,
+    ResponsesOption,
+    JsonOption,
+    PlotOption,
+    IsolateOption,
+    total=False,
+):
+    """Options of ``ppy frequency``."""
 
 
 class OutputOption(TypedDict, total=False):
@@ -522,7 +611,9 @@ class LawsOutputs(TypedDict, total=False):
 class LawsCommand(
     JudgedOptions,
     LaidOverOption,
+    BandOptions,
     LawsOptions,
+    LineariseOptions,
     JsonOption,
     ReportOption,
     LawsOutputs,

@@ -156,7 +156,7 @@ def _sweep_of_options(options: SweepCommand) -> Work:
     model = open_model(options["model"], options["runtime"], options["laid_over"])
     fit = None if options["fitted"] is None else read_fitted(options["fitted"], model)
     cases: SweepKeywords = {**only(GridOptions, options), **only(SweepDesignOptions, options)}
-    over = _ranges(options["over"]) if fit is None else _drawn(fit, options["over"], cases)
+    over = ranges_of(options["over"]) if fit is None else _drawn(fit, options["over"], cases)
     settings = _settings(model, over, options)
     if fit is not None:
         for line in fit.differences(settings):
@@ -218,8 +218,19 @@ def _refuse_beside_file(context: typer.Context) -> None:
             raise UserError(f"{parameter.opts[0]}: the file says what is run; change it there")
 
 
-def _ranges(over: Sequence[str]) -> dict[str, Any]:
-    """Return what each parameter goes through, by its name."""
+def ranges_of(over: Sequence[str]) -> dict[str, Any]:
+    """Return what each parameter goes through, by its name.
+
+    Parameters
+    ----------
+    over : sequence of str
+        As ``--over`` has them.
+
+    Raises
+    ------
+    UserError
+        If one is not of the form, or a parameter is named twice.
+    """
     ranges: dict[str, Any] = {}
     for text in over:
         name, equals, values = (part.strip() for part in text.partition("="))

@@ -23,13 +23,19 @@ from fmus.kit.units import with_prefix
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.laws import unit_of
-from orchestration.discrepancy.report.figures import COLOURS, EXTENDED, REFITTED, Chart
-from orchestration.reporting import Markup, Panel, Trace, stacked
+from orchestration.discrepancy.report.figures import COLOURS, Chart
+from orchestration.discrepancy.report.wording import EXTENDED
+from orchestration.reporting import MOST, Markup, Panel, Trace, pictures, stacked
 
 _HEIGHT = 260  # pixels
+WITHOUT = "#52616e"  # of no model: the parameters are those with the effect
 _BINS = 60  # of a signal, within which a function of it hardly changes
 _SCATTER = 0.1  # of the spread of what an effect does, that it may have within a bin
 _WINDOW = 6  # part of a record that is shown of what is no function of a signal
+_MOST_POINTS = 300  # that are drawn of a record
+_NUDGE = 1e-4  # of what a law spans, by which it is changed to see which output shows it
+_SHOWS = 0.1  # of the most that an output answers, below which it tells nothing of the law
+_LOST = 5.0  # times what the law spans, from which on its scatter would hide it
 _FAILURES = (ArithmeticError, AttributeError, KeyError, TypeError, UserError, ValueError)
 
 
@@ -60,6 +66,10 @@ class LawValues(NamedTuple):
         The signal, SI.
     with_effect, without : ndarray, shape (n,)
         The law, SI, for the same states.
+    measured : ndarray, shape (n,)
+        The law that a measured output shows, given all others, SI; NaN where none does.
+    shown_by : str
+        That output, in words; empty where there is none.
     """
 
     law: Quantity
@@ -68,6 +78,8 @@ class LawValues(NamedTuple):
     x: Array
     with_effect: Array
     without: Array
+    measured: Array
+    shown_by: str = ""
 
     @property
     def is_function(self) -> bool:
@@ -102,18 +114,31 @@ def effect_chart(diagnosis: Diagnosis, chosen: FittedCandidate) -> Chart | None:
     if not np.isfinite(values.with_effect + values.without).all():
         return None
     title = within_sentence(effect_title(chosen.effect))
+    words = (
+        f"Points: the {values.shown_by} as measured, less what all other laws of the model make"
+        " of it."
+        if values.shown_by
+        else "No measured output shows this law at the same instant, so there are no points."
+    )
     if values.is_function:
-        return Chart(_over_signal(values), f"The law with and without {title}, along the record.")
+        covered = "" if values.shown_by else " Ticks below: where the record has been."
+        text = f"The law with and without {title}, all else the same. {words}{covered}"
+        return Chart(_over_signal(values), text)
     return Chart(
         _over_time(values),
-        f"The law with and without {title}, where it does most; the states are the same.",
+        f"The law with and without {title}, where it does most; the states are the same. {words}",
     )
 
 
 def _over_signal(values: LawValues) -> Markup:
+    """Draw the law as the function of its signal that it is."""
     order = np.argsort(values.x)
-    across, (x,) = values.signal.scaled(values.x[order])
-    return _draw(values, x, order, across)
+    across, (x,) = values.signal.scaled(values.x)
+    along = np.linspace(x.min(), x.max(), MOST)
+    curves = [
+        np.interp(along, x[order], law[order]) for law in (values.without, values.with_effect)
+    ]
+    return _draw(values, along, curves, x, np.arange(len(x)), across)
 
 
 def _over_time(values: LawValues) -> Markup:
@@ -124,15 +149,42 @@ def _over_time(values: LawValues) -> Markup:
     work = np.convolve(size, np.ones(length), "valid")
     first = int(work.argmax())
     part = np.arange(first, first + length)
-    return _draw(values, values.time[part], part, "time [s]")
+    curves = [values.without[part], values.with_effect[part]]
+    return _draw(values, values.time[part], curves, values.time, part, "time [s]")
 
 
-def _draw(values: LawValues, x: Array, at: Indices, across: str) -> Markup:
-    title, (without, with_effect) = values.law.scaled(values.without[at], values.with_effect[at])
+def _draw(
+    values: LawValues, along: Array, curves: list[Array], x: Array, part: Indices, across: str
+) -> Markup:
+    """Draw the law without and with its effect, and what the record shows of it.
+
+    Parameters
+    ----------
+    values : LawValues
+    along : ndarray, shape (m,)
+        Where the curves are given.
+    curves : list of ndarray, shape (m,)
+        The law without the effect and with it, SI.
+    x : ndarray, shape (n,)
+        Of every sample, the place on the horizontal axis.
+    part : ndarray of int
+        The samples that are drawn.
+    across : str
+        Title of that axis.
+    """
+    known = part[np.isfinite(values.measured[part])] if values.shown_by else part
+    thinned = known[np.unique(np.linspace(0, len(known) - 1, _MOST_POINTS).astype(int))]
+    title, (without, with_effect, measured) = values.law.scaled(*curves, values.measured[thinned])
     traces = [
-        Trace("without the effect", x, without, COLOURS[REFITTED], 2.0),
-        Trace("with the effect", x, with_effect, COLOURS[EXTENDED], 2.0),
+        Trace("without the effect", along, without, WITHOUT, 2.0),
+        Trace("with the effect", along, with_effect, COLOURS[EXTENDED], 2.0),
     ]
+    if values.shown_by:
+        points = Trace("measured", x[thinned], measured, pictures.MEASURED, 3.0, dots=True)
+        traces.insert(0, points)
+    elif values.is_function:
+        foot = np.full(len(thinned), min(without.min(), with_effect.min()))
+        traces.append(Trace("the record", x[thinned], foot, pictures.MEASURED, 1.0, dots=True))
     return stacked([Panel(title, _HEIGHT, traces)], across)
 
 
@@ -157,15 +209,70 @@ def law_values(diagnosis: Diagnosis, effect: type[Effect]) -> LawValues:
     with_effect = _full(one, _called(one, law))
     x = _full(one, _called(one, signal) if signal else one.time)
     unit = _unit(one, cls, law, with_effect)
+    measured, shown_by = _shown_law(diagnosis, one, law, with_effect)
     setattr(one, effect.neutral, _neutral_value(effect))
+    without = _full(one, _called(one, law))
+    if signal == law:  # an input, which is drawn over what was commanded
+        x = without
     return LawValues(
         Quantity(law_title(cls, law), unit),
         _signal_quantity(cls, effect, signal),
         one.time,
         x,
         with_effect,
-        _full(one, _called(one, law)),
+        without,
+        measured,
+        shown_by,
     )
+
+
+def _shown_law(diagnosis: Diagnosis, one: Any, law: str, with_effect: Array) -> tuple[Array, str]:
+    """Return a law as the measured outputs show it, and the output that shows it best.
+
+    An output that answers to the law at the same instant, by so much per change of it, differs from
+    its measurement by that times what the law differs from its own: the partial residuals of Larsen
+    and McCleary, Technometrics 14(3), 1972.
+
+    Returns
+    -------
+    measured : ndarray, shape (n,)
+        SI; NaN where nothing was measured, or the output does not answer.
+    shown_by : str
+        The output in words; empty where none answers, or where noise would hide the law.
+    """
+    best, shown_by = np.full(len(one.time), np.nan), ""
+    span = float(np.ptp(with_effect)) or float(np.abs(with_effect).max())
+    best_scatter = _LOST * span
+    nudged = _nudged(one, law, _NUDGE * span)
+    for output, y in diagnosis.estimation.measured.items():
+        simulated = _full(one, _called(one, output))
+        answer = (_full(nudged, _called(nudged, output)) - simulated) / (_NUDGE * span)
+        answers = np.abs(answer) > _SHOWS * np.abs(answer).max()
+        run = diagnosis.estimation.runs[0].samples
+        away = np.where(answers, y[run] - simulated, np.nan) / np.where(answers, answer, 1.0)
+        scatter = float(np.nanstd(away)) if np.isfinite(away).any() else np.inf
+        if scatter < best_scatter:
+            title = law_title(type(one), output)
+            best, best_scatter, shown_by = with_effect + away, scatter, title
+    return best, shown_by
+
+
+def _nudged(one: Any, law: str, change: float) -> Any:
+    """Return the same instance with a law, or an input, that gives so much more."""
+
+    def more(self: Any, *arguments: Any) -> Any:
+        return getattr(super(nudged, self), law)(*arguments) + change
+
+    def arriving(self: Any) -> Any:
+        return getattr(super(nudged, self), law) + change
+
+    changed: Any = more
+    if not callable(getattr(one, law)):
+        changed = property(arriving, lambda self, value: self.__dict__.update({law: value}))
+    nudged = type(type(one).__name__, (type(one),), {law: changed, "__module__": __name__})
+    other = nudged()
+    other.__dict__.update(one.__dict__)
+    return other
 
 
 def _unit(one: Any, cls: type[Component], law: str, values: Array) -> str:

@@ -19,6 +19,7 @@ from fmus.kit.arrays import Array, Mask
 from fmus.kit.units import format_value, unit_of_differences
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset
+from orchestration.discrepancy.report.wording import EXTENDED, NOMINAL, REFITTED
 from orchestration.discrepancy.residuals import flattening_gain, flattening_pole, spectral_level
 from orchestration.fmu import Model
 from orchestration.identify import chi_squared_quantile
@@ -36,7 +37,6 @@ from orchestration.reporting import (
 )
 
 Simulated = Mapping[str, Mapping[str, Array]]  # outputs, SI, by label of the model and name
-NOMINAL, REFITTED, EXTENDED = "nominal", "refitted", "extended"
 COLOURS = {NOMINAL: "#7fb0d0", REFITTED: pictures.MODEL, EXTENDED: pictures.FITTED}
 _HOURS = 7200.0  # seconds from which on time is shown in hours
 # ratio of the longest to the shortest step from which on time is drawn logarithmic, as in creep
@@ -65,7 +65,7 @@ class ShownModel:
 
     Attributes
     ----------
-    label : {"nominal", "refitted", "extended"}
+    label : {"as it is", "parameters refitted", "with the effect"}
         With the values it came with; with all of them fitted; with the named effects laid over it
         too.
     model : FittedCandidate

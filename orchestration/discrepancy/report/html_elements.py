@@ -8,10 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from fmus.kit import Effect, capitalised, effect_title, summary
+from fmus.kit import Component, Effect, capitalised, effect_title, summary
+from fmus.kit.build import relaxed_assumption
 from fmus.kit.units import Described, format_prefixed
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
-from orchestration.discrepancy.report.wording import NOT_DETERMINED, parameter_title
+from orchestration.discrepancy.report.sizes import NOT_DETERMINED
+from orchestration.discrepancy.report.wording import parameter_title
 from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting import FITTED, Markup, escaped, format_quantities, format_range
 
@@ -161,24 +163,32 @@ def format_estimate(e: Estimate, declared: Described) -> FormattedEstimate:
     )
 
 
-def effect_summary(effect: type[Effect]) -> Markup:
-    """Return the first line of an effect's doc, and which assumption of its model it relaxes."""
+def effect_summary(cls: type[Component], effect: type[Effect]) -> Markup:
+    """Return the first line of an effect's doc, and what its model assumes in place of that.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        The model.
+    effect : type[Effect]
+    """
     text = re.sub(r"``(.+?)``", r"<code>\1</code>", escaped(summary(effect)))
-    assumption = effect.assumption
-    relaxed = f"assumption {assumption}" if isinstance(assumption, int) else escaped(assumption)
-    return Markup(f"{text}; relaxes {relaxed}" if relaxed else text)
+    words, number = relaxed_assumption(cls, effect)
+    small = f" <small>({number})</small>" if number else ""
+    return Markup(f"{text}; {escaped(words)}{small}" if words else f"{text}{small}")
 
 
 def verdict_details(diagnosis: Diagnosis) -> list[Markup]:
     """Return lines that explain a verdict: what the effects do, or how far parameters differ."""
     lines = []
+    cls = diagnosis.selection.base.candidate.cls
     for step in diagnosis.selection.steps:
         for fitted in (step.chosen, *step.alternatives):
             lines.append(
                 Markup(
                     f"<b>{escaped(effect_title(fitted.effect))}</b>"
                     f' <code class="id">{escaped(fitted.effect_name)}</code>:'
-                    f" {effect_summary(fitted.effect)}"
+                    f" {effect_summary(cls, fitted.effect)}"
                 )
             )
     if diagnosis.verdict is Verdict.RECALIBRATE:

@@ -59,6 +59,7 @@ def diagnosis_page(
     sections.add_notes(page, result, done=True)
     page.heading("How it was found")
     add_laws(page, LawReport(result, result.laws))
+    sections.add_least_squares(page, diagnosis)
     records = [*result.records, *result.holdouts]
     if later is not None:
         records += later.records
@@ -76,10 +77,13 @@ def _about(result: Result) -> Markup:
 
 
 def _verdict(result: Result, support: Sequence[str]) -> Markup:
-    """Return the verdict, and what supports it."""
+    """Return the verdict, what supports it, and the first thing to do next."""
     verdict = result.diagnosis.verdict
     chip = elements.chip(verdict, verdict)
-    return Markup(f"{chip} {elements.format_quantities(' '.join(support))}")
+    first_step = escaped(wording.next_steps(result)[0])
+    return Markup(
+        f"{chip} {elements.format_quantities(' '.join(support))}<br><b>Next:</b> {first_step}"
+    )
 
 
 def _division_of_data(result: Result) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,13 +10,8 @@ from fmus.kit import units
 from fmus.kit.units import unit_of_differences
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.discrepancy.report.figures import (
-    COLOURS,
-    EXTENDED,
-    REFITTED,
-    in_display_unit,
-)
-from orchestration.discrepancy.report.wording import answer
+from orchestration.discrepancy.report.figures import COLOURS, in_display_unit
+from orchestration.discrepancy.report.wording import EXTENDED, REFITTED, answer
 from orchestration.discrepancy.validation import simulated_outputs
 from orchestration.fmu import Model
 from orchestration.reporting import pictures
@@ -26,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def draw_diagnosis(diagnosis: Diagnosis, model: Model, path: Path | None = None) -> Figure:
+def draw_diagnosis(diagnosis: Diagnosis, model: Model) -> Figure:
     """Draw the output that gained most, over the validation data.
 
     Parameters
@@ -34,17 +28,10 @@ def draw_diagnosis(diagnosis: Diagnosis, model: Model, path: Path | None = None)
     diagnosis : Diagnosis
     model : Model
         For units.
-    path : Path, optional
-        Picture to write.
 
     Returns
     -------
     matplotlib.figure.Figure
-
-    Raises
-    ------
-    UserError
-        If the file cannot be written.
     """
     output = max(diagnosis.before, key=lambda o: diagnosis.before[o] - diagnosis.after[o])
     signal = model.outputs[output]
@@ -72,8 +59,6 @@ def draw_diagnosis(diagnosis: Diagnosis, model: Model, path: Path | None = None)
     pictures.label(above, output, signal.display)
     pictures.label(below, "residual", difference)
     above.margins(x=0.0)
-    if path is not None:
-        pictures.save(figure, path)
     return figure
 
 

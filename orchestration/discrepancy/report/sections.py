@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from fmus.kit import (
+    Component,
+    Effect,
     UserError,
     capitalised,
     effect_title,
@@ -27,23 +29,19 @@ from orchestration.discrepancy.note import Action, Note, notes_by_action
 from orchestration.discrepancy.pipeline import Result, file_names
 from orchestration.discrepancy.report import figures, html_elements, wording
 from orchestration.discrepancy.report.effect_picture import effect_chart
-from orchestration.discrepancy.report.figures import (
-    EXTENDED,
-    NOMINAL,
-    REFITTED,
-    Parts,
-    ShownModel,
-    Simulated,
-)
+from orchestration.discrepancy.report.figures import Parts, ShownModel, Simulated
 from orchestration.discrepancy.report.html_elements import AxisScale, format_estimate
+from orchestration.discrepancy.report.sizes import told_of_parameter
 from orchestration.discrepancy.report.tables import (
     CHANGE_HEAD,
     TriedEffect,
     change_verdict,
     error_table,
     format_gain,
+    least_squares_table,
     tried_effects,
 )
+from orchestration.discrepancy.report.wording import EXTENDED, NOMINAL, REFITTED
 from orchestration.discrepancy.residuals import ResidualAnalysis
 from orchestration.discrepancy.validation import simulated_outputs
 from orchestration.identify import rms
@@ -123,9 +121,7 @@ def add_errors(
     page.table(head, rows)
     page.parts.append(
         elements.muted_paragraph(
-            "Errors over the spread of the measurement, also where it was fitted. Least squares"
-            " fits the free run of the model without effects, from several starts; what is refitted"
-            " stays within 2 % of it."
+            "The same errors, and those on the part of the record that was fitted."
         )
     )
 
@@ -147,9 +143,9 @@ def _error_bar(
 def _explanation_of_errors(result: Result) -> str:
     selection = result.diagnosis.selection
     text = (
-        "Root mean square of measured minus simulated: in percent of that of the measurement"
-        f" about its mean, and in its unit. {NOMINAL.capitalize()}: the model as it came;"
-        f" {REFITTED}: with all parameters fitted"
+        "Root mean square of measured minus simulated, in percent of the standard deviation of the"
+        f" measurement, and in its unit. {NOMINAL.capitalize()}: the model as it came;"
+        f" {REFITTED}: all of them, without an effect"
     )
     if selection.steps:
         effects = selection.best.candidate.effects
@@ -247,13 +243,14 @@ def add_evidence(page: Page, result: Result) -> None:
     diagnosis = result.diagnosis
     page.subheading("Evidence: what was tried")
     tried = tried_effects(diagnosis)
+    cls = diagnosis.selection.base.candidate.cls
     rejected = [row for row in tried if row.verdict == "rejected"]
     named = [row for row in tried if row.verdict != "rejected"]
     if named:
-        page.table(_EVIDENCE_HEAD, _evidence_rows(named))
+        page.table(_EVIDENCE_HEAD, _evidence_rows(cls, named))
     if rejected:
         with page.folded(f"{len(rejected)} ideas that the record refutes or does not need"):
-            page.table(_EVIDENCE_HEAD, _evidence_rows(rejected))
+            page.table(_EVIDENCE_HEAD, _evidence_rows(cls, rejected))
     if tried:
         page.parts.append(
             elements.muted_paragraph(
@@ -277,14 +274,14 @@ def add_evidence(page: Page, result: Result) -> None:
     page.text(f"{reason}: {titles}.")
 
 
-def _evidence_rows(tried: Sequence[TriedEffect]) -> list[list[str]]:
+def _evidence_rows(cls: type[Component], tried: Sequence[TriedEffect]) -> list[list[str]]:
     largest = max(row.gain for row in tried)
     return [
         [
             elements.named(
                 effect_title(row.candidate.effect),
                 row.candidate.effect_name,
-                html_elements.effect_summary(row.candidate.effect),
+                html_elements.effect_summary(cls, row.candidate.effect),
             ),
             html_elements.number_above_bar(row.gain, largest),
             html_elements.format_probability(row.p_value),
@@ -298,18 +295,14 @@ def add_parameters(page: Page, diagnosis: Diagnosis) -> None:
     """Add the parameters with intervals, beside their nominal values."""
     best = diagnosis.selection.best
     declared = diagnosis.final.problem.declared
-    owners = {
-        name: within_sentence(effect_title(effect))
-        for effect in best.candidate.effects
-        for name in effect.declared
-    }
+    owners = {name: effect for effect in best.candidate.effects for name in effect.declared}
     estimates: dict[str, Estimate] = {}
     starts: dict[str, Estimate] = {}
     for name, e in diagnosis.estimates.items():
         group = starts if declared[name].starts else estimates
         group[name] = e
     scale = AxisScale.covering([e for name, e in estimates.items() if name not in owners])
-    rows = [_parameter_row(diagnosis, name, owners.get(name, ""), scale) for name in estimates]
+    rows = [_parameter_row(diagnosis, name, owners.get(name), scale) for name in estimates]
     page.subheading("Parameters")
     page.table(["parameter", "value (95 %)", "nominal", scale.header], rows)
     if diagnosis.changed:
@@ -323,15 +316,17 @@ def add_parameters(page: Page, diagnosis: Diagnosis) -> None:
         page.text(Markup(f"Where the states start: {texts}."))
 
 
-def _parameter_row(diagnosis: Diagnosis, name: str, owner: str, scale: AxisScale) -> list[str]:
+def _parameter_row(
+    diagnosis: Diagnosis, name: str, owner: type[Effect] | None, scale: AxisScale
+) -> list[str]:
     """Return the cells of a parameter: its meaning, its value, nominal, and its interval drawn.
 
     Parameters
     ----------
     diagnosis : Diagnosis
     name : str
-    owner : str
-        Effect that it belongs to; empty for a parameter of the model.
+    owner : type[Effect] or None
+        Effect that it belongs to; None for a parameter of the model.
     scale : AxisScale
     """
     e = diagnosis.estimates[name]
@@ -339,8 +334,11 @@ def _parameter_row(diagnosis: Diagnosis, name: str, owner: str, scale: AxisScale
     differs = name in diagnosis.changed
     formatted = format_estimate(e, declared)
     interval = ""
+    text = declared.doc
     if owner:
-        remark = f"without {owner}" if e.nominal == declared.start else ""
+        title = within_sentence(effect_title(owner))
+        remark = f"without {title}" if e.nominal == declared.start else ""
+        text = "; ".join([text, *told_of_parameter(diagnosis, owner, name)])
     else:
         remark = html_elements.format_change(e)
         interval = scale.draw_interval(e, differs)
@@ -348,7 +346,7 @@ def _parameter_row(diagnosis: Diagnosis, name: str, owner: str, scale: AxisScale
             remark = elements.chip("differs", remark)
     return [
         elements.named(
-            capitalised(wording.parameter_title(diagnosis, name)), shown_name(name), declared.doc
+            capitalised(wording.parameter_title(diagnosis, name)), shown_name(name), text
         ),
         elements.two_lines(formatted.value, formatted.interval),
         elements.two_lines(formatted.nominal, remark),
@@ -482,6 +480,21 @@ def _note_line(note: Note, titles: Mapping[str, str]) -> str:
         return capitalised(wording.message(note))
     said = capitalised(wording.message(replace(note, subject=titles[note.subject])))
     return Markup(f"{escaped(said)} <code>{escaped(note.subject)}</code>")
+
+
+def add_least_squares(page: Page, diagnosis: Diagnosis) -> None:
+    """Add the errors of plain least squares, where they are not those after the refit."""
+    head, rows = least_squares_table(diagnosis)
+    if not rows:
+        return
+    page.subheading("Where the search began")
+    page.text(
+        "Plain least squares brings the free run of the model without effects as near to the record"
+        " as its parameters can, from several starts, whatever the noise is. From there the"
+        " parameters were refitted to what is likeliest in the noise that is left, which errors of"
+        " the free run alone do not show."
+    )
+    page.table(head, rows)
 
 
 def add_data(page: Page, records: Sequence[Record]) -> None:

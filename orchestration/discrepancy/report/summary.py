@@ -11,6 +11,7 @@ from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.laws import LawReport, headline, law_map
+from orchestration.discrepancy.report.sizes import told_sizes
 from orchestration.discrepancy.report.tables import run_errors
 from orchestration.discrepancy.selection import Step
 from orchestration.discrepancy.validation import Errors
@@ -120,6 +121,7 @@ def _cause(diagnosis: Diagnosis, step: Step, *corrections: Step) -> dict[str, An
         "shape": effect.term.shape,
         "shape_corrections": [other.chosen.effect_name for other in corrections],
         "parameters": {name: diagnosis.estimates[name].to_dict() for name in own_parameters},
+        "sizes": [told.to_dict() for told in told_sizes(diagnosis, effect)],
     }
     evidence = {"delta_bic": step.gain, "p_value": step.p_value}
     if confirmation:

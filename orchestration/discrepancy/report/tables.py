@@ -17,16 +17,13 @@ from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.validation import simulated_outputs
+from orchestration.discrepancy.report.wording import EXTENDED, NOMINAL, REFITTED
+from orchestration.discrepancy.validation import Errors, simulated_outputs
 from orchestration.identify import finite_or_none, normalised_rms
 from orchestration.records import MeasuredRun
 
-_MODELS = {
-    "untouched": "nominal",
-    "least_squares": "least squares",
-    "refitted": "refitted",
-    "extended": "extended",
-}
+_MODELS = {"untouched": NOMINAL, "refitted": REFITTED, "extended": EXTENDED}
+_NOTICED = 0.05  # relative difference of two errors that says something to a reader
 CHANGE_HEAD = ["parameter", "before", "after", "gain", "verdict"]
 
 
@@ -113,9 +110,8 @@ def error_table(diagnosis: Diagnosis) -> tuple[list[str], list[list[str]]]:
         One for every output and part of the data, with a column for every model.
     """
     models = [name for name in _MODELS if name in diagnosis.fitted_errors]
-    parts = {"fitted": diagnosis.fitted_errors, "held out": diagnosis.judged_errors}
     rows = []
-    for part, errors in parts.items():
+    for part, errors in _parts(diagnosis).items():
         for output in next(iter(errors.values()), {}):
             cells = [
                 wording.format_error(errors[name][output]) if name in errors else ""
@@ -123,6 +119,35 @@ def error_table(diagnosis: Diagnosis) -> tuple[list[str], list[list[str]]]:
             ]
             rows.append([output, part, *cells])
     return ["output", "where", *(_MODELS[name] for name in models)], rows
+
+
+def least_squares_table(diagnosis: Diagnosis) -> tuple[list[str], list[list[str]]]:
+    """Return head and rows of a table of the errors of plain least squares, where they tell more.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+
+    Returns
+    -------
+    head : list of str
+    rows : list of list of str
+        One for every output and part of the data in which another error is left than by the
+        refitted parameters.
+    """
+    rows = []
+    for part, errors in _parts(diagnosis).items():
+        plain = errors.get("least_squares", {})
+        for output, error in plain.items():
+            refitted = errors["refitted"][output]
+            if not abs(error - refitted) <= _NOTICED * refitted:
+                cells = map(wording.format_error, (error, refitted))
+                rows.append([output, part, *cells])
+    return ["output", "where", "plain least squares", REFITTED], rows
+
+
+def _parts(diagnosis: Diagnosis) -> dict[str, Errors]:
+    return {"fitted": diagnosis.fitted_errors, "held out": diagnosis.judged_errors}
 
 
 @dataclass(frozen=True)

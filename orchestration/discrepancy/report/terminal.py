@@ -18,6 +18,7 @@ from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.laws import LawReport, headline
 from orchestration.discrepancy.report.laws import terminal as law_terminal
+from orchestration.discrepancy.report.sizes import told_of_parameter
 from orchestration.discrepancy.report.tables import (
     CHANGE_HEAD,
     RunError,
@@ -80,7 +81,7 @@ def _verdict(result: Result) -> list[Text]:
 
 
 def _errors(diagnosis: Diagnosis) -> Table:
-    """Return the errors of the model as it is, fitted by least squares, refitted and extended."""
+    """Return the errors of the model as it is, with parameters refitted, and with the effect."""
     head, rows = error_table(diagnosis)
     table = plain_table("error of the free run, rms over the spread of the signal", *head)
     for row in rows:
@@ -115,14 +116,17 @@ def _evidence(diagnosis: Diagnosis) -> Table:
 
 
 def _parameters(diagnosis: Diagnosis) -> Table:
+    owners = {n: e for e in diagnosis.selection.best.candidate.effects for n in e.declared}
     table = plain_table("parameters", "name", "value", "95 % interval", "nominal", "is")
     for name, e in diagnosis.estimates.items():
         declared = diagnosis.final.problem.declared[name]
         interval = wording.format_interval(e.interval, partial(format_value, variable=declared))
         value = format_value(e.value, declared)
-        differs = f"{wording.parameter_title(diagnosis, name)}{_mark(diagnosis, name)}"
+        means = [f"{wording.parameter_title(diagnosis, name)}{_mark(diagnosis, name)}"]
+        if name in owners:
+            means += told_of_parameter(diagnosis, owners[name], name)
         nominal = format_value(e.nominal, declared)
-        table.add_row(shown_name(name), value, interval, nominal, differs)
+        table.add_row(shown_name(name), value, interval, nominal, "; ".join(means))
     return table
 
 

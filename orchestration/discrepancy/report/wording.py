@@ -8,13 +8,14 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from fmus.kit import capitalised, effect_title, in_words, law_title, within_sentence
-from fmus.kit.units import Described, format_prefixed
+from fmus.kit.units import format_prefixed
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.design import DiscriminatingExperiment
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.note import MIXED_UP, Note, NoteCode
 from orchestration.discrepancy.pipeline import Result
+from orchestration.discrepancy.report.sizes import NOT_DETERMINED, format_estimated, told_sizes
 from orchestration.discrepancy.residuals import (
     ConditionalMean,
     CrossCorrelation,
@@ -25,15 +26,15 @@ from orchestration.discrepancy.residuals import (
 )
 from orchestration.discrepancy.selection import ACCEPT, Step
 from orchestration.discrepancy.validation import Outcome
-from orchestration.identify.uncertainty import Estimate
 from orchestration.records import base_name, shown_name
 from orchestration.reporting import option
 
+# models that a diagnosis compares
+NOMINAL, REFITTED, EXTENDED = "as it is", "parameters refitted", "with the effect"
 INCONCLUSIVE = "This record cannot tell whether anything is wrong: no input moves."
 _NAMED = 3  # parameters that are told in a sentence
 _NO_PHRASES: Mapping[str, str] = MappingProxyType({})
 UNSEEN = "data that no fit has seen"
-NOT_DETERMINED = "not determined"  # in place of an interval
 REFUTED = "unseen data refute it"
 _LISTED = 5  # names of many that are listed
 _UNCOUNTED = 1e4  # percent, from which on a share is not written out
@@ -410,16 +411,6 @@ def parameter_title(diagnosis: Diagnosis, name: str) -> str:
     return shown_name(name).replace(base, title, 1)
 
 
-def format_estimated(e: Estimate, declared: Described) -> str:
-    """Return a value with its unit, and with as many digits as its interval gives meaning to."""
-    low, high = e.interval
-    half = 0.5 * (high - low)
-    if not math.isfinite(half):
-        return f"{format_prefixed(e.value, declared, 2)} ({NOT_DETERMINED})"
-    known = math.log10(abs(e.value) / half) if e.value and half > 0.0 else 3.0
-    return format_prefixed(e.value, declared, min(max(math.ceil(known), 2), 3))
-
-
 def _cause(diagnosis: Diagnosis, phrases: Mapping[str, str]) -> list[str]:
     strong: list[str] = []
     weak: list[str] = []
@@ -459,11 +450,17 @@ def _describe_cause(diagnosis: Diagnosis, step: Step, phrases: Mapping[str, str]
     if not step.alternatives:
         return f"{title}: {size}" if size else title
     others = [within_sentence(effect_title(other.effect)) for other in step.alternatives]
-    own = f"{within_sentence(title)} ({size})" if size else within_sentence(title)
+    own = f"{within_sentence(title)}, {size}," if size else within_sentence(title)
     return f"either {own} or {' or '.join(others)}"
 
 
 def _size(diagnosis: Diagnosis, chosen: FittedCandidate) -> str:
+    """Return how large an effect is; of one that does not say how, the values of its parameters."""
+    told = [size.text for size in told_sizes(diagnosis, chosen.effect)]
+    return ", ".join((told or _own_values(diagnosis, chosen))[:_NAMED])
+
+
+def _own_values(diagnosis: Diagnosis, chosen: FittedCandidate) -> list[str]:
     """Return the values of an effect's own parameters, with the names of those without a unit."""
     values = []
     for name in own_parameters(chosen.effect):
@@ -473,7 +470,7 @@ def _size(diagnosis: Diagnosis, chosen: FittedCandidate) -> str:
         value = format_estimated(diagnosis.estimates[name], declared)
         is_named = declared.title or declared.unit == "1"
         values.append(f"{parameter_title(diagnosis, name)} {value}" if is_named else value)
-    return ", ".join(values[:_NAMED])
+    return values
 
 
 def _gain(diagnosis: Diagnosis) -> list[str]:
@@ -486,7 +483,8 @@ def _gain(diagnosis: Diagnosis) -> list[str]:
     effects = "them" if diagnosis.causes[1:] else "it"
     return [
         f"With {effects} in the model the error{_of_output(diagnosis, output)} falls from"
-        f" {format_percent(before[output])} to {format_percent(after[output])} on {UNSEEN}."
+        f" {format_percent(before[output])} ({REFITTED}) to {format_percent(after[output])} on"
+        f" {UNSEEN}."
     ]
 
 
@@ -553,10 +551,10 @@ _NEXT = {
         "Nothing has to change. A record that moves more asks more of the model.",
     ),
     Verdict.RECALIBRATE: (
-        "Take the fitted values over: the same diagnosis with {FMU} writes the model with them.",
+        "Take the fitted values over: repeat the diagnosis with {FMU} to write that model.",
         "Confirm them on another record: {HOLDOUT}.",
     ),
-    Verdict.CAUSE: ("Go on with the extended model: the same diagnosis with {FMU} writes it.",),
+    Verdict.CAUSE: ("Go on with the extended model: repeat the diagnosis with {FMU} to write it.",),
     Verdict.AMBIGUOUS: (
         "Run an experiment that tells these apart ({EXPERIMENT} writes one), and diagnose"
         " its record.",

@@ -487,6 +487,7 @@ def test_plain_components_tell_nothing(fmu):
         ("laws", "r.csv"),
         ("simulate", "ppy_actuator", "--input", "r.csv"),
         ("black-box", "r.csv", "--output", "voltage"),
+        ("frequency", "r.csv", "--model", "ppy_actuator"),
     ],
     ids=lambda arguments: arguments[0],
 )

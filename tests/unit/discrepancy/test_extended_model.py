@@ -166,9 +166,12 @@ def test_the_fmu_says_what_was_added_and_fitted(one):
 
 
 def test_it_is_told_which_assumption_is_relaxed(made):
-    assert "relaxes assumption 5 of its documentation" in made("saturation").cls.remark
-    assert "relaxes the assumption that the sensor follows at once" in made("lag").cls.remark
-    assert "relaxes the assumption that friction is viscous" in made("stage").cls.remark
+    assert (
+        "the model assumes that elongation is proportional to charge, and the load does not change"
+        " the voltage (assumption 5 of its documentation)"
+    ) in made("saturation").cls.remark
+    assert "the model assumes that the sensor follows at once" in made("lag").cls.remark
+    assert "the model assumes that friction is viscous" in made("stage").cls.remark
 
 
 def test_only_parameters_are_told_of_where_nothing_was_added(tmp_path):

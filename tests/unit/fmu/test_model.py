@@ -12,7 +12,7 @@ import pytest
 from fmus.kit import UserError
 from fmus.kit.units import format_value
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.model import built, declared_model, find_model
+from orchestration.fmu.model import built, declared_model, find_model, known_class
 from orchestration.fmu.simulation import simulate_instance
 from tests.support.archive import edited
 
@@ -124,3 +124,16 @@ def test_effects_are_declared_as_they_are_built():
     declared = declared_model("ppy_actuator", effects)
     assert declared.effects == tuple(effects)
     assert dict(declared.outputs) == dict(find_model("ppy_actuator", "python", effects).outputs)
+
+
+@pytest.mark.parametrize("runtime", ["native", "python"])
+def test_the_class_of_a_plain_build_is_known_by_its_guid_with_the_values_it_has(
+    fmu, tmp_path, runtime
+):
+    path = fmu("ppy_actuator", runtime)
+    plain = known_class(path)
+    assert (plain.name, plain().R1) == ("ppy_actuator", 0.43)
+    other = edited(path, tmp_path / "o.fmu", lambda n, c: (n, c.replace(b'"0.43"', b'"0.6"')))
+    assert known_class(other)().R1 == 0.6
+    renamed = edited(path, tmp_path / "r.fmu", lambda n, c: (n, c.replace(b'guid="{', b'guid="{0')))
+    assert known_class(renamed) is None

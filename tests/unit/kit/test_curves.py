@@ -5,11 +5,14 @@ Oracle: equations of motion with the missing term, integrated by SciPy.
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
+import pint
 import pytest
 
 from fmus.kit import UserError, effect_name
-from fmus.kit.curves import SHAPES, EffectNames, curve
+from fmus.kit.curves import SHAPES, EffectNames, curve, per
 from tests.support.pushed_mass import DAMPER, LITTLE, MASS, SPRING, A, W, follows, static
 
 BY_HAND = {
@@ -53,6 +56,26 @@ def test_a_curve_in_a_law_is_what_its_formula_says(law, shape):
     follows(effect, values, static(lambda x: size * BY_HAND[shape](x), 0 if law is SPRING else 1))
 
 
+@pytest.mark.parametrize("shape", sorted(SHAPES))
+def test_what_a_curve_is_said_to_add_somewhere_it_adds_there(shape):
+    effect = curve(MASS, *SPRING, shape, "N", scale=0.123)
+    amount, *bends = effect.sizes
+    assert amount.parameters == (effect.neutral,)
+    if amount.unit:
+        place, unit = re.fullmatch(r"{} more at ([\d.]+) (\w+)", amount.phrase).groups()
+        nominal = next(s.nominal for s in MASS.layout.states if s.name == SPRING[1])
+        root = nominal**0.5 if shape == "square_root" else 1.0
+        assert amount.quantity(A) == pytest.approx(
+            A * root * BY_HAND[shape](float(place)), rel=1e-5
+        )
+        assert (float(place), unit, amount.unit) == (0.12, "m", "N")
+    assert [bend.phrase for bend in bends] == [SHAPES[shape].bend] * bool(SHAPES[shape].bend)
+    if "sets in" in SHAPES[shape].bend:
+        (bend,) = bends
+        place = bend.quantity(W)
+        assert abs(BY_HAND[shape](0.5 * place)) < 0.1 * abs(BY_HAND[shape](2.0 * place))
+
+
 def test_mistakes_are_told_in_one_line():
     with pytest.raises(UserError, match=r"no shape named 'cubik' \(did you mean cubic"):
         curve(MASS, *SPRING, "cubik")
@@ -69,3 +92,20 @@ def test_an_effect_has_the_names_that_are_given():
     assert list(effect.declared) == ["stiffening", "spring_force_saturating_width"]
     assert effect.neutral == "stiffening"
     assert list(curve(MASS, *SPRING, "cubic").declared) == ["spring_force_cubic"]
+
+
+@pytest.mark.parametrize(
+    ("unit", "below", "power", "written"),
+    [
+        ("V", "A", 1, "ohm"),
+        ("C", "V", 1, "F"),
+        ("V", "A", 2, "V/A^2"),
+        ("N*s/m", "m", 1, "(N*s/m)/m"),
+        ("N", "1", 1, "N"),
+    ],
+)
+def test_a_quotient_with_a_name_has_it(unit, below, power, written):
+    """pint is the oracle for what it measures."""
+    one = pint.UnitRegistry()
+    assert per(unit, below, power) == written
+    assert one.Quantity(1.0, written) == one.Quantity(1.0, unit) / one.Quantity(1.0, below) ** power

@@ -10,8 +10,12 @@ import pytest
 
 from fmus.kit import UserError, stack
 from fmus.kit.inputs import (
+    asymmetric_dead_zone,
+    backlash,
     dead_zone,
+    input_lag,
     input_offset,
+    input_saturation,
 )
 from tests.support.pushed_mass import BASE, INPUT_CASES, MASS, M, follows
 
@@ -42,3 +46,42 @@ def test_effects_on_one_input_follow_one_another():
 def test_an_input_that_is_none_is_refused():
     with pytest.raises(UserError, match="mass_spring_damper: no real input named 'voltage'"):
         dead_zone(MASS, "voltage")
+
+
+def arriving(effect, values, force, **more):
+    model = stack(MASS, effect)(**values)
+    model.force = force
+    for name, value in more.items():
+        setattr(model, name, value)
+    return model.force
+
+
+def test_sizes_are_what_arrives():
+    zone = dead_zone(MASS, "force")
+    (dead,) = (size.quantity(2.0) for size in zone.sizes)
+    assert arriving(zone, {"force_dead_zone": 2.0}, 0.999 * dead) == 0.0
+    assert arriving(zone, {"force_dead_zone": 2.0}, 1.001 * dead) > 0.0
+
+    zone = asymmetric_dead_zone(MASS, "force")
+    values = {"force_dead_zone_end": 2.0, "force_dead_zone_ratio": 1.5}
+    upper, lower = zone.sizes
+    assert arriving(zone, values, 0.999 * lower.quantity(2.0, 1.5)) == 0.0
+    assert arriving(zone, values, 1.001 * lower.quantity(2.0, 1.5)) < 0.0
+    assert arriving(zone, values, 1.001 * upper.quantity(2.0)) > 0.0
+
+    level = input_saturation(MASS, "force")
+    (most,) = (size.quantity(0.04) for size in level.sizes)
+    assert arriving(level, {"force_saturation": 0.04}, 1e6) == pytest.approx(most)
+
+    play = backlash(MASS, "force")
+    (gap,) = (size.quantity(0.3) for size in play.sizes)
+    ends = [
+        force - arriving(play, {"force_play": 0.3}, force, force_passed_on=0.0)
+        for force in (5.0, -5.0)
+    ]
+    assert gap == pytest.approx(ends[0] - ends[1])
+
+    late = input_lag(MASS, "force")
+    values = {"force_lagging_share": 0.4, "force_lag": 1.0}
+    at_once = arriving(late, values, 1.0, force_behind=0.0)
+    assert late.sizes[0].quantity(0.4) == pytest.approx(100.0 * (1.0 - at_once))

@@ -109,6 +109,14 @@ def test_every_real_output_has_every_effect():
                 assert declared.unit == output.unit + ("/s" if name == "drift" else "")
 
 
+def test_a_sensor_reads_the_share_that_is_said():
+    gain = sensor_gain(PpyActuator, "voltage")
+    read = stack(PpyActuator, gain)(current=0.5, voltage_gain=1.03).voltage()
+    (size,) = gain.sizes
+    assert size.parameters == (gain.neutral,)
+    assert size.quantity(1.03) == pytest.approx(100.0 * read / PpyActuator(current=0.5).voltage())
+
+
 def test_names_and_titles():
     voltage, displacement = (sensor_lag(PpyActuator, name) for name in ("voltage", "displacement"))
     cls = stack(PpyActuator, voltage, displacement)

@@ -4,16 +4,19 @@ averaged or refused, and what is even is diagnosed as such.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from fmus.kit import UserError
 from fmus.kit.sensors import sensor_drift, sensor_lag, transport_delay
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.identify.noise.autoregression import fit_autoregression
-from orchestration.records.clock import JITTER, evenly_sampled
+from orchestration.records.clock import JITTER, evenly_sampled, sample_period
 from tests.support.intersample_records import TRUE, record
 from tests.support.record_rows import read, refusal, varied_rows, write_rows
 
@@ -25,6 +28,15 @@ def test_five_milliseconds_of_jitter_are_even(rate):
     random, time = np.random.default_rng(1), np.arange(3000) / rate
     for shift in (random.uniform(-5e-3, 5e-3, time.size), 5e-3 * random.standard_normal(time.size)):
         assert evenly_sampled(np.sort(time + shift))
+
+
+def test_the_period_of_a_clock_that_keeps_one():
+    time = 0.1 * np.arange(200.0)
+    jitter = np.random.default_rng(1).uniform(-4e-4, 4e-4, time.size)
+    assert sample_period(Path("r.csv"), time + jitter, "this") == pytest.approx(0.1, rel=1e-4)
+    time[150:] += 0.05
+    with pytest.raises(UserError, match=r"r.csv: samples are 0.1 s apart, but 0.15 s after 14.9 s"):
+        sample_period(Path("r.csv"), time, "this")
 
 
 def test_other_clocks_are_not():

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from fmus.kit import UserError
-from orchestration.records import parse_mapping, read_record
+from orchestration.records import parse_mapping, read_columns, read_record
 from tests.support import vendors
 from tests.support.record_forms import write
 from tests.support.record_rows import read, varied_rows, write_rows
@@ -34,6 +34,17 @@ def test_values_at_the_edge_of_the_doubles_do_no_harm(tmp_path):
         )
     )
     assert record.signals["u"][:2].tolist() == [1.7e308, -1.7e308]
+
+
+def test_columns_are_read_under_their_own_names_in_their_own_units(tmp_path):
+    path = tmp_path / "r.csv"
+    path.write_text("t [ms],i [mA],v [V],w\n0,1,2,3\n100,2,3,4\n200,1,2,3\n", encoding="utf-8")
+    record = read_columns(path, ["i", "w"], ["i"])
+    assert record.units == {"i": "mA", "w": "1"}
+    assert record.time == pytest.approx([0.0, 0.1, 0.2])
+    assert record.signals["i"].tolist() == [1.0, 2.0, 1.0]
+    with pytest.raises(UserError, match=r"r.csv: no column 'x'.*t, i, v, w"):
+        read_columns(path, ["x"])
 
 
 @pytest.mark.parametrize(

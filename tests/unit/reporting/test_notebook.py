@@ -12,6 +12,7 @@ from rich.text import Text
 
 from fmus.kit import UserError
 from orchestration.reporting import Displayable, one_line, pictures, plain_table
+from orchestration.reporting.page import SCROLLED
 
 
 class Elements(html.parser.HTMLParser):
@@ -73,6 +74,7 @@ def test_a_notebook_gets_a_table_and_paragraphs():
         *["tbody", "tr", "td", "td", "tr", "td", "td", "p"],
     ]
     assert "<p>a &lt; b</p>" in page
+    assert f'<div tabindex="0" style="overflow-x:auto;{SCROLLED}">' in page
     assert "of &lt;both&gt;" in page
     assert re.findall(r'<td style="text-align:(\w+)">([^<]*)</td>', page) == [
         ("left", "a &amp; b"),

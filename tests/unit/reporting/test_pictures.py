@@ -20,6 +20,14 @@ def test_panels_share_their_time(drawn):
     assert figure.get_suptitle() == "r\\udce9cord.csv"
 
 
+def test_a_mosaic_has_its_panels_by_name():
+    figure, axes = pictures.mosaic([["magnitude", "plane"], ["phase", "plane"]], "r.csv")
+    places = {name: axis.get_position() for name, axis in axes.items()}
+    assert set(places) == {"magnitude", "phase", "plane"}
+    assert places["plane"].height > 1.5 * places["phase"].height
+    assert figure.get_suptitle() == "r.csv"
+
+
 def test_an_axis_has_the_unit_of_its_signal(drawn):
     _, (upper, lower) = drawn
     pictures.label(upper, "motor_voltage", "V")

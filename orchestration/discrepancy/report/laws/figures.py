@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -140,20 +139,17 @@ def _describe_entry(entry: Entry) -> str:
     return f"{entry.law}{factor} over {describe_signal(entry.signal)}: {entry.curve.gain:.3g}"
 
 
-def draw_curve(law_report: LawReport, correction: Correction, path: Path | None = None) -> Figure:
+def draw_curve(law_report: LawReport, correction: Correction) -> Figure:
     """Draw the curve with its band as a picture.
 
     Parameters
     ----------
     law_report : LawReport
     correction : Correction
-    path : Path, optional
-        Picture to write.
 
-    Raises
-    ------
-    UserError
-        If the file cannot be written.
+    Returns
+    -------
+    matplotlib.figure.Figure
     """
     curve = _curve(correction)
     entry = correction.entry
@@ -183,6 +179,4 @@ def draw_curve(law_report: LawReport, correction: Correction, path: Path | None 
     axis.legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1
     )
-    if path is not None:
-        pictures.save(figure, path)
     return figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fmus.kit import capitalised, in_words, variable_title
 from orchestration.discrepancy.laws import Correction
 from orchestration.discrepancy.report import html_elements
-from orchestration.discrepancy.report.figures import COLOURS, EXTENDED, REFITTED
+from orchestration.discrepancy.report.figures import COLOURS
 from orchestration.discrepancy.report.laws import figures, wording
 from orchestration.discrepancy.report.laws.formula import typeset_equation
 from orchestration.discrepancy.report.laws.law_report import (
@@ -17,7 +17,7 @@ from orchestration.discrepancy.report.laws.law_report import (
     shape_formula,
 )
 from orchestration.discrepancy.report.sections import add_data, add_notes
-from orchestration.discrepancy.report.wording import format_interval
+from orchestration.discrepancy.report.wording import EXTENDED, REFITTED, format_interval
 from orchestration.discrepancy.validation import parameter_estimates
 from orchestration.reporting import Bar, Markup, Page, elements, escaped, format_quantities
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fmus.kit import (
+    SHAPES,
     capitalised,
     effect_name,
     effect_title,
@@ -59,19 +60,8 @@ _SHAPES = {
     "sign_beyond": "a sign beyond a dead zone",
     "levelling": "a line with a flat middle",
 }
-# by shape, where it bends; other shapes have no width, or none that can be seen
-_BENDS = {
-    "saturating": "levels off beyond about {width}",
-    "exponential": "grows e times with every {width}",
-    "stribeck": "falls off beyond about {width}",
-    "levelling": "sets in beyond about {width} on either side",
-    "sign_beyond": "sets in beyond {width} on either side",
-    "stops": "sets in beyond {width} on either side",
-    "weir": "sets in above {width}",
-    "upper_stop": "sets in above {width}",
-    "lower_stop": "sets in below {below}",
-}
-_WIDTH_IS_PLACE = ("weir", "upper_stop", "lower_stop")  # not a distance from zero on either side
+# by shape whose width is a place, not a distance from zero on either side: where that is
+_SIDES = {"weir": 1.0, "upper_stop": 1.0, "lower_stop": -1.0}
 # ratio of the effects at both ends of a signal, from which on that at the upper end is stated
 _AS_LARGE = 0.9
 _BROAD = 10.0  # ratio of the time constants of a spectrum, from which on it is broad
@@ -223,18 +213,15 @@ def _evaluate(correction: Correction, x: Array) -> Array:
 
 def _describe_bend(law_report: LawReport, correction: Correction) -> str:
     """Return where the shape of a correction bends; empty if it has no such place."""
-    template = _BENDS.get(correction.shape, "")
+    template = SHAPES[correction.shape].bend if correction.shape else ""
     width = shape_width(correction)
     if not template or width is None:
         return ""
     _, unit = law_report.units(correction)
     zero = law_and_signal(correction.model.effect)[1].zero
-    is_place = correction.shape in _WIDTH_IS_PLACE
-    bend = template.format(
-        width=format_with_unit(zero + width if is_place else width, unit),
-        below=format_with_unit(zero - width, unit),
-    )
-    if zero and not is_place and correction.shape != "exponential":
+    side = _SIDES.get(correction.shape, 0.0)
+    bend = template.format(format_with_unit(zero + side * width if side else width, unit))
+    if zero and not side and correction.shape != "exponential":
         return f"{bend} from {format_with_unit(zero, unit)}"
     return bend
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from fmus.kit import UserError, suggestion
-from fmus.kit.arrays import Array
 from fmus.kit.units import convert
 from orchestration.identify.black_box.data import InputOutputData, input_output_data
 from orchestration.records import (
+    UNEVEN,
     Column,
     Table,
     find_time,
@@ -20,10 +20,9 @@ from orchestration.records import (
     numbers,
     read_record,
     read_table,
+    sample_period,
 )
 from orchestration.reporting import option
-
-_UNEVEN = 0.01  # of a sample period, by which samples may be off it
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ def read_columns(
     units = {column.name: column.unit or "1" for column in table.columns if column.name in used}
     if step is None:
         record = read_record(path, units, required=list(units), inputs=chosen)
-        period = _period(path, record.time)
+        period = sample_period(path, record.time, "a black-box model")
         values = record.signals
         notes = tuple(repair.message for repair in record.repairs)
     else:
@@ -142,7 +141,7 @@ def _check_count(table: Table, used: Container[str]) -> None:
         )
     count = numbers(table, first)
     # written as a negation, so that NaN, a gap, counts as a step that is off
-    uneven = np.flatnonzero(~(np.abs(np.diff(count) - 1.0) <= _UNEVEN))
+    uneven = np.flatnonzero(~(np.abs(np.diff(count) - 1.0) <= UNEVEN))
     if uneven.size:
         one = count[uneven[0]]
         next_one = count[uneven[0] + 1]
@@ -159,16 +158,3 @@ def _is_time(column: Column) -> bool:
     except UserError:
         return False
     return True
-
-
-def _period(path: Path, time: Array) -> float:
-    """Return the sample period of a clock that keeps one; refuse one that does not."""
-    steps = np.diff(time)
-    period = float(np.median(steps))
-    worst = int(np.argmax(np.abs(steps - period)))
-    if abs(steps[worst] - period) > _UNEVEN * period:
-        raise UserError(
-            f"{path}: samples are {period:g} s apart, but {steps[worst]:g} s after {time[worst]:g}"
-            " s: a black-box model needs equal steps; cut out an even stretch, or resample"
-        )
-    return float((time[-1] - time[0]) / (len(time) - 1))

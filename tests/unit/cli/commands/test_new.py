@@ -65,7 +65,7 @@ def test_an_effect_goes_into_the_catalogue_of_its_model_as_its_rows_say(tmp_path
     assert "`../tank.py`, `EFFECTS`" in rows(tmp_path / "more" / "leak.md")
     body = (tmp_path / "more" / "leak.py").read_text().split("\n\n\n")[1]
     text = (tmp_path / "tank.py").read_text()
-    text = text.replace("import Component,", "import Component, Effect, Term,")
+    text = text.replace("import Component,", "import Component, Effect, Size, Term,")
     text = text.replace("EFFECTS = {}", f"{body}\n\n\nEFFECTS = {{Leak.id: Leak}}")
     (tmp_path / "tank.py").write_text(text)
     assert list(catalogue(find_class(f"{tmp_path / 'tank.py'}:Tank"))) == ["leak"]

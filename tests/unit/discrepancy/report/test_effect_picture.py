@@ -7,12 +7,15 @@ import pytest
 
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.generic import cubic_stiffness
+from fmus.kit.inputs import dead_zone
 from fmus.kit.sensors import sensor_lag
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.report import effect_picture
 from orchestration.discrepancy.report.effect_picture import LawValues, Quantity
+from orchestration.reporting import pictures
 from tests.support.pages import charts_of, words_of
+from tests.support.wired_motor import FRICTION, Motor
 
 COUNT, STEP, NOISE, STRENGTH = 1500, 0.1, 0.02, 0.3
 
@@ -83,9 +86,78 @@ def test_the_law_is_that_of_the_plant_with_the_effect_and_linear_without(cubed):
 def test_it_is_drawn_over_the_signal_with_names_for_people(cubed):
     chart = effect_picture.effect_chart(cubed, cubed.selection.steps[0].chosen)
     words = words_of(chart.drawn)
-    assert words.startswith("without the effect with the effect amplified [V]")
+    assert words.startswith("measured without the effect with the effect amplified [V]")
     assert words.endswith("control signal [V]")
     assert "a spring that hardens" in chart.caption
+
+
+def test_the_law_is_measured_where_an_output_shows_it(cubed):
+    """What is shown is the law itself, so that the points are what was measured, but fewer."""
+    values = effect_picture.law_values(cubed, CUBE)
+    measured = cubed.estimation.measured["shown"]
+    assert values.measured == pytest.approx(measured, rel=1e-9, abs=1e-9)
+    assert values.shown_by == "what comes out"
+    chart = effect_picture.effect_chart(cubed, cubed.selection.steps[0].chosen)
+    ((panel,),) = charts_of(f"{chart.drawn}</figure>")
+    points = panel.lines[pictures.MEASURED]
+    assert 250 < len(points) <= 300 < len(measured)
+    assert "Points: the what comes out as measured" in chart.caption
+
+
+def test_a_law_is_measured_by_an_output_that_shows_a_multiple_of_it_beside_others():
+    """By hand: y = 3 (2 u) + u, of which the law is (y - u) / 3."""
+
+    class Mixed(Amplifier):
+        @Output("V")
+        def shown(self):
+            return 3.0 * self.amplified() + self.signal
+
+    cubic = cubic_stiffness(Mixed, "amplified", "signal", "V")
+    record = drawn(lambda u: 3.0 * (2.0 * u + STRENGTH * u**3) + u)
+    diagnosis = diagnose(Mixed, record, [cubic])
+    values = effect_picture.law_values(diagnosis, cubic)
+    by_hand = (diagnosis.estimation.measured["shown"] - values.x) / 3.0
+    assert values.measured == pytest.approx(by_hand, rel=1e-6, abs=1e-6)
+
+
+def test_an_input_is_drawn_and_measured_over_its_command():
+    zone = dead_zone(Amplifier, "signal")
+    record = drawn(lambda u: 2.0 * (u - np.clip(u, -0.5, 0.5)))
+    diagnosis = diagnose(Amplifier, record, [zone])
+    values = effect_picture.law_values(diagnosis, zone)
+    u = diagnosis.estimation.inputs["signal"]
+    assert np.array_equal(values.x, u)
+    assert np.array_equal(values.without, u)
+    assert values.with_effect == pytest.approx(u - np.clip(u, -0.5, 0.5), abs=0.02)
+    assert values.measured == pytest.approx(values.with_effect, abs=5.0 * NOISE)
+
+
+def test_where_no_output_shows_the_law_the_range_of_the_record_is_marked():
+    """Friction acts on the acceleration, and shows only in the course of the speed."""
+    rng = np.random.default_rng(4)
+    drive = np.repeat(rng.uniform(-1.0, 1.0, COUNT // 30), 30)
+    speed = np.zeros(COUNT)
+    fine = 100
+    for k in range(COUNT - 1):
+        v = speed[k]
+        for _ in range(fine):
+            v += STEP / fine * (2.0 * drive[k] - v - 0.4 * np.tanh(v / 0.01))
+        speed[k + 1] = v
+    measured = speed + 0.01 * rng.normal(size=COUNT)
+    data = Dataset(STEP * np.arange(COUNT), {"drive": drive}, {"shown": measured})
+    diagnosis = diagnose(Motor, data, [FRICTION])
+    (step,) = diagnosis.selection.steps
+    values = effect_picture.law_values(diagnosis, step.chosen.effect)
+    assert np.isnan(values.measured).all()
+    assert values.shown_by == ""
+    chart = effect_picture.effect_chart(diagnosis, step.chosen)
+    assert "there are no points. Ticks below: where the record has been." in chart.caption
+    ((panel,),) = charts_of(f"{chart.drawn}</figure>")
+    ticks = panel.lines[pictures.MEASURED]
+    assert len(ticks) <= 300
+    assert len({height for _, height in ticks}) == 1
+    assert min(x for x, _ in ticks) < 100
+    assert max(x for x, _ in ticks) > 1900
 
 
 def test_a_memory_is_drawn_over_time():
@@ -113,7 +185,7 @@ def test_a_function_of_the_signal_is_told_from_a_memory(lag, is_function):
     x = np.sin(0.3 * time)
     more = np.roll(x**2, lag)
     quantity = Quantity("law", "1")
-    assert LawValues(quantity, quantity, time, x, x + more, x).is_function is is_function
+    assert LawValues(quantity, quantity, time, x, x + more, x, x).is_function is is_function
 
 
 def test_a_law_with_arguments_has_the_value_and_the_unit_of_the_output_that_shows_it():
@@ -136,7 +208,7 @@ def test_the_part_of_the_record_is_drawn_in_which_the_effect_does_most():
     time = STEP * np.arange(600)
     more = np.where((time > 40.0) & (time < 45.0), 1.0, 0.0)
     quantity = Quantity("law", "V")
-    values = LawValues(quantity, Quantity("", "1"), time, time, more, np.zeros(600))
+    values = LawValues(quantity, Quantity("", "1"), time, time, more, more - more, more)
     text = f"{effect_picture._over_time(values)}</figure>"
     ((panel,),) = charts_of(text)
     ticks = [float(word) for word in words_of(text.split('<div class="x">')[1]).split()[:-2]]

@@ -32,7 +32,7 @@ def test_every_effect_is_described():
     for name in COMPONENTS:
         cls = component(name)
         for effect in catalogue(cls, models.catalogue(cls), [o.name for o in cls.layout.outputs]):
-            text = html_elements.effect_summary(effect)
+            text = html_elements.effect_summary(cls, effect)
             assert len(text) > 20
             assert "`" not in text
 

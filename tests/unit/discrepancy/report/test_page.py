@@ -4,14 +4,17 @@ phone.
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import html
 import os
 import re
 from dataclasses import replace
+from io import BytesIO
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.data.dataset import dataset_of
@@ -21,8 +24,10 @@ from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.extended_model import ExtensionGain
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.report.figures import COLOURS, EXTENDED, REFITTED
+from orchestration.discrepancy.report.effect_picture import WITHOUT
+from orchestration.discrepancy.report.figures import COLOURS
 from orchestration.discrepancy.report.page import diagnosis_page
+from orchestration.discrepancy.report.wording import EXTENDED, REFITTED
 from orchestration.discrepancy.residuals.correlation import CrossCorrelation
 from orchestration.fmu.model import find_model
 from orchestration.identify.comparison import read_for
@@ -70,8 +75,7 @@ def test_the_law_is_drawn_with_the_effect_and_without(results, made):
     section = made["cause"].split("<h2>The effect itself</h2>")[1]
     ((panel,), *_) = charts_of(section)
     assert panel.title == "charge elongation [µm]"
-    assert list(panel.lines) == [COLOURS[REFITTED], COLOURS[EXTENDED]]
-    without, with_effect = panel.lines.values()
+    without, with_effect = (panel.lines[colour] for colour in (WITHOUT, COLOURS[EXTENDED]))
     heights = [[-line[end][1] for line in (without, with_effect)] for end in (0, -1)]
     (left_without, left_with), (right_without, right_with) = heights
     assert left_without < left_with < right_with < right_without
@@ -106,8 +110,10 @@ def test_what_follows_from_a_diagnosis_has_its_place(results):
         ambiguous, Verdict.AMBIGUOUS, residuals=diagnosis.residuals | {"voltage": voltage}
     )
     text = words_of(diagnosis_page(replace(more, gain=gain, experiment=experiment), COMMAND).html())
-    assert "extended 0 % · 0 V" in text
-    assert re.search(r"Displacement nominal .*? refitted [\d.]+ % · 1.00 mm extended 0 %", text)
+    assert "with the effect 0 % · 0 V" in text
+    assert re.search(
+        r"Displacement as it is .*? refitted [\d.]+ % · 1.00 mm with the effect 0 %", text
+    )
     assert "Voltage correlates with rate of charge: +0.90 at once" in text
     assert "correlates with time" not in text
     sentence = wording.describe_experiment(experiment)
@@ -173,6 +179,37 @@ def test_a_browser_shows_it(tab, made, name, width, tmp_path):
     assert tab.run(FAINT) == []
     assert tab.run(UNREACHED) == []
     assert tab.run(OUTSIDE) == []
+
+
+def edges(tab, selector):
+    """Colours of the left and the right edge of an element, each of shape (n, 3), from 0 to 1."""
+    box = tab.run(
+        f"(() => {{ const e = document.querySelector({selector!r}); e.scrollIntoView();"
+        " const b = e.getBoundingClientRect();"
+        " return {x: b.x + scrollX, y: b.bottom + scrollY - 12, width: b.width, height: 8}; })()"
+    )
+    shot = tab.call("Page.captureScreenshot", format="png", clip={**box, "scale": 1})
+    pixels = imread(BytesIO(base64.b64decode(shot["data"])))[..., :3]
+    return pixels[:, 1], pixels[:, -2]
+
+
+@pytest.mark.parametrize(("width", "wide"), [(390, True), (1280, False)])
+def test_a_table_shows_at_which_edge_it_goes_on(tab, made, width, wide, tmp_path):
+    file = tmp_path / "page.html"
+    file.write_bytes(made["cause"].encode())
+    tab.open(file, width)
+    assert tab.run("(e => e.scrollWidth > e.clientWidth)(document.querySelector('.table'))") is wide
+    left, right = edges(tab, ".table")
+    assert left.min() > 0.95
+    assert bool(right.max() < 0.7) is wide  # below a luminance of 0.3, white has 3:1
+    tab.run("document.querySelector('.table').scrollLeft = 1e6")
+    left, right = edges(tab, ".table")
+    assert right.min() > 0.95
+    assert bool(left.max() < 0.7) is wide
+    tab.call("Emulation.setEmulatedMedia", media="print")
+    drawn = tab.run("getComputedStyle(document.querySelector('.table')).backgroundImage")
+    tab.call("Emulation.setEmulatedMedia", media="")
+    assert drawn == "none"
 
 
 def test_the_probe_would_notice(tab, tmp_path):

@@ -32,7 +32,7 @@ def test_errors_are_those_of_the_diagnosis(results, made):
     text = words_of(made["cause"])
     for output in ("voltage", "displacement"):
         missing = re.search(
-            rf" {output.capitalize()} nominal ([\d.]+) % .*? refitted ([\d.]+) % .*? extended"
+            rf" {output.capitalize()} as it is ([\d.]+) % .*? refitted ([\d.]+) % .*? effect"
             r" ([\d.]+) % · (\S+) (\S+)",
             text,
         )
@@ -49,7 +49,9 @@ def test_evidence_is_told_once_for_every_effect(results, made):
     step = diagnosis.selection.steps[0]
     title = "Strain that levels off at large charge strain_saturation"
     assert f"{title} Elongation that levels off" in text
-    assert re.search(rf"relaxes assumption 5 {step.gain:.1f} .*? named", text)
+    assumed = "elongation is proportional to charge, and the load does not change the voltage"
+    known = rf"the model assumes that {assumed} \(assumption 5\) {step.gain:.1f} .*? named"
+    assert re.search(known, text)
     fitted = {e.effect_name for e, _ in (*step.rejected, *diagnosis.selection.rejected)}
     evidence = text.split("Evidence: what was tried")[1].split(" Parameters ")[0]
     assert evidence.count(" rejected ") == len(fitted)

@@ -114,9 +114,13 @@ def test_what_corrects_the_shape_of_a_cause_is_told_with_it(written):
         "The shape of a lag of the voltage sensor is not quite the catalogue's: a delay of the"
         " measured voltage corrects it."
     )
-    assert written["headline"].startswith("Either a lag of the voltage sensor (")
-    assert ") or a double layer, a second RC pair: this record" in written["headline"]
+    assert written["headline"].startswith("Either a lag of the voltage sensor, a time constant of ")
+    assert "), or a double layer, a second RC pair: this record" in written["headline"]
     assert shape in written["headline"]
+    (size,) = cause["sizes"]
+    (lag,) = cause["parameters"].values()
+    assert size["phrase"] == "a time constant of {}"
+    assert (size["value"], size["ci95"], size["unit"]) == (lag["value"], lag["ci95"], "s")
 
 
 def test_units_are_told_of_numbers_and_of_nothing_else(written):

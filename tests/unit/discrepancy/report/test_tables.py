@@ -14,6 +14,7 @@ from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.report.tables import (
     change_rows,
     error_table,
+    least_squares_table,
     run_errors,
     tried_effects,
 )
@@ -52,10 +53,21 @@ def test_a_table_of_errors_has_a_row_for_every_part(diagnosis):
     assert head[:2] == ["output", "where"]
     assert [row[:2] for row in rows] == [["voltage", "fitted"], ["voltage", "held out"]]
     fitted = {name: errors["voltage"] for name, errors in diagnosis.fitted_errors.items()}
-    assert head[2:4] == ["nominal", "least squares"]
-    errors = [fitted[name] for name in ("untouched", "least_squares", "refitted")]
+    assert head[2:] == ["as it is", "parameters refitted"]
+    errors = [fitted[name] for name in ("untouched", "refitted")]
     told = [float(cell.removesuffix(" %")) for cell in rows[0][2:]]
     assert told == pytest.approx([100.0 * error for error in errors], rel=5e-2)
+
+
+def test_plain_least_squares_is_told_where_it_leaves_another_error():
+    fitted = {"least_squares": {"u": 0.10, "i": 0.20}, "refitted": {"u": 0.12, "i": 0.203}}
+    judged = {"least_squares": {"u": 0.30, "i": np.nan}, "refitted": {"u": 0.30, "i": 0.2}}
+    of = SimpleNamespace(fitted_errors=fitted, judged_errors=judged)
+    head, rows = least_squares_table(of)
+    assert head == ["output", "where", "plain least squares", "parameters refitted"]
+    assert rows == [["u", "fitted", "10.0 %", "12.0 %"], ["i", "held out", "–", "20.0 %"]]
+    del fitted["least_squares"], judged["least_squares"]
+    assert least_squares_table(of)[1] == []
 
 
 def test_where_nothing_was_tried_there_is_no_evidence(diagnosis):

@@ -1,7 +1,11 @@
 from html.parser import HTMLParser
 from pathlib import Path
 
-from fmus.kit.build.documentation import page
+from fmus import COMPONENTS, component
+from fmus.kit import make_effect
+from fmus.kit.build import documentation
+from fmus.kit.build.documentation import page, relaxed_assumption
+from orchestration.fmu.model import catalogue
 from tests.support.kit_models import every_model
 from tests.support.kit_samples import Thermostat
 
@@ -51,3 +55,38 @@ def test_documentation_shows_the_readme_and_the_remark(tmp_path, monkeypatch):
     assert "<td>é</td>" in text
     assert "<li>with &amp; without</li><li>and more</li>" in text
     assert page(Thermostat, readme) == page(Thermostat, readme)
+
+
+README = """# A pump
+
+## Assumptions
+
+1. `pump_fast`: Losses are those of fig. 5-6, and R_l is 0.5 of them. Leaks are none.
+2. It is cold.
+"""
+
+
+def relaxing(number):
+    return make_effect("Warm", {}, id="warm", assumption=number)
+
+
+def test_an_assumption_is_the_first_sentence_of_the_readme_on_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(documentation, "_folder", lambda cls: tmp_path)
+    assert relaxed_assumption(Thermostat, relaxing(1)) == ("", "assumption 1")  # no README
+    (tmp_path / "README.md").write_text(README, encoding="utf-8")
+    words = "the model assumes that losses are those of fig. 5-6, and R_l is 0.5 of them"
+    assert relaxed_assumption(Thermostat, relaxing(1)) == (words, "assumption 1")
+    cold = ("the model assumes that it is cold", "assumption 2")
+    assert relaxed_assumption(Thermostat, relaxing(2)) == cold
+    assert relaxed_assumption(Thermostat, relaxing(3)) == ("", "assumption 3")
+    said = relaxed_assumption(Thermostat, relaxing("friction is viscous"))
+    assert said == ("the model assumes that friction is viscous", "")
+
+
+def test_every_assumption_that_an_effect_of_ours_relaxes_has_words():
+    for name in COMPONENTS:
+        cls = component(name)
+        for effect in catalogue(cls).values():
+            words, _ = relaxed_assumption(cls, effect)
+            assert len(words.removeprefix("the model assumes that ")) > 10, (name, effect.id)
+            assert not words.endswith("."), (name, effect.id)

@@ -1,0 +1,148 @@
+"""Adaptive gain by the MIT rule: the loop learns what displacement a current makes.
+
+Thesis section 1.5.2, after Bowers, who tracks sinusoidal displacements by adaptive control. The
+displacement is to follow a model of first order. A nominal law would see to that were the actuator
+nominal; its current is scaled by a gain, which moves against the gradient of the squared error.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..kit import Component, Discrete, Input, Output, Parameter, clip, exp, where
+
+_RULE = "Astrom, Wittenmark: Adaptive Control, 2nd edition, section 5.3"
+_CIRCUIT = "the nominal actuator at 50 Hz"
+
+
+class AdaptiveController(Component):
+    """Model reference adaptive control of the displacement: one gain, by the normalised MIT rule
+    (thesis section 1.5.2).
+    """
+
+    name = "adaptive_controller"
+    experiment = (100.0, 0.02)
+
+    sample_period = Parameter(
+        0.02, "s", min=1e-4, max=10.0, nominal=0.01, doc="sample period of the controller (h)"
+    )
+    model_time = Parameter(
+        1.0, "s", min=1e-3, max=1e4, doc="time constant of the model to be followed (T_m)"
+    )
+    decay = Parameter(
+        0.9973390116840287,
+        "1",
+        min=0,
+        max=1.0,
+        source=_CIRCUIT,
+        doc="displacement left of a displacement after a sample, nominal (a)",
+    )
+    displacement_per_current = Parameter(
+        1.1481100188089826e-06,
+        "m/A",
+        min=1e-15,
+        max=1.0,
+        nominal=1e-6,
+        source=_CIRCUIT,
+        doc="displacement that a current makes in a sample, nominal (b)",
+    )
+    adaptation_gain = Parameter(
+        0.02, "1", min=0, max=10.0, source=_RULE, doc="adaptation per sample (g); unstable from 1"
+    )
+    smallest_sensitivity = Parameter(
+        1e-6,
+        "m",
+        min=1e-15,
+        max=1.0,
+        nominal=1e-6,
+        source=_RULE,
+        doc="sensitivity to the gain from which on it is adapted at full speed (d)",
+    )
+    gain_min = Parameter(0.2, "1", min=1e-6, max=1.0, doc="smallest gain")
+    gain_max = Parameter(5.0, "1", min=1.0, max=1e6, doc="largest gain")
+    current_limit = Parameter(
+        1.3,
+        "A",
+        min=1e-9,
+        max=1e6,
+        source="thesis table 2-2 (HA-151)",
+        doc="largest current in either direction",
+    )
+
+    reference = Input("m", nominal=1e-4, display="mm", doc="wanted displacement")
+    displacement = Input("m", nominal=1e-4, display="mm", doc="measured displacement, 0 at rest")
+
+    gain = Discrete(
+        "1",
+        update="next_gain",
+        period="sample_period",
+        start=1.0,
+        min=0,
+        output=True,
+        doc="gain of the current, 1 for the nominal actuator",
+    )
+    model_displacement = Discrete(
+        "m",
+        update="next_model",
+        period="sample_period",
+        nominal=1e-4,
+        display="mm",
+        output=True,
+        doc="displacement of the model that is followed",
+    )
+    sensitivity = Discrete(
+        "m",
+        update="next_sensitivity",
+        period="sample_period",
+        nominal=1e-5,
+        doc="change of the displacement per relative change of the gain",
+    )
+    command_within_limits = Discrete(
+        "A", update="next_command", period="sample_period", doc="current within its limits"
+    )
+
+    def model_decay(self) -> Any:
+        """Displacement of the model that is left after a sample, exp(-h / T_m)."""
+        return exp(-self.sample_period / self.model_time)
+
+    def nominal_current(self) -> Any:
+        """Current that makes the nominal actuator follow the model."""
+        pole = self.model_decay()
+        towards = (pole - self.decay) * self.displacement + (1.0 - pole) * self.reference
+        return towards / self.displacement_per_current
+
+    def next_model(self) -> Any:
+        """Model one sample on."""
+        pole = self.model_decay()
+        return pole * self.model_displacement + (1.0 - pole) * self.reference
+
+    def next_sensitivity(self) -> Any:
+        """Derivative of the displacement by the gain, of the loop that follows the model."""
+        driven = self.displacement_per_current * self.nominal_current()
+        return self.model_decay() * self.sensitivity + driven
+
+    def next_command(self) -> Any:
+        """Nominal current times the gain, within its limits."""
+        wanted = self.gain * self.nominal_current()
+        return clip(wanted, -self.current_limit, self.current_limit)
+
+    def adaptation(self) -> Any:
+        """Change of the gain: the normalised MIT rule, -g e s / (d^2 + s^2)."""
+        error = self.displacement - self.model_displacement
+        size = self.smallest_sensitivity**2 + self.sensitivity**2
+        return -self.adaptation_gain * error * self.sensitivity / size
+
+    def next_gain(self) -> Any:
+        """Gain after this sample; it stays while the current is at its limit."""
+        free = abs(self.gain * self.nominal_current()) < self.current_limit
+        moved = self.gain + where(free, self.adaptation(), 0.0)
+        return clip(moved, self.gain_min, self.gain_max)
+
+    def issued_current(self) -> Any:
+        """Command that leaves the controller."""
+        return self.command_within_limits
+
+    @Output("A")
+    def command(self) -> Any:
+        """Current for the actuator, held between sample instants."""
+        return self.issued_current()

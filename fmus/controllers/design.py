@@ -1,0 +1,171 @@
+"""The gains of the state feedback, by python-control from an actuator's own linearisation.
+
+Not part of the FMU; the libraries that it needs are imported where they are used.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmus.kit import Component, UserError, stack
+
+from .state_feedback import StateFeedback, described
+
+if TYPE_CHECKING:
+    from fmus.kit.arrays import Array
+
+SAMPLE_PERIOD = 0.02  # s
+# s, of the displacement after its reference, and of the integral action
+TIME_CONSTANTS = (0.5, 1.5)
+# Standard deviations of what drives the states in a sample: charge, Kelvin and Maxwell elongation
+DISTURBANCES = (1e-3, 1e-8, 1e-8)  # C, m, m
+# and of what is measured: the resolution of section 2.2.2, and a millivolt
+NOISES = (3e-6, 1e-3)  # m, V
+
+_STATES = ("charge", "kelvin_elongation", "maxwell_elongation")
+_INPUTS = ("current", "force")
+_OUTPUTS = ("displacement", "voltage")
+# Off the diagonal a sampled state matrix of decoupled states has nothing but rounding.
+_COUPLED = 1e-12
+
+
+def _linearised(plant: type[Component], values: dict[str, float]) -> tuple[Array, ...]:
+    """State-space matrices of an actuator in the order of this module."""
+    from fmus.kit.symbolic import trace
+
+    layout = plant.layout
+    names = (
+        [v.name for v in layout.states],
+        [v.name for v in layout.inputs],
+        [v.name for v in layout.outputs],
+    )
+    wanted = (_STATES, _INPUTS, _OUTPUTS)
+    if sorted(names[0]) != sorted(_STATES) or any(
+        set(few) - set(all_) for few, all_ in zip(wanted, names, strict=True)
+    ):
+        raise UserError(
+            f"{plant.name}: the state feedback is for a force-driven actuator with the states"
+            f" {', '.join(_STATES)}; this one has {', '.join(names[0])}"
+        )
+    states, inputs, outputs = (
+        [held.index(name) for name in few] for few, held in zip(wanted, names, strict=True)
+    )
+    A, B, C, D = trace(plant).linearise(**values)
+    return (
+        A[np.ix_(states, states)],
+        B[np.ix_(states, inputs)],
+        C[np.ix_(outputs, states)],
+        D[np.ix_(outputs, inputs)],
+    )
+
+
+def gains(
+    plant: type[Component],
+    sample_period: float = SAMPLE_PERIOD,
+    time_constants: tuple[float, float] = TIME_CONSTANTS,
+    **values: float,
+) -> dict[str, float]:
+    """Design observer and feedback for an actuator.
+
+    The observer is the stationary Kalman filter for `DISTURBANCES` and `NOISES`
+    (``control.dlqe``). The feedback of the charge and of the integral places two poles
+    (``control.place``); the reference goes in so that its zero cancels the second one, and the
+    displacement follows with the first alone.
+
+    Parameters
+    ----------
+    plant : type[Component]
+        Force-driven actuator whose states are charge, Kelvin and Maxwell elongation.
+    sample_period : float
+        Of the controller, s.
+    time_constants : tuple of float
+        Of the two poles, s, unequal.
+    **values : float
+        Parameters, inputs and states of the plant where it is linearised, by name, SI; all others
+        at their defaults.
+
+    Returns
+    -------
+    dict of str to float
+        Parameters of :class:`.StateFeedback`.
+
+    Raises
+    ------
+    UserError
+        If the plant has other states, or states that move one another.
+    """
+    import control
+
+    continuous = control.ss(*_linearised(plant, values))
+    sampled: Any = control.sample_system(continuous, sample_period, method="zoh")
+    A, B, C, D = sampled.A, sampled.B, sampled.C, sampled.D
+    if np.abs(A - np.diag(np.diag(A))).max() > _COUPLED:
+        raise UserError(
+            f"{plant.name}: charge and creep move one another, which is not designed for"
+        )
+    predictor, *_ = control.dlqe(
+        A, np.eye(3), C, np.diag(np.square(DISTURBANCES)), np.diag(np.square(NOISES))
+    )
+    observer = np.linalg.solve(A, predictor)  # corrects before the prediction, not with it
+    poles = np.exp(-sample_period / np.array(time_constants))
+    # charge, and the integral of what the displacement lacks
+    with_integral = np.array([[A[0, 0], 0.0], [-sample_period * C[0, 0], 1.0]])
+    feedback = control.place(with_integral, np.array([[B[0, 0]], [0.0]]), poles)[0]
+    integral = -float(feedback[1])
+    found = {
+        "sample_period": sample_period,
+        "charge_pole": A[0, 0],
+        "kelvin_pole": A[1, 1],
+        "maxwell_pole": A[2, 2],
+        "charge_per_current": B[0, 0],
+        "kelvin_per_force": B[1, 1],
+        "maxwell_per_force": B[2, 1],
+        "displacement_per_charge": C[0, 0],
+        "displacement_per_force": D[0, 1],
+        "voltage_per_charge": C[1, 0],
+        "voltage_per_current": D[1, 0],
+        "charge_by_displacement": observer[0, 0],
+        "charge_by_voltage": observer[0, 1],
+        "kelvin_by_displacement": observer[1, 0],
+        "kelvin_by_voltage": observer[1, 1],
+        "maxwell_by_displacement": observer[2, 0],
+        "maxwell_by_voltage": observer[2, 1],
+        "charge_gain": feedback[0],
+        "integral_gain": integral,
+        "reference_gain": integral * sample_period / (1.0 - poles[1]),
+    }
+    return {name: float(value) for name, value in found.items()}
+
+
+def state_feedback(
+    plant: type[Component],
+    name: str = "state_feedback",
+    sample_period: float = SAMPLE_PERIOD,
+    time_constants: tuple[float, float] = TIME_CONSTANTS,
+    **values: float,
+) -> type[Component]:
+    """Make the state feedback of an actuator, ready to be built.
+
+    Parameters
+    ----------
+    plant, sample_period, time_constants, **values
+        See :func:`gains`.
+    name : str
+        Of the FMU; its description tells the gains.
+
+    Returns
+    -------
+    type[Component]
+        :class:`.StateFeedback` with other defaults.
+
+    Raises
+    ------
+    UserError
+        See :func:`gains`.
+    """
+    found = gains(plant, sample_period, time_constants, **values)
+    made = stack(StateFeedback, name=name, defaults=found)
+    made.remark = described(found, plant.name)
+    return made

@@ -1,0 +1,84 @@
+"""Known ways the controllers are wrong: what is computed takes time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..kit import Component, Discrete, Effect, Parameter, Term, effects_by_name, make_effect
+from .displacement_controller import DisplacementController
+from .impedance_controller import ImpedanceController
+from .pid import Pid
+
+
+def computational_delay(component: type[Component], law: str, unit: str) -> type[Effect]:
+    """Make the effect of a command that leaves a controller late.
+
+    Parameters
+    ----------
+    component : type[Component]
+        Controller that has the law.
+    law : str
+        Method that gives the command.
+    unit : str
+        SI unit of the law.
+
+    Returns
+    -------
+    type[Effect]
+        With the parameter ``<law>_lateness`` (l).
+    """
+    lateness = f"{law}_lateness"
+    before = f"{law}_before"
+
+    # `effect` is bound below, before this is first called
+    def punctual(self: Any) -> Any:
+        return getattr(super(effect, self), law)()
+
+    def late(self: Any) -> Any:
+        now = punctual(self)
+        return now + getattr(self, lateness) * (getattr(self, before) - now)
+
+    effect = make_effect(
+        f"computational_delay_of_{law}".title().replace("_", ""),
+        {
+            "__doc__": (
+                "Command that is late by a share ``l`` of a sample: ``u + l (u_before - u)``.\n\n"
+                "    At ``l = 1`` it is that of the sample before, as where all of a period is\n"
+                "    computed; in between it is their mean over the period. Relaxes assumption 1,\n"
+                "    that commands are carried out at the sample; ``l = 0`` is the base model.\n"
+            ),
+            "__module__": __name__,
+            lateness: Parameter(
+                0.0,
+                "1",
+                min=0,
+                max=1.0,
+                nominal=0.1,
+                display="%",
+                doc="share of a sample by which the command is late (l)",
+            ),
+            before: Discrete(
+                unit,
+                update=f"next_{before}",
+                period="sample_period",
+                doc="command until the latest sample",
+            ),
+            f"next_{before}": punctual,
+            law: late,
+        },
+        made_by=computational_delay,
+        made_with={"law": law, "unit": unit},
+        id="computational_delay",
+        title="A command that is late",
+        neutral=lateness,
+        assumption=1,
+        term=Term(law, "", "l (u_before - u)", qualifier=law),
+    )
+    return effect
+
+
+EFFECTS: dict[str, type[Effect]] = effects_by_name(
+    computational_delay(Pid, "issued_voltage", "V"),
+    computational_delay(DisplacementController, "issued_current", "A"),
+    computational_delay(ImpedanceController, "issued_force", "N"),
+)

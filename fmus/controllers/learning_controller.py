@@ -1,0 +1,163 @@
+"""Iterative learning for periodic references: the command of the last period, and what its error
+asks for.
+
+The period is as many sample periods as the registers are long. What is learnt stands beside the
+command of a feedback controller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ..kit import Component, Discrete, Input, Output, Parameter, clip, where
+
+SAMPLES = 40  # of a period
+_TAPS = 1  # of the filter, to either side
+_LONGEST_LEAD = 8  # samples
+_SOURCE = "Bristow, Tharayil, Alleyne, IEEE Control Systems Magazine 26(3), 2006"
+
+
+def _register(name: str, unit: str, newest: Callable[[Any], Any], doc: str) -> dict[str, Any]:
+    """Members of a register that shifts by a place at every sample.
+
+    Parameters
+    ----------
+    name : str
+        Of its places, ``name_1`` being the newest.
+    unit : str
+    newest : callable
+        Law of the value that comes in.
+    doc : str
+        What a place holds.
+
+    Returns
+    -------
+    dict of str to object
+    """
+    places = [f"{name}_{age}" for age in range(1, SAMPLES + _TAPS + 1)]
+
+    def value_of(place: str) -> Callable[[Any], Any]:
+        return lambda self: getattr(self, place)
+
+    members: dict[str, Any] = {}
+    laws = [newest, *map(value_of, places[:-1])]
+    for age, (place, law) in enumerate(zip(places, laws, strict=True), start=1):
+        members[place] = Discrete(
+            unit, update=f"next_{place}", period="sample_period", doc=f"{doc}, {age} samples ago"
+        )
+        members[f"next_{place}"] = law
+    return members
+
+
+class LearningController(Component):
+    """Iterative learning of the current for a periodic displacement, with a zero-phase filter and a
+    lead.
+    """
+
+    name = "learning_controller"
+    experiment = (100.0, 0.25)
+
+    sample_period = Parameter(
+        0.25, "s", min=1e-4, max=1e4, doc="sample period (h), a fortieth of the reference's period"
+    )
+    learning_gain = Parameter(
+        1160.0,
+        "A/m",
+        min=0,
+        max=1e12,
+        nominal=1e3,
+        source="half of 1 / (alpha R2 C) of the nominal actuator",
+        doc="current learnt per error of the displacement (G)",
+    )
+    learning_time = Parameter(
+        7.4,
+        "s",
+        min=0,
+        max=1e6,
+        source="h a / (1 - a) with the circuit's decay a per sample",
+        doc="current learnt per rate of the error, over that per error (T_l)",
+    )
+    lead = Parameter(
+        1,
+        "1",
+        type="integer",
+        min=0,
+        max=_LONGEST_LEAD,
+        doc="samples by which a command is earlier than the error that it is learnt from (m)",
+    )
+    smoothing = Parameter(
+        0.05,
+        "1",
+        min=0,
+        max=0.5,
+        nominal=0.1,
+        source=_SOURCE,
+        doc="share of each neighbour in the zero-phase filter of what is learnt (q)",
+    )
+    current_limit = Parameter(
+        1.3,
+        "A",
+        min=1e-9,
+        max=1e6,
+        source="thesis table 2-2 (HA-151)",
+        doc="largest current in either direction, learnt and commanded",
+    )
+
+    reference = Input("m", nominal=1e-4, display="mm", doc="wanted displacement, periodic")
+    displacement = Input("m", nominal=1e-4, display="mm", doc="measured displacement")
+    feedback_command = Input("A", doc="command of a feedback controller beside, which is added")
+    learning = Input(
+        "1", start=True, type="boolean", doc="whether errors are learnt from; if not, it repeats"
+    )
+
+    previous_error = Discrete(
+        "m",
+        update="error",
+        period="sample_period",
+        nominal=1e-4,
+        display="mm",
+        doc="error at the latest sample",
+    )
+    vars().update(_register("lesson", "A", lambda self: self.next_lesson(), "change to be learnt"))
+    learnt_1: Any  # of the register, which is declared by place
+    vars().update(
+        _register("learnt", "A", lambda self: self.next_learnt(), "learnt part of the command")
+    )
+
+    def error(self) -> Any:
+        """Reference less measured displacement, e."""
+        return self.reference - self.displacement
+
+    def next_lesson(self) -> Any:
+        """What the error asks for: G (e + T_l de/dt), by the backward difference."""
+        change = (self.error() - self.previous_error) / self.sample_period
+        lesson = self.learning_gain * (self.error() + self.learning_time * change)
+        return where(self.learning, lesson, 0.0)
+
+    def lesson_with_lead(self, age: int) -> Any:
+        """Lesson for the command of an age, which came the lead later."""
+        return sum(
+            where(self.lead == ahead, getattr(self, f"lesson_{age - ahead}"), 0.0)
+            for ahead in range(_LONGEST_LEAD + 1)
+        )
+
+    def improved(self, age: int) -> Any:
+        """Command of an age with what is learnt from its error."""
+        return getattr(self, f"learnt_{age}") + self.lesson_with_lead(age)
+
+    def next_learnt(self) -> Any:
+        """Command of a period ago, improved, and smoothed with its neighbours in time."""
+        beside = self.improved(SAMPLES - _TAPS) + self.improved(SAMPLES + _TAPS)
+        smoothed = (1.0 - 2.0 * self.smoothing) * self.improved(SAMPLES) + self.smoothing * beside
+        return clip(smoothed, -self.current_limit, self.current_limit)
+
+    def issued_current(self) -> Any:
+        """Command that leaves the controller: what is learnt, and the feedback beside."""
+        total = self.learnt_1 + self.feedback_command
+        return clip(total, -self.current_limit, self.current_limit)
+
+    @Output("A")
+    def command(self) -> Any:
+        """Current for the actuator, held between sample instants."""
+        return self.issued_current()

@@ -1,0 +1,160 @@
+"""The PID controller in its incremental form, with the PI of thesis eq. 2.2 as a preset.
+
+In the incremental form the command is its own integral: what the actuator could not do is taken off
+it (``tracking.py``), and a command by hand is where the law goes on from.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..kit import Component, Discrete, Input, Output, Parameter, Preset, clip, where
+from .tracking import tracked, tracking_share
+
+_FORM = "Astrom, Hagglund: Advanced PID Control, 2006, chapter 3"
+
+
+class Pid(Component):
+    """PID controller of a force by a voltage: filtered derivative, limits, back-calculation,
+    bumpless transfer.
+    """
+
+    name = "pid"
+    experiment = (10.0, 0.01)
+
+    sample_period = Parameter(
+        0.01, "s", min=1e-4, max=10.0, nominal=0.01, doc="sample period of the controller (h)"
+    )
+    proportional_gain = Parameter(
+        0.3, "V/N", min=-1e6, max=1e6, source=_FORM, doc="proportional gain (K)"
+    )
+    integral_time = Parameter(
+        0.5, "s", min=1e-4, max=1e9, source=_FORM, doc="integral time (T_i); 1e9 s is without"
+    )
+    derivative_time = Parameter(
+        0.0, "s", min=0, max=1e4, source=_FORM, doc="derivative time (T_d); 0 is without"
+    )
+    filter_time = Parameter(
+        0.05,
+        "s",
+        min=0,
+        max=1e4,
+        source=_FORM,
+        doc="time constant of the derivative's filter (T_f)",
+    )
+    tracking_time = Parameter(
+        0.5,
+        "s",
+        min=0,
+        max=1e9,
+        doc="time in which a command that was not carried out is forgotten (T_t)",
+    )
+    command_min = Parameter(-10.0, "V", min=-1e6, max=0, doc="lowest command")
+    command_max = Parameter(10.0, "V", min=0, max=1e6, doc="highest command")
+
+    reference = Input("N", doc="wanted force")
+    measured = Input("N", doc="measured force")
+    manual = Input("1", start=False, type="boolean", doc="whether the command is manual_command")
+    manual_command = Input("V", doc="command by hand")
+    tracking = Input(
+        "1", start=False, type="boolean", doc="whether the law goes on from applied_command"
+    )
+    applied_command = Input("V", doc="what was carried out of the latest command")
+
+    unlimited_command = Discrete(
+        "V",
+        update="next_command",
+        period="sample_period",
+        nominal=5.0,
+        doc="command before its limits",
+    )
+    previous_error = Discrete(
+        "N", update="error", period="sample_period", doc="error at the latest sample"
+    )
+    previous_measured = Discrete(
+        "N", update="next_measured", period="sample_period", doc="force at the latest sample"
+    )
+    derivative = Discrete(
+        "V", update="next_derivative", period="sample_period", doc="derivative part"
+    )
+
+    def error(self) -> Any:
+        """Reference less measured force, e."""
+        return self.reference - self.measured
+
+    def next_measured(self) -> Any:
+        """Sample of the measured force."""
+        return self.measured
+
+    def error_gain(self) -> Any:
+        """Coefficient of the present error, K (1 + h / T_i): the integral by the backward
+        difference.
+        """
+        return self.proportional_gain * (1.0 + self.sample_period / self.integral_time)
+
+    def previous_error_gain(self) -> Any:
+        """Coefficient of the previous error, -K."""
+        return -self.proportional_gain
+
+    def next_derivative(self) -> Any:
+        """Derivative of the measured force behind its filter, -K T_d s / (T_f s + 1) by the
+        backward difference.
+        """
+        change = self.measured - self.previous_measured
+        driven = self.proportional_gain * self.derivative_time * change
+        return (self.filter_time * self.derivative - driven) / (
+            self.filter_time + self.sample_period
+        )
+
+    def increment(self) -> Any:
+        """Change of the command from sample to sample."""
+        errors = self.error_gain() * self.error() + self.previous_error_gain() * self.previous_error
+        return errors + (self.next_derivative() - self.derivative)
+
+    def limited(self, command: Any) -> Any:
+        """Command within its limits."""
+        return clip(command, self.command_min, self.command_max)
+
+    def remembered(self) -> Any:
+        """Command to go on from: as it was carried out, by back-calculation."""
+        applied = where(self.tracking, self.applied_command, self.limited(self.unlimited_command))
+        share = tracking_share(self.sample_period, self.tracking_time)
+        return tracked(self.unlimited_command, applied, share)
+
+    def next_command(self) -> Any:
+        """Command to hold until the next sample; by hand it is where the law will go on from."""
+        automatic = self.remembered() + self.increment()
+        return where(self.manual, self.limited(self.manual_command), automatic)
+
+    def issued_voltage(self) -> Any:
+        """Command that leaves the controller."""
+        return self.limited(self.unlimited_command)
+
+    @Output("V")
+    def command(self) -> Any:
+        """Command, within its limits, held between sample instants."""
+        return self.issued_voltage()
+
+    @Output("1", type="boolean")
+    def saturated(self) -> Any:
+        """Whether the law asks for more than the limits allow."""
+        return abs(self.unlimited_command - self.limited(self.unlimited_command)) > 0.0
+
+    presets = {
+        "thesis_pi": Preset(
+            {
+                "sample_period": 1.0 / 30.0,
+                "proportional_gain": 0.06,
+                # 1/300 s but for two last places, so that the coefficient has the bits of 0.66
+                "integral_time": 0.0033333333333333327,
+                "derivative_time": 0.0,
+                "tracking_time": 0.0,
+                "command_min": 0.0,
+                "command_max": 10.0,
+            },
+            doc=(
+                "the force loop of the bench, V(t) = V(t-1) + 0.66 E(t) - 0.06 E(t-1) within 0 to"
+                " 10 V (thesis eq. 2.2, section 2.2.3)"
+            ),
+        ),
+    }

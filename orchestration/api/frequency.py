@@ -1,0 +1,126 @@
+"""Frequency responses of records from Python: ``ppy.frequency_response``."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import Unpack
+
+from fmus.kit import Component, UserError, suggestion
+from orchestration.api.declaration import takes
+from orchestration.api.forms import optional_seconds
+from orchestration.api.options import FrequencyKeywords
+from orchestration.api.records import Data, matching_record
+from orchestration.api.simulation import as_declared, values_of
+from orchestration.fmu import Model, built, simulate
+from orchestration.fmu.isolation import limits_of
+from orchestration.identify.spectral import FrequencyResponse, estimate_responses
+from orchestration.records import Record, read_columns
+from orchestration.reporting import option
+
+
+@takes(FrequencyKeywords)
+def frequency_response(
+    record: Data,
+    model: Model | type[Component] | str | None = None,
+    **options: Unpack[FrequencyKeywords],
+) -> FrequencyResponse:
+    """Estimate frequency responses from a record, with intervals, and a model's beside them.
+
+    By the local polynomial method, which takes the leakage of a record that does not end as it
+    begins for what it is (Pintelon and Schoukens, chapter 7). The model is simulated with the
+    record's inputs, and its outputs pass the same estimate.
+
+    Parameters
+    ----------
+    record : Record, str, Path, DataFrame or Mapping of str to array_like, shape (n,)
+        Equally spaced, without gaps.
+    model : Model, type[Component] or str, optional
+        A component, any FMU, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
+
+    Returns
+    -------
+    FrequencyResponse
+        ``result["voltage/current"]`` has ``frequency`` in Hz, complex ``values`` and their
+        ``covariance``, and ``magnitude``, ``phase``, ``real``, ``imaginary``, ``storage``,
+        ``loss`` and ``loss_tangent``, each with its 95 % interval.
+
+    Raises
+    ------
+    UserError
+        If the record or the model cannot be used, samples are missing or not equally spaced, a
+        ratio makes no sense, or no response can be told.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import orchestration as ppy
+    >>> time = 0.1 * np.arange(600)
+    >>> current = np.where(time % 10.0 < 4.99, 0.9, -0.9)
+    >>> run = ppy.simulate("ppy_actuator", {"current": current}, time=time)
+    >>> columns = {"time [s]": time, "current [A]": current, "voltage [V]": run["voltage"]}
+    >>> found = ppy.frequency_response(columns, of=["voltage/current"])
+    >>> round(float(found["voltage/current"].magnitude.value[0]), 2)
+    0.6
+    """
+    period = optional_seconds(options["period"])
+    of = options["of"]
+    driving = options["inputs"]
+    if model is None:
+        _refuse_without_model(options)
+        inputs = driving or [ratio.partition("/")[2].strip() for ratio in of]
+        plain = _of_columns(record, of, inputs)
+        _check_inputs(inputs, plain.signals)
+        return estimate_responses(plain, inputs, of, period=period, band=options["band"])
+    declared = as_declared(model)
+    values = values_of(declared, options["settings"])
+    data = _of_model(matching_record(record, declared, options["mapping"]), declared)
+    inputs = driving or [*declared.inputs]
+    _check_inputs(driving, data.signals)
+    subject = built(declared)
+    fed = {name: signal for name, signal in data.signals.items() if name in subject.inputs}
+    modelled = simulate(subject, data.time, fed, values, isolation=limits_of(subject.foreign))
+    return estimate_responses(
+        data,
+        inputs,
+        of,
+        period=period,
+        band=options["band"],
+        model=subject.title,
+        modelled=modelled,
+    )
+
+
+def _of_model(record: Record, model: Model) -> Record:
+    """Return a record without signals that are none of the model's."""
+    known = {*model.inputs, *model.outputs}
+    signals = {name: values for name, values in record.signals.items() if name in known}
+    return replace(record, signals=signals)
+
+
+def _refuse_without_model(options: FrequencyKeywords) -> None:
+    """Refuse what is about a model where there is none."""
+    for name in ("mapping", "settings"):
+        if options[name]:
+            raise UserError(f"{option(name)}: there is no model; name it with {option('model')}")
+
+
+def _check_inputs(inputs: Sequence[str], signals: Collection[str]) -> None:
+    for name in inputs:
+        if name not in signals:
+            raise UserError(
+                f"{option('inputs', [name])}: the record has no {name}{suggestion(name, signals)}"
+            )
+
+
+def _of_columns(record: Data, of: Sequence[str], inputs: Sequence[str]) -> Record:
+    """Return the columns of a record that ratios and inputs name, in its own units."""
+    if not of:
+        raise UserError(
+            f"{option('of')}: name ratios of columns, such as voltage/current, or a model with"
+            f" {option('model')}"
+        )
+    if isinstance(record, Record):
+        return record
+    signals = [part.strip() for ratio in of for part in ratio.split("/")]
+    return read_columns(record, dict.fromkeys([*signals, *inputs]), inputs)

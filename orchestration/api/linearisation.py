@@ -1,0 +1,274 @@
+"""Linear models of components, FMUs and systems from Python: ``ppy.linearise``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Unpack
+
+import numpy as np
+
+from fmus.kit import Component, UserError, suggestion
+from fmus.kit.arrays import Array
+from fmus.kit.storage import scratch
+from orchestration.api.declaration import takes
+from orchestration.api.forms import optional_seconds, seconds
+from orchestration.api.options import LineariseKeywords
+from orchestration.api.simulation import Inputs, as_declared, inputs_over, values_of
+from orchestration.fmu import (
+    Model,
+    declared_signal,
+    known_class,
+    numeric,
+    read_description,
+    read_setting,
+)
+from orchestration.linear import (
+    FmuRequest,
+    LinearModel,
+    LinearSubject,
+    OperatingPoint,
+    TrimRequest,
+    linearise_fmu,
+    point_at,
+    subject_of,
+    trim,
+)
+from orchestration.reporting import option
+from orchestration.sweeps import design, given_range, read_fitted, read_range
+from orchestration.system import NAMES, System, library, ssp
+
+_ENDINGS = ssp.ENDINGS
+_DRAWS = 50  # values of parameters that make a band
+
+
+@takes(LineariseKeywords)
+def linearise(
+    model: System | Model | type[Component] | str | Path,
+    stimulus: Inputs | None = None,
+    **options: Unpack[LineariseKeywords],
+) -> LinearModel:
+    """Linearise a component, an FMU or a system about an operating point.
+
+    Parameters
+    ----------
+    model : System, Model, type[Component], str or Path
+        As in `simulate`; or a system, by its name or its file (``.ssp``, ``.ssd``).
+    stimulus : Mapping of str to array_like, shape (n,), or callable of time, optional
+        Inputs up to the operating point, over ``time`` if they vary; a number is held.
+
+    Returns
+    -------
+    LinearModel
+        ``state_space`` (of `control`), ``poles()``, ``zeros()``, ``margins()``, ``response(f)``,
+        ``plot("bode.png")``, ``to_mat("model.mat")``, with names, units and operating point.
+        Continuous, or with the period after which all samplers have their phase again.
+
+    Raises
+    ------
+    UserError
+        If there is no such model or signal, no equilibrium, a component has no laws, or clocks have
+        no common hyper-period.
+
+    Examples
+    --------
+    >>> import orchestration as ppy
+    >>> fast = ppy.linearise("ppy_actuator", inputs=["current"], outputs=["voltage"])
+    >>> round(float(fast.poles()[0].real), 4)
+    -0.1332
+    >>> loop = ppy.linearise("dma_bench", {"force_reference": 1.0}, at=1.0,
+    ...                      cut="bench.force_filtered")
+    >>> round(loop.margins().phase, 1)
+    70.2
+    """
+    with _subject(model) as subject:
+        if isinstance(subject, Model):
+            return _of_fmu(subject, stimulus or {}, options)
+        return _of_equations(subject, stimulus or {}, options)
+
+
+@contextmanager
+def _subject(model: Any) -> Iterator[LinearSubject | Model]:
+    """Yield equations to linearise, or an FMU that has none; the FMUs of an archive meanwhile."""
+    if isinstance(model, str | Path) and Path(model).suffix.lower() in _ENDINGS:
+        with scratch.folder("ssp") as folder:
+            yield subject_of(_with_classes(ssp.read(Path(model), folder)))
+        return
+    name = str(model) if isinstance(model, Path) else model
+    if isinstance(name, str) and name in NAMES:
+        name = library.system(name)
+    if isinstance(name, System):
+        yield subject_of(_with_classes(name))
+        return
+    declared = as_declared(name)
+    cls = declared.cls or known_class(declared.path)
+    yield declared if cls is None else subject_of(cls, declared.title)
+
+
+def _with_classes(system: System) -> System:
+    """Return a system whose members have the classes that their FMUs were built from."""
+    members = (
+        m if m.cls is not None else replace(m, cls=known_class(m.fmu)) for m in system.members
+    )
+    return replace(system, members=tuple(members))
+
+
+# --- equations -----------------------------------------------------------------------------------
+
+
+def _of_equations(
+    subject: LinearSubject, stimulus: Inputs, options: LineariseKeywords
+) -> LinearModel:
+    model = _signals_of(subject)
+    settings = values_of(model, options["settings"], options["preset"])
+    constants, driven, points = _driven(model, stimulus, options)
+    known = numeric(settings) | constants
+    step = _step(options) or 0.0
+    times = [seconds(time) for time in options["at"]] or [0.0]
+    request = _trim_request(subject, model, options)
+
+    def at(time: float, changed: Mapping[str, float]) -> LinearModel:
+        values = {**known, **changed}
+        compiled = subject.compiled if time > (points[0] if points is not None else 0.0) else None
+        point: OperatingPoint = point_at(subject.graph, time, values, driven, points, compiled)
+        if request is not None:
+            point = trim(subject.graph, point, request)
+        if options["cut"] is not None:
+            return subject.loop(point, options["cut"], step)
+        return subject.linearise(point, options["inputs"], options["outputs"], step)
+
+    if options["cut"] is not None and (options["inputs"] or options["outputs"]):
+        raise UserError(f"{option('cut', options['cut'])} has its own input and output")
+    first, *further = (at(time, {}) for time in times)
+    variations = tuple(at(times[0], case) for case in _cases(model, known, options))
+    return replace(first, further=tuple(further), variations=variations)
+
+
+def _step(options: LineariseKeywords) -> float | None:
+    """Return the communication step in s, if there is one."""
+    step = optional_seconds(options["step"])
+    if step is not None and not 0.0 < step < np.inf:
+        raise UserError(f"{option('step', f'{step:g}')}: a time above 0 s")
+    return step
+
+
+def _signals_of(subject: LinearSubject) -> Model:
+    """Return the variables of equations, to read values of them."""
+    layout = subject.graph.layout
+    inputs, outputs, parameters = (
+        {v.name: declared_signal(v) for v in group}
+        for group in (layout.inputs, layout.measurable, layout.parameters)
+    )
+    return Model(subject.name, Path(), subject.cls, inputs, outputs, parameters)
+
+
+def _driven(
+    model: Model, stimulus: Inputs, options: LineariseKeywords
+) -> tuple[dict[str, float], dict[str, Array], Array | None]:
+    """Return inputs that are held, those that vary, and the instants of these."""
+    time = options["time"]
+    points = None if time is None else np.asarray(time, dtype=float)
+    varying = {n: v for n, v in stimulus.items() if callable(v) or np.ndim(v) > 0}
+    if varying and points is None:
+        raise UserError(f"{', '.join(varying)}: what varies needs {option('time')}, its instants")
+    constants = {n: v for n, v in stimulus.items() if n not in varying}
+    held = inputs_over(model, constants, np.zeros(1))
+    driven = {} if points is None else inputs_over(model, varying, points)
+    return {n: float(v[0]) for n, v in held.items()}, driven, points
+
+
+def _trim_request(
+    subject: LinearSubject, model: Model, options: LineariseKeywords
+) -> TrimRequest | None:
+    fixed = options["fix"] or {}
+    if not options["trim"]:
+        for name in ("fix", "free", "drift"):
+            if options[name]:
+                raise UserError(f"{option(name)} is of an equilibrium: add {option('trim', True)}")
+        return None
+    layout = subject.graph.layout
+    signals = {v.name: declared_signal(v) for v in layout.variables}
+    aliases = {alias: name for alias, name in subject.outputs.items() if alias not in signals}
+    values = {}
+    for name, value in fixed.items():
+        signal = aliases.get(name, name)
+        if signal not in signals:
+            raise UserError(
+                f"{subject.name}: {option('fix', {name: value})}: no signal named {name!r}"
+                f"{suggestion(name, [*signals, *aliases])}"
+            )
+        amount = read_setting(str(value), signals[signal], option("fix", {name: value}))
+        values[signal] = float(amount)
+    return TrimRequest(values, tuple(options["free"]), tuple(options["drift"]))
+
+
+def _cases(
+    model: Model, known: Mapping[str, float], options: LineariseKeywords
+) -> list[dict[str, float]]:
+    """Return the values of parameters that make a band."""
+    over = options["over"] or {}
+    count = options["samples"] or _DRAWS
+    seed = options["seed"]
+    if options["fitted"] is not None:
+        if over:
+            raise UserError(f"{option('fitted')} and {option('over')}: one of the two")
+        drawn = read_fitted(Path(options["fitted"]), model).draws(count, seed)
+        return [dict(zip(drawn, row, strict=True)) for row in zip(*drawn.values(), strict=True)]
+    if not over:
+        return []
+    ranges = [
+        read_range(f"{name}={values}", model)
+        if isinstance(values, str)
+        else given_range(name, values, model)
+        for name, values in over.items()
+    ]
+    counted = [one.name for one in ranges if one.counted]
+    if counted and len(counted) < len(ranges):
+        raise UserError(
+            f"{option('over')}: {', '.join(counted)} has its values, and others are drawn: write"
+            " all with a count, as in 4e3..8e3:5, or none"
+        )
+    chosen = design(ranges) if counted else design(ranges, "latin-hypercube", count, seed)
+    return [dict(zip(chosen.names, row.tolist(), strict=True)) for row in chosen.cases]
+
+
+# --- FMUs without equations ----------------------------------------------------------------------
+
+
+def _of_fmu(model: Model, stimulus: Inputs, options: LineariseKeywords) -> LinearModel:
+    for name in ("trim", "cut", "over", "fitted"):
+        if options[name]:
+            raise UserError(
+                f"{model.name}: {option(name)} needs the equations of a component; an FMU without"
+                " them is linearised at a time"
+            )
+    varying = next((n for n, v in stimulus.items() if callable(v) or np.ndim(v) > 0), None)
+    if varying is not None:
+        raise UserError(f"{model.name}: {varying} varies; inputs of an FMU without equations stay")
+    settings = values_of(model, options["settings"]) | {
+        name: float(np.asarray(value)) for name, value in stimulus.items()
+    }
+    own = read_description(model.path).defaultExperiment
+    step = _step(options)
+    usual = float(getattr(own, "stepSize", None) or 1e-3)
+    first, *further = (
+        linearise_fmu(
+            FmuRequest(
+                model,
+                seconds(time),
+                settings,
+                tuple(options["inputs"] or _real(model.inputs)),
+                tuple(options["outputs"] or _real(model.outputs)),
+                step or usual,
+            ),
+            sampled=step is not None,
+        )
+        for time in options["at"] or [0.0]
+    )
+    return replace(first, further=tuple(further))
+
+
+def _real(signals: Mapping[str, Any]) -> list[str]:
+    return [name for name, signal in signals.items() if signal.type == "real"]

@@ -1,0 +1,82 @@
+"""``ppy frequency``: frequency responses of a record, with intervals, and a model's beside them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, cast
+
+from fmus.kit import UserError
+from orchestration.api.declaration import only
+from orchestration.api.options import FrequencyKeywords
+from orchestration.cli.command import command
+from orchestration.cli.commands.options import FrequencyCommand
+from orchestration.cli.isolation import isolating
+from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+
+if TYPE_CHECKING:
+    from orchestration.cli.commands.options import MeasuredOptions
+    from orchestration.identify.spectral import FrequencyResponse
+
+
+@command(FrequencyCommand)
+def frequency(options: FrequencyCommand) -> None:
+    """Estimate impedance and dynamic stiffness with intervals, and a model's beside them.
+
+    Without a model, name ratios of columns. Inputs are best periodic, or random.
+    """
+    from orchestration.cli.models import model_file
+    from orchestration.reporting import pictures
+
+    model = options["model"]
+    Outputs(
+        {
+            "the record": options["record"],
+            "the model": None if model is None else model_file(model),
+        },
+        {"--out": options["out"], "--json": options["json"], "--plot": options["plot"]},
+        {"--out": (".csv",), "--json": JSON, "--plot": pictures.FORMATS},
+    ).check()
+    with isolating(options["isolate"]):
+        found = _without_model(options) if model is None else _beside_model(options)
+        with standard_output_for(options["json"]):
+            _show(found, options)
+
+
+def _without_model(options: FrequencyCommand) -> FrequencyResponse:
+    """Estimate responses of columns alone; tell what was repaired."""
+    from orchestration.api import frequency_response
+    from orchestration.reporting import tell_repairs
+
+    for flag, given in (("--with", options["laid_over"]), ("--preset", options["preset"])):
+        if given:
+            raise UserError(f"{flag}: there is no model; name it with --model")
+    found = frequency_response(options["record"], **only(FrequencyKeywords, options))
+    tell_repairs(found.repairs)
+    return found
+
+
+def _beside_model(options: FrequencyCommand) -> FrequencyResponse:
+    """Estimate responses of the model's signals, and simulate the model beside them."""
+    from orchestration.api import frequency_response
+    from orchestration.cli.models import open_measured
+    from orchestration.reporting import progress
+
+    model, record, parameters = open_measured(cast("MeasuredOptions", options))  # model is named
+    with progress() as tell:
+        tell(f"simulating {model.path.name} over {record.time.size} samples")
+        keywords = only(FrequencyKeywords, {**options, "settings": parameters})
+        return frequency_response(record, model, **keywords)
+
+
+def _show(found: FrequencyResponse, options: FrequencyCommand) -> None:
+    """Print the responses, and write what was asked for."""
+    from orchestration.reporting import out as console
+    from orchestration.reporting import wrote
+
+    for part in found.overview():
+        console.print(part)
+    write_json(options["json"], found.to_dict())
+    if options["out"] is not None:
+        wrote(found.to_csv(options["out"]))
+    if options["plot"] is not None:
+        found.plot(options["plot"])
+        wrote(options["plot"])

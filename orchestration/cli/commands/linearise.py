@@ -1,0 +1,91 @@
+"""``ppy linearise``: a component, an FMU or a system as a linear model about an operating point."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fmus.kit import UserError
+from orchestration.api.declaration import only
+from orchestration.api.options import LineariseKeywords
+from orchestration.cli.command import command
+from orchestration.cli.commands.options import LineariseCommand
+from orchestration.cli.commands.sweep import ranges_of
+from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+
+if TYPE_CHECKING:
+    from orchestration.linear import LinearModel
+
+_MAT = (".mat",)
+
+
+@command(LineariseCommand)
+def linearise(options: LineariseCommand) -> None:
+    """Linearise a component, an FMU or a system about an operating point, or cut a loop of it."""
+    from orchestration.api import linearise as work
+    from orchestration.reporting import pictures, progress
+
+    name = options["model"]
+    Outputs(
+        {
+            "the model": _file(name),
+            "the record": options["input_file"],
+            "the fit": options["fitted"],
+        },
+        {"--json": options["json"], "--mat": options["mat"], "--plot": options["plot"]},
+        {"--json": JSON, "--mat": _MAT, "--plot": pictures.FORMATS},
+    ).check()
+    chosen = only(LineariseKeywords, options)
+    chosen["over"] = ranges_of(options["over"]) or None
+    with progress() as tell:
+        tell(f"linearising {name}")
+        model, stimulus = _named(name, options)
+        if stimulus is not None:
+            chosen["time"] = stimulus.pop("time")
+        linear = work(model, stimulus, **chosen)
+    with standard_output_for(options["json"]):
+        _show(linear, options)
+
+
+def _file(name: str) -> Path | None:
+    """Return the file that is read; None for a component or a system that ships."""
+    from orchestration.cli.models import model_file
+    from orchestration.system import NAMES
+
+    return None if name in NAMES else model_file(name)
+
+
+def _named(name: str, options: LineariseCommand) -> tuple[Any, dict[str, Any] | None]:
+    """Return the model, with effects laid over it, and the record that drives it, if one does."""
+    from orchestration.fmu import declared_model
+    from orchestration.records import read_record
+    from orchestration.reporting import tell_repairs
+    from orchestration.system import NAMES
+    from orchestration.system.ssp import ENDINGS
+
+    is_system = name in NAMES or Path(name).suffix.lower() in ENDINGS
+    laid_over = options["laid_over"]
+    if is_system and (laid_over or options["input_file"] is not None):
+        given = "--with" if laid_over else "--input"
+        raise UserError(f"{given} is of one model; {name} is a system")
+    model = name if is_system else declared_model(name, laid_over)
+    file = options["input_file"]
+    if isinstance(model, str) or file is None:
+        return model, None
+    units = {signal.name: signal.unit for signal in model.inputs.values()}
+    record = read_record(file, units, mapping=options["mapping"], inputs=list(units))
+    tell_repairs(record.repairs)
+    return model, {"time": record.time, **record.signals}
+
+
+def _show(linear: LinearModel, options: LineariseCommand) -> None:
+    """Print the result, and write what was asked for."""
+    from orchestration.reporting import out, wrote
+
+    for part in linear.overview():
+        out.print(part, highlight=False, markup=False)
+    write_json(options["json"], linear.to_dict())
+    for path, write in ((options["mat"], linear.to_mat), (options["plot"], linear.plot)):
+        if path is not None:
+            write(path)
+            wrote(path)

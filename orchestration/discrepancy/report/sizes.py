@@ -1,0 +1,143 @@
+"""How large an effect is, in quantities that an engineer can hold against a rig."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmus.kit import Effect, Size
+from fmus.kit.units import Described, format_prefixed, write_prefixed
+from orchestration.discrepancy.diagnosis import Diagnosis
+from orchestration.identify import finite_or_none
+from orchestration.identify.uncertainty import Estimate
+from orchestration.reporting import format_range
+
+NOT_DETERMINED = "not determined"  # in place of an interval
+_MOST_DIGITS = 8
+_FINENESS = 0.5  # of half an interval, to which its ends are rounded or finer
+
+Writer = Callable[[float, int], str]  # of a value and its digits
+
+
+class ToldSize(NamedTuple):
+    """A size of an effect as it was fitted.
+
+    Attributes
+    ----------
+    size : Size
+    value : float
+        In the unit of the size.
+    interval : tuple of float, optional
+        That of the parameter through the function of the size; None where it is made of several.
+    unit : str
+        SI, or ``%``.
+    text : str
+        The phrase with value, unit and interval.
+    """
+
+    size: Size
+    value: float
+    interval: tuple[float, float] | None
+    unit: str
+    text: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it ready for JSON: None for an end of ``ci95`` that there is none of."""
+        ends = self.interval or (math.nan, math.nan)
+        return {
+            "phrase": self.size.phrase,
+            "value": finite_or_none(self.value),
+            "ci95": [finite_or_none(end) for end in ends],
+            "unit": self.unit,
+        }
+
+
+def told_sizes(diagnosis: Diagnosis, effect: type[Effect]) -> list[ToldSize]:
+    """Return the sizes of an effect of which a parameter was fitted."""
+    estimates = diagnosis.estimates
+    fitted = [s for s in effect.sizes if any(name in estimates for name in s.parameters)]
+    return [_told(size, estimates, diagnosis.final.problem.declared) for size in fitted]
+
+
+def told_of_parameter(diagnosis: Diagnosis, effect: type[Effect], name: str) -> list[str]:
+    """Return what a parameter of an effect means where its value alone does not say it."""
+    return [
+        told.text
+        for told in told_sizes(diagnosis, effect)
+        if told.size.parameters[0] == name and told.size.unit
+    ]
+
+
+def _told(size: Size, estimates: Mapping[str, Estimate], declared: Mapping[str, Any]) -> ToldSize:
+    first, *others = size.parameters
+    values = [
+        estimates[name].value if name in estimates else declared[name].start
+        for name in size.parameters
+    ]
+    value = _through(size, *values)
+    unit = size.unit or declared[first].unit
+    write = _writer(size, declared[first])
+    if others:
+        return ToldSize(size, value, None, unit, size.phrase.format(write(value, 3)))
+    interval = estimates[first].interval
+    if np.isfinite(interval).any():
+        ends = sorted(_through(size, max(end, declared[first].min)) for end in interval)
+        interval = (ends[0], ends[1])
+    text = size.phrase.format(with_interval(value, interval, write))
+    return ToldSize(size, value, interval, unit, text)
+
+
+def _writer(size: Size, declared: Described) -> Writer:
+    if size.unit:
+        return lambda value, digits: write_prefixed(value, size.unit, digits)
+    return lambda value, digits: format_prefixed(value, declared, digits)
+
+
+def _through(size: Size, *values: float) -> float:
+    """Return the quantity of a size, infinite where it has a pole."""
+    with np.errstate(all="ignore"):
+        return float(size.quantity(*map(np.float64, values)))
+
+
+def format_estimated(e: Estimate, declared: Described) -> str:
+    """Return a value with its unit and its interval."""
+    return with_interval(
+        e.value, e.interval, lambda value, digits: format_prefixed(value, declared, digits)
+    )
+
+
+def with_interval(value: float, interval: tuple[float, float], write: Writer) -> str:
+    """Return a value with its 95 % interval, with as many digits as that gives meaning to.
+
+    An interval of no length, as of a record without noise, is left out.
+
+    Parameters
+    ----------
+    value : float
+    interval : tuple of float
+    write : callable
+        Of a value and its digits.
+    """
+    low, high = interval
+    half = 0.5 * (high - low)
+    if not math.isfinite(half):
+        return f"{write(value, 2)} ({_open(low, high, write)})"
+    if not half > 0.0:
+        return write(value, 3)
+    largest = max(abs(value), abs(low), abs(high))
+    digits = 1 + math.floor(math.log10(largest)) - math.floor(math.log10(_FINENESS * half))
+    digits = min(max(digits, 2), _MOST_DIGITS)
+    ends = format_range(write(low, digits), write(high, digits))
+    return f"{write(value, digits)} (95 %: {ends})"
+
+
+def _open(low: float, high: float, write: Writer) -> str:
+    """Return an interval that has one end or none."""
+    if math.isfinite(low):
+        return f"95 %: above {write(low, 2)}"
+    if math.isfinite(high):
+        return f"95 %: below {write(high, 2)}"
+    return NOT_DETERMINED

@@ -1,0 +1,371 @@
+"""From a record to frequency responses: signals that can be used, spectra, ratios."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.kit import UserError, suggestion
+from fmus.kit.arrays import Array
+from fmus.kit.units import base_unit
+from orchestration.identify.spectral.local_polynomial import (
+    Estimates,
+    Spectra,
+    Spectrum,
+    estimate,
+)
+from orchestration.identify.spectral.periods import named_period, period_of
+from orchestration.identify.spectral.response import Response
+from orchestration.identify.spectral.result import FrequencyResponse
+from orchestration.records import Record, sample_period
+from orchestration.reporting import option
+
+_SHARED = 0.5  # of the excited lines of an input that may be those of another
+_TOO_SHORT = "the record is too short for a response that changes so fast"
+_ALIKE = "not to be told from what another input does, or from the transient"
+_KNOWN_UNITS = ("ohm", "S", "F", "H")
+
+
+class Ratio(NamedTuple):
+    """A ratio of two signals of a record."""
+
+    above: str
+    below: str
+
+    def __str__(self) -> str:
+        return f"{self.above}/{self.below}"
+
+
+class _Plan(NamedTuple):
+    """Signals of a record that are used, and the periods of inputs that have one.
+
+    ``periods`` are in samples, 0 without.
+    """
+
+    inputs: list[str]
+    outputs: list[str]
+    periods: dict[str, int]
+
+
+def estimate_responses(
+    record: Record,
+    inputs: Sequence[str],
+    of: Sequence[str] = (),
+    *,
+    period: float | None = None,
+    band: tuple[float, float] | None = None,
+    model: str = "",
+    modelled: Mapping[str, Array] | None = None,
+) -> FrequencyResponse:
+    """Estimate frequency responses from a record, and from a model's outputs beside it.
+
+    Parameters
+    ----------
+    record : Record
+        Equally spaced.
+    inputs : sequence of str
+        Signals that drive it; those that vary count.
+    of : sequence of str
+        Ratios of signals such as ``voltage/current``; every output over every input that varies
+        unless given.
+    period : float, optional
+        Of the inputs in s; found in them unless given.
+    band : tuple of two floats, optional
+        Lowest and highest frequency, Hz.
+    model : str
+        Its name, for the result.
+    modelled : Mapping of str to ndarray, shape (n,), optional
+        The model's outputs for the record's inputs.
+
+    Returns
+    -------
+    FrequencyResponse
+
+    Raises
+    ------
+    UserError
+        If samples are missing or not equally spaced, a ratio makes no sense, or no response can be
+        told.
+    """
+    step = sample_period(record.source, record.time, "a spectrum")
+    varying = [name for name in inputs if name in record.signals and _varies(record, name)]
+    ratios = _ratios(record, inputs, varying, of)
+    outputs = sorted({n for ratio in ratios for n in ratio if n not in varying}, key=str)
+    for name in (*varying, *outputs):
+        _check_whole(record, name)
+    values = {name: record.signals[name] for name in varying}
+    periods = (
+        {name: period_of(one) for name, one in values.items()}
+        if period is None
+        else named_period(period, step, values)
+    )
+    plan, used = _whole_periods(_Plan(varying, outputs, periods), record.time.size)
+    spectra = _spectra(record, plan, used, modelled or {})
+    duration = used * step
+    estimates = estimate(spectra, *_lines(spectra, duration, band))
+    responses = {
+        str(ratio): _response(record, ratio, plan, estimates, duration, bool(modelled))
+        for ratio in ratios
+    }
+    if not any(one.frequency.size for one in responses.values()):
+        raise UserError(f"{record.source}: {_nothing(plan, responses)}")
+    notes = tuple(_notes(record, plan, spectra, used, step))
+    repairs = tuple(record.repairs)
+    return FrequencyResponse(record.source.name, model, used, step, responses, notes, repairs)
+
+
+# --- signals and ratios --------------------------------------------------------------------------
+
+
+def _varies(record: Record, name: str) -> bool:
+    values = record.signals[name]
+    return bool(np.nanmax(values) > np.nanmin(values))
+
+
+def _ratios(
+    record: Record, inputs: Sequence[str], varying: Sequence[str], of: Sequence[str]
+) -> list[Ratio]:
+    """Return the ratios to estimate; refuse those that make no sense."""
+    if not varying:
+        raise UserError(
+            f"{record.source}: no input varies ({', '.join(inputs)}), so there is no response"
+        )
+    outputs = [name for name in record.signals if name not in inputs]
+    if not of:
+        return [Ratio(output, name) for output in outputs for name in varying]
+    return [_ratio(record, inputs, varying, text) for text in of]
+
+
+def _ratio(record: Record, inputs: Sequence[str], varying: Sequence[str], text: str) -> Ratio:
+    written = option("of", text)
+    above, slash, below = (part.strip() for part in text.partition("/"))
+    if not (slash and above and below) or above == below:
+        raise UserError(f"{written}: write a ratio of two signals, such as voltage/current")
+    for name in (above, below):
+        if name not in record.signals:
+            raise UserError(
+                f"{written}: {record.source} has no {name}{suggestion(name, record.signals)}"
+            )
+        if name in inputs and name not in varying:
+            raise UserError(f"{written}: {name} is constant in {record.source}")
+    driving = [name for name in (above, below) if name in varying]
+    if len(driving) == 2:
+        raise UserError(f"{written}: both are inputs; one of the two has to be an output")
+    if not driving and len(varying) > 1:
+        raise UserError(
+            f"{written}: both are outputs, and {' and '.join(varying)} move them: name the ratio"
+            " of each to one of these"
+        )
+    return Ratio(above, below)
+
+
+def _check_whole(record: Record, name: str) -> None:
+    """Refuse a signal of which samples are missing."""
+    missing = np.flatnonzero(~np.isfinite(record.signals[name]))
+    if missing.size:
+        more = f" and {missing.size - 1} more" if missing.size > 1 else ""
+        raise UserError(
+            f"{record.source}: {name} has no value at {record.time[missing[0]]:g} s{more}: a"
+            " spectrum needs all samples; cut out a stretch without gaps"
+        )
+
+
+# --- spectra -------------------------------------------------------------------------------------
+
+
+def _whole_periods(plan: _Plan, size: int) -> tuple[_Plan, int]:
+    """Return the plan with the number of samples that are used: whole periods of all inputs."""
+    common = math.lcm(*filter(None, plan.periods.values()))
+    if 2 * common > size:
+        return plan._replace(periods=dict.fromkeys(plan.periods, 0)), size
+    return plan, size - size % common
+
+
+def _spectra(record: Record, plan: _Plan, used: int, modelled: Mapping[str, Array]) -> Spectra:
+    """Return the spectra of the last samples of a record, of the model's outputs too."""
+
+    def transformed(columns: Sequence[Array]) -> Spectrum:
+        stretch = np.column_stack([column[-used:] for column in columns])
+        lines = np.fft.rfft(stretch - stretch.mean(axis=0), axis=0)
+        return np.asarray(lines[: (used - 1) // 2 + 1] / math.sqrt(used))
+
+    inputs = transformed([record.signals[name] for name in plan.inputs])
+    measured = [record.signals[name] for name in plan.outputs]
+    beside = [modelled[name] for name in plan.outputs] if modelled else []
+    counts = [used // lag if (lag := plan.periods[name]) else 0 for name in plan.inputs]
+    made = Spectra(inputs, transformed([*measured, *beside]), len(measured), counts)
+    spectra = _told_apart(made)
+    needed = spectra.narrowest
+    if len(spectra.between) < needed:
+        raise UserError(
+            f"{record.source}: {used} samples have {len(spectra.between)} spectral lines to use,"
+            f" and {needed} are needed for {len(plan.inputs)} inputs; record for longer"
+        )
+    return spectra
+
+
+def _told_apart(spectra: Spectra) -> Spectra:
+    """Return the spectra with periodic inputs by smoothness where they share their lines."""
+    lines = {i: set(spectra.harmonics(i).tolist()) for i, n in enumerate(spectra.periods) if n}
+    shared = {
+        i
+        for pair in combinations(lines, 2)
+        for i in pair
+        if len(set.intersection(*(lines[k] for k in pair)))
+        > _SHARED * min(len(lines[k]) for k in pair)
+    }
+    if not shared:
+        return spectra
+    counts = [0 if i in shared else n for i, n in enumerate(spectra.periods)]
+    stride = max(spectra.periods[i] for i in shared)
+    return Spectra(spectra.inputs, spectra.outputs, spectra.measured, counts, stride)
+
+
+def _lines(spectra: Spectra, duration: float, band: tuple[float, float] | None) -> tuple[int, int]:
+    """Return the first and the last line of a band."""
+    last = len(spectra.inputs) - 1
+    if band is None:
+        return 1, last
+    low, high = band
+    first = max(1, math.ceil(low * duration * (1.0 - 1e-9)))
+    until = min(last, math.floor(high * duration * (1.0 + 1e-9)))
+    if first > until:
+        raise UserError(
+            f"{option('band', f'{low:g}Hz..{high:g}Hz')}: the record has lines from"
+            f" {1.0 / duration:g} Hz to {last / duration:g} Hz, {1.0 / duration:g} Hz apart"
+        )
+    return first, until
+
+
+# --- responses -----------------------------------------------------------------------------------
+
+
+def _response(
+    record: Record,
+    ratio: Ratio,
+    plan: _Plan,
+    estimates: Sequence[Estimates],
+    duration: float,
+    with_model: bool,
+) -> Response:
+    """Return one ratio of the estimates, without the lines for which the record is too short."""
+    driving = next((name for name in ratio if name in plan.inputs), plan.inputs[0])
+    found = estimates[plan.inputs.index(driving)]
+    count = len(plan.outputs)
+    places = [plan.outputs.index(name) for name in ratio if name in plan.outputs]
+    lines = np.array(found.lines, dtype=np.intp)
+    total = 2 * count if with_model else count
+    gains = np.array(found.values, dtype=np.complex128).reshape(-1, total)
+    covariance = np.array(found.covariance).reshape(-1, count, count)
+    freedom = 2.0 * np.array(found.freedom)
+    values, weights = _of_gains(ratio, plan, gains[:, :count])
+    variance = np.einsum("ka,kab,kb->k", weights, covariance, weights.conj()).real
+    model = _of_gains(ratio, plan, gains[:, count:])[0] if with_model else None
+    rough = np.array(found.rough, dtype=bool).reshape(-1, count)[:, places].any(axis=1)
+    left_out = {
+        _TOO_SHORT: lines[rough],
+        _ALIKE: np.array(found.alike, dtype=np.intp),
+        f"{driving} is not excited": np.array(found.weak, dtype=np.intp),
+    }
+    return Response(
+        str(ratio),
+        unit_of_ratio(record.units[ratio.above], record.units[ratio.below]),
+        lines[~rough] / duration,
+        values[~rough],
+        variance[~rough],
+        freedom[~rough],
+        None if model is None else model[~rough],
+        {reason: at / duration for reason, at in left_out.items() if at.size},
+    )
+
+
+def _of_gains(ratio: Ratio, plan: _Plan, gains: Spectrum) -> tuple[Spectrum, Spectrum]:
+    """Return a ratio (n,) of the responses to one input, and its derivatives by them (n, outputs).
+
+    Parameters
+    ----------
+    ratio : Ratio
+    plan : _Plan
+    gains : ndarray of complex, shape (n, outputs)
+    """
+    above, below = (
+        gains[:, plan.outputs.index(name)] if name in plan.outputs else np.ones(len(gains))
+        for name in ratio
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = above / below
+        derivatives = np.zeros_like(gains)
+        if ratio.above in plan.outputs:
+            derivatives[:, plan.outputs.index(ratio.above)] = 1.0 / below
+        if ratio.below in plan.outputs:
+            derivatives[:, plan.outputs.index(ratio.below)] = -values / below
+    return np.asarray(values, dtype=np.complex128), derivatives
+
+
+def unit_of_ratio(above: str, below: str) -> str:
+    """Return the unit of a ratio of two signals, by a name of its own if it has one.
+
+    Parameters
+    ----------
+    above, below : str
+
+    Examples
+    --------
+    >>> [unit_of_ratio(*pair) for pair in (("V", "A"), ("N", "m"), ("m", "N*s"), ("V", "V"))]
+    ['ohm', 'N/m', 'm/(N*s)', '1']
+    """
+    if above == below:
+        return "1"
+    if below == "1":
+        return above
+    compound = any(sign in below for sign in "*/ ")
+    written = f"{above}/({below})" if compound else f"{above}/{below}"
+    try:
+        plain = base_unit(written)
+    except UserError:
+        return written
+    return next((name for name in _KNOWN_UNITS if base_unit(name) == plain), written)
+
+
+# --- words ---------------------------------------------------------------------------------------
+
+
+def _nothing(plan: _Plan, responses: Mapping[str, Response]) -> str:
+    """Return why there is no response at all, and what to do about it."""
+    reasons = [reason for one in responses.values() for reason in one.left_out]
+    names = " and ".join(plan.inputs)
+    if _ALIKE in reasons and len(plan.inputs) > 1:
+        return (
+            f"the responses to {names} cannot be told apart, for their spectra are alike; drive"
+            " them by signals that are independent, or in turn"
+        )
+    if _ALIKE in reasons:
+        return (
+            f"the response to {names} cannot be told from the transient, for its spectrum is as"
+            " smooth as that of a step near an end of the record; excite by several periods, or at"
+            " random"
+        )
+    return f"no response to {names} can be told: {'; '.join(dict.fromkeys(reasons))}"
+
+
+def _notes(record: Record, plan: _Plan, spectra: Spectra, used: int, step: float) -> list[str]:
+    """Return how responses were estimated."""
+    notes = []
+    for name, count in zip(plan.inputs, spectra.periods, strict=True):
+        if count:
+            notes.append(
+                f"{name} repeats every {plan.periods[name] * step:.6g} s, {count} times: responses"
+                " to it are those at its harmonics, and the lines between tell noise and transient"
+            )
+        else:
+            notes.append(
+                f"responses to {name} are smooth curves, fitted over lines near each frequency"
+            )
+    if used < record.time.size:
+        skipped = (record.time.size - used) * step
+        notes.append(f"the first {skipped:.6g} s are left out, so that whole periods remain")
+    return notes

@@ -1,0 +1,5 @@
+"""Linear models: a component, an FMU or a system about an operating point, and what they tell."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

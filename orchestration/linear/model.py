@@ -1,0 +1,384 @@
+"""The result of a linearisation: one state-space model with names and units, and what it tells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import pi
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+import numpy as np
+
+from fmus.kit import UserError, files, suggestion
+from fmus.kit.arrays import Array
+from orchestration.linear.discretisation import Matrices
+from orchestration.linear.operating_point import OperatingPoint
+from orchestration.reporting import Displayable, one_line, plain_table
+
+if TYPE_CHECKING:
+    import control
+    from matplotlib.figure import Figure
+    from rich.console import RenderableType
+
+_UNITY = 1e-6  # |L| - 1 at a crossover that is one
+_POINTS = 4000  # of the frequencies between which margins are interpolated
+_DECADES = 1.0  # beyond the slowest and the fastest pole or zero
+FAR = 100.0  # times the fastest pole, beyond which a zero tells nothing of what a model does
+_FLOOR = 1e-6  # of the fastest pole or zero, below which one is an integrator's
+
+
+class LoopMargins(NamedTuple):
+    """The stability margins of a loop.
+
+    Attributes
+    ----------
+    phase : float
+        Phase margin, degrees; infinite without a crossover.
+    crossover : float
+        Frequency of gain one, Hz, or NaN.
+    gain : float
+        Factor by which the gain may grow; infinite without a limit.
+    phase_crossover : float
+        Frequency of phase -180 degrees, Hz, or NaN.
+    """
+
+    phase: float
+    crossover: float
+    gain: float
+    phase_crossover: float
+
+
+@dataclass(frozen=True)
+class LinearModel(Displayable):
+    """A linear model about an operating point.
+
+    Attributes
+    ----------
+    name : str
+        Of what was linearised.
+    matrices : Matrices
+    inputs, outputs : tuple of str
+    units : dict of str to str
+        Of inputs, outputs and states.
+    point : OperatingPoint
+    method : str
+        What the derivatives are: of the laws, those that an FMU gives, or differences.
+    loop : str
+        Where a loop was cut, of which this is the loop transfer function; empty otherwise.
+    notes : tuple of str
+    further : tuple of LinearModel
+        The same at other operating points.
+    variations : tuple of LinearModel
+        The same with other values of parameters, which make a band.
+    """
+
+    name: str
+    matrices: Matrices
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: dict[str, str]
+    point: OperatingPoint
+    method: str
+    loop: str = ""
+    notes: tuple[str, ...] = ()
+    further: tuple[LinearModel, ...] = ()
+    variations: tuple[LinearModel, ...] = ()
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states."""
+        return self.matrices.states
+
+    @property
+    def period(self) -> float:
+        """Sample period in s; 0 of a continuous model."""
+        return self.matrices.period
+
+    @cached_property
+    def state_space(self) -> control.StateSpace:
+        """The model as python-control has it.
+
+        A full stop, which that does not allow in names, is a slash there: ``bench/tension``.
+        """
+        import control
+
+        m = self.matrices
+        names = {
+            group: [name.replace(".", "/") for name in getattr(self, group)]
+            for group in ("states", "inputs", "outputs")
+        }
+        return control.StateSpace(
+            m.A, m.B, m.C, m.D, m.period, **names, remove_useless_states=False
+        )
+
+    def part(self, input: str = "", output: str = "") -> control.StateSpace:
+        """Return the part from one input to one output; the first ones unless named.
+
+        Raises
+        ------
+        UserError
+            If there is no such input or output.
+        """
+        j = _place(input, self.inputs, "input")
+        i = _place(output, self.outputs, "output")
+        return self.state_space[i, j]
+
+    def response(self, frequencies: Array, input: str = "", output: str = "") -> Array:
+        """Return the frequency response (n,), complex, from one input to one output.
+
+        Of a sampled model it is that of samples: the input is a sine that is held for a period.
+
+        Parameters
+        ----------
+        frequencies : ndarray, shape (n,)
+            In Hz.
+        input, output : str
+            The first ones unless named.
+        """
+        s = 2j * pi * np.asarray(frequencies, dtype=float)
+        argument = np.exp(s * self.period) if self.period else s
+        return np.asarray(self.part(input, output)(argument), dtype=complex)
+
+    def poles(self) -> Array:
+        """Return the poles (n,), in 1/s, or in the z-plane of a sampled model."""
+        return np.asarray(self.state_space.poles())
+
+    def zeros(self, input: str = "", output: str = "") -> Array:
+        """Return the zeros from one input to one output, as `poles` has its poles."""
+        return np.asarray(self.part(input, output).zeros())
+
+    def margins(self, input: str = "", output: str = "") -> LoopMargins:
+        """Return the margins of the loop that a negative feedback from output to input closes.
+
+        A sampled loop is looked at in the w-plane, ``w = 2/T (z - 1)/(z + 1)``, and its frequencies
+        are converted back.
+        """
+        import control
+
+        part = self.part(input, output)
+        plane = w_plane(part) if self.period else part
+        gain, phase, at_phase, at_gain = control.margin(plane)
+        if not _is_unity(plane, at_gain):
+            omega = 2.0 * pi * self._plane(self.frequencies(_POINTS))
+            data = control.frd(plane(1j * omega), omega, smooth=True)
+            gain, phase, at_phase, at_gain = control.margin(data)
+        at_nyquist = float(plane.D[0, 0]) if self.period else 0.0
+        if at_nyquist < 0.0 and abs(np.log(-at_nyquist)) < abs(np.log(gain)):
+            # the far end of the w-plane, which python-control leaves out
+            gain = -1.0 / at_nyquist
+            at_phase = np.inf
+        return LoopMargins(
+            float(phase), self._hertz(float(at_gain)), float(gain), self._hertz(float(at_phase))
+        )
+
+    def _plane(self, frequencies: Array) -> Array:
+        """Return frequencies in the w-plane, Hz, for those of a sampled signal."""
+        if not self.period:
+            return frequencies
+        return np.tan(pi * frequencies * self.period) / (pi * self.period)
+
+    def _hertz(self, omega: float) -> float:
+        """Return the frequency in Hz of an angular frequency in the w-plane or the s-plane."""
+        if not self.period:
+            return omega / (2.0 * pi)
+        return float(np.arctan(0.5 * omega * self.period)) / (pi * self.period)
+
+    def frequencies(self, count: int = 400) -> Array:
+        """Return frequencies (count,), Hz, over which poles and zeros show, up to half the rate."""
+        poles = self._speeds(self.poles())
+        zeros = [self._speeds(self.zeros(i, o)) for i in self.inputs for o in self.outputs]
+        both = np.concatenate([poles, *zeros])
+        # a zero at infinity is computed as one that is far away
+        beyond = FAR * poles.max() if poles.size else np.inf
+        every = both[both <= beyond] / (2.0 * pi)
+        high = 0.5 / self.period if self.period else np.inf
+        seen = every[(every > _FLOOR * every.max(initial=0.0)) & (every < high)]
+        slowest, fastest = (seen.min(), seen.max()) if seen.size else (1.0, 1.0)
+        top = min(fastest * 10.0**_DECADES, 0.999 * high)
+        bottom = min(slowest * 10.0**-_DECADES, 1e-3 * top)
+        return np.geomspace(bottom, top, count)
+
+    def _speeds(self, roots: Array) -> Array:
+        """Return the angular frequencies of poles or zeros."""
+        finite = np.asarray(roots)[np.isfinite(roots)]
+        if not self.period:
+            return np.abs(finite)
+        return np.abs(np.log(finite[np.abs(finite) > np.finfo(float).tiny])) / self.period
+
+    # --- forms
+
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield what it is of, its signals with units, its poles, and the margins of a loop."""
+        time = f"sampled every {self.period:g} s" if self.period else "continuous"
+        yield f"{self.name} {self.point.words}, {time}, by {self.method}"
+        if self.loop:
+            yield f"loop transfer function, cut at {self.loop}: {_margin_words(self.margins())}"
+        table = plain_table(
+            None, "signal", "is", "operating point", "unit", right=["operating point"]
+        )
+        for kind in ("inputs", "states", "outputs"):
+            for name in getattr(self, kind):
+                value = self.point.values.get(name)
+                shown = "" if value is None else f"{value:.6g}"
+                table.add_row(name, kind.removesuffix("s"), shown, self.units.get(name, ""))
+        yield table
+        if self.matrices.states:
+            yield _poles_table(self)
+        yield from self.notes
+
+    def __repr__(self) -> str:
+        ends = f"{', '.join(self.inputs)} -> {', '.join(self.outputs)}"
+        return one_line(f"LinearModel {self.name} {self.point.words}: {ends}")
+
+    def _figure(self) -> Figure:
+        return self.plot()
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw Bode diagram, step response, poles and zeros, at all operating points in one.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Picture (.png, .svg or .pdf) to write as well.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        UserError
+            If the file cannot be written.
+        """
+        from orchestration.linear.picture import draw
+
+        return draw(self, None if path is None else Path(path))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all of it, complex numbers as pairs of real and imaginary part."""
+        m = self.matrices
+        point = self.point
+        listed = {
+            "model": self.name,
+            "method": self.method,
+            "period": self.period,
+            "loop": self.loop or None,
+            "inputs": _described(self.inputs, self.units),
+            "outputs": _described(self.outputs, self.units),
+            "states": _described(self.states, self.units),
+            "A": m.A.tolist(),
+            "B": m.B.tolist(),
+            "C": m.C.tolist(),
+            "D": m.D.tolist(),
+            "poles": [[float(p.real), float(p.imag)] for p in np.atleast_1d(self.poles()) + 0j],
+            "operating_point": {
+                "time": point.time,
+                "trimmed": point.trimmed,
+                "values": point.values,
+                "drift": point.drift,
+                "undetermined": list(point.undetermined),
+            },
+            "notes": list(self.notes),
+        }
+        if self.loop:
+            listed["margins"] = self.margins()._asdict()
+        if self.further:
+            listed["further"] = [one.to_dict() for one in self.further]
+        return listed
+
+    def to_mat(self, path: str | Path) -> Path:
+        """Write A, B, C, D, the sample period Ts, names and units as a MATLAB file.
+
+        Raises
+        ------
+        UserError
+            If it cannot be written.
+        """
+        import io
+
+        from scipy.io import savemat
+
+        m = self.matrices
+        cells = {
+            kind: np.array(list(getattr(self, kind)), dtype=object)
+            for kind in ("inputs", "outputs", "states")
+        }
+        units = {
+            f"{kind}_units": np.array([self.units.get(n, "") for n in names], dtype=object)
+            for kind, names in cells.items()
+        }
+        held = io.BytesIO()
+        savemat(
+            cast(Any, held),
+            {"A": m.A, "B": m.B, "C": m.C, "D": m.D, "Ts": m.period, **cells, **units},
+        )
+        files.write(Path(path), held.getvalue())
+        return Path(path)
+
+
+def w_plane(sampled: control.StateSpace) -> control.StateSpace:
+    """Return a sampled system in the w-plane, ``w = 2/T (z - 1)/(z + 1)``, as a continuous one.
+
+    Raises
+    ------
+    UserError
+        If it has a pole at z = -1, which is at infinity there.
+    """
+    import control
+
+    n = sampled.nstates
+    beside = np.eye(n) + sampled.A
+    if n and np.linalg.cond(beside) > 1.0 / np.finfo(float).eps:
+        raise UserError("a pole at z = -1, half the sampling rate, has no place in the w-plane")
+    inverse = np.linalg.inv(beside)
+    scale = 2.0 / sampled.dt
+    return control.StateSpace(
+        scale * inverse @ (sampled.A - np.eye(n)),
+        2.0 * scale * inverse @ inverse @ sampled.B,
+        sampled.C,
+        sampled.D - sampled.C @ inverse @ sampled.B,
+        remove_useless_states=False,
+    )
+
+
+def _is_unity(plane: Any, omega: float) -> bool:
+    """Return whether the gain is one where polynomials, which lose digits, have the crossover."""
+    return bool(np.isfinite(omega)) and abs(abs(plane(1j * omega)) - 1.0) <= _UNITY
+
+
+def _place(name: str, names: Sequence[str], kind: str) -> int:
+    if not name:
+        return 0
+    if name not in names:
+        raise UserError(f"no {kind} named {name!r}{suggestion(name, names)}")
+    return names.index(name)
+
+
+def _described(names: Sequence[str], units: Mapping[str, str]) -> list[dict[str, str]]:
+    return [{"name": name, "unit": units.get(name, "")} for name in names]
+
+
+def _margin_words(margins: LoopMargins) -> str:
+    phase = "no crossover"
+    if np.isfinite(margins.crossover):
+        phase = f"phase margin {margins.phase:.1f}° at {margins.crossover:.4g} Hz"
+    gain = "gain margin without limit"
+    if np.isfinite(margins.gain):
+        gain = f"gain margin {margins.gain:.4g} at {margins.phase_crossover:.4g} Hz"
+    return f"{phase}, {gain}"
+
+
+def _poles_table(model: LinearModel) -> Any:
+    columns = ("pole", "frequency [Hz]", "damping")
+    table = plain_table(None, *columns, right=columns)
+    poles = np.atleast_1d(model.poles())
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rates = np.log(poles + 0j) / model.period if model.period else poles
+    for pole, rate in zip(poles, rates, strict=True):
+        size = abs(rate)
+        shown = f"{pole.real:.6g}" if pole.imag == 0.0 else f"{pole.real:.6g}{pole.imag:+.6g}j"
+        damping = f"{-rate.real / size:.4g}" if 0.0 < size < np.inf else ""
+        table.add_row(shown, f"{size / (2.0 * pi):.4g}", damping)
+    return table

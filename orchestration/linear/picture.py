@@ -1,0 +1,168 @@
+"""The picture of linear models: Bode diagram, step response, poles and zeros, in one.
+
+Operating points are lines of different shades; values of parameters that vary make a band.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmus.kit.arrays import Array
+from orchestration.linear.model import FAR, LinearModel
+from orchestration.reporting import FITTED, FORMATS, pictures
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["FORMATS", "draw"]
+
+_POINTS = 500  # of a curve
+_SLOWEST = 5.0  # time constants of the slowest pole that a step response shows
+_CYCLES = 3.0  # of the crossover frequency, that a closed loop's step response shows
+_PALEST = 0.35
+
+
+def draw(model: LinearModel, path: Path | None = None) -> Figure:
+    """Draw a model and what goes with it, from its first input to its first output.
+
+    Parameters
+    ----------
+    model : LinearModel
+    path : Path, optional
+        Picture to write as well.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written.
+    """
+    title = f"{model.name}: {model.inputs[0]} to {model.outputs[0]}"
+    if model.loop:
+        title = f"{model.name}: loop transfer function, cut at {model.loop}"
+    figure, (gain, phase, step, plane) = pictures.panels(4, title, height=2.0, shared=False)
+    frequencies = model.frequencies(_POINTS)
+    _draw_band(model, frequencies, gain, phase, step)
+    models = (model, *model.further)
+    for one, shade in zip(models, np.linspace(1.0, _PALEST, len(models)), strict=True):
+        _draw_one(one, frequencies, float(shade), (gain, phase, step, plane))
+    _label(model, gain, phase, step, plane)
+    if len(models) > 1 or model.variations:
+        gain.legend(fontsize=8)
+    if path is not None:
+        pictures.save(figure, path)
+    return figure
+
+
+def _draw_one(
+    model: LinearModel, frequencies: Array, shade: float, axes: tuple[Axes, Axes, Axes, Axes]
+) -> None:
+    gain, phase, step, plane = axes
+    decibel, degrees = _bode(model, frequencies)
+    look: dict[str, Any] = {"color": pictures.MODEL, "alpha": shade}
+    gain.semilogx(frequencies, decibel, label=model.point.words, **look)
+    phase.semilogx(frequencies, degrees, **look)
+    if model.loop:
+        margins = model.margins()
+        if np.isfinite(margins.crossover):
+            gain.plot(margins.crossover, 0.0, "o", **look)
+            turns = np.interp(margins.crossover, frequencies, degrees)
+            phase.plot(margins.crossover, turns, "o", **look)
+    time, response = _step(model)
+    if model.period:
+        step.step(time, response, where="post", **look)
+    else:
+        step.plot(time, response, **look)
+    poles, zeros = (_in_plane(model, roots) for roots in (model.poles(), model.zeros()))
+    zeros = zeros[np.abs(zeros) <= FAR * np.abs(poles).max(initial=0.0)] if poles.size else zeros
+    plane.plot(poles.real, poles.imag, "x", **look)
+    plane.plot(zeros.real, zeros.imag, "o", markerfacecolor="none", **look)
+
+
+def _draw_band(model: LinearModel, frequencies: Array, gain: Axes, phase: Axes, step: Axes) -> None:
+    """Shade what the variations of the first model cover."""
+    if not model.variations:
+        return
+    curves = [_bode(one, frequencies) for one in model.variations]
+    look: dict[str, Any] = {"color": FITTED, "alpha": 0.2, "linewidth": 0.0}
+    label = f"{len(curves)} values of parameters"
+    for axis, values in ((gain, [c[0] for c in curves]), (phase, [c[1] for c in curves])):
+        axis.fill_between(frequencies, np.min(values, 0), np.max(values, 0), label=label, **look)
+    time = _times(model)
+    steps = [_step(one, time)[1] for one in model.variations]
+    look["step"] = "post" if model.period else None
+    step.fill_between(time, np.min(steps, 0), np.max(steps, 0), **look)
+
+
+def _label(model: LinearModel, gain: Axes, phase: Axes, step: Axes, plane: Axes) -> None:
+    units = model.units.get(model.outputs[0], "1"), model.units.get(model.inputs[0], "1")
+    pictures.label(gain, "gain", "dB" if units[0] == units[1] else f"dB re {units[0]}/({units[1]})")
+    pictures.label(phase, "phase", "deg")
+    closed = ", loop closed" if model.loop else ""
+    pictures.label(step, f"{model.outputs[0]}\nafter a step{closed}", units[0])
+    pictures.label(plane, "imaginary part", "rad/s")
+    for axis in (gain, phase):
+        axis.set_xlabel("frequency [Hz]")
+    step.set_xlabel("time [s]")
+    ends = "poles (crosses) and zeros (circles), real part [rad/s]"
+    plane.set_xlabel(f"{ends}, in the w-plane" if model.period else ends)
+    if model.loop:
+        gain.axhline(0.0, color=pictures.MEASURED, linewidth=0.8)
+        phase.axhline(-180.0, color=pictures.MEASURED, linewidth=0.8)
+
+
+def _bode(model: LinearModel, frequencies: Array) -> tuple[Array, Array]:
+    """Return gain (n,) in dB and phase (n,) in degrees without jumps; NaN for a gain of 0."""
+    response = model.response(frequencies)
+    size = np.abs(response)
+    size[size == 0.0] = np.nan
+    angles = np.degrees(np.unwrap(np.angle(response)))
+    # an angle is known up to turns; the first is what a loop that has integrators begins with
+    return 20.0 * np.log10(size), angles - 360.0 * np.ceil((angles[0] - 180.0) / 360.0)
+
+
+def _times(model: LinearModel) -> Array:
+    """Return instants (n,) in s over which a step response settles."""
+    if model.loop and np.isfinite(model.margins().crossover):
+        last = _CYCLES / model.margins().crossover
+        return _instants(model, last)
+    poles = np.atleast_1d(model.poles())
+    with np.errstate(divide="ignore"):
+        rates = np.log(np.abs(poles)) / model.period if model.period else poles.real
+    decays = -rates[(rates < 0.0) & np.isfinite(rates)]
+    last = _SLOWEST / decays.min() if decays.size else 1.0
+    return _instants(model, last)
+
+
+def _instants(model: LinearModel, last: float) -> Array:
+    if model.period:
+        count = min(int(np.ceil(last / model.period)), 10 * _POINTS)
+        return np.asarray(model.period * np.arange(max(count, 10) + 1))
+    return np.asarray(np.linspace(0.0, last, _POINTS))
+
+
+def _step(model: LinearModel, time: Array | None = None) -> tuple[Array, Array]:
+    import control
+
+    instants = _times(model) if time is None else time
+    part = control.feedback(model.part(), 1) if model.loop else model.part()
+    response = control.step_response(part, instants)
+    return instants, np.asarray(response.outputs).ravel()
+
+
+def _in_plane(model: LinearModel, roots: Sequence[complex] | Array) -> Array:
+    """Return roots as they are, or those of a sampled model in the w-plane."""
+    values = np.asarray(roots, dtype=complex)
+    values = values[np.isfinite(values)]
+    if not model.period:
+        return values
+    apart = values[np.abs(values + 1.0) > 0.0]
+    return 2.0 / model.period * (apart - 1.0) / (apart + 1.0)

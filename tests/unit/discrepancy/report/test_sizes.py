@@ -1,0 +1,99 @@
+"""Claims: a size is the function of its parameter, and so are both ends of its interval."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from fmus.kit import Component, Output, Parameter, Size, make_effect
+from fmus.kit.units import write_prefixed
+from orchestration.discrepancy.report.sizes import (
+    format_estimated,
+    told_of_parameter,
+    told_sizes,
+    with_interval,
+)
+from orchestration.identify.uncertainty import Estimate
+
+LEVEL = Size("levels off at {}", ("c",), "C", lambda c: c**-0.5)
+TIME = Size("a time constant of {}", ("T",))
+BOTH = Size("a loop {} wide", ("c", "T"), "C", lambda c, time: c * time)
+EFFECT = make_effect(
+    "Levelling",
+    {"c": Parameter(0.0, "1/C^2", min=0.0), "T": Parameter(3.0, "s", min=1e-3)},
+    id="levelling",
+    neutral="c",
+    sizes=(LEVEL, TIME, BOTH),
+)
+
+
+class Plain(Component):
+    """Something of which a resistance is fitted."""
+
+    name = "plain"
+    R = Parameter(1.0, "ohm")
+
+    @Output("ohm")
+    def shown(self):
+        return self.R
+
+
+def told(**intervals):
+    """The sizes of the effect with c = 0.16 and T = 18 s, fitted with these intervals."""
+    values = {"c": 0.16, "T": 18.0}
+    estimates = {
+        name: Estimate(values[name], 0.0, interval, "1") for name, interval in intervals.items()
+    }
+    problem = SimpleNamespace(declared=EFFECT.declared)
+    return SimpleNamespace(estimates=estimates, final=SimpleNamespace(problem=problem))
+
+
+def texts(diagnosis):
+    return [size.text for size in told_sizes(diagnosis, EFFECT)]
+
+
+def test_the_interval_goes_through_the_function_of_the_size():
+    level, time, both = told_sizes(told(c=(0.1, 0.25), T=(16.0, 20.0)), EFFECT)
+    assert level.value == pytest.approx(1.0 / math.sqrt(0.16))
+    assert level.interval == pytest.approx((1.0 / math.sqrt(0.25), 1.0 / math.sqrt(0.1)))
+    assert level.text == "levels off at 2.5 C (95 %: 2.0 … 3.2 C)"
+    assert time.text == "a time constant of 18 s (95 %: 16 … 20 s)"
+    assert both.text == "a loop 2.88 C wide"  # the fit has no interval of a product
+    assert level.to_dict() == {
+        "phrase": "levels off at {}",
+        "value": level.value,
+        "ci95": list(level.interval),
+        "unit": "C",
+    }
+    assert both.to_dict()["ci95"] == [None, None]
+    assert time.to_dict()["unit"] == "s"
+
+
+@pytest.mark.parametrize(
+    ("interval", "text"),
+    [
+        ((-0.1, 0.25), "levels off at 2.5 C (95 %: above 2.0 C)"),  # none at c = 0
+        ((-math.inf, math.inf), "levels off at 2.5 C (not determined)"),
+        ((0.16, 0.16), "levels off at 2.50 C"),  # of a record without noise
+        ((0.1599, 0.1601), "levels off at 2.5000 C (95 %: 2.4992 … 2.5008 C)"),
+    ],
+)
+def test_an_interval_with_an_open_end_or_of_no_length(interval, text):
+    assert texts(told(c=interval))[0] == text
+
+
+def test_a_size_is_told_where_something_of_it_was_fitted():
+    assert len(texts(told(c=(0.1, 0.25)))) == 2  # and the product, with T as it is declared
+    assert texts(told()) == []
+    assert told_of_parameter(told(c=(0.1, 0.25)), EFFECT, "c")[0].startswith("levels off at")
+    assert told_of_parameter(told(T=(16.0, 20.0)), EFFECT, "T") == []  # its value says it
+
+
+def test_a_parameter_has_its_interval_beside_it():
+    resistance = Plain.declared["R"]
+    text = format_estimated(Estimate(13e-3, 1.0, (12.4e-3, 13.6e-3), "ohm"), resistance)
+    assert text == "13.0 mΩ (95 %: 12.4 … 13.6 mΩ)"
+    falling = with_interval(0.5, (-math.inf, 0.6), lambda v, digits: write_prefixed(v, "V", digits))
+    assert falling == "500 mV (95 %: below 600 mV)"

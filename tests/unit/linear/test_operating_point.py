@@ -1,0 +1,62 @@
+"""Claims: an operating point is where scipy and closed forms say that a model is at that time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmus import component
+from fmus.kit import UserError
+from fmus.kit.symbolic import trace
+from orchestration.linear.operating_point import point_at, start_point, with_outputs
+
+R1, R2, C = 0.43, 2.35, 2.70
+
+
+@pytest.fixture(scope="module")
+def actuator():
+    return trace(component("ppy_actuator"))
+
+
+def charged(current, seconds):
+    """Charge in C after a constant current, thesis eq. 3.4."""
+    return current * R2 * C * (1.0 - np.exp(-seconds / ((R1 + R2) * C)))
+
+
+def test_constant_inputs_lead_to_the_closed_form(actuator):
+    point = point_at(actuator, 3.0, {"current": 0.5, "R1": R1, "R2": R2, "C": C})
+    assert point.states["charge"] == pytest.approx(charged(0.5, 3.0), rel=1e-7)
+    assert (point.time, point.inputs["current"], point.words) == (3.0, 0.5, "at 3 s")
+
+
+def test_inputs_that_vary_are_held_between_their_instants(actuator):
+    over = np.array([0.0, 2.0, 4.0])
+    stimulus = {"current": np.array([0.5, 0.0, 9.0])}
+    point = point_at(actuator, 3.0, {}, stimulus, over)
+    decay = np.exp(-1.0 / ((R1 + R2) * C))
+    assert point.states["charge"] == pytest.approx(charged(0.5, 2.0) * decay, rel=1e-7)
+    assert point.inputs["current"] == 0.0
+    assert point_at(actuator, 4.0, {}, stimulus, over).inputs["current"] == 9.0
+
+
+def test_the_start_has_the_values_that_are_set(actuator):
+    point = with_outputs(actuator, start_point(actuator, {"charge_start": 1.0, "current": 2.0}))
+    assert point.states["charge"] == 1.0
+    voltage = R1 * (R2 * 2.0 - 1.0 / C) / (R1 + R2) + 1.0 / C
+    assert point.outputs["voltage"] == pytest.approx(voltage, rel=1e-12)
+    assert point_at(actuator, 0.0, {"charge_start": 1.0}).states["charge"] == 1.0
+
+
+def test_discrete_states_are_those_before_a_sample():
+    graph = trace(component("voice_coil_dma"))
+    values = {"force_reference": 1.0}
+    before = point_at(graph, 1.0 / 30.0, values).discretes["voltage_command"]
+    after = point_at(graph, 1.0 / 30.0 + 1e-6, values).discretes["voltage_command"]
+    # eq. 2.2: 0.66 at the first sample, and 0.6 more at the next, as nothing pulls yet
+    assert (before, after) == pytest.approx((0.66, 1.26), rel=1e-9)
+
+
+@pytest.mark.parametrize("time", [-1.0, np.inf, np.nan])
+def test_a_time_before_the_start_is_refused(actuator, time):
+    with pytest.raises(UserError, match="a time from 0 s on"):
+        point_at(actuator, time, {})
