@@ -16,6 +16,7 @@ COMPONENTS = {
     "ppy_actuator_length_driven": "ppy_actuator.model:PpyActuatorLengthDriven",
     "galvanostat": "galvanostat.model:Galvanostat",
     "voice_coil_dma": "voice_coil_dma.model:VoiceCoilDma",
+    "isotonic_stand": "isotonic_stand.model:IsotonicStand",
     "degradation_estimator": "degradation_estimator.model:DegradationEstimator",
     "foot": "foot.model:Foot",
     "foot_design": "foot.design:FootDesign",

@@ -92,6 +92,7 @@ navigation = {
         "fmus/ppy_actuator/README",
         "fmus/galvanostat/README",
         "fmus/voice_coil_dma/README",
+        "fmus/isotonic_stand/README",
         "fmus/degradation_estimator/README",
         "fmus/foot/README",
         "fmus/controllers/README",

@@ -1,4 +1,4 @@
-"""The systems that are part of this project: benches, the degradation watch, and the foot."""
+"""The systems of this project: benches, the stand, the degradation watch, and the foot."""
 
 from __future__ import annotations
 
@@ -43,6 +43,10 @@ SUMMARIES = {
         "Voice coil that keeps an actuator at a wanted force while current goes through it"
         " (thesis section 2.2)."
     ),
+    "isotonic_stand": (
+        "Galvanostat and an actuator that carries weights, its displacement by an LVDT"
+        " (thesis section 2.1)."
+    ),
     "degradation_watch": (
         "Galvanostat, an actuator that ages, and an estimator that lowers the voltage limit"
         " (thesis sections 4.2, 4.3)."
@@ -63,7 +67,7 @@ def system(name: str, runtime: str = "native") -> System:
 
     Parameters
     ----------
-    name : {"dma_bench", "degradation_watch", "foot_gait", "hil_bench"}
+    name : {"dma_bench", "isotonic_stand", "degradation_watch", "foot_gait", "hil_bench"}
     runtime : {"native", "python"}
         Kind of build of its members.
 
@@ -74,6 +78,7 @@ def system(name: str, runtime: str = "native") -> System:
     """
     makers = {
         "dma_bench": dma_bench,
+        "isotonic_stand": isotonic_stand,
         "degradation_watch": degradation_watch,
         "foot_gait": foot_gait,
         "hil_bench": hil_bench,
@@ -120,6 +125,44 @@ def _make_bench(name: str, actuator: str, component_name: str, runtime: str) -> 
         doc=SUMMARIES[name],
         step=1e-4,  # at 1e-3 a Jacobi master overshoots by a fifth more
         stop=5.0,
+    )
+
+
+def isotonic_stand(runtime: str) -> System:
+    """Return the stand: an actuator that carries weights and is driven by its current.
+
+    The system is that of the thesis, section 2.1 and figs. 3-3 to 3-5.
+    """
+    # 15 V, the compliance of the galvanostat, is no protection
+    idle = {"voltage_command": 0.0, "voltage_limit": 15.0}
+    return System(
+        name="isotonic_stand",
+        members=(
+            Member.of("galvanostat", component("galvanostat"), idle, runtime),
+            Member.of("actuator", component("ppy_actuator"), runtime=runtime),
+            Member.of("stand", component("isotonic_stand"), runtime=runtime),
+        ),
+        connections=connect(
+            "galvanostat.current -> actuator.current",
+            "actuator.voltage -> galvanostat.voltage",
+            "stand.tension -> actuator.force",
+            "actuator.displacement -> stand.displacement",
+        ),
+        inputs={
+            "current_command": (Port("galvanostat", "current_command"),),
+            "mass": (Port("stand", "mass"),),
+            "zero": (Port("stand", "zero"),),
+        },
+        outputs=_make_outputs(
+            "galvanostat.current",
+            "actuator.voltage",
+            "actuator.displacement",
+            "stand.tension",
+            "stand.displacement_measured",
+        ),
+        doc=SUMMARIES["isotonic_stand"],
+        step=0.01,  # the period at which the galvanostat looks at the voltage
+        stop=60.0,
     )
 
 

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from studies.references.files import write_options
+
 FOLDER = Path(__file__).parents[2] / "fmus" / "degradation_estimator" / "reference"
 
 NAME = "degradation_estimator"
@@ -135,17 +137,7 @@ def main() -> None:
         # no output follows an input at once, so that both rows of a jump are the same
         lines += [",".join(f"{value:.12g}" for value in (k * STEP, *row))] * (2 if jumps else 1)
     (folder / f"{NAME}_ref.csv").write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-    options = {
-        "StartTime": 0,
-        "StopTime": STOP,
-        "StepSize": STEP,
-        "RelTol": 1e-7,
-        "AbsTol": 1e-9,
-        "SolverType": "weighted normal equations",
-        "OutputIntervalLength": STEP,
-    }
-    text = "\n".join(f"{key},{value}" for key, value in options.items())
-    (folder / f"{NAME}_ref.opt").write_text(text + "\n", encoding="utf-8", newline="\n")
+    write_options(folder / f"{NAME}_ref.opt", STOP, STEP, "weighted normal equations")
 
 
 if __name__ == "__main__":

@@ -18,6 +18,8 @@ from pathlib import Path
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from studies.references.files import write_options, write_rows
+
 Slope = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 FOLDER = Path(__file__).parents[2] / "fmus" / "foot" / "reference"
@@ -420,24 +422,9 @@ def main() -> None:
     }
     for name, (signals, results, tables) in cases.items():
         for suffix, header, rows in zip(("in", "ref"), (signals, results), tables, strict=True):
-            lines = [
-                ",".join(("time", *header)),
-                *(",".join(f"{v:.12g}" for v in row) for row in rows),
-            ]
-            (FOLDER / f"{name}_{suffix}.csv").write_text(
-                "\n".join(lines) + "\n", encoding="utf-8", newline="\n"
-            )
-        options = {
-            "StartTime": 0,
-            "StopTime": tables[1][-1][0],
-            "StepSize": STEP,
-            "RelTol": 1e-7,
-            "AbsTol": 1e-9,
-            "SolverType": "DOP853" if name in ("foot_dynamic", "foot_free") else "algebraic",
-            "OutputIntervalLength": STEP,
-        }
-        text = "\n".join(f"{key},{value}" for key, value in options.items())
-        (FOLDER / f"{name}_ref.opt").write_text(text + "\n", encoding="utf-8", newline="\n")
+            write_rows(FOLDER / f"{name}_{suffix}.csv", header, rows)
+        solver = "DOP853" if name in ("foot_dynamic", "foot_free") else "algebraic"
+        write_options(FOLDER / f"{name}_ref.opt", tables[1][-1][0], STEP, solver)
 
 
 if __name__ == "__main__":

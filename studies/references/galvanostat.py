@@ -8,6 +8,8 @@ cross-check: a repeated time marks a jump.
 import math
 from pathlib import Path
 
+from studies.references.files import write_options, write_rows
+
 FOLDER = Path(__file__).parents[2] / "fmus" / "galvanostat" / "reference"
 
 LIMIT = 1.3
@@ -16,8 +18,8 @@ RECOVERY = 50  # protection periods
 PERIOD = 0.01  # s
 STEP = 0.025  # s, two and a half protection periods
 STOP = 20.0  # s
-INPUTS = "current_command,voltage,voltage_limit"
-OUTPUTS = "current,saturated,recovering"
+INPUTS = ("current_command", "voltage", "voltage_limit")
+OUTPUTS = ("current", "saturated", "recovering")
 
 
 def stimulus(time: float) -> tuple[float, float, float]:
@@ -83,23 +85,9 @@ def solve() -> tuple[list[list[float]], list[list[float]]]:
 def main() -> None:
     """Write the files."""
     inputs, outputs = solve()
-    folder = FOLDER
-    for suffix, header, rows in (("in", INPUTS, inputs), ("ref", OUTPUTS, outputs)):
-        text = "\n".join([f"time,{header}", *(",".join(f"{v:.12g}" for v in row) for row in rows)])
-        (folder / f"galvanostat_{suffix}.csv").write_text(
-            text + "\n", encoding="utf-8", newline="\n"
-        )
-    options = {
-        "StartTime": 0,
-        "StopTime": STOP,
-        "StepSize": STEP,
-        "RelTol": 1e-7,
-        "AbsTol": 1e-9,
-        "SolverType": "event by event",
-        "OutputIntervalLength": STEP,
-    }
-    lines = "\n".join(f"{key},{value}" for key, value in options.items())
-    (folder / "galvanostat_ref.opt").write_text(lines + "\n", encoding="utf-8", newline="\n")
+    write_rows(FOLDER / "galvanostat_in.csv", INPUTS, inputs)
+    write_rows(FOLDER / "galvanostat_ref.csv", OUTPUTS, outputs)
+    write_options(FOLDER / "galvanostat_ref.opt", STOP, STEP, "event by event")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 from scipy.linalg import expm
 
+from studies.references.files import write_options, write_rows
+
 FOLDER = Path(__file__).parents[2] / "fmus" / "ppy_actuator" / "reference"
 
 R1 = 0.43
@@ -24,10 +26,16 @@ STEP = 0.1
 STOP = 60.0
 HEADER = {
     "ppy_actuator": (
-        "current,force",
-        "voltage,displacement,electrochemical_displacement,mechanical_displacement,charge",
+        ("current", "force"),
+        (
+            "voltage",
+            "displacement",
+            "electrochemical_displacement",
+            "mechanical_displacement",
+            "charge",
+        ),
     ),
-    "ppy_actuator_length_driven": ("current,length_change", "tension,voltage,charge"),
+    "ppy_actuator_length_driven": (("current", "length_change"), ("tension", "voltage", "charge")),
 }
 
 
@@ -90,27 +98,11 @@ def main() -> None:
     }
     for name, (matrices, scale) in cases.items():
         inputs, outputs = solve(*matrices, scale)
-        for suffix, header, rows in (
-            ("in", HEADER[name][0], inputs),
-            ("ref", HEADER[name][1], outputs),
+        for suffix, header, rows in zip(
+            ("in", "ref"), HEADER[name], (inputs, outputs), strict=True
         ):
-            text = "\n".join(
-                [f"time,{header}", *(",".join(f"{v:.12g}" for v in row) for row in rows)]
-            )
-            (FOLDER / f"{name}_{suffix}.csv").write_text(
-                text + "\n", encoding="utf-8", newline="\n"
-            )
-        options = {
-            "StartTime": 0,
-            "StopTime": STOP,
-            "StepSize": STEP,
-            "RelTol": 1e-7,
-            "AbsTol": 1e-9,
-            "SolverType": "matrix exponential",
-            "OutputIntervalLength": STEP,
-        }
-        lines = "\n".join(f"{key},{value}" for key, value in options.items())
-        (FOLDER / f"{name}_ref.opt").write_text(lines + "\n", encoding="utf-8", newline="\n")
+            write_rows(FOLDER / f"{name}_{suffix}.csv", header, rows)
+        write_options(FOLDER / f"{name}_ref.opt", STOP, STEP, "matrix exponential")
 
 
 if __name__ == "__main__":

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 from scipy.linalg import expm
 
+from studies.references.files import write_options, write_rows
+
 FOLDER = Path(__file__).parents[2] / "fmus" / "voice_coil_dma" / "reference"
 
 R = 3.0
@@ -96,24 +98,12 @@ def solve() -> tuple[list[list[float]], list[list[float]]]:
 
 def main() -> None:
     """Write the files."""
-    signals = "position,velocity,coil_current,coil_voltage,force_measured,position_measured"
-    folder = FOLDER
-    for suffix, header, rows in zip(
-        ("in", "ref"), ("force_reference,tension", signals), solve(), strict=True
-    ):
-        text = "\n".join([f"time,{header}", *(",".join(f"{v:.12g}" for v in row) for row in rows)])
-        (folder / f"{NAME}_{suffix}.csv").write_text(text + "\n", encoding="utf-8", newline="\n")
-    options = {
-        "StartTime": 0,
-        "StopTime": STOP,
-        "StepSize": STEP,
-        "RelTol": 1e-7,
-        "AbsTol": 1e-9,
-        "SolverType": "matrix exponential",
-        "OutputIntervalLength": STEP,
-    }
-    lines = "\n".join(f"{key},{value}" for key, value in options.items())
-    (folder / f"{NAME}_ref.opt").write_text(lines + "\n", encoding="utf-8", newline="\n")
+    inputs, outputs = solve()
+    write_rows(FOLDER / f"{NAME}_in.csv", ("force_reference", "tension"), inputs)
+    sensors = ("force_measured", "position_measured")
+    signals = ("position", "velocity", "coil_current", "coil_voltage", *sensors)
+    write_rows(FOLDER / f"{NAME}_ref.csv", signals, outputs)
+    write_options(FOLDER / f"{NAME}_ref.opt", STOP, STEP, "matrix exponential")
 
 
 if __name__ == "__main__":

@@ -115,6 +115,12 @@ SUBJECTS = {
         "force_reference N tension N position m velocity m/s coil_current A coil_voltage V"
         " force_measured N position_measured m",
     ),
+    "isotonic_stand": Subject(
+        {"mass": 0.2, "displacement": 1e-3},
+        "sensor_voltage",
+        {"lvdt_sensitivity": 150.0, "demodulated_voltage_start": 0.1, "placing_time": 0.1},
+        "mass kg displacement m tension N sensor_voltage V displacement_measured m",
+    ),
     "degradation_estimator": Subject(
         {"current": 0.9, "voltage": 0.5},
         "voltage_limit",

@@ -41,6 +41,12 @@ RUNS = {
         ["bench.position", "bench.force_measured", "actuator.charge"],
         ["actuator.tension"],
     ),
+    "isotonic_stand": (  # without current, which masters pass on at once or a step later
+        {"stand.mass": 0.2},
+        300,
+        ["stand.tension"],  # internal steps of the demodulator hang on how a master rounds times
+        ["actuator.displacement"],
+    ),
     "degradation_watch": (
         {"galvanostat.current_command": 1.0, "actuator.force": 0.1},
         300,

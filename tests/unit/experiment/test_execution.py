@@ -95,6 +95,43 @@ def test_fig_3_3_voltage_does_not_notice_the_load():
     assert moved == pytest.approx(burgers(t, jumps, *stiffness), abs=1e-9)
 
 
+def test_fig_3_3_on_the_stand_is_read_by_an_lvdt_that_was_set_to_zero():
+    """Tension, displacement under it and voltage in closed form, sampled at 10 Hz; the voltage does
+    not notice the release.
+    """
+    found = run(read("fig_3_3_stand"))
+    t = found.time.values
+    k1, b1, k2, b2 = (value * 5 / 12 for value in (K1, B1, K2, B2))  # films side by side
+    load, placing = 0.2 * GRAVITY, 0.05
+    gone = np.maximum(t - 10.0, 0.0)
+    left = np.exp(-gone / placing)
+    assert found["stand.tension"].values == pytest.approx(load * left, abs=1e-8)
+    # k2 and b2 under what is left of the load; b1 under what was there and is left
+    tau = b2 / k2
+    kelvin = load / k2 * (tau * np.exp(-gone / tau) - placing * left) / (tau - placing)
+    flow = load / b1 * (np.minimum(t, 10.0) + placing * (1.0 - left))
+    r1, r2, c = 1.32, 2.72, 0.46  # section 3.3.1
+    rc = (r1 + r2) * c
+    charged = 1.0 - np.exp(-np.clip(t - 3.0, 0.0, 6.0) / rc)
+    charge = 0.5 * r2 * c * charged * np.exp(-np.maximum(t - 9.0, 0.0) / rc)
+    reached = load * left / k1 + kelvin + flow + 6.8e-5 * charge
+    # a sample at the end of a step is taken in the next one; the zero is that of 1.4 s
+    index = np.arange(t.size)
+    sampled = np.where(index > 0, (np.maximum(index, 1) - 1) // 50 * 50, 0)
+    read_off = reached[sampled] - np.where(t > 1.0, reached[np.minimum(sampled, 700)], 0.0)
+    # the exchange holds the displacement for 2 ms, and the demodulator is late by 0.8 ms
+    late = 3e-3 * np.abs(np.gradient(reached, 2e-3))[sampled] + 2e-8
+    error = found["stand.displacement_measured"].values - read_off
+    assert (np.abs(error) <= late)[1:].all()
+    current = np.where((t >= 3.0) & (t < 9.0), 0.5, 0.0)
+    assert found["actuator.voltage"].values == pytest.approx(
+        r2 * (r1 * current + charge / c) / (r1 + r2), abs=1e-5
+    )
+    kept = run(read("fig_3_3_stand", ["inputs.mass=200g"]))
+    voltage = "actuator.voltage"
+    assert kept[voltage].values.tobytes() == found[voltage].values.tobytes()
+
+
 @pytest.mark.parametrize(
     ("name", "amplitude", "frequency", "parameters"),
     [("fig_3_4", 0.9, 0.2, (R1, R2, C)), ("fig_3_5", 1.2, 0.1, (1.32, 2.72, 0.46))],

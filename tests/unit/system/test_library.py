@@ -1,4 +1,4 @@
-"""Claims: the four systems ship in both builds, and run at their step in a master that is not
+"""Claims: the five systems ship in both builds, and run at their step in a master that is not
 ours.
 """
 
@@ -30,8 +30,14 @@ def run(tmp_path):
     return run
 
 
-def test_four_ship_and_another_name_is_refused():
-    assert library.NAMES == ("dma_bench", "degradation_watch", "foot_gait", "hil_bench")
+def test_five_ship_and_another_name_is_refused():
+    assert library.NAMES == (
+        "dma_bench",
+        "isotonic_stand",
+        "degradation_watch",
+        "foot_gait",
+        "hil_bench",
+    )
     with pytest.raises(UserError, match=r"no system named 'dma_bnch' \(did you mean dma_bench\?\)"):
         library.system("dma_bnch")
 
@@ -60,6 +66,12 @@ def test_what_is_connected_with_what():
     assert found["hil_bench"] == {
         "bench.position": "proxy.length_change",
         "proxy.tension": "bench.tension",
+    }
+    assert found["isotonic_stand"] == {
+        "galvanostat.current": "actuator.current",
+        "actuator.voltage": "galvanostat.voltage",
+        "stand.tension": "actuator.force",
+        "actuator.displacement": "stand.displacement",
     }
     feet = {f"foot.{a}_length_change": f"{a}.length_change" for a in ("an", "po", "do", "pl")}
     assert found["foot_gait"] == feet | {
