@@ -46,12 +46,13 @@ def paper(v):
     q, i = p["charge"], p["current"]
 
     # coupling, as layers in the order of the catalogue
+    lag = p["lag_time"] + 0.05 * math.exp(-p["lag_time"] / 0.05)
     seen = (
         q
         - p["hysteresis_share"] * p["trailing_charge"]
-        - p["lag_time"] / (p["lag_time"] + 0.05) * p["pending_charge"]
+        - p["lag_time"] / lag * p["pending_charge"]
     )
-    stage = p["staged_lag_time"] / 2 + 0.05
+    stage = p["staged_lag_time"] / 2 + 0.05 * math.exp(-p["staged_lag_time"] / 0.1)
     seen -= p["staged_lag_time"] / 2 / stage * (p["first_stage_charge"] + p["second_stage_charge"])
     z = math.sqrt(p["strain_saturation_coefficient"]) * seen
     level = math.tanh(z) / z if z else 1.0
@@ -122,7 +123,7 @@ def paper(v):
         / p["thermal_time"],
         "der(first_stage_charge)": j - p["first_stage_charge"] / stage,
         "der(second_stage_charge)": (p["first_stage_charge"] - p["second_stage_charge"]) / stage,
-        "der(pending_charge)": j - p["pending_charge"] / (p["lag_time"] + 0.05),
+        "der(pending_charge)": j - p["pending_charge"] / lag,
         "der(trailing_charge)": j - abs(j) * p["trailing_charge"] / p["hysteresis_width"],
         "der(second_kelvin_force)": (load - p["second_kelvin_force"]) / p["second_creep_time"],
     }
