@@ -48,9 +48,7 @@ def paper(v):
     # coupling, as layers in the order of the catalogue
     lag = p["lag_time"] + 0.05 * math.exp(-p["lag_time"] / 0.05)
     seen = (
-        q
-        - p["hysteresis_share"] * p["trailing_charge"]
-        - p["lag_time"] / lag * p["pending_charge"]
+        q - p["hysteresis_share"] * p["trailing_charge"] - p["lag_time"] / lag * p["pending_charge"]
     )
     stage = p["staged_lag_time"] / 2 + 0.05 * math.exp(-p["staged_lag_time"] / 0.1)
     seen -= p["staged_lag_time"] / 2 / stage * (p["first_stage_charge"] + p["second_stage_charge"])
