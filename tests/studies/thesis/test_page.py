@@ -93,7 +93,7 @@ def test_a_browser_shows_it(browser, page, width, tmp_path):
 
 
 def test_progress_is_told(done):
-    assert any(line.startswith("Fig. 4-4") for line in done[1].stderr.splitlines())
+    assert any(line.startswith("Fig. 2-5") for line in done[1].stderr.splitlines())
 
 
 @pytest.mark.parametrize(
