@@ -21,7 +21,7 @@ _FIGURE = "thesis fig. 3-9, 12-layer actuator 106, in N/m and N*s/m (errata 1)"
 
 
 class Actuator(Component):
-    """Laws that both causalities share: circuit, creep elements and coupling."""
+    """Laws that all causalities share: parts of the circuit, creep elements and coupling."""
 
     R1 = Parameter(
         0.43,
@@ -97,7 +97,6 @@ class Actuator(Component):
         doc="delayed (Kelvin) damping",
     )
 
-    current = Input("A", doc="current into the actuator")
     charge = State("C", rate="capacitor_current", output=True, doc="charge on the polymer films")
     kelvin_elongation = State(
         "m",
@@ -116,10 +115,6 @@ class Actuator(Component):
 
     # --- electrical
     # ----------------------------------------------------------------------------------------------
-
-    def supply_current(self) -> Any:
-        """Current that reaches the circuit of fig. 3-1: all of it."""
-        return self.current
 
     def capacitance(self) -> Any:
         """Bulk capacitance of the films, C (fig. 3-1)."""
@@ -141,15 +136,11 @@ class Actuator(Component):
         """Part of the series resistance whose voltage follows the current at once: all of it."""
         return self.series_resistance()
 
-    def capacitor_current(self) -> Any:
-        """Charging current, first row of eq. 3.5: dQ/dt = (R2 i - Q/C) / (R1 + R2)."""
-        return (self.R2 * self.supply_current() - self.capacitor_voltage()) / (
-            self.immediate_resistance() + self.R2
-        )
-
-    def terminal_voltage(self) -> Any:
-        """Voltage over R1 and C in series; its transfer function from the current is eq. 3.9."""
-        return self.immediate_resistance() * self.capacitor_current() + self.capacitor_voltage()
+    # The circuit solved for what is not given, by the causality: charging current of the films,
+    # voltage over R1 and C in series, and all of the current, with that through R2.
+    capacitor_current: Callable[[], Any]
+    terminal_voltage: Callable[[], Any]
+    drawn_current: Callable[[], Any]
 
     # --- coupling
     # ----------------------------------------------------------------------------------------------
@@ -200,24 +191,6 @@ class Actuator(Component):
         """Elongation of the whole chain, x_b1 + x_b2 + F/k1 (eqs. 3.5 and 3.7)."""
         return self.creep() + self.spring_elongation(self.load())
 
-    # --- outputs
-    # ----------------------------------------------------------------------------------------------
-
-    @Output("V")
-    def voltage(self) -> Any:
-        """Voltage across the actuator (eq. 3.9)."""
-        return self.terminal_voltage()
-
-    @Output("m", nominal=1e-4, display="mm")
-    def electrochemical_displacement(self) -> Any:
-        """Elongation due to charge, alpha Q (eq. 3.4)."""
-        return self.charge_elongation(self.charge)
-
-    @Output("m", nominal=1e-4, display="mm")
-    def mechanical_displacement(self) -> Any:
-        """Elongation due to load, x_b1 + x_b2 + F/k1 (eqs. 3.5 and 3.7)."""
-        return self.chain_elongation()
-
     presets = {
         "five_layer": Preset(
             {
@@ -238,12 +211,87 @@ class Actuator(Component):
     }
 
 
-class PpyActuator(Actuator):
-    """Force-driven actuator: current and load in, voltage and displacement out
-    (thesis eqs. 3.1-3.9).
+class CurrentDriven(Actuator):
+    """The circuit solved for the voltage; the instrument is a galvanostat (section 2.3)."""
+
+    current = Input("A", doc="current into the actuator")
+
+    def drawn_current(self) -> Any:
+        """Current that the instrument drives, which is given."""
+        return self.current
+
+    def supply_current(self) -> Any:
+        """Current that reaches the circuit of fig. 3-1: all of it."""
+        return self.current
+
+    def capacitor_current(self) -> Any:
+        """Charging current, first row of eq. 3.5: dQ/dt = (R2 i - Q/C) / (R1 + R2)."""
+        return (self.R2 * self.supply_current() - self.capacitor_voltage()) / (
+            self.immediate_resistance() + self.R2
+        )
+
+    def terminal_voltage(self) -> Any:
+        """Voltage over R1 and C in series; its transfer function from the current is eq. 3.9."""
+        return self.immediate_resistance() * self.capacitor_current() + self.capacitor_voltage()
+
+    @Output("V")
+    def voltage(self) -> Any:
+        """Voltage across the actuator (eq. 3.9)."""
+        return self.terminal_voltage()
+
+
+class VoltageDriven(Actuator):
+    """The circuit solved for the current; the instrument is a potentiostat (section 2.3).
+
+    What of the voltage the films do not hold is across R1 and drives the charge, so that the
+    current follows at once from voltage and states, and no equation is left to be solved.
     """
 
-    name = "ppy_actuator"
+    R1 = Parameter(
+        0.43,
+        "ohm",
+        min=1e-6,
+        max=1e6,
+        source=_TABLE,
+        title="series resistance",
+        doc="series resistance: ion diffusion, contacts and electrolyte; it limits the current",
+    )
+    voltage = Input("V", doc="voltage across the actuator")
+
+    def terminal_voltage(self) -> Any:
+        """Voltage across the actuator, which is given."""
+        return self.voltage
+
+    def capacitor_current(self) -> Any:
+        """Charging current, eq. 3.9 solved for it: dQ/dt = (V - Q/C) / R1."""
+        return (self.terminal_voltage() - self.capacitor_voltage()) / self.immediate_resistance()
+
+    def drawn_current(self) -> Any:
+        """Charging current, and that through the leakage R2 (fig. 3-1)."""
+        return self.capacitor_current() + self.terminal_voltage() / self.R2
+
+    @Output("A")
+    def current(self) -> Any:
+        """Current into the actuator, dQ/dt + V / R2 (eqs. 3.5 and 3.9)."""
+        return self.drawn_current()
+
+
+class Elongating(Actuator):
+    """What is shown of the elongation, whatever drives it."""
+
+    @Output("m", nominal=1e-4, display="mm")
+    def electrochemical_displacement(self) -> Any:
+        """Elongation due to charge, alpha Q (eq. 3.4)."""
+        return self.charge_elongation(self.charge)
+
+    @Output("m", nominal=1e-4, display="mm")
+    def mechanical_displacement(self) -> Any:
+        """Elongation due to load, x_b1 + x_b2 + F/k1 (eqs. 3.5 and 3.7)."""
+        return self.chain_elongation()
+
+
+class ForceDriven(Elongating):
+    """The chain under a load that is given."""
 
     force = Input(
         "N", doc="applied load, tension positive; films buckle under compression (assumption 3)"
@@ -259,7 +307,21 @@ class PpyActuator(Actuator):
         return self.charge_elongation(self.charge) + self.chain_elongation()
 
 
-class PpyActuatorLengthDriven(Actuator):
+class PpyActuator(ForceDriven, CurrentDriven):
+    """Force-driven actuator: current and load in, voltage and displacement out
+    (thesis eqs. 3.1-3.9).
+    """
+
+    name = "ppy_actuator"
+
+
+class PpyActuatorVoltageDriven(ForceDriven, VoltageDriven):
+    """Voltage-driven actuator: voltage and load in, current and displacement out."""
+
+    name = "ppy_actuator_voltage_driven"
+
+
+class PpyActuatorLengthDriven(Elongating, CurrentDriven):
     """Length-driven actuator: the same laws with current and length in, tension and voltage out.
 
     Only the instantaneous spring k1 answers at once; its elongation is what remains of the imposed

@@ -15,7 +15,7 @@ from fmus.kit.build.building import RUNTIMES
 from tests.support.pace import slow_but
 
 ACTUATORS = ("ppy_actuator", "ppy_actuator_length_driven")
-# Tests of the front-end and of the exact solutions, which need no other component
+# Tests of the front-end and of the exact solutions for a current, which need no other component
 actuators_only = pytest.mark.parametrize("name", ACTUATORS)
 
 EACH = [(name, runtime) for name in COMPONENTS for runtime in RUNTIMES]
@@ -99,6 +99,14 @@ SUBJECTS = {
         "voltage",
         _ACTUATOR,
         "current A length_change m tension N voltage V electrochemical_displacement m"
+        " mechanical_displacement m charge C",
+        _ELONGATED,
+    ),
+    "ppy_actuator_voltage_driven": Subject(
+        {"voltage": 0.5, "force": 1.0},
+        "current",
+        _ACTUATOR,
+        "voltage V force N current A displacement m electrochemical_displacement m"
         " mechanical_displacement m charge C",
         _ELONGATED,
     ),

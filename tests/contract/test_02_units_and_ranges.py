@@ -46,6 +46,7 @@ DISPLAY = {
 POSITIVE = {
     "ppy_actuator": "R2 C k1 b1 k2 b2",
     "ppy_actuator_length_driven": "R2 C k1 b1 k2 b2",
+    "ppy_actuator_voltage_driven": "R1 R2 C k1 b1 k2 b2",
     "galvanostat": "current_limit compliance_voltage protection_period control_period",
     "voice_coil_dma": "R L m force_cutoff position_cutoff sample_period",
     "degradation_estimator": "sample_period forgetting_time remaining_weight initial_covariance",

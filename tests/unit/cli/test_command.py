@@ -105,7 +105,10 @@ def complete(words, cwd):
     ("words", "offered"),
     [
         ("ppy sim", ["simulate"]),
-        ("ppy info ppy_", ["ppy_actuator", "ppy_actuator_length_driven"]),
+        (
+            "ppy info ppy_",
+            ["ppy_actuator", "ppy_actuator_length_driven", "ppy_actuator_voltage_driven"],
+        ),
         ("ppy build galvanostat foo", ["foot", "foot_dynamic"]),
         ("ppy compare x.csv --model galv", ["galvanostat"]),
         (
