@@ -97,6 +97,41 @@ class Actuator(Component):
         doc="delayed (Kelvin) damping",
     )
 
+    force_limit = Parameter(
+        3.0,
+        "N",
+        min=0,
+        max=1e9,
+        source="thesis table 2-1: permanent deformation above approximately 3 N",
+        doc="load above which the films deform for good",
+    )
+    compression_limit = Parameter(
+        0.0,
+        "N",
+        min=0,
+        max=1e9,
+        source="thesis section 3.1.2: used in tension only, films buckle under small compression",
+        doc="compression above which the films are slack",
+    )
+    displacement_limit = Parameter(
+        7e-3,
+        "m",
+        min=0,
+        max=1e3,
+        nominal=1e-3,
+        display="mm",
+        source="thesis table 2-1: the maximum displacement is approximately 7 mm",
+        doc="elongation, of either sign, that the actuator does not reach",
+    )
+    voltage_limit = Parameter(
+        1.5,
+        "V",
+        min=0,
+        max=1e6,
+        source="choice, V_max of degradation_estimator; thesis section 4.2 has no number",
+        doc="voltage, of either sign, at which the oxidation of the films is near",
+    )
+
     charge = State("C", rate="capacitor_current", output=True, doc="charge on the polymer films")
     kelvin_elongation = State(
         "m",
@@ -306,29 +341,24 @@ class ForceDriven(Elongating):
         """Total elongation, the sum of both (eq. 3.8)."""
         return self.charge_elongation(self.charge) + self.chain_elongation()
 
+    @Output("N", measured=False)
+    def compression_margin(self) -> Any:
+        """Compression that is left to ``compression_limit``; negative where the films are slack."""
+        return self.compression_limit + self.load()
 
-class PpyActuator(ForceDriven, CurrentDriven):
-    """Force-driven actuator: current and load in, voltage and displacement out
-    (thesis eqs. 3.1-3.9).
-    """
-
-    name = "ppy_actuator"
-
-
-class PpyActuatorVoltageDriven(ForceDriven, VoltageDriven):
-    """Voltage-driven actuator: voltage and load in, current and displacement out."""
-
-    name = "ppy_actuator_voltage_driven"
+    @Output("m", nominal=1e-3, display="mm", measured=False)
+    def displacement_margin(self) -> Any:
+        """Elongation of either sign that is left to ``displacement_limit``."""
+        elongation = self.charge_elongation(self.charge) + self.chain_elongation()
+        return self.displacement_limit - abs(elongation)
 
 
-class PpyActuatorLengthDriven(Elongating, CurrentDriven):
-    """Length-driven actuator: the same laws with current and length in, tension and voltage out.
+class LengthDriven(Elongating):
+    """The chain at a length that is given.
 
     Only the instantaneous spring k1 answers at once; its elongation is what remains of the imposed
     length change.
     """
-
-    name = "ppy_actuator_length_driven"
 
     length_change = Input(
         "m", nominal=1e-4, display="mm", doc="imposed total elongation from the unloaded length"
@@ -349,3 +379,52 @@ class PpyActuatorLengthDriven(Elongating, CurrentDriven):
     def tension(self) -> Any:
         """Tension in the actuator; slack instead of compression (assumption 3)."""
         return self.load()
+
+    @Output("N", measured=False)
+    def compression_margin(self) -> Any:
+        """Compression that is left to ``compression_limit``, of the chain as if it could push;
+        negative where the films are slack.
+        """
+        return self.compression_limit + self.taut_load()
+
+    @Output("m", nominal=1e-3, display="mm", measured=False)
+    def displacement_margin(self) -> Any:
+        """Elongation of either sign that is left to ``displacement_limit``."""
+        return self.displacement_limit - abs(self.length_change)
+
+
+class Watched(Actuator):
+    """How far the actuator is from the limits of its material; beyond them the laws mean nothing.
+
+    A margin is what is left to a limit, negative beyond it: ``force_margin`` of ``force_limit``.
+    """
+
+    @Output("N", measured=False)
+    def force_margin(self) -> Any:
+        """Load that is left to ``force_limit``."""
+        return self.force_limit - self.load()
+
+    @Output("V", measured=False)
+    def voltage_margin(self) -> Any:
+        """Voltage of either sign that is left to ``voltage_limit``."""
+        return self.voltage_limit - abs(self.terminal_voltage())
+
+
+class PpyActuator(Watched, ForceDriven, CurrentDriven):
+    """Force-driven actuator: current and load in, voltage and displacement out
+    (thesis eqs. 3.1-3.9).
+    """
+
+    name = "ppy_actuator"
+
+
+class PpyActuatorVoltageDriven(Watched, ForceDriven, VoltageDriven):
+    """Voltage-driven actuator: voltage and load in, current and displacement out."""
+
+    name = "ppy_actuator_voltage_driven"
+
+
+class PpyActuatorLengthDriven(Watched, LengthDriven, CurrentDriven):
+    """Length-driven actuator: the same laws with current and length in, tension and voltage out."""
+
+    name = "ppy_actuator_length_driven"

@@ -78,6 +78,7 @@ class Subject:
 
 
 _ACTUATOR = {"R1": 0.5, "charge_start": 0.25, "C": 2.0}
+_MARGINS = " compression_margin N displacement_margin m force_margin N voltage_margin V"
 _ELONGATED = {"kelvin_elongation_start": 2e-5, "maxwell_elongation_start": 1e-5}
 _FOOT = (
     "an_tension N po_tension N do_tension N pl_tension N toe_force_x N toe_force_y N an_length m"
@@ -91,7 +92,7 @@ SUBJECTS = {
         "voltage",
         _ACTUATOR,
         "current A force N voltage V displacement m electrochemical_displacement m"
-        " mechanical_displacement m charge C",
+        " mechanical_displacement m charge C" + _MARGINS,
         _ELONGATED,
     ),
     "ppy_actuator_length_driven": Subject(
@@ -99,7 +100,7 @@ SUBJECTS = {
         "voltage",
         _ACTUATOR,
         "current A length_change m tension N voltage V electrochemical_displacement m"
-        " mechanical_displacement m charge C",
+        " mechanical_displacement m charge C" + _MARGINS,
         _ELONGATED,
     ),
     "ppy_actuator_voltage_driven": Subject(
@@ -107,7 +108,7 @@ SUBJECTS = {
         "current",
         _ACTUATOR,
         "voltage V force N current A displacement m electrochemical_displacement m"
-        " mechanical_displacement m charge C",
+        " mechanical_displacement m charge C" + _MARGINS,
         _ELONGATED,
     ),
     "galvanostat": Subject(

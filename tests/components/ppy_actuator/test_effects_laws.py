@@ -69,10 +69,13 @@ def paper(v):
         return soft / p["k1"] * (load + p["load_softening"] * (math.hypot(load, scale) - scale))
 
     if "force" in p:
-        load = p["force"]
+        load = pull = p["force"]
+        elongation = strain + creep + spring(load)
     else:
-        left = p["length_change"] - strain - creep
-        load = root(lambda f: spring(f) - left, p["k1"] * left) if left > 0.0 else 0.0
+        elongation = p["length_change"]
+        left = elongation - strain - creep
+        pull = root(lambda f: spring(f) - left, p["k1"] * left)
+        load = max(pull, 0.0)
     kelvin = (load - p["k2"] / soft * p["kelvin_elongation"]) / p["b2"]
     slower = 1.0 + p["recovery_slowness"] if kelvin < 0.0 else 1.0
     flowing = math.copysign(max(abs(load) - p["yield_force"], 0.0), load)
@@ -130,6 +133,12 @@ def paper(v):
         * pole
         / p["diffusion_time"]
         for k, pole in enumerate(poles, 1)
+    }
+    found |= {
+        "force_margin": p["force_limit"] - load,
+        "compression_margin": p["compression_limit"] + pull,
+        "displacement_margin": p["displacement_limit"] - abs(elongation),
+        "voltage_margin": p["voltage_limit"] - abs(voltage),
     }
     total = {"displacement": strain + creep + spring(load)} if "force" in p else {"tension": load}
     return found | total

@@ -117,7 +117,7 @@ def complete(words, cwd):
         ),
         ("ppy simulate ppy_actuator --with slack,sensor_lag(v", ["slack,sensor_lag(voltage)"]),
         ("ppy diagnose x.csv --effects diff", ["diffusion"]),
-        ("ppy run fig_4", ["fig_4_5"]),
+        ("ppy run fig_4", ["fig_4_4", "fig_4_5", "fig_4_8"]),
         ("ppy system show dma", ["dma_bench"]),
         (
             "ppy simulate galvanostat --with cur",

@@ -533,3 +533,29 @@ def test_what_the_fmu_refuses_is_one_line_with_its_message():
     with pytest.raises(UserError, match="'voltage' is not a finite number at t = 0 s") as caught:
         make(ON + "[parameters]\nC = 1e-9\n[inputs]\ncurrent = 1e308\nforce = 0")
     assert "\n" not in str(caught.value)
+
+
+# --- limits
+# -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "told"),
+    [
+        ("fig_5_9", [], ["force reaches 28.018 N and is beyond force_limit = 3 N at 0 s first"]),
+        ("fig_5_9", ["force_limit=30"], []),
+        ("fig_3_6", [], []),
+        (
+            "fig_4_5",
+            ["duration=4000", "step=1"],
+            ["actuator.displacement reaches"],
+        ),
+    ],
+)
+def test_what_goes_beyond_the_material_is_told_and_nothing_else_is_recorded(name, settings, told):
+    """25 N of pretension and 3.13 N less what flows; 3 N on 1.7e6 N s/m are 7 mm after an hour."""
+    notes = []
+    found = run(read(name, settings), note=notes.append)
+    beyond = [line for line in notes if "is beyond" in line]
+    assert [line[: len(text)] for line, text in zip(beyond, told, strict=True)] == told
+    assert not [signal for signal in found.data_vars if "margin" in signal]

@@ -39,7 +39,7 @@ def test_an_unknown_name_is_refused_with_the_known_ones():
     assert message.startswith("my actuator: no effect named 'strain_saturatoin' (did you mean")
     assert "sensor_lag(OUTPUT)" in message
     assert message.endswith(
-        f"where OUTPUT is {', '.join(o.name for o in component('ppy_actuator').layout.outputs)}"
+        f"where OUTPUT is {', '.join(o.name for o in component('ppy_actuator').layout.measured_outputs)}"
     )
 
 
