@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 COMPONENTS = {
     "ppy_actuator": "ppy_actuator.model:PpyActuator",
     "ppy_actuator_length_driven": "ppy_actuator.model:PpyActuatorLengthDriven",
+    "ppy_actuator_voltage_driven": "ppy_actuator.model:PpyActuatorVoltageDriven",
     "galvanostat": "galvanostat.model:Galvanostat",
     "voice_coil_dma": "voice_coil_dma.model:VoiceCoilDma",
     "isotonic_stand": "isotonic_stand.model:IsotonicStand",

@@ -154,9 +154,12 @@ class OutputDeclaration(Declaration):
     ----------
     law : callable
         The decorated method.
+    measured : bool
+        Whether an instrument can show it; what only the model tells has no error of a sensor.
     """
 
     law: Callable[[Any], Any]
+    measured: bool = True
 
 
 @dataclass(kw_only=True, eq=False)

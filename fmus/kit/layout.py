@@ -118,13 +118,23 @@ class Layout:
         return names
 
     @property
-    def measurable(self) -> list[Declaration]:
+    def shown(self) -> list[Declaration]:
         """Variables that are outputs of the FMU: outputs, and states declared ``output=True``."""
         return [
             v
             for v in self.variables
             if isinstance(v, OutputDeclaration) or getattr(v, "output", False)
         ]
+
+    @property
+    def measurable(self) -> list[Declaration]:
+        """Those of them that an instrument can show."""
+        return [v for v in self.shown if getattr(v, "measured", True)]
+
+    @property
+    def measured_outputs(self) -> tuple[OutputDeclaration, ...]:
+        """Outputs that an instrument can show, without states."""
+        return tuple(v for v in self.outputs if v.measured)
 
 
 def law_of(owner: type, name: str) -> Callable[..., Any] | None:

@@ -103,7 +103,7 @@ def _factory(
     def make(
         component: type[Component], output: str, sampling: Sampling | None = None
     ) -> type[Effect]:
-        declared = {o.name: o for o in component.layout.outputs if o.type == "real"}
+        declared = {o.name: o for o in component.layout.measured_outputs if o.type == "real"}
         if output not in declared:
             label = component.name or component.__name__
             raise UserError(
@@ -396,7 +396,7 @@ def measurement_effects(
     -------
     list of type[Effect]
     """
-    outputs = [o.name for o in component.layout.outputs if o.type == "real"]
+    outputs = [o.name for o in component.layout.measured_outputs if o.type == "real"]
     return [
         make(component, output, sampling) for output in outputs for make in MEASUREMENTS.values()
     ]

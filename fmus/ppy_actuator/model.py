@@ -21,7 +21,7 @@ _FIGURE = "thesis fig. 3-9, 12-layer actuator 106, in N/m and N*s/m (errata 1)"
 
 
 class Actuator(Component):
-    """Laws that both causalities share: circuit, creep elements and coupling."""
+    """Laws that all causalities share: parts of the circuit, creep elements and coupling."""
 
     R1 = Parameter(
         0.43,
@@ -97,7 +97,41 @@ class Actuator(Component):
         doc="delayed (Kelvin) damping",
     )
 
-    current = Input("A", doc="current into the actuator")
+    force_limit = Parameter(
+        3.0,
+        "N",
+        min=0,
+        max=1e9,
+        source="thesis table 2-1: permanent deformation above approximately 3 N",
+        doc="load above which the films deform for good",
+    )
+    compression_limit = Parameter(
+        0.0,
+        "N",
+        min=0,
+        max=1e9,
+        source="thesis section 3.1.2: used in tension only, films buckle under small compression",
+        doc="compression above which the films are slack",
+    )
+    displacement_limit = Parameter(
+        7e-3,
+        "m",
+        min=0,
+        max=1e3,
+        nominal=1e-3,
+        display="mm",
+        source="thesis table 2-1: the maximum displacement is approximately 7 mm",
+        doc="elongation, of either sign, that the actuator does not reach",
+    )
+    voltage_limit = Parameter(
+        1.5,
+        "V",
+        min=0,
+        max=1e6,
+        source="choice, V_max of degradation_estimator; thesis section 4.2 has no number",
+        doc="voltage, of either sign, at which the oxidation of the films is near",
+    )
+
     charge = State("C", rate="capacitor_current", output=True, doc="charge on the polymer films")
     kelvin_elongation = State(
         "m",
@@ -116,10 +150,6 @@ class Actuator(Component):
 
     # --- electrical
     # ----------------------------------------------------------------------------------------------
-
-    def supply_current(self) -> Any:
-        """Current that reaches the circuit of fig. 3-1: all of it."""
-        return self.current
 
     def capacitance(self) -> Any:
         """Bulk capacitance of the films, C (fig. 3-1)."""
@@ -141,15 +171,11 @@ class Actuator(Component):
         """Part of the series resistance whose voltage follows the current at once: all of it."""
         return self.series_resistance()
 
-    def capacitor_current(self) -> Any:
-        """Charging current, first row of eq. 3.5: dQ/dt = (R2 i - Q/C) / (R1 + R2)."""
-        return (self.R2 * self.supply_current() - self.capacitor_voltage()) / (
-            self.immediate_resistance() + self.R2
-        )
-
-    def terminal_voltage(self) -> Any:
-        """Voltage over R1 and C in series; its transfer function from the current is eq. 3.9."""
-        return self.immediate_resistance() * self.capacitor_current() + self.capacitor_voltage()
+    # The circuit solved for what is not given, by the causality: charging current of the films,
+    # voltage over R1 and C in series, and all of the current, with that through R2.
+    capacitor_current: Callable[[], Any]
+    terminal_voltage: Callable[[], Any]
+    drawn_current: Callable[[], Any]
 
     # --- coupling
     # ----------------------------------------------------------------------------------------------
@@ -200,24 +226,6 @@ class Actuator(Component):
         """Elongation of the whole chain, x_b1 + x_b2 + F/k1 (eqs. 3.5 and 3.7)."""
         return self.creep() + self.spring_elongation(self.load())
 
-    # --- outputs
-    # ----------------------------------------------------------------------------------------------
-
-    @Output("V")
-    def voltage(self) -> Any:
-        """Voltage across the actuator (eq. 3.9)."""
-        return self.terminal_voltage()
-
-    @Output("m", nominal=1e-4, display="mm")
-    def electrochemical_displacement(self) -> Any:
-        """Elongation due to charge, alpha Q (eq. 3.4)."""
-        return self.charge_elongation(self.charge)
-
-    @Output("m", nominal=1e-4, display="mm")
-    def mechanical_displacement(self) -> Any:
-        """Elongation due to load, x_b1 + x_b2 + F/k1 (eqs. 3.5 and 3.7)."""
-        return self.chain_elongation()
-
     presets = {
         "five_layer": Preset(
             {
@@ -238,12 +246,87 @@ class Actuator(Component):
     }
 
 
-class PpyActuator(Actuator):
-    """Force-driven actuator: current and load in, voltage and displacement out
-    (thesis eqs. 3.1-3.9).
+class CurrentDriven(Actuator):
+    """The circuit solved for the voltage; the instrument is a galvanostat (section 2.3)."""
+
+    current = Input("A", doc="current into the actuator")
+
+    def drawn_current(self) -> Any:
+        """Current that the instrument drives, which is given."""
+        return self.current
+
+    def supply_current(self) -> Any:
+        """Current that reaches the circuit of fig. 3-1: all of it."""
+        return self.current
+
+    def capacitor_current(self) -> Any:
+        """Charging current, first row of eq. 3.5: dQ/dt = (R2 i - Q/C) / (R1 + R2)."""
+        return (self.R2 * self.supply_current() - self.capacitor_voltage()) / (
+            self.immediate_resistance() + self.R2
+        )
+
+    def terminal_voltage(self) -> Any:
+        """Voltage over R1 and C in series; its transfer function from the current is eq. 3.9."""
+        return self.immediate_resistance() * self.capacitor_current() + self.capacitor_voltage()
+
+    @Output("V")
+    def voltage(self) -> Any:
+        """Voltage across the actuator (eq. 3.9)."""
+        return self.terminal_voltage()
+
+
+class VoltageDriven(Actuator):
+    """The circuit solved for the current; the instrument is a potentiostat (section 2.3).
+
+    What of the voltage the films do not hold is across R1 and drives the charge, so that the
+    current follows at once from voltage and states, and no equation is left to be solved.
     """
 
-    name = "ppy_actuator"
+    R1 = Parameter(
+        0.43,
+        "ohm",
+        min=1e-6,
+        max=1e6,
+        source=_TABLE,
+        title="series resistance",
+        doc="series resistance: ion diffusion, contacts and electrolyte; it limits the current",
+    )
+    voltage = Input("V", doc="voltage across the actuator")
+
+    def terminal_voltage(self) -> Any:
+        """Voltage across the actuator, which is given."""
+        return self.voltage
+
+    def capacitor_current(self) -> Any:
+        """Charging current, eq. 3.9 solved for it: dQ/dt = (V - Q/C) / R1."""
+        return (self.terminal_voltage() - self.capacitor_voltage()) / self.immediate_resistance()
+
+    def drawn_current(self) -> Any:
+        """Charging current, and that through the leakage R2 (fig. 3-1)."""
+        return self.capacitor_current() + self.terminal_voltage() / self.R2
+
+    @Output("A")
+    def current(self) -> Any:
+        """Current into the actuator, dQ/dt + V / R2 (eqs. 3.5 and 3.9)."""
+        return self.drawn_current()
+
+
+class Elongating(Actuator):
+    """What is shown of the elongation, whatever drives it."""
+
+    @Output("m", nominal=1e-4, display="mm")
+    def electrochemical_displacement(self) -> Any:
+        """Elongation due to charge, alpha Q (eq. 3.4)."""
+        return self.charge_elongation(self.charge)
+
+    @Output("m", nominal=1e-4, display="mm")
+    def mechanical_displacement(self) -> Any:
+        """Elongation due to load, x_b1 + x_b2 + F/k1 (eqs. 3.5 and 3.7)."""
+        return self.chain_elongation()
+
+
+class ForceDriven(Elongating):
+    """The chain under a load that is given."""
 
     force = Input(
         "N", doc="applied load, tension positive; films buckle under compression (assumption 3)"
@@ -258,15 +341,24 @@ class PpyActuator(Actuator):
         """Total elongation, the sum of both (eq. 3.8)."""
         return self.charge_elongation(self.charge) + self.chain_elongation()
 
+    @Output("N", measured=False)
+    def compression_margin(self) -> Any:
+        """Compression that is left to ``compression_limit``; negative where the films are slack."""
+        return self.compression_limit + self.load()
 
-class PpyActuatorLengthDriven(Actuator):
-    """Length-driven actuator: the same laws with current and length in, tension and voltage out.
+    @Output("m", nominal=1e-3, display="mm", measured=False)
+    def displacement_margin(self) -> Any:
+        """Elongation of either sign that is left to ``displacement_limit``."""
+        elongation = self.charge_elongation(self.charge) + self.chain_elongation()
+        return self.displacement_limit - abs(elongation)
+
+
+class LengthDriven(Elongating):
+    """The chain at a length that is given.
 
     Only the instantaneous spring k1 answers at once; its elongation is what remains of the imposed
     length change.
     """
-
-    name = "ppy_actuator_length_driven"
 
     length_change = Input(
         "m", nominal=1e-4, display="mm", doc="imposed total elongation from the unloaded length"
@@ -287,3 +379,52 @@ class PpyActuatorLengthDriven(Actuator):
     def tension(self) -> Any:
         """Tension in the actuator; slack instead of compression (assumption 3)."""
         return self.load()
+
+    @Output("N", measured=False)
+    def compression_margin(self) -> Any:
+        """Compression that is left to ``compression_limit``, of the chain as if it could push;
+        negative where the films are slack.
+        """
+        return self.compression_limit + self.taut_load()
+
+    @Output("m", nominal=1e-3, display="mm", measured=False)
+    def displacement_margin(self) -> Any:
+        """Elongation of either sign that is left to ``displacement_limit``."""
+        return self.displacement_limit - abs(self.length_change)
+
+
+class Watched(Actuator):
+    """How far the actuator is from the limits of its material; beyond them the laws mean nothing.
+
+    A margin is what is left to a limit, negative beyond it: ``force_margin`` of ``force_limit``.
+    """
+
+    @Output("N", measured=False)
+    def force_margin(self) -> Any:
+        """Load that is left to ``force_limit``."""
+        return self.force_limit - self.load()
+
+    @Output("V", measured=False)
+    def voltage_margin(self) -> Any:
+        """Voltage of either sign that is left to ``voltage_limit``."""
+        return self.voltage_limit - abs(self.terminal_voltage())
+
+
+class PpyActuator(Watched, ForceDriven, CurrentDriven):
+    """Force-driven actuator: current and load in, voltage and displacement out
+    (thesis eqs. 3.1-3.9).
+    """
+
+    name = "ppy_actuator"
+
+
+class PpyActuatorVoltageDriven(Watched, ForceDriven, VoltageDriven):
+    """Voltage-driven actuator: voltage and load in, current and displacement out."""
+
+    name = "ppy_actuator_voltage_driven"
+
+
+class PpyActuatorLengthDriven(Watched, LengthDriven, CurrentDriven):
+    """Length-driven actuator: the same laws with current and length in, tension and voltage out."""
+
+    name = "ppy_actuator_length_driven"

@@ -36,7 +36,7 @@ else:
 # z^2 below which tanh(z)/z is taken from its series; what is left out is below rounding, and in the
 # slope below 1e-12.
 _SMALL = 1e-6
-_STROKE = 12.7e-3  # m to either side, thesis section 2.2.2
+_STROKE = 12.7e-3  # m from end to end, thesis section 2.2.2
 _CONTINUOUS = 4.9 / 3.9  # A, of the force that the coil may give continuously
 
 
@@ -234,15 +234,15 @@ _STOPS = describe_effect(
         "position",
         "stops",
         "N",
-        scale=2.0 * _STROKE,
+        scale=_STROKE,  # a stop to either side begins at half of it
         names=EffectNames(
             id="end_stops",
             variables=("slide_friction_stop_stiffness", "slide_friction_stop_position"),
         ),
     ),
     4,
-    """Stops at the ends of the stroke, as springs: ``k (x - clip(x, -w, w))`` more, w being 12.7 mm
-    to begin with.
+    """Stops at the ends of the stroke, as springs: ``k (x - clip(x, -w, w))`` more, w being half
+    the stroke of 12.7 mm to begin with: the position is 0 in its middle.
 
     Relaxes assumption 4, that the stroke is not limited; ``k = 0`` is the base model.
     """,

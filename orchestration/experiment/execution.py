@@ -16,6 +16,7 @@ from orchestration.experiment.live import Follower, Live, admitted, first_openin
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation, prepare
 from orchestration.experiment.subjects import Subject, subject
+from orchestration.fmu import remarks
 from orchestration.fmu.isolation import Limits
 from orchestration.master import Run, Stopped
 from orchestration.master.reference import imbalance
@@ -173,7 +174,11 @@ def _dataset(
     prepared: Preparation, ran: Run, where: str, note: Callable[[str], None]
 ) -> ExperimentResult:
     """Return the results of a run: inputs, what was measured, and energies that couplings made."""
-    for line in ran.notes:
+    delivered = dict(zip(prepared.wanted, ran.signals.values(), strict=True))
+    for line in (
+        *ran.notes,
+        *remarks(prepared.margins, prepared.time, delivered, prepared.settings),
+    ):
         note(line)
     count = ran.time.size  # fewer than were prepared if the run was stopped
     values = {name: array[:count] for name, array in prepared.inputs.items()}
@@ -193,7 +198,7 @@ def _measured(prepared: Preparation, ran: Run) -> dict[str, Array]:
     measured = {}
     # the run names signals `member.variable`, in the order of those wanted
     for name, array in zip(prepared.wanted, ran.signals.values(), strict=True):
-        if name not in prepared.record:  # wanted for the energy of a coupling alone
+        if name not in prepared.record:  # wanted for the energy of a coupling, or for a limit
             continue
         noise = prepared.noise.get(name)
         measured[name] = array if noise is None else array + noise[: ran.time.size]

@@ -15,7 +15,7 @@ from fmus.kit.record import CompiledModel
 from fmus.kit.storage import scratch
 from orchestration import master
 from orchestration.experiment.model import Experiment, Master
-from orchestration.fmu import Signal, Value, find_model, read_description, read_signal
+from orchestration.fmu import Signal, Value, find_model, margins, read_description, read_signal
 from orchestration.fmu.isolation import Limits
 from orchestration.master.reference import Mechanical, fuse, mechanical
 from orchestration.system import Member, Port, System, library, ssp
@@ -167,6 +167,7 @@ def _subject_of(system: System, experiment: Experiment, prefix: str = "") -> Sub
     }
     why_not_settable = _why_not_settable(system)
     master_options = experiment.master or Master()
+    watched = margins(outputs, {name: read_signal(v) for name, v in variables.items()})
     named_outputs = [str(port) for port in system.outputs.values()]
     return Subject(
         name=system.name,
@@ -188,7 +189,11 @@ def _subject_of(system: System, experiment: Experiment, prefix: str = "") -> Sub
         },
         outputs=outputs,
         recorded_by_default=named_outputs
-        or [name for name in outputs if variables[name].causality == "output"],
+        or [
+            name
+            for name in outputs
+            if variables[name].causality == "output" and name not in watched
+        ],
         settings={
             f"{m.name}.{n}".removeprefix(prefix): v
             for m in system.members

@@ -275,7 +275,7 @@ def declared_model_of(cls: type[Component]) -> Model:
         {v.name: declared_signal(v) for v in variables}
         for variables in (
             layout.inputs,
-            layout.measurable,
+            layout.shown,
             (*layout.parameters, *layout.texts),
         )
     )

@@ -156,6 +156,8 @@ class Tell:
         self._text = ""
         self._part = 0
         self._whole = 0
+        # parts and time at the first report of the step: a sweep may take up what was done before
+        self._first: tuple[int, float] | None = None
         self._lines = 0  # of the step so far
         self._timer = Timer(0.0, self._say)  # for the next one
         # when the step, its present part and the latest line began
@@ -165,6 +167,8 @@ class Tell:
         """Begin a step."""
         self.finish()
         self._text = text
+        self._part = self._whole = 0
+        self._first = None
         self._lines = 0
         self._began = self._since = self._said = monotonic()
         if self._bar is not None and self._task is not None:
@@ -182,6 +186,8 @@ class Tell:
             What comes next, where the parts have names.
         """
         self._part, self._whole = part, whole
+        if self._first is None:
+            self._first = (part, monotonic())
         if text:
             self._tell_time()
             self._text, self._since = text, monotonic()
@@ -206,8 +212,12 @@ class Tell:
             return
         now = monotonic()
         remaining = ""
+        first, since = self._first or (0, self._began)
+        if self._part == first:  # nothing since: the pace is that before it
+            first, since = 0, self._began
         if self._part:
-            seconds = round((now - self._began) * (self._whole - self._part) / self._part)
+            pace = (now - since) / (self._part - first)
+            seconds = round(pace * (self._whole - self._part))
             remaining = f", {timedelta(seconds=seconds)} left" if seconds else ""
         err.print(f"{self._text} ({self._part:,} of {self._whole:,}{remaining})", soft_wrap=True)
         self._said = now

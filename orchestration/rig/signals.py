@@ -53,7 +53,7 @@ class Limit:
     rate: float = inf
 
 
-_STROKE = 12.7e-3  # m, of the voice coil (thesis section 2.2.2)
+_STROKE = 12.7e-3  # m, all of the voice coil's, wherever in it the zero is (thesis section 2.2.2)
 _COIL_FORCE = 4.9  # N, that the voice coil bears continuously (thesis section 2.2.2)
 # Commands may step: the thesis drives its actuators with square waves of current around zero, and
 # with discrete weights. A length may not, for a step of length is an impact; the coil travels its

@@ -1,4 +1,4 @@
-"""The systems of this project: benches, the stand, the degradation watch, and the foot."""
+"""The systems of this project: benches, the stand, degradation watches, and the foot."""
 
 from __future__ import annotations
 
@@ -51,6 +51,14 @@ SUMMARIES = {
         "Galvanostat, an actuator that ages, and an estimator that lowers the voltage limit"
         " (thesis sections 4.2, 4.3)."
     ),
+    "potentiostat_watch": (
+        "Potentiostat that keeps an actuator at a voltage, and an estimator of its circuit (thesis"
+        " section 4.3, fig. 4-8)."
+    ),
+    "protected_bench": (
+        "Bench whose controller is switched off while the protection of a galvanostat holds the"
+        " current of the actuator at zero (thesis section 4.2)."
+    ),
     "foot_gait": (
         "Foot that moves under four actuators, each driven by its current (thesis chapter 5)."
     ),
@@ -60,6 +68,14 @@ SUMMARIES = {
     ),
 }
 NAMES = tuple(SUMMARIES)
+# of an actuator that an instrument drives and an estimator watches, which sets the voltage limit
+_WATCHED = (
+    "galvanostat.current -> actuator.current",
+    "galvanostat.current -> estimator.current",
+    "actuator.voltage -> estimator.voltage",
+    "actuator.voltage -> galvanostat.voltage",
+    "estimator.voltage_limit -> galvanostat.voltage_limit",
+)
 
 
 def system(name: str, runtime: str = "native") -> System:
@@ -67,7 +83,8 @@ def system(name: str, runtime: str = "native") -> System:
 
     Parameters
     ----------
-    name : {"dma_bench", "isotonic_stand", "degradation_watch", "foot_gait", "hil_bench"}
+    name : {"dma_bench", "isotonic_stand", "degradation_watch", "potentiostat_watch", \
+"protected_bench", "foot_gait", "hil_bench"}
     runtime : {"native", "python"}
         Kind of build of its members.
 
@@ -80,6 +97,8 @@ def system(name: str, runtime: str = "native") -> System:
         "dma_bench": dma_bench,
         "isotonic_stand": isotonic_stand,
         "degradation_watch": degradation_watch,
+        "potentiostat_watch": potentiostat_watch,
+        "protected_bench": protected_bench,
         "foot_gait": foot_gait,
         "hil_bench": hil_bench,
     }
@@ -189,13 +208,7 @@ def degradation_watch(runtime: str) -> System:
             Member.of("galvanostat", component("galvanostat"), drive, runtime),
             Member.of("actuator", ageing_actuator(), films, runtime),
         ),
-        connections=connect(
-            "galvanostat.current -> actuator.current",
-            "galvanostat.current -> estimator.current",
-            "actuator.voltage -> estimator.voltage",
-            "actuator.voltage -> galvanostat.voltage",
-            "estimator.voltage_limit -> galvanostat.voltage_limit",
-        ),
+        connections=connect(*_WATCHED),
         inputs={
             "current_command": (Port("galvanostat", "current_command"),),
             "force": (Port("actuator", "force"),),
@@ -209,6 +222,91 @@ def degradation_watch(runtime: str) -> System:
         doc=SUMMARIES["degradation_watch"],
         step=step,
         stop=18000.0,
+    )
+
+
+def potentiostat_watch(runtime: str) -> System:
+    """Return an actuator at a potentiostat, watched at 15 Hz by an estimator (thesis fig. 4-8).
+
+    The potentiostat looks and acts a thousand times a second, so that it is as good as held between
+    the samples of the estimator. Its gain is that of one step: what the voltage lacks is there at
+    the next sample but for what the circuit lets go meanwhile.
+    """
+    period = 1e-3
+    films: Any = component("ppy_actuator")()
+    at_once = films.R1 * films.R2 / (films.R1 + films.R2)  # ohm, of the circuit for a step
+    drive = {
+        "potentiostat": 1.0,
+        "protection_period": period,
+        "control_period": period,
+        "integral_gain": 1.0 / (at_once * period),
+        "current_command": 0.0,
+    }
+    rate = 15.0  # Hz, as alpha and the resets of the thesis
+    watch = {
+        "sample_period": 1.0 / rate,
+        "forgetting_time": 1.0,
+        "remaining_weight": 0.985**rate,
+        "reset_interval": 5.0,
+        "initial_covariance": 1.0,
+        "instrumental_variable": 0.0,
+        "zero_order_hold": 0.0,
+        "initial_voltage_limit": 15.0,
+    }
+    return System(
+        name="potentiostat_watch",
+        members=(
+            Member.of("estimator", component("degradation_estimator"), watch, runtime),
+            Member.of("galvanostat", component("galvanostat"), drive, runtime),
+            Member.of("actuator", component("ppy_actuator"), runtime=runtime),
+        ),
+        connections=connect(*_WATCHED),
+        inputs={
+            "voltage_command": (Port("galvanostat", "voltage_command"),),
+            "force": (Port("actuator", "force"),),
+        },
+        outputs=_make_outputs(
+            "galvanostat.current", "actuator.voltage", "estimator.R1", "estimator.impedance"
+        ),
+        doc=SUMMARIES["potentiostat_watch"],
+        step=period,
+        stop=160.0,
+    )
+
+
+def protected_bench(runtime: str) -> System:
+    """Return a bench whose controller rests while the protection has taken the current away.
+
+    While the current is zero the films let their charge go, and the tension with it, which no force
+    controller is to learn: its integral part stands still (thesis section 4.2).
+    """
+    bench = _make_bench("protected_bench", "actuator", "ppy_actuator_length_driven", runtime)
+    drive = {"voltage_limit": 1.0, "voltage_command": 0.0}
+    return replace(
+        bench,
+        members=(
+            Member.of("galvanostat", component("galvanostat"), drive, runtime),
+            *(
+                replace(
+                    member, parameters={k: v for k, v in member.parameters.items() if k != "hold"}
+                )
+                for member in bench.members
+            ),
+        ),
+        connections=(
+            *bench.connections,
+            *connect(
+                "galvanostat.current -> actuator.current",
+                "actuator.voltage -> galvanostat.voltage",
+                "galvanostat.recovering -> bench.hold",
+            ),
+        ),
+        inputs={
+            "force_reference": (Port("bench", "force_reference"),),
+            "current_command": (Port("galvanostat", "current_command"),),
+        },
+        outputs=dict(bench.outputs) | _make_outputs("galvanostat.recovering", "bench.coil_voltage"),
+        stop=20.0,
     )
 
 

@@ -36,6 +36,16 @@ HEADER = {
         ),
     ),
     "ppy_actuator_length_driven": (("current", "length_change"), ("tension", "voltage", "charge")),
+    "ppy_actuator_voltage_driven": (
+        ("voltage", "force"),
+        (
+            "current",
+            "displacement",
+            "electrochemical_displacement",
+            "mechanical_displacement",
+            "charge",
+        ),
+    ),
 }
 
 
@@ -66,8 +76,17 @@ def length_driven() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return a, b, np.array([tension, c[0], c[4]])
 
 
+def voltage_driven() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the same with the voltage imposed: i = (V - Q/C) / R1 + V / R2."""
+    a, b, c = force_driven()
+    a[0, 0] = -1 / (R1 * C)
+    b[0, 0] = 1 / R1
+    c[0] = [-1 / (R1 * C), 0, 0, 1 / R1 + 1 / R2, 0]
+    return a, b, c
+
+
 def solve(
-    a: np.ndarray, b: np.ndarray, c: np.ndarray, scale: float
+    a: np.ndarray, b: np.ndarray, c: np.ndarray, scales: tuple[float, float]
 ) -> tuple[list[list[float]], list[list[float]]]:
     """Rows of inputs and of outputs; the outputs just before and just after a jump both appear."""
     step = expm(np.block([[a, b], [np.zeros((2, 5))]]) * STEP)
@@ -77,7 +96,7 @@ def solve(
     held = None
     for k in range(round(STOP / STEP) + 1):
         time = round(k * STEP, 9)
-        now = np.array(stimulus(time)) * [1.0, scale]
+        now = np.array(stimulus(time)) * scales
         if held is not None and not np.array_equal(held, now):
             inputs.append([time, *held])
             outputs.append([time, *(c @ np.concatenate([state, held]))])
@@ -93,11 +112,13 @@ def main() -> None:
     """Write the files."""
     # 0.5 mm per newton of the force stimulus keeps the length-driven actuator taut
     cases = {
-        "ppy_actuator": (force_driven(), 1.0),
-        "ppy_actuator_length_driven": (length_driven(), 5e-4),
+        "ppy_actuator": (force_driven(), (1.0, 1.0)),
+        "ppy_actuator_length_driven": (length_driven(), (1.0, 5e-4)),
+        # half a volt per ampere of the current stimulus: 2.4 A at a turn
+        "ppy_actuator_voltage_driven": (voltage_driven(), (0.5, 1.0)),
     }
-    for name, (matrices, scale) in cases.items():
-        inputs, outputs = solve(*matrices, scale)
+    for name, (matrices, scales) in cases.items():
+        inputs, outputs = solve(*matrices, scales)
         for suffix, header, rows in zip(
             ("in", "ref"), HEADER[name], (inputs, outputs), strict=True
         ):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from math import pi
-from typing import TYPE_CHECKING
+from math import inf, pi
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,26 @@ CURRENT_LIMIT = float(Galvanostat().current_limit)
 _BLUE = pictures.MODEL
 _RED = pictures.FITTED
 _GREY = pictures.MEASURED
+
+
+_PPY = "polypyrrole"
+
+
+class Material(NamedTuple):
+    """A row of table 1-1: strain in % and strain rate in %/s, from and to as far as printed."""
+
+    strain: tuple[float, float]
+    rate: tuple[float, float]
+
+
+MATERIALS = {
+    _PPY: Material((2.0, 2.0), (1.0, 1.0)),
+    "piezoelectric ceramics": Material((0.0, 0.1), (10.0, inf)),
+    "dielectric elastomers": Material((20.0, 380.0), (100.0, inf)),
+    "shape memory alloy": Material((5.0, 5.0), (3.0, 3.0)),
+}
+MUSCLE_RATE = 50.0  # %/s, section 1.1
+_SHORTEST = 93.2e-3  # m, the shortest actuator of table 5-1
 
 
 def entries() -> Iterator[Entry]:
@@ -70,6 +90,17 @@ def run(
 # -----------------------------------------------------------------------------------------
 
 
+def strain_rate() -> float:
+    """Return the fastest strain in %/s of the shortest actuator: 1.3 A into empty films."""
+    share = MODEL["R2"] / (MODEL["R1"] + MODEL["R2"])
+    return 100.0 * MODEL["alpha"] * CURRENT_LIMIT * share / _SHORTEST
+
+
+def strain() -> float:
+    """Return its largest strain in %: of the charge that 1.3 A leave on the films in the end."""
+    return 100.0 * MODEL["alpha"] * CURRENT_LIMIT * MODEL["R2"] * MODEL["C"] / _SHORTEST
+
+
 def _speed() -> Iterator[Entry]:
     yield Claim(
         "section 1.2",
@@ -79,9 +110,8 @@ def _speed() -> Iterator[Entry]:
         "",
         "5 MPa over 0.1 MPa",
     )
-    length = 93.2e-3  # m, the shortest actuator of table 5-1
-    share = MODEL["R2"] / (MODEL["R1"] + MODEL["R2"])
-    rate = 100.0 * MODEL["alpha"] * CURRENT_LIMIT * share / length
+    length = _SHORTEST
+    rate = strain_rate()
     about = (
         f"fastest with alpha {1e3 * MODEL['alpha']:g} mm/C and {CURRENT_LIMIT:g} A, shortest"
         " actuator of table 5-1"
@@ -96,6 +126,15 @@ def _speed() -> Iterator[Entry]:
         erratum=30,
     )
     yield others
+    yield Claim(
+        "table 1-1",
+        "strain of PPy",
+        f"{MATERIALS[_PPY].strain[0]:g}",
+        strain(),
+        "%",
+        f"of the literature; charge that {CURRENT_LIMIT:g} A leave in the end, {about[13:]}",
+        erratum=30,
+    )
     speed = Claim(
         "section 1.2", "strain rate of the 12-layer actuator", "0.5", rate, "%/s", about, erratum=30
     )
@@ -278,8 +317,15 @@ def staircase() -> tuple[Array, Array]:
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """Figs. 3-4 and 3-9, from the model."""
+    """Table 1-1, and figs. 3-4 and 3-9, from the model."""
     return (
+        Illustration(
+            "Table 1-1: strain and strain rate of active materials",
+            "As printed; an arrow where the table has a bound. The dashed line is what muscle does"
+            f" (section 1.1), {MUSCLE_RATE:g} %/s, the cross what the model of chapter 3 gives an"
+            f" actuator of {1e3 * _SHORTEST:g} mm at {CURRENT_LIMIT:g} A (errata 30).",
+            _materials,
+        ),
         Illustration(
             "Fig. 3-4: a current square wave",
             "±0.9 A at 0.2 Hz into the circuit with the means of table 3-1. The voltage jumps with"
@@ -296,6 +342,31 @@ def illustrations() -> tuple[Illustration, ...]:
             _creeping,
         ),
     )
+
+
+def _materials() -> Figure:
+    figure, (axis,) = pictures.panels(1, "Active materials, table 1-1")
+    figure.set_size_inches(9, 4.5)
+    for (name, row), colour in zip(MATERIALS.items(), (_BLUE, _GREY, _RED, "#7a5195"), strict=True):
+        low, high = row.strain[0] or row.strain[1] / 10.0, row.strain[1]
+        rate = row.rate[0]
+        axis.plot([low, high], [rate, rate], "o-", color=colour, label=name)
+        for bound, (x, y) in (
+            (row.strain[0] == 0.0, (low, rate)),
+            (row.rate[1] == inf, (high, 3.0 * rate)),
+        ):
+            if bound:
+                axis.annotate(
+                    "", (x, y), (high, rate), arrowprops={"arrowstyle": "->", "color": colour}
+                )
+    axis.plot(strain(), strain_rate(), "x", color=_BLUE, ms=9, label="model of chapter 3")
+    axis.axhline(MUSCLE_RATE, color=_GREY, linestyle="--", linewidth=1)
+    axis.set_xscale("log")
+    axis.set_yscale("log")
+    axis.legend(fontsize=8)
+    axis.set_xlabel("strain [%]")
+    pictures.label(axis, "strain rate", "%/s")
+    return figure
 
 
 def _square() -> Figure:

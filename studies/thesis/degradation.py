@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.experiment import square_wave
+from orchestration.experiment import read, run, square_wave
 from orchestration.identify.graphical import (
+    LifeForecast,
+    forecast_life,
     least_squares_windows,
     magnitude,
     tustin,
@@ -27,6 +29,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WINDOW = 1000  # samples
+_SEEN = 4.0 * 3600.0  # s of the life, from which the rest is forecast
+_RISE = 0.10  # of the impedance: what five hours of the chosen life reach
+_CONTROL_RATE = 30.0  # Hz, of eq. 2.2
+_PROPORTIONAL = 0.5 * (0.66 + 0.06)  # V/N, eq. 2.2 (errata 18)
 _BLUE = pictures.MODEL
 _RED = pictures.FITTED
 _GREY = pictures.MEASURED
@@ -34,7 +40,7 @@ _GREY = pictures.MEASURED
 
 def entries() -> Iterator[Entry]:
     """Everything chapter 4 lets one recompute."""
-    for part in (_excitation, _record, _windows, _noise, _judging):
+    for part in (_excitation, _record, _windows, _noise, _judging, _switched_off, _forecast):
         yield from part()
 
 
@@ -208,6 +214,84 @@ def _judging() -> Iterator[Entry]:
     )
 
 
+# --- protection and forecast
+# --------------------------------------------------------------------------------------------------
+
+
+@cache
+def recoveries() -> dict[str, Array]:
+    """Return the experiment ``fig_4_4``: a bench whose controller rests in recoveries.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+        ``time`` in s, and signals by ``member.variable`` in SI.
+    """
+    found = run(read("fig_4_4"))
+    return {str(name): np.asarray(found[name].values) for name in ("time", *found.data_vars)}
+
+
+def windup(signals: dict[str, Array]) -> float:
+    """Return the largest change of the controller's integral part in a recovery, in V.
+
+    It is that of its voltage less the proportional part, half the difference of the coefficients of
+    eq. 2.2 times the change of the force, from each of its samples within to the next.
+    """
+    off = signals["galvanostat.recovering"] > 0.5
+    time = signals["time"]
+    instants = np.arange(0.0, time[-1], 1.0 / _CONTROL_RATE)
+    force = np.interp(instants, time, signals["bench.force_measured"])
+    after = np.minimum(np.searchsorted(time, instants) + 1, time.size - 1)
+    # where both sample at once, it is not to be seen who was first
+    resting = off[after] & off[np.maximum(after - 3, 0)]
+    integral = signals["bench.coil_voltage"][after] + _PROPORTIONAL * force
+    return float(np.abs(np.diff(integral))[resting[1:]].max())
+
+
+def _switched_off() -> Iterator[Entry]:
+    yield Claim(
+        "section 4.2",
+        "windup of the force controller in a recovery",
+        "0",
+        1e3 * windup(recoveries()),
+        "mV",
+        "experiment fig_4_4: its integral part is on hold while the current is zero",
+        inferred=True,
+    )
+
+
+@cache
+def forecast() -> LifeForecast:
+    """Return when the impedance will be 10 % above its first value, from four hours of the life."""
+    time, impedance = _impedance()
+    seen = time < _SEEN
+    return forecast_life(time[seen], impedance[seen], rise=_RISE)
+
+
+def _impedance() -> tuple[Array, Array]:
+    """Return the impedance of the life every 100 s, from the first valid estimate on."""
+    signals = life()
+    valid = signals["estimate_valid"] > 0.5
+    return signals["time"][valid][::_WINDOW], signals["impedance"][valid][::_WINDOW]
+
+
+def _forecast() -> Iterator[Entry]:
+    time, impedance = _impedance()
+    reached = time[np.argmax(impedance > (1.0 + _RISE) * impedance[0])] / 3600.0
+    found = forecast().life
+    low, high = (end / 3600.0 for end in found.interval)
+    yield Claim(
+        "section 4.3, fig. 4-7",
+        f"life to {100 * _RISE:.0f} % more impedance, forecast after {_SEEN / 3600:g} h",
+        f"{reached:.2f}",
+        found.value / 3600.0,
+        "h",
+        f"interval {low:.2f} to {high:.2f} h; a line from the minimum on, as the thesis has it, of"
+        " a life that is chosen and whose growth still bends",
+        inferred=True,
+    )
+
+
 # --- figures
 # --------------------------------------------------------------------------------------------------
 
@@ -229,6 +313,20 @@ def illustrations() -> tuple[Illustration, ...]:
             " the current is zero for the recovery time and the voltage falls back; then the"
             " current returns.",
             _protection,
+        ),
+        Illustration(
+            "Fig. 4-4: the controller, switched off",
+            "Experiment fig_4_4: while the current is zero (grey) the integral part of the force"
+            " controller stands still, and its voltage follows the force by the proportional part"
+            " alone.",
+            _resting,
+        ),
+        Illustration(
+            "Fig. 4-7: the life, forecast",
+            f"The impedance of the same life, and the line from its minimum to {_SEEN / 3600:g} h."
+            f" Where it crosses {100 * _RISE:.0f} % above the first value is the forecast, with its"
+            " interval of 95 %.",
+            _foreseen,
         ),
     )
 
@@ -257,6 +355,58 @@ def _life() -> Figure:
     pictures.label(upper, "R1", "ohm")
     pictures.label(middle, "impedance at 0.1 Hz", "ohm")
     pictures.label(lower, "voltage limit", "V")
+    return figure
+
+
+def _resting() -> Figure:
+    signals = recoveries()
+    time = signals["time"]
+    off = signals["galvanostat.recovering"] > 0.5
+    figure, axes = pictures.panels(4, "±1.3 A, a limit of 1 V, 1.5 N")
+    for axis, name, label, unit in zip(
+        axes,
+        (
+            "galvanostat.current",
+            "actuator.voltage",
+            "bench.force_measured",
+            "bench.coil_voltage",
+        ),
+        ("current", "voltage", "force", "controller"),
+        ("A", "V", "N", "V"),
+        strict=True,
+    ):
+        late = time > 1.0  # s, after the force has been put on
+        axis.plot(time[late], signals[name][late], color=_BLUE)
+        axis.fill_between(
+            time,
+            0.0,
+            1.0,
+            where=off,
+            transform=axis.get_xaxis_transform(),
+            color=_GREY,
+            alpha=0.3,
+            lw=0,
+        )
+        pictures.label(axis, label, unit)
+    return figure
+
+
+def _foreseen() -> Figure:
+    time, impedance = _impedance()
+    found = forecast()
+    figure, (axis,) = pictures.panels(1, "Impedance at 0.1 Hz")
+    figure.set_size_inches(9, 4.5)
+    axis.plot(time, impedance, color=_BLUE, label="impedance")
+    axis.plot(
+        [found.begin, found.life.value],
+        [found.limit - found.rate.value * (found.life.value - found.begin), found.limit],
+        color=_RED,
+        label="line, and its forecast",
+    )
+    axis.plot(found.life.interval, [found.limit] * 2, "|-", color=_RED, ms=12)
+    axis.axvline(_SEEN, color=_GREY, linestyle=":", linewidth=1)
+    axis.legend(fontsize=8)
+    pictures.label(axis, "impedance", "ohm")
     return figure
 
 

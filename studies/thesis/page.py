@@ -57,6 +57,7 @@ def run(out: Path) -> Path:
             " held against."
         )
         drawings = chapters.illustrations()
+        tell("drawing the figures")
         done = 0
         count = sum(map(len, drawings.values()))
         with scratch.folder("page") as folder:
@@ -65,8 +66,7 @@ def run(out: Path) -> Path:
                 page.heading(title)
                 page.parts.append(_table(claims))
                 for drawing in drawings[title]:
-                    tell(drawing.title)
-                    tell.done(done, count)
+                    tell.done(done, count, drawing.title)
                     done += 1
                     pictures.save(drawing.draw(), picture)
                     page.picture(picture, f"{drawing.title}. {drawing.caption}")

@@ -33,6 +33,7 @@ QUICK = slow_but(
 OPTIONS = ("-std=c99 -O2", "-O0", "-O3")
 FORCED, LENGTH_DRIVEN = "ppy_actuator", "ppy_actuator_length_driven"
 SECOND_INPUT = {FORCED: "force", LENGTH_DRIVEN: "length_change"}
+MARGINS = ("compression_margin", "displacement_margin", "force_margin", "voltage_margin")
 OUTPUTS = {
     FORCED: (
         "voltage",
@@ -40,6 +41,7 @@ OUTPUTS = {
         "electrochemical_displacement",
         "mechanical_displacement",
         "displacement",
+        *MARGINS,
     ),
     LENGTH_DRIVEN: (
         "voltage",
@@ -47,6 +49,7 @@ OUTPUTS = {
         "electrochemical_displacement",
         "mechanical_displacement",
         "tension",
+        *MARGINS,
     ),
 }
 # Thesis table 3-1 (mean of the 12-layer sets) and fig. 3-9, typed in here once more: no number is

@@ -15,7 +15,7 @@ from fmus.kit.build.building import RUNTIMES
 from tests.support.pace import slow_but
 
 ACTUATORS = ("ppy_actuator", "ppy_actuator_length_driven")
-# Tests of the front-end and of the exact solutions, which need no other component
+# Tests of the front-end and of the exact solutions for a current, which need no other component
 actuators_only = pytest.mark.parametrize("name", ACTUATORS)
 
 EACH = [(name, runtime) for name in COMPONENTS for runtime in RUNTIMES]
@@ -78,6 +78,7 @@ class Subject:
 
 
 _ACTUATOR = {"R1": 0.5, "charge_start": 0.25, "C": 2.0}
+_MARGINS = " compression_margin N displacement_margin m force_margin N voltage_margin V"
 _ELONGATED = {"kelvin_elongation_start": 2e-5, "maxwell_elongation_start": 1e-5}
 _FOOT = (
     "an_tension N po_tension N do_tension N pl_tension N toe_force_x N toe_force_y N an_length m"
@@ -91,7 +92,7 @@ SUBJECTS = {
         "voltage",
         _ACTUATOR,
         "current A force N voltage V displacement m electrochemical_displacement m"
-        " mechanical_displacement m charge C",
+        " mechanical_displacement m charge C" + _MARGINS,
         _ELONGATED,
     ),
     "ppy_actuator_length_driven": Subject(
@@ -99,7 +100,15 @@ SUBJECTS = {
         "voltage",
         _ACTUATOR,
         "current A length_change m tension N voltage V electrochemical_displacement m"
-        " mechanical_displacement m charge C",
+        " mechanical_displacement m charge C" + _MARGINS,
+        _ELONGATED,
+    ),
+    "ppy_actuator_voltage_driven": Subject(
+        {"voltage": 0.5, "force": 1.0},
+        "current",
+        _ACTUATOR,
+        "voltage V force N current A displacement m electrochemical_displacement m"
+        " mechanical_displacement m charge C" + _MARGINS,
         _ELONGATED,
     ),
     "galvanostat": Subject(

@@ -48,6 +48,7 @@ DISPLAY = {
 POSITIVE = {
     "ppy_actuator": "R2 C k1 b1 k2 b2",
     "ppy_actuator_length_driven": "R2 C k1 b1 k2 b2",
+    "ppy_actuator_voltage_driven": "R1 R2 C k1 b1 k2 b2",
     "galvanostat": "current_limit compliance_voltage protection_period control_period",
     "voice_coil_dma": "R L m force_cutoff position_cutoff sample_period",
     "isotonic_stand": "placing_time full_scale lvdt_sensitivity sample_period",

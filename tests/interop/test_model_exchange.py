@@ -33,6 +33,11 @@ STIMULI = {
         0.37,
         {"current": (0.0, 0.3, 0.9), "length_change": (5e-5, 1e-4, 0.5)},
     ),
+    "ppy_actuator_voltage_driven": (
+        20.0,
+        0.37,
+        {"voltage": (0.0, 0.3, 0.9), "force": (0.5, 0.3, 0.5)},
+    ),
     "galvanostat": (
         0.5,
         0.0017,

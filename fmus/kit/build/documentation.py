@@ -165,7 +165,7 @@ def page(cls: type[Component], readme: Path) -> str:
     layout = cls.layout
     sections = {
         "Inputs": layout.inputs,
-        "Outputs": layout.measurable,
+        "Outputs": layout.shown,
         "Parameters": (*layout.parameters, *layout.texts),
         "States": (*layout.states, *layout.discretes),
     }

@@ -215,7 +215,7 @@ def list_laws(cls: type[Component]) -> list[LawOfModel]:
     """
     layout = cls.layout
     rates = [state.rate for state in layout.states]
-    outputs = [output.name for output in layout.outputs]
+    outputs = [output.name for output in layout.measured_outputs]
     signals = [v.name for v in (*layout.inputs, *layout.states) if v.type == "real"]
     calls = _Calls(cls, set(signals))
     for name in (*rates, *outputs):

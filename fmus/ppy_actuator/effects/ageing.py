@@ -163,7 +163,8 @@ class SelfHeating(ActuatorEffect):
         V^2 / R2.
         """
         return (
-            self.terminal_voltage() * self.current - self.film_voltage() * self.capacitor_current()
+            self.terminal_voltage() * self.drawn_current()
+            - self.film_voltage() * self.capacitor_current()
         )
 
     def temperature_rate(self) -> Any:

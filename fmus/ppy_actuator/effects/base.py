@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from ...kit import Effect
 
 if TYPE_CHECKING:
-    from ..model import Actuator
+    from ..model import CurrentDriven
 
-    class ActuatorEffect(Effect, Actuator):
+    class ActuatorEffect(Effect, CurrentDriven):
         """Laws of the actuator that an effect overrides."""
 else:
     ActuatorEffect = Effect

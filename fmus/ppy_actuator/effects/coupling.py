@@ -10,6 +10,17 @@ from .base import ActuatorEffect
 # Time constant below which a lag is not resolved, in seconds. A lag of zero time would be
 # infinitely stiff.
 _SHORTEST_LAG = 0.05
+
+
+def _regular(time: Any) -> Any:
+    """Time constant of a lag, which is not zero where the lag is: T + m exp(-T / m).
+
+    It rises with the lag from m on and is the lag's own where that is several times m, as that of a
+    sensor (`fmus.kit.sensors.sensor_lag`).
+    """
+    return time + _SHORTEST_LAG * exp(-time / _SHORTEST_LAG)
+
+
 # z^2 below which tanh(z)/z is taken from its series; what is left out is below rounding, and in the
 # slope below 1e-12.
 _SMALL = 1e-6
@@ -179,11 +190,11 @@ class SlowStrainSaturation(ActuatorEffect):
 class StrainLag(ActuatorEffect):
     """Elongation that follows the charge with a time constant ``T``.
 
-    The charge ``q`` that has not yet acted obeys ``dq/dt = dQ/dt - q / (T + m)``; the elongation of
-    the layers below is that of the charge that has, ``Q - T / (T + m) q``. Over the base model this
-    is ``X_e / Q = alpha (m s + 1) / ((T + m) s + 1)``: a first-order lag of time T but for the
-    fixed, short time m = 0.05 s, which keeps the equations regular at ``T = 0``, the base model.
-    Starting at zero, ``q`` means a start at rest. Relaxes assumption 5, that elongation is
+    The charge ``q`` that has not yet acted obeys ``dq/dt = dQ/dt - q / D``; the elongation of the
+    layers below is that of the charge that has, ``Q - T / D q``. ``D = T + m exp(-T / m)`` with m =
+    0.05 s keeps the equations regular at ``T = 0``, the base model. Over that this is ``X_e / Q =
+    alpha ((D - T) s + 1) / (D s + 1)``, the first-order lag of time T where that is several times
+    m. Starting at zero, ``q`` means a start at rest. Relaxes assumption 5, that elongation is
     proportional to charge at every instant (eq. 3.4, fig. 3-10).
     """
 
@@ -202,14 +213,12 @@ class StrainLag(ActuatorEffect):
     )
 
     def pending_charge_rate(self) -> Any:
-        """Rate of the charge not yet acting, dQ/dt - q / (T + m)."""
-        return self.capacitor_current() - self.pending_charge / (self.lag_time + _SHORTEST_LAG)
+        """Rate of the charge not yet acting, dQ/dt - q / D."""
+        return self.capacitor_current() - self.pending_charge / _regular(self.lag_time)
 
     def charge_elongation(self, charge: Any) -> Any:
-        """Elongation due to the charge that has acted, alpha (Q - T / (T + m) q) over the base
-        model.
-        """
-        share = self.lag_time / (self.lag_time + _SHORTEST_LAG)
+        """Elongation due to the charge that has acted, alpha (Q - T / D q) over the base model."""
+        share = self.lag_time / _regular(self.lag_time)
         return super().charge_elongation(charge - share * self.pending_charge)
 
 
@@ -217,9 +226,10 @@ class TwoStageStrainLag(ActuatorEffect):
     """Elongation that follows the charge in two equal stages of ``T / 2`` each.
 
     The charge behind the first stage ``q_1`` and behind the second ``q_2`` obey ``dq_1/dt = dQ/dt -
-    q_1 / D`` and ``dq_2/dt = q_1 / D - q_2 / D`` with ``D = T/2 + m``; the elongation of the layers
-    below is that of ``Q - (T/2) / D (q_1 + q_2)``. Both start at rest; the short ``m`` is that of
-    `StrainLag`, and so is the lag of a ramp, ``T``, but it sets in without a corner. Relaxes
+    q_1 / D`` and ``dq_2/dt = q_1 / D - q_2 / D`` with ``D = T/2 + m exp(-T / (2 m))``; the
+    elongation of the layers below is that of ``Q - (T/2) / D (q_1 + q_2)``. Both start at rest; the
+    short ``m`` is that of `StrainLag`, and so is the lag of a ramp, ``T``, but it sets in without a
+    corner. Relaxes
     assumption 5, that elongation is proportional to charge at every instant (eq. 3.4, fig. 3-10);
     ``T = 0`` is the base model.
     """
@@ -243,7 +253,7 @@ class TwoStageStrainLag(ActuatorEffect):
 
     def stage_time(self) -> Any:
         """Time constant of one stage, T/2 and what keeps it regular."""
-        return 0.5 * self.staged_lag_time + _SHORTEST_LAG
+        return _regular(0.5 * self.staged_lag_time)
 
     def first_stage_rate(self) -> Any:
         """Rate of the charge before the first stage, dQ/dt - q_1 / D."""

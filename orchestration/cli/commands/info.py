@@ -79,7 +79,7 @@ def _of_class(name: str, cls: type[Component]) -> _Facts:
     layout = cls.layout
     groups = {
         "inputs": layout.inputs,
-        "outputs": layout.measurable,
+        "outputs": layout.shown,
         "parameters": (*layout.parameters, *layout.texts),
     }
     base, stacked = unstack(cls)

@@ -280,7 +280,7 @@ def _unit(one: Any, cls: type[Component], law: str, values: Array) -> str:
     known = unit_of(cls, law)
     if known != "1":
         return known
-    for output in cls.layout.outputs:
+    for output in cls.layout.measured_outputs:
         if np.array_equal(_full(one, _called(one, output.name)), values):
             return output.unit
     return known

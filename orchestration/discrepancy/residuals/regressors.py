@@ -67,7 +67,7 @@ def simulate_regressors(model: FittedCandidate, data: Dataset) -> list[Regressor
         As :func:`make_regressors` has them.
     """
     layout = model.candidate.cls.layout
-    units = {v.name: v.unit for v in (*layout.inputs, *layout.states, *layout.outputs)}
+    units = {v.name: v.unit for v in (*layout.inputs, *layout.states, *layout.measured_outputs)}
     problem = model.problem
     values = problem.start | model.fit.values
     simulated = problem.model.run(  # as accurately as it was fitted
@@ -77,7 +77,7 @@ def simulate_regressors(model: FittedCandidate, data: Dataset) -> list[Regressor
     for run in data.runs:
         inputs = {name: u[run.samples] for name, u in data.inputs.items()}
         states = {v.name: simulated[v.name][run.samples] for v in layout.states}
-        outputs = {v.name: simulated[v.name][run.samples] for v in layout.outputs}
+        outputs = {v.name: simulated[v.name][run.samples] for v in layout.measured_outputs}
         time = data.time[run.samples] - run.ahead
         by_run.append(_transformed(time, inputs, states, outputs, units))
     joined = []

@@ -41,7 +41,8 @@ class Row:
         Order of the path from every input, that is of its denominator; the number of states alone
         for SS.
     noise_order : int or None
-        Of the noise model; None for SS, which has a constant gain.
+        Of the noise model C/(A D), so that ARX, whose noise passes 1/A, has that of its paths; None
+        for SS, which has a constant gain.
     identification : Identification
     fit, validation_fit : float
         Free run over identification and validation data, in percent.
@@ -280,7 +281,7 @@ def _row(
         noise_order = None
         result = state_space(estimation, trial.path_orders[0], chosen.nk, first)
     else:
-        noise_order = trial.noise_order
+        noise_order = chosen.noise_order
         result = identify(estimation, trial.structure, chosen, first, contained)
     return Row(
         trial.structure,

@@ -56,6 +56,11 @@ class Orders:
         """Whether the disturbance has another colour than white."""
         return bool(self.na or self.nc or self.nd)
 
+    @property
+    def noise_order(self) -> int:
+        """Order of the noise model C/(A D): that of ARX, 1/A, is that of its A."""
+        return max(self.na + self.nd, self.nc)
+
     def contains(self, other: Orders) -> bool:
         """Tell whether every model of other orders is one of these, if its A is stable.
 

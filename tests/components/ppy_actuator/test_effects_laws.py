@@ -50,12 +50,11 @@ def paper(v):
     q, i = p["charge"], p["current"]
 
     # coupling, as layers in the order of the catalogue
+    lag = p["lag_time"] + 0.05 * math.exp(-p["lag_time"] / 0.05)
     seen = (
-        q
-        - p["hysteresis_share"] * p["trailing_charge"]
-        - p["lag_time"] / (p["lag_time"] + 0.05) * p["pending_charge"]
+        q - p["hysteresis_share"] * p["trailing_charge"] - p["lag_time"] / lag * p["pending_charge"]
     )
-    stage = p["staged_lag_time"] / 2 + 0.05
+    stage = p["staged_lag_time"] / 2 + 0.05 * math.exp(-p["staged_lag_time"] / 0.1)
     seen -= p["staged_lag_time"] / 2 / stage * (p["first_stage_charge"] + p["second_stage_charge"])
     z = math.sqrt(p["strain_saturation_coefficient"]) * seen
     level = math.tanh(z) / z if z else 1.0
@@ -74,10 +73,13 @@ def paper(v):
         return soft / p["k1"] * (load + p["load_softening"] * (math.hypot(load, scale) - scale))
 
     if "force" in p:
-        load = p["force"]
+        load = pull = p["force"]
+        elongation = strain + creep + spring(load)
     else:
-        left = p["length_change"] - strain - creep
-        load = root(lambda f: spring(f) - left, p["k1"] * left) if left > 0.0 else 0.0
+        elongation = p["length_change"]
+        left = elongation - strain - creep
+        pull = root(lambda f: spring(f) - left, p["k1"] * left)
+        load = max(pull, 0.0)
     kelvin = (load - p["k2"] / soft * p["kelvin_elongation"]) / p["b2"]
     slower = 1.0 + p["recovery_slowness"] if kelvin < 0.0 else 1.0
     flowing = math.copysign(max(abs(load) - p["yield_force"], 0.0), load)
@@ -126,7 +128,7 @@ def paper(v):
         / p["thermal_time"],
         "der(first_stage_charge)": j - p["first_stage_charge"] / stage,
         "der(second_stage_charge)": (p["first_stage_charge"] - p["second_stage_charge"]) / stage,
-        "der(pending_charge)": j - p["pending_charge"] / (p["lag_time"] + 0.05),
+        "der(pending_charge)": j - p["pending_charge"] / lag,
         "der(trailing_charge)": j - abs(j) * p["trailing_charge"] / p["hysteresis_width"],
         "der(second_kelvin_force)": (load - p["second_kelvin_force"]) / p["second_creep_time"],
     }
@@ -135,6 +137,12 @@ def paper(v):
         * pole
         / p["diffusion_time"]
         for k, pole in enumerate(poles, 1)
+    }
+    found |= {
+        "force_margin": p["force_limit"] - load,
+        "compression_margin": p["compression_limit"] + pull,
+        "displacement_margin": p["displacement_limit"] - abs(elongation),
+        "voltage_margin": p["voltage_limit"] - abs(voltage),
     }
     total = {"displacement": strain + creep + spring(load)} if "force" in p else {"tension": load}
     return found | total

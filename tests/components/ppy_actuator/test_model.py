@@ -396,3 +396,29 @@ def test_both_causalities_share_their_circuit():
         for cls in (PpyActuator, PpyActuatorLengthDriven)
     ]
     assert voltages[0] == pytest.approx(voltages[1], rel=1e-9, abs=1e-12)
+
+
+# --- limits of the material
+# --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("force", [2.0, -0.5, 4.0])
+def test_margins_are_what_is_left_of_table_2_1(force):
+    """3 N, 7 mm, 1.5 V and no compression; of the latter two of either sign."""
+    model = PpyActuator(
+        current=-2.0, force=force, charge_start=-3.0, maxwell_elongation_start=-6e-3
+    )
+    voltage = 2.35 * (0.43 * -2.0 - 3.0 / 2.7) / (0.43 + 2.35)
+    elongation = 6.8e-5 * -3.0 - 6e-3 + force / 6300.0
+    assert model.force_margin() == pytest.approx(3.0 - force)
+    assert model.compression_margin() == pytest.approx(force)
+    assert model.displacement_margin() == pytest.approx(7e-3 - abs(elongation))
+    assert model.voltage_margin() == pytest.approx(1.5 - abs(voltage))
+
+
+def test_a_slack_actuator_has_a_negative_margin_of_compression():
+    """0.1 mm shorter than its unloaded length, which k1 would push against with 0.63 N."""
+    model = PpyActuatorLengthDriven(length_change=-1e-4)
+    assert model.tension() == 0.0
+    assert model.compression_margin() == pytest.approx(-0.63)
+    assert model.displacement_margin() == pytest.approx(6.9e-3)

@@ -231,6 +231,16 @@ def test_an_effect_follows_its_equation(name):
     assert np.abs(found - exact()).max() > 1e-3  # and it is seen
 
 
+def test_stops_leave_the_stroke_and_no_more():
+    """0.5 in from one to the other (section 2.2.2), with the coil in the middle at the start."""
+    model = stack(VoiceCoilDma, EFFECTS["end_stops"])(slide_friction_stop_stiffness=1e4)
+    for side in (-1.0, 1.0):
+        model.position = side * 0.5 * 12.7e-3
+        assert model.slide_friction() == pytest.approx(0.0, abs=1e-9)
+        model.position += side * 1e-4
+        assert model.slide_friction() == pytest.approx(side * 1.0, rel=1e-9)
+
+
 def test_friction_takes_energy_and_its_directions_differ():
     cls = stack(VoiceCoilDma, *EFFECTS.values())
     model = cls(b_vc=0.0, **ACTIVE["coulomb_friction"], **ACTIVE["asymmetric_friction"])

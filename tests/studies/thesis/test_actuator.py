@@ -246,3 +246,11 @@ def test_equations_3_6_to_3_9_follow_from_3_5():
         control.sample_system(control.ss(impedance()), 0.1, "zoh"), time, current
     ).outputs
     assert found["voltage"] == pytest.approx(exact, rel=1e-7, abs=1e-9)
+
+
+def test_table_1_1_is_beside_what_the_model_does():
+    """1.3 A for ever leave R2 C i on the films, and begin with R2 / (R1 + R2) of it a second."""
+    charge = 1.3 * 2.35 * 2.7
+    assert claim("strain of PPy").reproduced == pytest.approx(100 * 0.068 * charge / 93.2)
+    assert claim("strain of PPy").erratum == 30
+    assert actuator.MATERIALS["shape memory alloy"].strain == (5.0, 5.0)

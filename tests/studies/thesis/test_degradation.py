@@ -129,3 +129,22 @@ def test_a_life_is_derated_and_protected():
     impedance = np.where(life["estimate_valid"] > 0.5, life["impedance"], np.inf)
     memory = 600.0 / np.log(10.0)  # s; the estimate is late by about one, see test_ageing
     assert 2100.0 < life["time"][np.argmin(impedance)] < 2100.0 + 2.0 * memory
+
+
+def test_the_controller_rests_in_recoveries_and_would_not_by_itself():
+    """What is left of eq. 2.2 is proportional; a controller that goes on would show itself."""
+    signals = degradation.recoveries()
+    # V; forces between points of a millisecond are interpolated
+    assert degradation.windup(signals) < 1e-5
+    going_on = signals | {"galvanostat.recovering": np.ones_like(signals["time"])}
+    assert degradation.windup(going_on) > 1e-4
+
+
+def test_the_forecast_is_the_line_of_numpy():
+    time, impedance = degradation._impedance()
+    growing = (time >= time[np.argmin(impedance)]) & (time < 4 * 3600)
+    slope, height = np.polyfit(time[growing], impedance[growing], 1)
+    found = claim("life to 10 % more impedance, forecast after 4 h")
+    assert found.reproduced * 3600 == pytest.approx((1.1 * impedance[0] - height) / slope)
+    low, high = degradation.forecast().life.interval
+    assert low < float(found.published) * 3600 < high

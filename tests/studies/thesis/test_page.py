@@ -41,6 +41,14 @@ def test_the_table_is_readable_in_100_columns(done):
     assert [word for word in ("107", "117.4 deg", "+9.7 %", "differs") if word not in margin] == []
 
 
+def test_the_time_left_is_that_of_all_figures_and_not_of_one(done):
+    """They are parts of one step, so that the pace is that since the first of them."""
+    steps = [line for line in done[1].stderr.splitlines() if " of " not in line.split(" (")[-1]]
+    assert steps == ["recomputing tables and equations", "drawing the figures"]
+    count = sum(map(len, chapters.illustrations().values()))
+    assert f"(0 of {count})" in done[1].stderr
+
+
 def test_the_summary_counts_what_is_in_the_page(done, page):
     counts = re.search(
         r"(\d+) printed figures and statements: (\d+) hold, (\d+) are within.* (\d+) are reproduced"
@@ -85,7 +93,7 @@ def test_a_browser_shows_it(browser, page, width, tmp_path):
 
 
 def test_progress_is_told(done):
-    assert any(line.startswith("Fig. 4-4") for line in done[1].stderr.splitlines())
+    assert any(line.startswith("Fig. 2-5") for line in done[1].stderr.splitlines())
 
 
 @pytest.mark.parametrize(

@@ -105,7 +105,10 @@ def complete(words, cwd):
     ("words", "offered"),
     [
         ("ppy sim", ["simulate"]),
-        ("ppy info ppy_", ["ppy_actuator", "ppy_actuator_length_driven"]),
+        (
+            "ppy info ppy_",
+            ["ppy_actuator", "ppy_actuator_length_driven", "ppy_actuator_voltage_driven"],
+        ),
         ("ppy build galvanostat foo", ["foot", "foot_design", "foot_dynamic", "foot_free"]),
         ("ppy compare x.csv --model galv", ["galvanostat"]),
         (
@@ -114,7 +117,7 @@ def complete(words, cwd):
         ),
         ("ppy simulate ppy_actuator --with slack,sensor_lag(v", ["slack,sensor_lag(voltage)"]),
         ("ppy diagnose x.csv --effects diff", ["diffusion"]),
-        ("ppy run fig_4", ["fig_4_5"]),
+        ("ppy run fig_4", ["fig_4_4", "fig_4_5", "fig_4_8"]),
         ("ppy system show dma", ["dma_bench"]),
         (
             "ppy simulate galvanostat --with cur",

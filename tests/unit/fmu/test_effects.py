@@ -38,9 +38,8 @@ def test_an_unknown_name_is_refused_with_the_known_ones():
     message = str(caught.value)
     assert message.startswith("my actuator: no effect named 'strain_saturatoin' (did you mean")
     assert "sensor_lag(OUTPUT)" in message
-    assert message.endswith(
-        f"where OUTPUT is {', '.join(o.name for o in component('ppy_actuator').layout.outputs)}"
-    )
+    measured = component("ppy_actuator").layout.measured_outputs
+    assert message.endswith(f"where OUTPUT is {', '.join(o.name for o in measured)}")
 
 
 def test_a_list_of_effects_that_is_none_is_refused(monkeypatch):

@@ -108,6 +108,7 @@ def with_effects(time, current, *, resistance=0.0, growth=0.0, beta=0.0, saturat
     States: charge, throughput, pending, interface.
     """
     p, tau, shortest = RigParameters(), 0.2, 0.05
+    following = lag + shortest * np.exp(-lag / shortest)
 
     def charging(x, i):
         films = x[0] / p.C + resistance * x[3]
@@ -115,7 +116,7 @@ def with_effects(time, current, *, resistance=0.0, growth=0.0, beta=0.0, saturat
 
     def slope(_, x, i):
         rate = charging(x, i)
-        return [rate, abs(rate), rate - x[2] / (lag + shortest), (rate - x[3]) / tau]
+        return [rate, abs(rate), rate - x[2] / following, (rate - x[3]) / tau]
 
     states = np.zeros((4, time.size))
     for a, b in pairwise([0, *(np.flatnonzero(np.diff(current)) + 1), time.size - 1]):
@@ -125,7 +126,7 @@ def with_effects(time, current, *, resistance=0.0, growth=0.0, beta=0.0, saturat
         )
         states[:, a : b + 1] = solution.y
     charge, leaked = states[0], p.R2 * (current - charging(states, current))
-    elongation = p.alpha * (charge - lag / (lag + shortest) * states[2]) + beta * charge**2
+    elongation = p.alpha * (charge - lag / following * states[2]) + beta * charge**2
     if saturation:
         elongation = p.alpha * np.tanh(np.sqrt(saturation) * charge) / np.sqrt(saturation)
     return leaked, elongation

@@ -90,6 +90,13 @@ def test_a_parameter_that_is_merely_called_like_one_is_no_start_value():
         Parameter(1.0, "s", starts="level")
 
 
+def test_what_only_the_model_tells_is_shown_and_not_measured():
+    layout = fmus.component("ppy_actuator").layout
+    told = {v.name for v in layout.shown} - {v.name for v in layout.measurable}
+    assert told == {f"{of}_margin" for of in ("compression", "displacement", "force", "voltage")}
+    assert not told & {v.name for v in layout.measured_outputs}
+
+
 def test_measurable_are_outputs_and_output_states():
     assert [v.name for v in Thermostat.layout.measurable] == [
         "temperature",

@@ -91,7 +91,7 @@ def measure(effect, force, parameters, step=0.05, linear=False, start=0.0):
 
 def test_every_real_output_has_every_effect():
     for component in (PpyActuator, PpyActuatorLengthDriven, Thermostat):
-        outputs = [o for o in component.layout.outputs if o.type == "real"]
+        outputs = [o for o in component.layout.measured_outputs if o.type == "real"]
         found = measurement_effects(component)
         assert [(e.output, e.id) for e in found] == [
             (o.name, n) for o in outputs for n in PARAMETERS

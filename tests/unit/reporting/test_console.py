@@ -62,6 +62,27 @@ def test_time_left_follows_from_the_pace(told, monkeypatch):
     assert told()[1] == "fitting diffusion (7 of 28, 0:03:00 left)"
 
 
+def test_what_was_done_before_is_no_part_of_the_pace(told, monkeypatch):
+    """A sweep that is taken up at 590 of 600 and does one case in 10 s has 90 s left with nine."""
+    clock = [1000.0]
+    monkeypatch.setattr(console, "monotonic", lambda: clock[0])
+    with console.progress() as tell:
+        tell("sweeping")
+        tell.done(590, 600, "case 590")
+        clock[0] += 10.0
+        tell.done(591, 600, "case 591")
+        tell("drawing")
+        clock[0] += 10.0
+        tell.done(5, 10, "figure 5")
+    assert told() == [
+        "sweeping",
+        "case 590 (590 of 600)",
+        "case 591 (591 of 600, 0:01:30 left)",
+        "drawing",
+        "figure 5 (5 of 10, 0:00:10 left)",
+    ]
+
+
 def test_parts_are_told_at_first_and_a_part_that_lasts_is_told_late(told):
     with console.progress() as tell:
         tell("looking at effects")

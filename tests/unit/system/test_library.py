@@ -30,11 +30,13 @@ def run(tmp_path):
     return run
 
 
-def test_five_ship_and_another_name_is_refused():
+def test_seven_ship_and_another_name_is_refused():
     assert library.NAMES == (
         "dma_bench",
         "isotonic_stand",
         "degradation_watch",
+        "potentiostat_watch",
+        "protected_bench",
         "foot_gait",
         "hil_bench",
     )
@@ -77,9 +79,16 @@ def test_what_is_connected_with_what():
     assert found["foot_gait"] == feet | {
         f"{a}.tension": f"foot.{a}_tension" for a in ("an", "po", "do", "pl")
     }
-    watch = {
-        (str(c.source), str(c.target)) for c in library.system("degradation_watch").connections
+    assert found["protected_bench"] == found["dma_bench"] | {
+        "galvanostat.current": "actuator.current",
+        "actuator.voltage": "galvanostat.voltage",
+        "galvanostat.recovering": "bench.hold",
     }
+    watch, potentiostat = (
+        {(str(c.source), str(c.target)) for c in library.system(name).connections}
+        for name in ("degradation_watch", "potentiostat_watch")
+    )
+    assert watch == potentiostat
     assert watch == {
         ("galvanostat.current", "actuator.current"),
         ("galvanostat.current", "estimator.current"),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.kit.storage import scratch
+from orchestration.identify.black_box.data import InputOutputData
 from orchestration.identify.black_box.order_search import Row
 from orchestration.identify.black_box.study.identification import BlackBox
 from orchestration.reporting import Page, path_of_report, pictures
@@ -18,6 +19,13 @@ if TYPE_CHECKING:
 
 _FREE_RUN = (
     "What the model makes of the inputs alone, beside what was measured; no fit has seen this part."
+)
+_IDENTIFIED = (
+    "The same over the part from which the model was identified, as in the thesis' fig. 3-13."
+)
+_RESIDUAL = (
+    "What predictions by one sample leave there, as in fig. 3-15: where it stands out, the model"
+    " lacks something or the record has an outlier."
 )
 _CORRELATIONS = (
     "Grey: limits of 99 %. What stands out at positive lags is dynamics that the model lacks."
@@ -44,6 +52,8 @@ def write(result: BlackBox, path: Path) -> Path:
     with scratch.folder("page") as folder:
         for draw, caption in (
             (draw_free_run, _FREE_RUN),
+            (draw_identified, _IDENTIFIED),
+            (draw_residual, _RESIDUAL),
             (draw_correlations, _CORRELATIONS),
             (draw_roots, _ROOTS),
         ):
@@ -106,28 +116,48 @@ def _add_chosen_model(page: Page, result: BlackBox) -> None:
 
 
 def draw_free_run(result: BlackBox) -> Figure:
-    """Draw the validation data and the free run over them, above their difference."""
-    data = result.validation
+    """Draw the validation data and the free run over them, above their difference (fig. 3-14)."""
+    chosen = result.chosen
+    title = f"{chosen.structure} over data that it has not seen"
+    begin = len(result.estimation)
+    return _draw_over(result, result.validation, begin, chosen.validation_fit, title)
+
+
+def draw_identified(result: BlackBox) -> Figure:
+    """Draw the same over the data from which the model was identified (fig. 3-13)."""
+    chosen = result.chosen
+    title = f"{chosen.structure} over the data that it was identified from"
+    return _draw_over(result, result.estimation, 0, chosen.fit, title)
+
+
+def _draw_over(
+    result: BlackBox, data: InputOutputData, begin: int, fit: float, title: str
+) -> Figure:
+    """Draw data that begin at a sample of the record, and the free run over them."""
     model = result.model
     unit = result.columns.units[data.output_name]
-    time = model.step * (len(result.estimation) + np.arange(len(data)))
+    time = model.step * (begin + np.arange(len(data)))
     simulated = model.simulate(data.inputs, data.output)
-    figure, (over, below) = pictures.panels(
-        2, f"{result.chosen.structure} over data that it has not seen"
-    )
+    figure, (over, below) = pictures.panels(2, title)
     over.plot(time, data.output, color=pictures.MEASURED, lw=2.0, label="measured")
-    over.plot(
-        time,
-        simulated,
-        color=pictures.FITTED,
-        label=f"free run: {result.chosen.validation_fit:.1f} % fit",
-    )
+    over.plot(time, simulated, color=pictures.FITTED, label=f"free run: {fit:.1f} % fit")
     over.legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1
     )
     below.plot(time, data.output - simulated, color=pictures.MODEL)
     pictures.label(over, data.output_name, unit)
     pictures.label(below, "measured less free run", unit)
+    return figure
+
+
+def draw_residual(result: BlackBox) -> Figure:
+    """Draw the residual of predictions by one sample over the identification data (fig. 3-15)."""
+    data = result.estimation
+    residual = result.chosen.identification.residual
+    time = result.model.step * np.arange(len(data) - len(residual), len(data))
+    figure, (axis,) = pictures.panels(1, f"residual of {result.chosen.structure}, one step ahead")
+    axis.plot(time, residual, color=pictures.MODEL)
+    pictures.label(axis, "measured less predicted", result.columns.units[data.output_name])
     return figure
 
 

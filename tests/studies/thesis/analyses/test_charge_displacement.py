@@ -71,18 +71,15 @@ def test_the_speed_of_what_is_called_steady():
 @pytest.mark.parametrize(("frequency", "where"), [(0.2, "0.2"), (0.1, "0.1")])
 def test_row_41_a_lag_encloses_what_its_equations_enclose(frequency, where):
     """Integrate charge, lag and saturation by scipy, and the last cycle's area by trapezia."""
-    stages = (
-        charge_displacement.LAG + 0.05
-    )  # s: the lag itself, and the short one beside which it stands
 
     def rates(t, y):
         current = 0.9 * (1 if (t * frequency) % 1 < 0.5 else -1)
         into = (R2 * current - y[0] / C) / (R1 + R2)
-        return [into, into - y[1] / stages]
+        return [into, into - y[1] / charge_displacement.LAG]
 
     t = np.linspace(0, 60, 60001)
     q, pending = solve_ivp(rates, (0, 60), [0, 0], t_eval=t, max_step=0.02, rtol=1e-8).y
-    acting = q - charge_displacement.LAG / stages * pending
+    acting = q - pending
     full = charge_displacement.SATURATION
     x = ALPHA * full * np.tanh(acting / full)
     areas = []

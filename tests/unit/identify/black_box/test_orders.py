@@ -60,5 +60,14 @@ def test_coefficients_are_counted_and_named():
     assert str(two_paths) == "nb = 2 1, nf = 2 0, nc = 1, nd = 1, nk = 1 3"
 
 
+def test_the_order_of_a_noise_model_is_that_of_what_noise_passes():
+    """1/A, C/A, C/D and nothing, as Ljung's table 4.1 has them."""
+    none = (0, 0)
+    assert Orders(3, (3, 3), 0, 0, none, none).noise_order == 3
+    assert Orders(2, (3, 3), 3, 0, none, none).noise_order == 3
+    assert Orders(0, (3, 3), 1, 2, (3, 3), none).noise_order == 2
+    assert Orders(0, (3, 3), 0, 0, (3, 3), none).noise_order == 0
+
+
 def test_one_number_stands_for_all_inputs():
     assert orders(data(), 2, 1, 2) == Orders(2, (2, 2), 0, 0, (0, 0), (1, 1))

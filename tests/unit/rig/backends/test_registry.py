@@ -153,7 +153,7 @@ def test_signals_are_those_of_the_components(
     inputs = {
         v.name: v.unit for layout in layouts for v in layout.inputs if v.name not in connected
     }
-    outputs = {v.name: v.unit for layout in layouts for v in layout.outputs}
+    outputs = {v.name: v.unit for layout in layouts for v in layout.measured_outputs}
     outputs |= {v.name: v.unit for layout in layouts for v in layout.states if v.output}
     assert {n: signals.UNITS[n] for n in chosen.inputs} == inputs
     assert {n: signals.UNITS[n] for n in chosen.outputs} == outputs

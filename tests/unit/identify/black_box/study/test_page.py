@@ -9,14 +9,16 @@ from fmus.kit import UserError
 from orchestration.identify.black_box.study.page import (
     draw_correlations,
     draw_free_run,
+    draw_identified,
+    draw_residual,
     draw_roots,
 )
 
 
-def test_the_page_holds_sentence_coefficients_and_three_pictures(found, tmp_path):
+def test_the_page_holds_sentence_coefficients_and_five_pictures(found, tmp_path):
     page = found.report(tmp_path / "page.html").read_text(encoding="utf-8")
     assert found.sentence in page
-    assert page.count("data:image/png") == 3
+    assert page.count("data:image/png") == 5
     assert "http" not in page.replace("http-equiv", "")
     for p in found.chosen.identification.parameters:
         assert f"{p.value:.6g}" in page
@@ -32,6 +34,22 @@ def test_the_free_run_is_drawn_over_what_was_measured(signals, found):
     (difference,) = draw_free_run(found).axes[1].lines
     assert difference.get_ydata() == pytest.approx(measured.get_ydata() - simulated.get_ydata())
     assert np.std(difference.get_ydata()) < 0.05 * np.std(measured.get_ydata())
+
+
+def test_the_identification_data_have_their_free_run_and_residual(signals, found):
+    """Figs. 3-13 and 3-15: the first half of the record, and what is left of it."""
+    measured, simulated = draw_identified(found).axes[0].lines
+    assert measured.get_xdata()[[0, -1]] == pytest.approx([0.0, 149.5])
+    assert measured.get_ydata() == pytest.approx(signals[1][:300])
+    error = measured.get_ydata() - simulated.get_ydata()
+    fit = 100 * (
+        1 - np.linalg.norm(error) / np.linalg.norm(signals[1][:300] - signals[1][:300].mean())
+    )
+    assert simulated.get_label() == f"free run: {fit:.1f} % fit"
+    (residual,) = draw_residual(found).axes[0].lines
+    assert residual.get_xdata()[-1] == pytest.approx(149.5)
+    # predictions know the sample before: no larger than what a free run leaves
+    assert np.std(residual.get_ydata()) <= np.std(error) * 1.01
 
 
 def test_the_poles_of_every_path_are_drawn_in_the_s_plane(found):
