@@ -415,7 +415,7 @@ def main() -> None:
                 fed_free,
                 free_outputs,
                 free_slope,
-                np.array([*np.zeros(8), 0.05, *np.zeros(7)]),
+                np.array([*np.zeros(8), 0.1, *np.zeros(7)]),
                 FREE_STOP,
             ),
         ),
