@@ -123,8 +123,11 @@ class ParameterDeclaration(Started):
     ----------
     starts : str or None
         The state, continuous or discrete, whose start value it is; set where the layout is made.
+    fitted : bool
+        Whether a diagnosis fits it; of a limit that is only compared with no record tells.
     """
 
+    fitted: bool = True
     starts: str | None = field(default=None, init=False)
 
 

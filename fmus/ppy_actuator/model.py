@@ -103,6 +103,7 @@ class Actuator(Component):
         min=0,
         max=1e9,
         source="thesis table 2-1: permanent deformation above approximately 3 N",
+        fitted=False,
         doc="load above which the films deform for good",
     )
     compression_limit = Parameter(
@@ -111,6 +112,7 @@ class Actuator(Component):
         min=0,
         max=1e9,
         source="thesis section 3.1.2: used in tension only, films buckle under small compression",
+        fitted=False,
         doc="compression above which the films are slack",
     )
     displacement_limit = Parameter(
@@ -121,6 +123,7 @@ class Actuator(Component):
         nominal=1e-3,
         display="mm",
         source="thesis table 2-1: the maximum displacement is approximately 7 mm",
+        fitted=False,
         doc="elongation, of either sign, that the actuator does not reach",
     )
     voltage_limit = Parameter(
@@ -129,6 +132,7 @@ class Actuator(Component):
         min=0,
         max=1e6,
         source="choice, V_max of degradation_estimator; thesis section 4.2 has no number",
+        fitted=False,
         doc="voltage, of either sign, at which the oxidation of the films is near",
     )
 

@@ -147,7 +147,8 @@ class SelectedEffects:
 def searched_parameters(cls: type[Component]) -> list[str]:
     """Return the parameters of a component that every candidate refits.
 
-    These are the physical ones, and the start values of continuous states.
+    These are the physical ones, and the start values of continuous states; limits that are only
+    compared with are none of them.
     """
     layout = cls.layout
     discrete = {d.name for d in layout.discretes}
@@ -155,7 +156,7 @@ def searched_parameters(cls: type[Component]) -> list[str]:
     return [
         p.name
         for p in layout.parameters
-        if p.type == "real" and p.name not in clocks and p.starts not in discrete
+        if p.type == "real" and p.fitted and p.name not in clocks and p.starts not in discrete
     ]
 
 
