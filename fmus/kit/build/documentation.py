@@ -83,7 +83,9 @@ def relaxed_assumption(cls: type[Component], effect: type[Effect]) -> tuple[str,
     readme = _folder(cls) / "README.md"
     text = readme.read_text(encoding="utf-8") if readme.exists() else ""
     listed = text.partition("\n## Assumptions\n")[2]
-    found = re.search(rf"^{given}\. (?:(?:`\w+`, )*`\w+`: )?(.+?){_END_OF_SENTENCE}", listed, re.M | re.S)
+    found = re.search(
+        rf"^{given}\. (?:(?:`\w+`, )*`\w+`: )?(.+?){_END_OF_SENTENCE}", listed, re.M | re.S
+    )
     words = within_sentence(" ".join(found[1].split())) if found else ""
     return f"the model assumes that {words}" if words else "", f"assumption {given}"
 
