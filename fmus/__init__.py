@@ -19,6 +19,7 @@ COMPONENTS = {
     "isotonic_stand": "isotonic_stand.model:IsotonicStand",
     "degradation_estimator": "degradation_estimator.model:DegradationEstimator",
     "foot": "foot.model:Foot",
+    "foot_design": "foot.design:FootDesign",
     "foot_dynamic": "foot.model:FootDynamic",
     "adaptive_controller": "controllers.adaptive_controller:AdaptiveController",
     "impedance_controller": "controllers.impedance_controller:ImpedanceController",
@@ -26,6 +27,7 @@ COMPONENTS = {
     "pid": "controllers.pid:Pid",
     "displacement_controller": "controllers.displacement_controller:DisplacementController",
     "state_feedback": "controllers.state_feedback:StateFeedback",
+    "foot_free": "foot.model:FootFree",
 }
 # What stands for a rig, and needs one to run.
 PROXIES = {

@@ -41,14 +41,12 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:
-    """Leave to the slow tests what is asked of the gait in Python: it costs as much as all other
-    FMUs together.
+    """Leave to the slow tests what is asked of the moving feet in Python: each costs as much as all
+    other FMUs together.
     """
     given = item.callspec.params if hasattr(item, "callspec") else {}
-    if given.get("runtime") == "python" and "foot_dynamic" in (
-        given.get("name"),
-        given.get("model"),
-    ):
+    moving = {"foot_dynamic", "foot_free"}
+    if given.get("runtime") == "python" and moving & {given.get("name"), given.get("model")}:
         item.add_marker(pytest.mark.slow)
 
 

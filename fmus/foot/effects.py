@@ -1,5 +1,5 @@
-"""Known ways the foot is wrong: tendons that stretch, rub and cross the arch, and joints with dry
-friction.
+"""Known ways the foot is wrong: tendons that stretch, rub and cross the arch, moment arms that
+change under tension, and joints with dry friction.
 
 Each is a mixin that overrides laws (never an output) through ``super()``. At its neutral parameter
 value the laws give the bits of the base model. Dry friction is of the joints that move by
@@ -108,6 +108,41 @@ class PlantarTendonAcrossArch(FootEffect):
         return super().compliance(row, column) - k * a * (both + apart) / (
             arch * toe + k * a * a * dorsal
         )
+
+
+class TensionStiffness(FootEffect):
+    """Moment arms that change as a joint turns, so that tensions alone stiffen or soften it: ``s T
+    d2l/dtheta2`` more.
+
+    Relaxes assumption 5, that the change of the moment arms under tension is left out of the
+    stiffness; ``s = 0`` is the base model, and at ``s = 1`` the compliance is the derivative of the
+    toe's position by the force on it.
+    """
+
+    id = "tension_stiffness"
+    title = "Moment arms that change under tension"
+    neutral = "tension_stiffness_share"
+    assumption = 5
+    term = Term("joint_stiffnesses", "", "s T d2l/dtheta2", "joint_stiffnesses over tensions")
+
+    tension_stiffness_share = Parameter(
+        0.0,
+        "1",
+        min=0,
+        max=1.0,
+        nominal=1.0,
+        doc="share of the stiffness by tensions on arms that change (s)",
+    )
+
+    def joint_stiffnesses(self) -> tuple[Any, Any, Any]:
+        """Stiffnesses of the joints, those of ankle and toe by tensions too."""
+        ankle, tm, mtp = super().joint_stiffnesses()
+        an, po, do, pl = (
+            tension * slope
+            for tension, slope in zip(self.tensions(), self.arm_slopes(), strict=True)
+        )
+        share = self.tension_stiffness_share
+        return ankle + share * (an + po), tm, mtp + share * (do + pl)
 
 
 class TendonStretch(FootEffect):
@@ -265,6 +300,7 @@ def _dry_friction(joint: str) -> type[Effect]:
 
 EFFECTS: dict[str, type[Effect]] = effects_by_name(
     PlantarTendonAcrossArch,
+    TensionStiffness,
     TendonStretch,
     TendonFriction,
     *(_dry_friction(joint) for joint in ("ankle", "tm", "mtp")),

@@ -76,6 +76,15 @@ def attached_arm(length: Any, radius: Any, angle: Any, turn: Any) -> Any:
     )
 
 
+def attached_arm_slope(length: Any, radius: Any, angle: Any, turn: Any) -> Any:
+    """Derivative of :func:`attached_arm` with respect to ``turn``, in m/rad^2."""
+    along = radius - length * cos(angle)
+    across = length * sin(angle)
+    arm = attached_arm(length, radius, angle, turn)
+    turned = radius * (along * cos(turn) - across * sin(turn))
+    return (turned - arm * arm) / attached_length(length, radius, angle, turn)
+
+
 class FootKinematics(Component):
     """Geometry of the foot in a posture and its rate."""
 
@@ -169,6 +178,12 @@ class FootKinematics(Component):
         lies on.
         """
         return self.scale * self.arms()[3]
+
+    def arm_slopes(self) -> tuple[Any, Any, Any, Any]:
+        """Derivatives of the moment arms of an, po, do and pl by the angle of their joint."""
+        triangles = self.an_triangle(), self.po_triangle(), self.do_triangle()
+        an, po, do = (self.scale * attached_arm_slope(*triangle) for triangle in triangles)
+        return an, po, do, 0.0 * self.scale * self.r_pl
 
     def length_changes(self) -> tuple[Any, Any, Any, Any]:
         """Changes of the lengths of an, po, do and pl from the reference configuration."""

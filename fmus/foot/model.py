@@ -1,15 +1,17 @@
-"""The humanoid foot with its posture given; the one that moves under forces is named here, too.
+"""The humanoid foot with its posture given; those that move under forces are named here, too.
 
-Thesis chapter 5: geometry in ``kinematics.py``, forces in ``statics.py``, motion in ``dynamic.py``.
+Thesis chapter 5: geometry in ``kinematics.py``, forces in ``statics.py``, motion in ``dynamic.py``,
+with a leg that moves and a ground in ``free.py``.
 """
 
 from __future__ import annotations
 
 from ..kit import Input
 from .dynamic import FootDynamic
+from .free import FootFree
 from .statics import FootStatics
 
-__all__ = ["Foot", "FootDynamic"]
+__all__ = ["Foot", "FootDynamic", "FootFree"]
 
 
 class Foot(FootStatics):

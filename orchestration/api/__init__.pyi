@@ -10,6 +10,7 @@ from .linear_models import black_box as black_box
 from .linearisation import linearise as linearise
 from .models import build as build
 from .models import check as check
+from .optimisation import optimise as optimise
 from .package import UserError as UserError
 from .package import __version__ as __version__
 from .records import held_out as held_out

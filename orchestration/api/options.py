@@ -813,6 +813,58 @@ class SweepKeywords(
     """Keyword arguments of ``sweep``."""
 
 
+class OptimiseOptions(TypedDict, total=False):
+    """The objectives of an optimisation, and how finely and long is searched."""
+
+    maximise: Annotated[
+        Sequence[str],
+        Option(
+            "Outputs to make large, one or two with --minimise; 'a & b' is the worse of two. One"
+            " gives the best, two a Pareto front.",
+            'Outputs that are made large, at the end of the run; ``"a & b"`` is the worse of two.'
+            " One objective, with those of `minimise`, gives the best, two a Pareto front.",
+            default=(),
+            form=NAMES,
+        ),
+    ]
+    minimise: Annotated[
+        Sequence[str],
+        Option(
+            "Outputs to make small; 'a & b' is the worse of two.",
+            "Outputs that are made small.",
+            default=(),
+            form=NAMES,
+        ),
+    ]
+    levels: Annotated[
+        int,
+        Option(
+            "Points of the front that are searched.",
+            "Levels of the second objective at which the best of the first is searched.",
+            default=21,
+            least=2,
+            metavar="N",
+        ),
+    ]
+    starts: Annotated[
+        int,
+        Option(
+            "Sobol points from which is searched, a power of 2.",
+            "Points of a Sobol sequence from which the search starts, a power of 2.",
+            default=256,
+            least=16,
+            metavar="N",
+        ),
+    ]
+    seed: Annotated[int, Option("Of what is chosen at random.", default=0, least=0)]
+
+
+class OptimiseKeywords(
+    PointsOption, GridOptions, SettingsOption, OptimiseOptions, CountOption, total=False
+):
+    """Keyword arguments of ``optimise``."""
+
+
 class NoteOption(TypedDict, total=False):
     """The words on what a file leaves open."""
 

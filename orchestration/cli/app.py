@@ -67,6 +67,7 @@ _GROUPS = {
         "system": ("Show, draw and check systems of FMUs; export them as SSP.", "system:systems"),
         "thesis": ("Recompute the thesis: what holds, what does not and why.", "thesis:thesis"),
         "sweep": ("Run a model over many values of its parameters.", "sweep:sweep"),
+        "optimise": ("Search parameters for the best, or for a Pareto front.", "optimise:optimise"),
     },
     "Rig": {
         "rig": ("Serve a rig, watch it, record from it, stop it.", "rig:rig"),
@@ -74,7 +75,7 @@ _GROUPS = {
 }
 _COMMANDS = {name: about for group in _GROUPS.values() for name, about in group.items()}
 _MODES = {"laws"}  # of another command, whose help names them; no room for them in the overview
-_OPTIONS = "-q --quiet, -v --verbose, --version, --install-completion, --help"
+_OPTIONS = "-q|-v|--version|--install-completion"
 
 
 class _Commands(TyperGroup):
@@ -105,14 +106,13 @@ class _Commands(TyperGroup):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the commands by what they are for; the whole fits a terminal of 24 lines."""
-        formatter.write("Usage: ppy [OPTIONS] COMMAND ...  (examples: ppy COMMAND --help)\n")
+        formatter.write(f"Usage: ppy [{_OPTIONS}] COMMAND ...  (examples: --help)\n")
         width = max(map(len, _COMMANDS))
         for title, group in _GROUPS.items():
             formatter.write(typer.style(title, bold=True) + "\n")
             for name, (summary, _) in group.items():
                 if name not in _MODES:
                     formatter.write(f"  {name:{width}}  {summary}\n")
-        formatter.write(f"Options: {_OPTIONS}\n")
 
 
 def names() -> list[str]:

@@ -77,6 +77,10 @@ EXAMPLES = {
         "ppy sweep ppy_actuator --over R1=0.3..0.7:9 --set current=0.5 --stop 10s",
         "ppy sweep ppy_actuator --set force=1 --over k1=4e3..8e3 --design tornado",
     ),
+    "optimise": (
+        "ppy optimise foot_design --over l3=15..40mm --maximise toe_stroke",
+        "ppy optimise foot_design --over r_pl=5..30mm --maximise toe_force,toe_stroke",
+    ),
     "rig serve": (
         "ppy rig serve --rate 1000",
         "ppy rig serve --bind 127.0.0.1 --keys keys/rig-server.toml --log rig.log",

@@ -293,16 +293,22 @@ def capacitance() -> float:
 
 
 def foot_gait(runtime: str) -> System:
-    """Return the foot under four actuators, each driven by its current (thesis chapter 5)."""
-    foot: Any = component("foot_dynamic")
+    """Return the foot under four actuators, each driven by its current (thesis chapter 5).
+
+    Stiffness and damping by which the foot tells its compliance are those of the actuators beside
+    it, and so is their tension: it is what the toe yields under a force before the actuators creep.
+    """
+    foot = taut_foot()
     actuator: Any = component("ppy_actuator_length_driven")
-    stiffness = actuator().k1
+    film = actuator()
     tensions = balanced(foot())
-    members = [Member.of("foot", foot, runtime=runtime)]
+    told = {"tension_stiffness_share": 1.0}
+    told |= {f"k_{name}": film.k1 for name in FEET} | {f"b_{name}": film.b1 for name in FEET}
+    members = [Member.of("foot", foot, told, runtime)]
     wires = []
     for name in FEET:
         # an actuator that has flowed to a shorter length than it is held at is under tension
-        flow = {"maxwell_elongation_start": -tensions[name] / stiffness}
+        flow = {"maxwell_elongation_start": -tensions[name] / film.k1}
         members.append(Member.of(name, actuator, flow, runtime))
         wires.append(f"foot.{name}_length_change -> {name}.length_change")
         wires.append(f"{name}.tension -> foot.{name}_tension")
@@ -320,6 +326,12 @@ def foot_gait(runtime: str) -> System:
         step=1e-4,  # at 5e-4 a Jacobi master lets the toe oscillate ever more
         stop=2.0,
     )
+
+
+def taut_foot() -> type[Component]:
+    """Return the foot whose stiffness at the toe is also that of tensions on arms that change."""
+    stiffened = effects("foot_dynamic")["tension_stiffness"]
+    return stack(component("foot_dynamic"), stiffened, name="taut_foot")
 
 
 def balanced(foot: Component) -> dict[str, float]:

@@ -1,8 +1,9 @@
-"""Reference results of both feet, from points and vectors in the plane.
+"""Reference results of the feet, from points and vectors in the plane.
 
 ``foot``: the links are multiplied by rotation matrices, actuators are distances between points,
 their moment arms cross products, matrices are inverted by NumPy. ``foot_dynamic``: integrated by
-scipy's DOP853 to 1e-12.
+scipy's DOP853 to 1e-12. ``foot_free``: Newton's and Euler's equations of four rods,
+projected on leg and joints (Kane), where the component has those of Lagrange.
 
 Run ``python -m studies.references.foot`` after changing a default value; its output is in the
 component's folder ``reference``. ``NAME_in.csv`` and ``NAME_ref.csv`` have the form of the FMI
@@ -18,6 +19,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from studies.references.files import write_options, write_rows
+
+Slope = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 FOLDER = Path(__file__).parents[2] / "fmus" / "foot" / "reference"
 
@@ -174,35 +177,206 @@ def acceleration(angles: np.ndarray, rates: np.ndarray, loads: np.ndarray) -> np
     return np.asarray(torque / INERTIA - STOP_FREQUENCY**2 * beyond)
 
 
-def move(state: np.ndarray, loads: np.ndarray) -> np.ndarray:
+def fixed_slope(x: np.ndarray, loads: np.ndarray) -> np.ndarray:
+    """Return derivatives of the states of the foot under a fixed leg."""
+    return np.concatenate([x[3:], acceleration(x[:3], x[3:], loads)])
+
+
+def move(slope: Slope, state: np.ndarray, loads: np.ndarray) -> np.ndarray:
     """State after one step with the loads held."""
+    return solve_ivp(
+        lambda _, x: slope(x, loads), (0.0, STEP), state, method="DOP853", rtol=1e-12, atol=1e-14
+    ).y[:, -1]
 
-    def slope(_: float, x: np.ndarray) -> np.ndarray:
-        return np.concatenate([x[3:], acceleration(x[:3], x[3:], loads)])
 
-    return solve_ivp(slope, (0.0, STEP), state, method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+MASSES = np.array([0.06, 0.03, 0.01, 0.01])
+RODS = np.array([*LINKS, LINKS[2]])
+LEG = 0.2
+FREE_STOP = 0.4  # s, within which it lands on heel, ball and toe
+GRAVITY = 9.80665
+FREE_INERTIA = np.array([*INERTIA, 2e-5])
+FREE_FRICTION = np.array([*FRICTION, 1e-3])
+FREE_SPRINGS = np.array([0.0, ARCH, 0.0, 0.5])
+FREE_LOWER, FREE_UPPER = np.append(LOWER, LOWER[2]), np.append(UPPER, UPPER[2])
+CHAINS = ((0,), (0, 1), (0, 1, 2), (0, 1, 3))  # joints that turn each link, and each touching point
+FREE_LOADS = (*LOADS, "leg_force_x", "leg_force_y")
+FREE_STATES = (
+    *POSTURE,
+    "mtp2_angle",
+    "mtp2_rate",
+    "leg_height",
+    "leg_advance",
+    "leg_velocity_x",
+    "leg_velocity_y",
+    "actuator_work",
+    "ground_work",
+    "load_work",
+    "joint_loss",
+)
+FREE_OUTPUTS = (
+    "kinetic_energy",
+    "potential_energy",
+    "ground_force_x",
+    "ground_force_y",
+    "heel_pressure",
+    "ball_pressure",
+    "toe_pressure",
+    "toes_pressure",
+)
+
+
+def rods(angles: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
+    """Where the joints, the middles of the rods and the touching points are, from the ankle."""
+    joints, middles, ends = [np.zeros(2)], [], []
+    turns = np.cumsum([*BETA[:2] + angles[:2]]).tolist()
+    turns += [turns[1] + BETA[2] + angles[2], turns[1] + BETA[2] + angles[3]]
+    for link, (length, turn) in enumerate(zip(RODS, turns, strict=True)):
+        start = joints[min(link, 2)]
+        way = length * np.array([np.cos(turn), np.sin(turn)])
+        middles.append(start + 0.5 * way)
+        ends.append(start + way)
+        if link < 2:
+            joints.append(start + way)
+    heel = rotation(angles[0]) @ (
+        0.0417 * np.array([np.cos(np.radians(57.7)), -np.sin(np.radians(57.7))])
+    )
+    # both toes are hinged at the ball
+    return [*joints, joints[2]], middles, [heel, ends[1], ends[2], ends[3]]
+
+
+def velocities(at: np.ndarray, chain: tuple[int, ...], joints: list[np.ndarray]) -> np.ndarray:
+    """2 by 6 matrix from velocities of leg and joints to that of a point."""
+    matrix = np.zeros((2, 6))
+    matrix[:, :2] = np.eye(2)
+    for joint in chain:
+        matrix[:, 2 + joint] = rotation(np.pi / 2) @ (at - joints[joint])
+    return matrix
+
+
+def centripetal(
+    at: np.ndarray, chain: tuple[int, ...], joints: list[np.ndarray], rates: np.ndarray
+) -> np.ndarray:
+    """Acceleration of a point while all rates are constant."""
+    total, turning = np.zeros(2), 0.0
+    for place, joint in enumerate(chain):
+        turning += rates[joint]
+        end = joints[chain[place + 1]] if place + 1 < len(chain) else at
+        total -= turning**2 * (end - joints[joint])
+    return total
+
+
+def pressed(at: np.ndarray, velocity: np.ndarray, height: float) -> np.ndarray:
+    """Force of the ground on a point."""
+    depth = at[0] - height
+    if depth <= 0.0:
+        return np.zeros(2)
+    push = 2e4 * depth * np.sqrt(depth / 1e-3) * max(1.0 + 1.5 * velocity[0], 0.0)
+    return np.array([-push, -0.6 * push * np.tanh(velocity[1] / 0.02)])
+
+
+def sorted_free(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angles and rates of four joints, and velocities of leg and joints, from the states."""
+    angles, rates = np.array([*x[:3], x[6]]), np.array([*x[3:6], x[7]])
+    return angles, rates, np.array([*x[10:12], *rates])
+
+
+def inertia_and_force(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return mass matrix, forces of weight, ground and constant rates, and the ground's power."""
+    angles, rates, speeds = sorted_free(x)
+    joints, middles, points = rods(angles)
+    mass = np.diag([LEG, LEG, *FREE_INERTIA])
+    force = np.array([LEG * GRAVITY, 0.0, *np.zeros(4)])
+    for m, length, middle, chain in zip(MASSES, RODS, middles, CHAINS, strict=True):
+        moved = velocities(middle, chain, joints)
+        spun = np.array([0.0, 0.0, *(float(j in chain) for j in range(4))])
+        mass = mass + m * moved.T @ moved + m * length**2 / 12.0 * np.outer(spun, spun)
+        weight = np.array([m * GRAVITY, 0.0])
+        force = force + moved.T @ (weight - m * centripetal(middle, chain, joints, rates))
+    power = 0.0
+    for at, chain in zip(points, CHAINS, strict=True):
+        moved = velocities(at, chain, joints)
+        push = pressed(at, moved @ speeds, x[8])
+        force = force + moved.T @ push
+        power += push @ moved @ speeds
+    return mass, force, power
+
+
+def free_slope(x: np.ndarray, loads: np.ndarray) -> np.ndarray:
+    """Return derivatives of the states of the free foot."""
+    angles, rates, speeds = sorted_free(x)
+    mass, force, power = inertia_and_force(x)
+    outer = np.array([*(loads[6:] + loads[4:6]), *torques(angles[:3], loads[:6]), 0.0])
+    beyond = angles - np.clip(angles, FREE_LOWER, FREE_UPPER)
+    own = FREE_FRICTION * rates + FREE_SPRINGS * angles + FREE_INERTIA * STOP_FREQUENCY**2 * beyond
+    gained = np.linalg.solve(mass, force + outer - np.array([0.0, 0.0, *own]))
+    arms, jacobian = actuators(angles[0], angles[2])[1], toe(angles[:3])[1]
+    moved = [*rates[:3], *gained[2:5], rates[3], gained[5], -x[10], x[11], *gained[:2]]
+    loaded = loads[4:6] @ (speeds[:2] + jacobian @ rates[:3]) + loads[6:] @ speeds[:2]
+    works = [-loads[:4] @ arms @ rates[:3], power, loaded, FREE_FRICTION @ rates**2]
+    return np.array([*moved, *works])
+
+
+def design_outputs(posture: np.ndarray) -> list[float]:
+    """Return forces and stroke of the toe, from levers and arms."""
+    _, arms = actuators(posture[0], posture[2])
+    _, jacobian = toe(posture)
+    gains = [arms[1, 0] / -jacobian[0, 0], arms[3, 2] / max(-jacobian[0, 2], 1e-4)]
+    return [*(3.0 * g for g in gains), 3.0 * min(gains), 1.8e-4 * sum(1.0 / g for g in gains)]
+
+
+def free_outputs(x: np.ndarray, loads: np.ndarray) -> list[float]:
+    """Return states, outputs of the other feet and those of the free one."""
+    angles, rates, speeds = sorted_free(x)
+    joints, middles, points = rods(angles)
+    kinetic = 0.5 * LEG * speeds[:2] @ speeds[:2] + 0.5 * FREE_INERTIA @ rates**2
+    potential = GRAVITY * LEG * x[8] + 0.5 * FREE_SPRINGS @ angles**2
+    for m, length, middle, chain in zip(MASSES, RODS, middles, CHAINS, strict=True):
+        velocity = velocities(middle, chain, joints) @ speeds
+        spin = sum(rates[joint] for joint in chain)
+        kinetic += 0.5 * m * (velocity @ velocity + length**2 / 12.0 * spin**2)
+        potential += m * GRAVITY * (x[8] - middle[0])
+    beyond = angles - np.clip(angles, FREE_LOWER, FREE_UPPER)
+    potential += 0.5 * STOP_FREQUENCY**2 * FREE_INERTIA @ beyond**2
+    pushes = [
+        pressed(at, velocities(at, chain, joints) @ speeds, x[8])
+        for at, chain in zip(points, CHAINS, strict=True)
+    ]
+    others = outputs(angles[:3], rates[:3], loads[:6])
+    pressures = [-float(push[0]) for push in pushes]
+    return [*x, *others, kinetic, potential, *np.sum(pushes, axis=0), *pressures]
+
+
+def fed_free(time: float) -> np.ndarray:
+    """Return loads of the free foot: less force and more tension at the toe, a push of the body."""
+    loads = fed(time)
+    loads[4:] *= 0.2
+    k = np.floor(time * 10.0 + 1e-6)
+    loads[3] += 0.8 * float(k % 4 < 2)
+    return np.array([*loads, 0.4 * np.sin(1.1 * k), 0.3 * np.cos(1.6 * k)])
 
 
 def follow(
     stimulus: Callable[[float], np.ndarray],
     row: Callable[[np.ndarray, np.ndarray], list[float]],
-    moving: bool,
+    slope: Slope,
+    start: np.ndarray,
+    stop: float = STOP,
 ) -> tuple[list[list[float]], list[list[float]]]:
     """Rows of inputs and of outputs; just before and just after a jump both appear."""
-    state, held = np.zeros(6), stimulus(0.0)
+    state, held = start, stimulus(0.0)
     inputs = [[0.0, *held]]
     results = [[0.0, *row(state, held)]]
-    for k in range(1, round(STOP / STEP) + 1):
+    for k in range(1, round(stop / STEP) + 1):
         time = round(k * STEP, 9)
-        state = move(state, held) if moving else state
+        state = move(slope, state, held)
         now = stimulus(time)
         results.append([time, *row(state, held)])
         if not np.array_equal(held, now):
             inputs += [[time, *held], [time, *now]]
             results.append([time, *row(state, now)])
         held = now
-    if inputs[-1][0] < STOP:
-        inputs.append([STOP, *held])
+    if inputs[-1][0] < stop:
+        inputs.append([stop, *held])
     return inputs, results
 
 
@@ -215,20 +389,42 @@ def main() -> None:
             follow(
                 lambda t: np.concatenate([fed(t), *given_posture(t)]),
                 lambda _, u: outputs(u[6:9], u[9:], u[:6]),
-                moving=False,
+                lambda x, _: np.zeros(x.size),
+                np.zeros(1),
+            ),
+        ),
+        "foot_design": (
+            (*LOADS, *POSTURE),
+            ("ankle_limited_force", "toe_limited_force", "toe_force", "toe_stroke"),
+            follow(
+                lambda t: np.concatenate([fed(t), *given_posture(t)]),
+                lambda _, u: design_outputs(u[6:9]),
+                lambda x, _: np.zeros(x.size),
+                np.zeros(1),
             ),
         ),
         "foot_dynamic": (
             LOADS,
             (*POSTURE, *OUTPUTS),
-            follow(fed, lambda x, u: [*x, *outputs(x[:3], x[3:], u)], moving=True),
+            follow(fed, lambda x, u: [*x, *outputs(x[:3], x[3:], u)], fixed_slope, np.zeros(6)),
+        ),
+        "foot_free": (
+            FREE_LOADS,
+            (*FREE_STATES, *OUTPUTS, *FREE_OUTPUTS),
+            follow(
+                fed_free,
+                free_outputs,
+                free_slope,
+                np.array([*np.zeros(8), 0.05, *np.zeros(7)]),
+                FREE_STOP,
+            ),
         ),
     }
     for name, (signals, results, tables) in cases.items():
         for suffix, header, rows in zip(("in", "ref"), (signals, results), tables, strict=True):
             write_rows(FOLDER / f"{name}_{suffix}.csv", header, rows)
-        solver = "DOP853" if name == "foot_dynamic" else "algebraic"
-        write_options(FOLDER / f"{name}_ref.opt", STOP, STEP, solver)
+        solver = "DOP853" if name in ("foot_dynamic", "foot_free") else "algebraic"
+        write_options(FOLDER / f"{name}_ref.opt", tables[1][-1][0], STEP, solver)
 
 
 if __name__ == "__main__":

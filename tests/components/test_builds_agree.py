@@ -28,7 +28,7 @@ from tests.support.pace import slow_but
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="the hosts of the tests run on Linux")
 QUICK = slow_but(
-    COMPONENTS, *(name for name in COMPONENTS if name != "foot_dynamic")
+    COMPONENTS, *(name for name in COMPONENTS if name not in ("foot_dynamic", "foot_free"))
 )  # whose laws in Python take long
 OPTIONS = ("-std=c99 -O2", "-O0", "-O3")
 FORCED, LENGTH_DRIVEN = "ppy_actuator", "ppy_actuator_length_driven"

@@ -131,6 +131,12 @@ SUBJECTS = {
     "foot": Subject(
         {"po_tension": 1.0, "ankle_angle": 0.1}, "toe_x", {"l1": 0.052, "k_an": 8000.0}, _FOOT
     ),
+    "foot_design": Subject(
+        {"mtp_angle": 0.2, "ankle_angle": 0.1},
+        "toe_x",
+        {"l1": 0.052, "actuator_force": 2.0, "k_an": 8000.0},
+        f"{_FOOT} ankle_limited_force N toe_limited_force N toe_force N toe_stroke m",
+    ),
     "foot_dynamic": Subject(
         {"po_tension": 0.1, "toe_force_y": 0.1},
         "toe_x",
@@ -174,6 +180,17 @@ SUBJECTS = {
         {"command_max": 0.5, "unlimited_command_start": 0.6, "integral_time": 0.7},
         "reference N measured N manual - manual_command V tracking - applied_command V command V"
         " saturated -",
+    ),
+    # all points of it in the ground, and slipping
+    "foot_free": Subject(
+        {"po_tension": 0.1, "leg_force_y": 0.1},
+        "toe_x",
+        {"l1": 0.052, "tm_angle_start": 0.01, "leg_held": False, "leg_mass": 0.3, "k_an": 8000.0},
+        f"{_FOOT} leg_force_x N leg_force_y N mtp2_angle rad mtp2_rate rad/s leg_height m"
+        " leg_advance m leg_velocity_x m/s leg_velocity_y m/s actuator_work J ground_work J"
+        " load_work J joint_loss J kinetic_energy J potential_energy J ground_force_x N"
+        " ground_force_y N heel_pressure N ball_pressure N toe_pressure N toes_pressure N",
+        {"leg_height_start": 0.021, "leg_velocity_y_start": 0.01, "leg_velocity_x_start": 0.01},
     ),
 }
 assert set(SUBJECTS) == set(COMPONENTS), "every component is under contract"

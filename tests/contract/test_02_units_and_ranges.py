@@ -28,6 +28,7 @@ BASE = {
     "Hz": {"s": -1},
     "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
     "N": {"kg": 1, "m": 1, "s": -2},
+    "J": {"kg": 1, "m": 2, "s": -2},
 }
 # Display value = factor * value in the unit
 DISPLAY = {
@@ -58,7 +59,9 @@ POSITIVE = {
     "impedance_controller": "sample_period force_max",
     "adaptive_controller": "sample_period model_time displacement_per_current current_limit",
     "pid": "sample_period integral_time",
+    "foot_design": "l1 l2 l3 k_an b_an r_po",
     "foot_dynamic": "l1 l2 l3 k_an b_an r_po ankle_inertia tm_inertia mtp_inertia",
+    "foot_free": "l1 l4 k_an r_po ankle_inertia mtp2_inertia ground_depth slip_velocity",
 }
 
 

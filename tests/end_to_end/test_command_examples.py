@@ -33,6 +33,7 @@ QUICK = (
     "linearise",
     "run",
     "sweep",
+    "optimise",
     "compare",
     "identify",
     "frequency",

@@ -86,6 +86,7 @@ RESULTS = {
     "laws": ("ppy.laws(record, model)", False),
     "experiment": ('ppy.diagnose("idle.csv", model, effects=[]).experiment', True),
     "sweep": ('over = {"tau": "0.5..2", "u": "1..3"}; ppy.sweep(fmu, {"tau": "0.5..2:5"})', True),
+    "front": ('ppy.optimise(model, {"tau": "0.5..2"}, maximise="x", stop=1.0)', True),
     "tornado": ('ppy.tornado(ppy.sweep(fmu, over, kind="tornado", settings={"u": 2.0}))', True),
     "sensitivity": (
         'ppy.sensitivity(ppy.sweep(fmu, over, kind="sobol-indices", samples=16))',

@@ -19,6 +19,7 @@ from orchestration.api.options import (
     LawsOptions,
     LineariseOptions,
     MappingOption,
+    OptimiseOptions,
     ResponseOptions,
     SamplePeriodOption,
     SettingsOption,
@@ -348,6 +349,37 @@ class LineariseCommand(
     """Options of ``ppy linearise``."""
 
 
+# --- optimisation --------------------------------------------------------------------------------
+
+
+class SearchedOption(TypedDict, total=False):
+    """The parameters of an optimisation."""
+
+    over: Annotated[
+        list[str],
+        Option(
+            "Range of a parameter that is searched: r_po=30..45mm, C=1e-3..1e-1 log. Repeatable.",
+            default=REQUIRED,
+            metavar="NAME=FROM..TO",
+        ),
+    ]
+
+
+class OptimiseCommand(
+    ModelArgument,
+    SearchedOption,
+    OptimiseOptions,
+    LaidOverOption,
+    SettingsOption,
+    PresetOption,
+    GridOptions,
+    JsonOption,
+    PlotOption,
+    total=False,
+):
+    """Options of ``ppy optimise``."""
+
+
 # --- a model and a record ------------------------------------------------------------------------
 
 
@@ -611,9 +643,7 @@ class LawsOutputs(TypedDict, total=False):
 class LawsCommand(
     JudgedOptions,
     LaidOverOption,
-    BandOptions,
     LawsOptions,
-    LineariseOptions,
     JsonOption,
     ReportOption,
     LawsOutputs,

@@ -1,4 +1,4 @@
-"""Claims: both builds of both feet give the reference results, and the same equations beyond the
+"""Claims: both builds of all feet give the reference results, and the same equations beyond the
 joints' ranges.
 """
 
@@ -16,6 +16,7 @@ from tests.contract.raw import instance
 from tests.support import hosts
 from tests.support.foot import ACTUATORS, JOINTS, lengths_at, toe_at
 
+FEET = ["foot", "foot_design", "foot_dynamic", "foot_free"]
 OUTPUTS = [o.name for o in Foot.layout.outputs]
 FOLDER = Path(model.__file__).parent
 
@@ -26,7 +27,7 @@ def table(path):
     return header, np.array(body, dtype=float)
 
 
-@pytest.mark.parametrize("name", ["foot", "foot_dynamic"])
+@pytest.mark.parametrize("name", FEET)
 def test_both_builds_reproduce_the_reference_result(fmu, name, runtime):
     wanted, expected = table(FOLDER / "reference" / f"{name}_ref.csv")
     fed, stimuli = table(FOLDER / "reference" / f"{name}_in.csv")
@@ -40,7 +41,7 @@ def test_both_builds_reproduce_the_reference_result(fmu, name, runtime):
         assert np.abs(found[signal] - expected[after, i]).max() <= 1e-7 * scale, signal
 
 
-@pytest.mark.parametrize("name", ["foot", "foot_dynamic"])
+@pytest.mark.parametrize("name", FEET)
 def test_builds_agree(fmu, name):
     times = np.arange(0.0, 0.15, 0.005)
     random = np.random.default_rng(2)

@@ -106,7 +106,7 @@ def complete(words, cwd):
     [
         ("ppy sim", ["simulate"]),
         ("ppy info ppy_", ["ppy_actuator", "ppy_actuator_length_driven"]),
-        ("ppy build galvanostat foo", ["foot", "foot_dynamic"]),
+        ("ppy build galvanostat foo", ["foot", "foot_design", "foot_dynamic", "foot_free"]),
         ("ppy compare x.csv --model galv", ["galvanostat"]),
         (
             "ppy simulate ppy_actuator --with strain_sat",

@@ -11,6 +11,7 @@ import control
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import minimize
 
 from fmus.kit.errors import UserError
 from fmus.kit.record.compiled import CompiledModel
@@ -24,6 +25,7 @@ from orchestration.fmu.simulation import simulate
 from orchestration.master.reference.fused import fuse
 from orchestration.records import write_record
 from orchestration.system import library
+from tests.support.foot import lengths_at, toe_at
 
 ROOT = Path(__file__).parents[3]
 R1, R2, C = 0.43, 2.35, 2.70  # table 3-1, ohm and F
@@ -200,6 +202,30 @@ def test_fig_5_9_is_eq_5_17_above_its_pretension(amplitude):
     held = k * alpha * amplitude * 0.5e-3  # the current is held: up to a step's charge is missing
     assert found.tension.values == pytest.approx(exact, abs=1e-4 + held)
     assert found.attrs["over"] == "length_change"
+
+
+def test_fig_5_8_goes_through_the_equilibrium_of_points_and_springs():
+    """Without current actuators are springs of 6,300 N/m under pretension between points; what
+    they creep in a second is 1 % of the way of the toe.
+    """
+    found = run(read("fig_5_8", [f"inputs.{a}_current.amplitude=0" for a in library.FEET]))
+    rest, h = np.array(lengths_at(0.0, 0.0)), 1e-6
+    arms = (np.array(lengths_at(h, h)) - lengths_at(-h, -h)) / (2 * h)
+    pulls = np.array([-5.0 * arms[1] / arms[0], 5.0, -5.0 * arms[3] / arms[2], 5.0])
+    for seconds, force in ((0.5, (-0.5, 0.0)), (0.75, (-1.0, 0.2))):
+
+        def energy(scaled, force=force):
+            q = 1e-2 * scaled
+            longer = np.array(lengths_at(q[0], q[2])) - rest
+            moved = toe_at(*q) - toe_at(0.0, 0.0, 0.0)
+            stored = pulls @ longer + 3150.0 * longer @ longer + 50.0 * q[1] ** 2
+            return 1e3 * (stored - force[0] * moved.real - force[1] * moved.imag)
+
+        toe = toe_at(*(1e-2 * minimize(energy, np.zeros(3), method="BFGS").x))
+        at = found.sel(time=seconds, method="nearest")
+        assert float(at["foot.toe_x"]) == pytest.approx(toe.real, abs=3e-5)
+        assert float(at["foot.toe_y"]) == pytest.approx(toe.imag, abs=1e-5)
+    assert np.ptp(found["foot.toe_x"].values) > 2.5e-3
 
 
 @pytest.mark.parametrize("limit", [15.0, 1.2])

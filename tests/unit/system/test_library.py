@@ -147,6 +147,38 @@ def test_the_foot_rests_under_tension_and_stays_taut(run):
         assert still[name][0] == pytest.approx(driven[name][0], rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("creeps", "seconds", "tolerance"), [(False, 1.0, 1e-3), (True, 1.6, 0.02)]
+)
+def test_the_toe_of_the_gait_yields_as_its_compliance_says(creeps, seconds, tolerance):
+    """A force of 0.1 N moves it by the mean of the compliances before and after; of the actuators
+    that ship, 1 % is creep.
+    """
+    system, axes = library.system("foot_gait"), ("x", "y")
+    quiet = {name: {"b1": 1e18, "b2": 1e18} for name in library.FEET} | {
+        "foot": {"ankle_damping": 0.1}
+    }
+    members = tuple(
+        m if creeps else replace(m, parameters={**m.parameters, **quiet[m.name]})
+        for m in system.members
+    )
+    time = 1e-4 * np.arange(round(seconds / 1e-4) + 1)
+    free, pushed = (
+        run_master(
+            replace(system, members=members), time, {"toe_force_x": np.full(time.size, f)}
+        ).signals
+        for f in (0.0, -0.1)
+    )
+    said = [
+        0.5 * (free[name][-1] + pushed[name][-1])
+        for name in ("foot.toe_compliance_xx", "foot.toe_compliance_xy")
+    ]
+    moved = [(pushed[f"foot.toe_{a}"][-1] - free[f"foot.toe_{a}"][-1]) / -0.1 for a in axes]
+    assert moved == pytest.approx(said, rel=tolerance)
+    if creeps:
+        assert moved[0] == pytest.approx(2.897e-3, rel=1e-3)
+
+
 def test_the_watch_sees_its_actuator(run):
     """The current is what was wanted, the limit that of the start, and the actuator charges."""
     wanted = {"galvanostat.current_command": 1.0}

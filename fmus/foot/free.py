@@ -1,0 +1,529 @@
+"""The foot set free: its leg moves, its links have masses that accelerate each other, and it steps
+on a ground.
+
+Thesis section 6.2 asks to relax the infinite inertia of the upper body. Links are uniform rods;
+Lagrange's equations of the leg's two velocities and of four joints. In the angles a_i of the links
+from the x axis the kinetic energy is ``sum A_ij cos(a_i - a_j) da_i da_j / 2``, with constants A,
+and what couples it to the leg are first moments s; a joint turns all links beyond it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from ..kit import Input, Output, Parameter, State, cos, maximum, minimum, sin, where
+from .dynamic import FootDynamic
+from .ground import Ground
+
+# links that turn with ankle, tm, mtp and the second mtp joint
+_BEYOND = ((0, 1, 2, 3), (1, 2, 3), (2,), (3,))
+# joints that turn heel, ball, first toe and other toes
+_TURNED_BY = ((0,), (0, 1), (0, 1, 2), (0, 1, 3))
+_LINKS = range(4)
+
+
+def _mass(default: float, part: str) -> Any:
+    return Parameter(
+        default, "kg", min=0, max=1e6, nominal=0.1, source="assumed", doc=f"mass of {part}"
+    )
+
+
+def _work(of: str, rate: str) -> Any:
+    return State("J", rate=rate, nominal=1e-3, output=True, doc=of)
+
+
+def _velocity(doc: str, rate: str) -> Any:
+    return State(
+        "m/s", rate=rate, nominal=0.1, display="mm/s", output=True, doc=f"velocity of the leg {doc}"
+    )
+
+
+def solved(matrix: Sequence[Sequence[Any]], right: Sequence[Any]) -> list[Any]:
+    """Solve a linear system whose matrix is symmetric and positive definite, without pivoting.
+
+    Parameters
+    ----------
+    matrix : sequence of sequence, shape (n, n)
+    right : sequence, shape (n,)
+
+    Returns
+    -------
+    list, shape (n,)
+    """
+    rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
+    size = len(rows)
+    for k in range(size):
+        for i in range(k + 1, size):
+            share = rows[i][k] / rows[k][k]
+            rows[i] = [a - share * b for a, b in zip(rows[i], rows[k], strict=True)]
+    found: list[Any] = []
+    for k in reversed(range(size)):
+        known = sum(a * x for a, x in zip(rows[k][k + 1 : size], found, strict=True))
+        found.insert(0, (rows[k][size] - known) / rows[k][k])
+    return found
+
+
+class FootFree(Ground, FootDynamic):
+    """Foot under a leg that moves up, down, forward and backward and stays upright, on a ground
+    that pushes and rubs.
+    """
+
+    name = "foot_free"
+    tolerance = 1e-9  # touches are short, and what is off in one goes on
+    experiment = (1.0, 0.005)
+
+    leg_held = Parameter(
+        False, "1", type="boolean", doc="whether the leg is held where it is, as by a stand"
+    )
+    leg_mass = _mass(0.2, "the leg and what it carries")
+    m1 = _mass(0.06, "link 1")
+    m2 = _mass(0.03, "link 2")
+    m3 = _mass(0.01, "link 3, the first toe")
+    m4 = _mass(0.01, "link 4, the other toes")
+    gravity = Parameter(
+        9.80665, "m/s^2", min=0, max=100.0, nominal=10.0, doc="acceleration of gravity"
+    )
+    l4 = Parameter(
+        0.0236,
+        "m",
+        min=0.015,
+        max=0.04,
+        nominal=1e-2,
+        display="mm",
+        source="assumed: as long as link 3",
+        doc="link 4, second metatarsal-phalangeal joint to the middle of the other toes",
+    )
+    mtp2_inertia = Parameter(
+        2e-5,
+        "kg*m^2",
+        min=1e-7,
+        max=1.0,
+        nominal=1e-4,
+        source="assumed: that of mtp_inertia",
+        doc="moment of inertia about the second metatarsal-phalangeal joint",
+    )
+    mtp2_damping = Parameter(
+        1e-3,
+        "N*m*s/rad",
+        min=0,
+        max=1e3,
+        nominal=1e-2,
+        source="assumed: that of mtp_damping",
+        doc="damping in the second metatarsal-phalangeal joint",
+    )
+    mtp2_stiffness = Parameter(
+        0.5,
+        "N*m/rad",
+        min=0,
+        max=1e9,
+        source="assumed",
+        doc="stiffness of the second metatarsal-phalangeal joint, which no actuator crosses",
+    )
+
+    leg_force_x = Input("N", doc="force of the body on the leg along x (down)")
+    leg_force_y = Input("N", doc="force of the body on the leg along y (forward)")
+
+    mtp2_angle = State(
+        "rad",
+        rate="mtp2_rate_law",
+        min=-1.5,
+        max=1.5,
+        nominal=0.5,
+        display="deg",
+        output=True,
+        doc="angle of the second metatarsal-phalangeal joint",
+    )
+    mtp2_rate = State(
+        "rad/s",
+        rate="mtp2_acceleration",
+        nominal=0.1,
+        display="deg/s",
+        output=True,
+        doc="angular velocity of the second metatarsal-phalangeal joint",
+    )
+    leg_height = State(
+        "m",
+        rate="leg_height_rate",
+        start=0.05,
+        nominal=0.1,
+        display="mm",
+        output=True,
+        doc="height of the ankle above the ground",
+    )
+    leg_advance = State(
+        "m",
+        rate="leg_advance_rate",
+        nominal=0.1,
+        display="mm",
+        output=True,
+        doc="how far the ankle has gone forward",
+    )
+    leg_velocity_x = _velocity("along x (down)", "leg_acceleration_x")
+    leg_velocity_y = _velocity("along y (forward)", "leg_acceleration_y")
+    actuator_work = _work("work that the actuators have done", "actuator_power")
+    ground_work = _work("work that the ground has done on the foot", "ground_power")
+    load_work = _work("work that toe force and force on the leg have done", "load_power")
+    joint_loss = _work("energy lost in the damping of the joints", "joint_loss_power")
+
+    # --- where things are, and how fast
+    # ----------------------------------------------------------------------------------------------
+
+    def links(self) -> tuple[Any, Any, Any, Any]:
+        """Lengths of the four links."""
+        return (
+            self.scale * self.l1,
+            self.scale * self.l2,
+            self.scale * self.l3,
+            self.scale * self.l4,
+        )
+
+    def directions(self) -> list[tuple[Any, Any]]:
+        """Directions of the four links, x and y."""
+        first, second, third = self.link_angles()
+        return [
+            (cos(a), sin(a)) for a in (first, second, third, second + self.beta_p + self.mtp2_angle)
+        ]
+
+    def joint_rates(self) -> tuple[Any, Any, Any, Any]:
+        """Angular velocities of the four joints."""
+        return self.ankle_rate, self.tm_rate, self.mtp_rate, self.mtp2_rate
+
+    def link_rates(self) -> tuple[Any, Any, Any, Any]:
+        """Angular velocities of the four links, each that of the joints before it."""
+        ankle, tm, mtp, mtp2 = self.joint_rates()
+        second = ankle + tm
+        return ankle, second, second + mtp, second + mtp2
+
+    def leg_velocity(self) -> tuple[Any, Any]:
+        """Velocity of the leg along x and y; none where it is held."""
+        return (
+            where(self.leg_held, 0.0, self.leg_velocity_x),
+            where(self.leg_held, 0.0, self.leg_velocity_y),
+        )
+
+    def touching_points(self) -> list[list[tuple[Any, Any]]]:
+        """Heel, ball, first toe and other toes, each by its distances from the joints that turn it.
+
+        The heel is where po is attached; the ball is where both toes are hinged.
+        """
+        links = zip(self.links(), self.directions(), strict=True)
+        first, second, third, fourth = [(length * x, length * y) for length, (x, y) in links]
+        back = self.ankle_angle - self.beta_po
+        heel = self.scale * self.r_po * cos(back), self.scale * self.r_po * sin(back)
+        ball = [_sum(first, second), second]
+        return [
+            [heel],
+            ball,
+            [*(_sum(at, third) for at in ball), third],
+            [*(_sum(at, fourth) for at in ball), fourth],
+        ]
+
+    # --- the ground
+    # ----------------------------------------------------------------------------------------------
+
+    def touches(self) -> list[tuple[list[tuple[int, Any, Any]], tuple[Any, Any], tuple[Any, Any]]]:
+        """Heel, ball, first toe and other toes: the joints that turn each with its distances from
+        them along x and y, its velocity over the ground, and the force of the ground on it.
+        """
+        leg, rates = self.leg_velocity(), self.joint_rates()
+        found = []
+        for joints, distances in zip(_TURNED_BY, self.touching_points(), strict=True):
+            turns = [(joint, *at) for joint, at in zip(joints, distances, strict=True)]
+            down = leg[0] - sum(rates[joint] * y for joint, _, y in turns)
+            forward = leg[1] + sum(rates[joint] * x for joint, x, _ in turns)
+            pressure = self.ground_pressure(distances[0][0] - self.leg_height, down)
+            force = -pressure, self.ground_drag(pressure, forward)
+            found.append((turns, (down, forward), force))
+        return found
+
+    def ground_reactions(self) -> list[tuple[Any, Any]]:
+        """Forces of the ground on heel, ball, first toe and other toes."""
+        return [force for _, _, force in self.touches()]
+
+    # --- inertia
+    # ----------------------------------------------------------------------------------------------
+
+    def moments_of_mass(self) -> tuple[Any, Any, Any, Any]:
+        """First moments s of the links: mass times distance that each moves by its turning."""
+        first, second, third, fourth = self.links()
+        toes = self.m3 + self.m4
+        return (
+            first * (0.5 * self.m1 + self.m2 + toes),
+            second * (0.5 * self.m2 + toes),
+            third * (0.5 * self.m3),
+            fourth * (0.5 * self.m4),
+        )
+
+    def moments_of_inertia(self) -> list[list[Any]]:
+        """Constants A of the kinetic energy of uniform rods in a row."""
+        first, second, third, fourth = self.links()
+        toes = self.m3 + self.m4
+        a12 = first * second * (0.5 * self.m2 + toes)
+        a13, a14 = (0.5 * first * last * m for last, m in ((third, self.m3), (fourth, self.m4)))
+        a23, a24 = (0.5 * second * last * m for last, m in ((third, self.m3), (fourth, self.m4)))
+        return [
+            [first * first * (self.m1 / 3.0 + self.m2 + toes), a12, a13, a14],
+            [a12, second * second * (self.m2 / 3.0 + toes), a23, a24],
+            [a13, a23, third * third * self.m3 / 3.0, 0.0],
+            [a14, a24, 0.0, fourth * fourth * self.m4 / 3.0],
+        ]
+
+    def joint_inertias(self) -> tuple[Any, Any, Any, Any]:
+        """Inertias that turn with a joint alone."""
+        return self.ankle_inertia, self.tm_inertia, self.mtp_inertia, self.mtp2_inertia
+
+    def whole_mass(self) -> Any:
+        """Mass of leg and foot."""
+        return self.leg_mass + self.m1 + self.m2 + self.m3 + self.m4
+
+    def mobility(self) -> Any:
+        """Acceleration of the leg per force: one over the whole mass, 0 where it is held."""
+        return where(self.leg_held, 0.0, 1.0 / self.whole_mass())
+
+    # --- equations of motion
+    # ----------------------------------------------------------------------------------------------
+
+    def mtp2_friction(self) -> Any:
+        """Torque that the second metatarsal-phalangeal joint takes to turn."""
+        return self.mtp2_damping * self.mtp2_rate
+
+    def mtp2_torque(self) -> Any:
+        """Torque with which the second metatarsal-phalangeal joint is pulled back."""
+        return self.mtp2_stiffness * self.mtp2_angle
+
+    def joint_frictions(self) -> tuple[Any, Any, Any, Any]:
+        """Torques that the joints take to turn."""
+        return self.ankle_friction(), self.tm_friction(), self.mtp_friction(), self.mtp2_friction()
+
+    def beyond_stops(self) -> tuple[Any, Any, Any, Any]:
+        """How far each joint is in its stop; the second toe joint has those of the first."""
+        limits = (
+            (self.ankle_angle, self.ankle_lower, self.ankle_upper),
+            (self.tm_angle, self.tm_lower, self.tm_upper),
+            (self.mtp_angle, self.mtp_lower, self.mtp_upper),
+            (self.mtp2_angle, self.mtp_lower, self.mtp_upper),
+        )
+        ankle, tm, mtp, mtp2 = (
+            maximum(angle - upper, 0.0) + minimum(angle - lower, 0.0)
+            for angle, lower, upper in limits
+        )
+        return ankle, tm, mtp, mtp2
+
+    def ground_torques(self, touches: Any) -> list[Any]:
+        """Torques of the ground on the four joints: moments of its forces."""
+        torques: list[Any] = [0.0, 0.0, 0.0, 0.0]
+        for turns, _, (x, y) in touches:
+            for joint, down, forward in turns:
+                torques[joint] = torques[joint] + down * y - forward * x
+        return torques
+
+    def driving_torques(self, touches: Any) -> list[Any]:
+        """Torques on the joints but for gravity and inertia: tensions, loads, ground, arch,
+        friction and stops.
+        """
+        pulls = (*self.joint_torques(), 0.0)
+        springs = (0.0, self.arch_torque(), 0.0, self.mtp2_torque())
+        stop = self.stop_frequency * self.stop_frequency
+        return [
+            pull + ground - friction - spring - inertia * stop * beyond
+            for pull, ground, friction, spring, inertia, beyond in zip(
+                pulls,
+                self.ground_torques(touches),
+                self.joint_frictions(),
+                springs,
+                self.joint_inertias(),
+                self.beyond_stops(),
+                strict=True,
+            )
+        ]
+
+    def outer_force(self, touches: Any) -> tuple[Any, Any]:
+        """Force on leg and foot together: loads, ground and weight."""
+        x = self.toe_force_x + self.leg_force_x + sum(force[0] for _, _, force in touches)
+        y = self.toe_force_y + self.leg_force_y + sum(force[1] for _, _, force in touches)
+        return x + self.whole_mass() * self.gravity, y
+
+    def forced(self, touches: Any) -> tuple[Any, Any]:
+        """Outer force less what it takes to turn the links' centres of mass at constant rates."""
+        x, y = self.outer_force(touches)
+        turning = zip(self.moments_of_mass(), self.directions(), self.link_rates(), strict=True)
+        for moment, (down, forward), rate in turning:
+            x = x + moment * down * rate * rate
+            y = y + moment * forward * rate * rate
+        return x, y
+
+    def accelerations(self) -> tuple[list[Any], tuple[Any, Any]]:
+        """Angular accelerations of the joints, the leg's own put into them (Lagrange), and the
+        force that is left for the leg.
+        """
+        touches = self.touches()
+        s, a = self.moments_of_mass(), self.moments_of_inertia()
+        e, rates, mobility = self.directions(), self.link_rates(), self.mobility()
+        x, y = self.forced(touches)
+        # by link: coupled inertia, and torque of inertia at constant rates and of gravity
+        coupled = [
+            [(a[i][k] - mobility * s[i] * s[k]) * _dot(e[i], e[k]) for k in _LINKS] for i in _LINKS
+        ]
+        torques = [
+            mobility * s[i] * (e[i][1] * x - e[i][0] * y)
+            - s[i] * self.gravity * e[i][1]
+            - sum(a[i][k] * _cross(e[k], e[i]) * rates[k] * rates[k] for k in _LINKS)
+            for i in _LINKS
+        ]
+        inertias = [
+            [sum(coupled[i][k] for i in of for k in by) for by in _BEYOND] for of in _BEYOND
+        ]
+        for joint, own in enumerate(self.joint_inertias()):
+            inertias[joint][joint] = inertias[joint][joint] + own
+        driving = self.driving_torques(touches)
+        joints = solved(
+            inertias,
+            [driving[j] + sum(torques[i] for i in of) for j, of in enumerate(_BEYOND)],
+        )
+        return joints, (x, y)
+
+    def leg_acceleration(self, axis: int) -> Any:
+        """Acceleration of the leg along x (0) or y (1), by what is left of the outer force."""
+        (ankle, tm, mtp, mtp2), force = self.accelerations()
+        turned = ankle, ankle + tm, ankle + tm + mtp, ankle + tm + mtp2
+        drawn = sum(
+            moment * (-way[1], way[0])[axis] * acceleration
+            for moment, way, acceleration in zip(
+                self.moments_of_mass(), self.directions(), turned, strict=True
+            )
+        )
+        return self.mobility() * (force[axis] - drawn)
+
+    def leg_acceleration_x(self) -> Any:
+        """Acceleration of the leg along x."""
+        return self.leg_acceleration(0)
+
+    def leg_acceleration_y(self) -> Any:
+        """Acceleration of the leg along y."""
+        return self.leg_acceleration(1)
+
+    def leg_height_rate(self) -> Any:
+        """Rate of the leg's height."""
+        return -self.leg_velocity()[0]
+
+    def leg_advance_rate(self) -> Any:
+        """Rate at which the leg goes forward."""
+        return self.leg_velocity()[1]
+
+    def mtp2_rate_law(self) -> Any:
+        """Rate of the second metatarsal-phalangeal joint's angle."""
+        return self.mtp2_rate
+
+    def ankle_acceleration(self) -> Any:
+        """Angular acceleration of the ankle."""
+        return self.accelerations()[0][0]
+
+    def tm_acceleration(self) -> Any:
+        """Angular acceleration of the tarsal-metatarsal joint."""
+        return self.accelerations()[0][1]
+
+    def mtp_acceleration(self) -> Any:
+        """Angular acceleration of the metatarsal-phalangeal joint."""
+        return self.accelerations()[0][2]
+
+    def mtp2_acceleration(self) -> Any:
+        """Angular acceleration of the second metatarsal-phalangeal joint."""
+        return self.accelerations()[0][3]
+
+    # --- energy
+    # ----------------------------------------------------------------------------------------------
+
+    def actuator_power(self) -> Any:
+        """Power of the actuators: tension times the rate at which each shortens."""
+        pulls = self.an_tension, self.po_tension, self.do_tension, self.pl_tension
+        return -sum(pull * rate for pull, rate in zip(pulls, self.length_rates(), strict=True))
+
+    def ground_power(self) -> Any:
+        """Power of the ground on the touching points."""
+        return sum(_dot(force, velocity) for _, velocity, force in self.touches())
+
+    def load_power(self) -> Any:
+        """Power of the toe force and of the force on the leg."""
+        x, y = self.leg_velocity()
+        down, forward = x + self.toe_velocity(0), y + self.toe_velocity(1)
+        on_toe = self.toe_force_x * down + self.toe_force_y * forward
+        return on_toe + self.leg_force_x * x + self.leg_force_y * y
+
+    def joint_loss_power(self) -> Any:
+        """Power lost in the damping of the joints."""
+        return sum(
+            torque * rate
+            for torque, rate in zip(self.joint_frictions(), self.joint_rates(), strict=True)
+        )
+
+    @Output("J", nominal=1e-3)
+    def kinetic_energy(self) -> Any:
+        """Kinetic energy of leg and foot."""
+        leg, rates, e = self.leg_velocity(), self.link_rates(), self.directions()
+        a, s = self.moments_of_inertia(), self.moments_of_mass()
+        of_leg = 0.5 * self.whole_mass() * _dot(leg, leg)
+        of_both = sum(s[i] * _cross(e[i], leg) * rates[i] for i in _LINKS)
+        of_links = 0.5 * sum(
+            a[i][k] * _dot(e[i], e[k]) * rates[i] * rates[k] for i in _LINKS for k in _LINKS
+        )
+        turning = zip(self.joint_inertias(), self.joint_rates(), strict=True)
+        return of_leg + of_both + of_links + 0.5 * sum(own * rate * rate for own, rate in turning)
+
+    @Output("J", nominal=1e-3)
+    def potential_energy(self) -> Any:
+        """Potential energy of weight, arch, second toe joint and stops; not of the ground."""
+        lowered = sum(
+            moment * way[0]
+            for moment, way in zip(self.moments_of_mass(), self.directions(), strict=True)
+        )
+        weight = self.gravity * (self.whole_mass() * self.leg_height - lowered)
+        springs = self.arch_torque() * self.tm_angle + self.mtp2_torque() * self.mtp2_angle
+        stop = self.stop_frequency * self.stop_frequency
+        held = sum(
+            inertia * stop * beyond * beyond
+            for inertia, beyond in zip(self.joint_inertias(), self.beyond_stops(), strict=True)
+        )
+        return weight + 0.5 * springs + 0.5 * held
+
+    @Output("N")
+    def ground_force_x(self) -> Any:
+        """Force of the ground on the foot along x; it pushes up, so it is negative."""
+        return sum(force[0] for force in self.ground_reactions())
+
+    @Output("N")
+    def ground_force_y(self) -> Any:
+        """Force of the ground on the foot along y (forward)."""
+        return sum(force[1] for force in self.ground_reactions())
+
+    @Output("N")
+    def heel_pressure(self) -> Any:
+        """Force of the ground on the heel, up."""
+        return -self.ground_reactions()[0][0]
+
+    @Output("N")
+    def ball_pressure(self) -> Any:
+        """Force of the ground on the ball, where the toes are hinged, up."""
+        return -self.ground_reactions()[1][0]
+
+    @Output("N")
+    def toe_pressure(self) -> Any:
+        """Force of the ground on the first toe, up."""
+        return -self.ground_reactions()[2][0]
+
+    @Output("N")
+    def toes_pressure(self) -> Any:
+        """Force of the ground on the other toes, up."""
+        return -self.ground_reactions()[3][0]
+
+
+def _sum(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[Any, Any]:
+    return a[0] + b[0], a[1] + b[1]
+
+
+def _dot(a: tuple[Any, Any], b: tuple[Any, Any]) -> Any:
+    return a[0] * b[0] + a[1] * b[1]
+
+
+def _cross(a: tuple[Any, Any], b: tuple[Any, Any]) -> Any:
+    return a[0] * b[1] - a[1] * b[0]

@@ -1,0 +1,115 @@
+"""Optimisation from Python: ``ppy.optimise``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Unpack
+
+import numpy as np
+
+from fmus.kit import Component, UserError
+from fmus.kit.arrays import Array
+from orchestration.api.declaration import takes
+from orchestration.api.forms import seconds
+from orchestration.api.options import OptimiseKeywords
+from orchestration.api.simulation import Inputs, as_declared, inputs_over, values_of
+from orchestration.fmu import Model, grid
+from orchestration.reporting import option
+from orchestration.sweeps import Range, read_range
+from orchestration.sweeps.pareto import Objectives, pareto_front, read_objective
+
+if TYPE_CHECKING:
+    from orchestration.sweeps.pareto import Front
+
+_MOST = 2
+
+
+@takes(OptimiseKeywords)
+def optimise(
+    model: Model | type[Component] | str,
+    over: Mapping[str, str],
+    inputs: Inputs | None = None,
+    **options: Unpack[OptimiseKeywords],
+) -> Front:
+    """Search the parameters of a component for the best of an output, or for the front of two.
+
+    Parameters
+    ----------
+    model, inputs
+        As in `simulate`; a component, for it takes equations.
+    over : Mapping of str to str
+        Range of each parameter that is searched: ``"15..25 mm"``, ``"1e-3..1e-1 log"``.
+
+    Returns
+    -------
+    Front
+        Points none of which is better in every objective than another; a single one of one
+        objective.
+
+    Raises
+    ------
+    UserError
+        If something does not fit the model, or it has no equations.
+
+    Examples
+    --------
+    >>> import orchestration as ppy
+    >>> over = {"r_po": "30..45 mm", "r_pl": "5..30 mm"}
+    >>> objectives = ["ankle_limited_force & toe_limited_force", "toe_stroke"]
+    >>> front = ppy.optimise("foot_design", over, maximise=objectives, levels=5)
+    >>> front.values.shape
+    (5, 2)
+    """
+    subject = as_declared(model)
+    if subject.cls is None:
+        raise UserError(f"{subject.name}: an FMU without equations; a component can be optimised")
+    units = {name: signal.unit for name, signal in subject.outputs.items()}
+    objectives = [
+        read_objective(text, sign, units, argument)
+        for argument, sign in (("maximise", 1.0), ("minimise", -1.0))
+        for text in (options["maximise"] if sign > 0.0 else options["minimise"])
+    ]
+    if not 1 <= len(objectives) <= _MOST:
+        raise UserError(
+            f"{len(objectives)} objectives: {option('maximise')} and {option('minimise')} name one"
+            " or two"
+        )
+    ranges = _ranges(subject, over)
+    points = _points(subject.cls, options)
+    settings = values_of(subject, options["settings"])
+    twice = next((one.name for one in ranges if one.name in settings), None)
+    if twice is not None:
+        raise UserError(f"{twice} is searched, and set to one value besides")
+    held = {name: float(settings.pop(name)) for name in subject.inputs if name in settings}
+    driven = inputs_over(subject, {**held, **(inputs or {})}, points)
+    numbers = {name: float(value) for name, value in settings.items()}
+    search = Objectives(subject.cls, ranges, objectives, points, driven, numbers)
+    return pareto_front(
+        search, options["levels"], options["starts"], options["seed"], options["progress"]
+    )
+
+
+def _ranges(subject: Model, over: Mapping[str, str]) -> list[Range]:
+    """Return the ranges of the parameters that are searched."""
+    if not over:
+        raise UserError(f"no parameter to search: {option('over')} names some with their ranges")
+    ranges = [read_range(f"{name}={text}", subject) for name, text in over.items()]
+    for one in ranges:
+        if one.counted or one.name not in subject.parameters:
+            raise UserError(
+                f"{option('over', {one.name: over[one.name]})}: write parameter=from..to, or that"
+                " with log"
+            )
+    return ranges
+
+
+def _points(cls: type[Component], options: OptimiseKeywords) -> Array:
+    """Return the points in time of a run; one of a component that remembers nothing."""
+    if options["time"] is not None:
+        return np.asarray(options["time"], dtype=float)
+    layout = cls.layout
+    if not layout.states and not layout.discretes and options["stop"] is None:
+        return np.zeros(1)
+    stop, step = cls.experiment
+    last = stop if options["stop"] is None else seconds(options["stop"])
+    return grid(0.0, last, step if options["step"] is None else seconds(options["step"]))

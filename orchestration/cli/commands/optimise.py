@@ -1,0 +1,46 @@
+"""``ppy optimise``: parameters of a component at which outputs are best."""
+
+from __future__ import annotations
+
+from orchestration.api.declaration import only
+from orchestration.api.options import OptimiseKeywords
+from orchestration.cli.command import command
+from orchestration.cli.commands.options import OptimiseCommand
+from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+
+
+@command(OptimiseCommand)
+def optimise(options: OptimiseCommand) -> None:
+    """Search the parameters of a component for the best of an output, or for a front of two.
+
+    Each point of a front is the best of the first objective at a level of the second.
+    """
+    from orchestration.api import optimise as work
+    from orchestration.api import values_of
+    from orchestration.cli.models import model_file
+    from orchestration.fmu import declared_model
+    from orchestration.reporting import console, pictures
+
+    plot = options["plot"]
+    Outputs(
+        {"the model": model_file(options["model"])},
+        {"--plot": plot, "--json": options["json"]},
+        {"--plot": pictures.FORMATS, "--json": JSON},
+    ).check()
+    over: dict[str, str] = {}
+    for text in options["over"]:
+        name, _, span = (part.strip() for part in text.partition("="))
+        over[name] = span
+    model = declared_model(options["model"], options["laid_over"])
+    chosen = only(OptimiseKeywords, options)
+    chosen["settings"] = values_of(model, options["settings"], options["preset"])
+    with console.progress() as tell:
+        tell(f"optimising {options['model']}")
+        chosen["progress"] = tell.done
+        front = work(model, over, **chosen)
+    with standard_output_for(options["json"]):
+        console.out.print(str(front), highlight=False, markup=False)
+        write_json(options["json"], front.to_dict())
+        if plot is not None:
+            front.plot(plot)
+            console.wrote(plot)

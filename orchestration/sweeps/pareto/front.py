@@ -1,0 +1,181 @@
+"""The front of an optimisation: its points, as a table, a picture and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmus.kit.arrays import Array, Mask
+from orchestration.reporting import Displayable, one_line
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+    from rich.console import RenderableType
+
+    from orchestration.sweeps.pareto.objectives import Objectives
+
+
+@dataclass(frozen=True, repr=False)
+class Front(Displayable):
+    """Points none of which is better in every objective than another.
+
+    Attributes
+    ----------
+    model : str
+    objectives : dict of str to str
+        Unit of each of m objectives.
+    maximised : tuple of bool, shape (m,)
+    values : ndarray, shape (k, m)
+        In the objectives' units, in order of the first.
+    parameters : dict of str to ndarray, shape (k,)
+        In the model's units.
+    units : dict of str to str
+        Of the parameters.
+    nominal : ndarray, shape (m,)
+        Of the model as it is.
+    evaluations : int
+        Simulations that it took.
+    """
+
+    model: str
+    objectives: dict[str, str]
+    maximised: tuple[bool, ...]
+    values: Array
+    parameters: dict[str, Array]
+    units: dict[str, str]
+    nominal: Array
+    evaluations: int
+
+    @classmethod
+    def of(cls, objectives: Objectives, shares: Array) -> Front:
+        """Return the front of points, without those that another is better than.
+
+        Parameters
+        ----------
+        objectives : Objectives
+        shares : ndarray, shape (n, p)
+        """
+        values = np.array([objectives.worst(one) for one in shares])
+        kept = np.flatnonzero(undominated(values))
+        order = kept[np.argsort(values[kept, 0])]
+        signs = np.array([one.sign for one in objectives.objectives])
+        drawn = [objectives.parameters(one) for one in shares[order]]
+        return cls(
+            objectives.model_name,
+            {one.name: one.unit for one in objectives.objectives},
+            tuple(one.sign > 0.0 for one in objectives.objectives),
+            signs * values[order],
+            {one.name: np.array([p[one.name] for p in drawn]) for one in objectives.ranges},
+            {one.name: one.unit for one in objectives.ranges},
+            signs * objectives.nominal(),
+            objectives.evaluations,
+        )
+
+    def __repr__(self) -> str:
+        return one_line(f"front of {self.model}, {len(self.values)} points: {self.objectives}")
+
+    def overview(self) -> Iterable[RenderableType]:
+        """Return the words on the front and its table."""
+        from orchestration.reporting import plain_table
+
+        count = len(self.values)
+        points = "1 point" if count == 1 else f"{count} points"
+        yield f"{self.model}: {points} by {self.evaluations:,} simulations"
+        names = [*self.objectives, *self.parameters]
+        table = plain_table(None, *names, right=names)
+        rows = [self.nominal, *self.values]
+        for k, row in enumerate(rows):
+            own = [f"{p[k - 1]:.5g}" for p in self.parameters.values()] if k else None
+            values = [f"{v:.5g}" for v in row]
+            table.add_row(*values, *(own or ["as it is"] * len(self.parameters)))
+        yield table
+        units = {**self.objectives, **self.units}
+        yield "in " + ", ".join(f"{name} {unit}" for name, unit in units.items() if unit != "1")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the front as JSON has it."""
+        return {
+            "model": self.model,
+            "objectives": [
+                {"name": name, "unit": unit, "maximised": up}
+                for (name, unit), up in zip(self.objectives.items(), self.maximised, strict=True)
+            ],
+            "parameters": self.units,
+            "nominal": self.nominal.tolist(),
+            "points": [
+                {
+                    "objectives": dict(zip(self.objectives, row, strict=True)),
+                    "parameters": {name: float(p[k]) for name, p in self.parameters.items()},
+                }
+                for k, row in enumerate(self.values.tolist())
+            ],
+            "evaluations": self.evaluations,
+        }
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return a row for each point: objectives, then parameters."""
+        import pandas
+
+        columns = dict(zip(self.objectives, self.values.T, strict=True))
+        return pandas.DataFrame(columns | self.parameters)
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the front with the model as it is, and the parameters along it.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Picture: .png, .svg or .pdf.
+
+        Raises
+        ------
+        UserError
+            If it cannot be written.
+        """
+        from orchestration.reporting import pictures
+
+        name, *others = self.objectives
+        shown = list(self.parameters)[: 6 - len(others)]
+        figure, axes = pictures.panels(len(others) + len(shown), self.model, name)
+        axes[-1].set_xlabel(f"{name} [{self.objectives[name]}]".removesuffix(" [1]"))
+        for axis, other in zip(axes, others, strict=False):
+            axis.plot(*self.values.T, ".-", color=pictures.MODEL, label="front")
+            axis.plot(*self.nominal, "x", color=pictures.FITTED, label="as it is")
+            axis.legend()
+            pictures.label(axis, other, self.objectives[other])
+        for axis, parameter in zip(axes[len(others) :], shown, strict=True):
+            axis.plot(self.values[:, 0], self.parameters[parameter], ".-", color=pictures.MODEL)
+            pictures.label(axis, parameter, self.units[parameter])
+        if path is not None:
+            pictures.save(figure, Path(path))
+        return figure
+
+    def _figure(self) -> Figure:
+        return self.plot()
+
+
+def undominated(values: Array) -> Mask:
+    """Tell which points no other is as good as in every objective, and better in one.
+
+    Parameters
+    ----------
+    values : ndarray, shape (k, m)
+        More is better.
+
+    Returns
+    -------
+    ndarray of bool, shape (k,)
+        Of equal points the first.
+    """
+    kept = np.ones(len(values), dtype=bool)
+    for k, one in enumerate(values):
+        others = np.delete(values, k, axis=0)
+        better = (others >= one).all(axis=1) & (others > one).any(axis=1)
+        equal = (values[:k] == one).all(axis=1).any()
+        kept[k] = not better.any() and not equal
+    return kept

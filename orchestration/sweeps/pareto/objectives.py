@@ -1,0 +1,182 @@
+"""Objectives of an optimisation: outputs at the end of a run of a compiled component.
+
+Their derivatives by the parameters are exact, those of the equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmus.kit import Component, UserError, suggestion
+from fmus.kit.arrays import Array
+from fmus.kit.record import CompiledModel
+from orchestration.reporting import option
+from orchestration.sweeps.ranges import Range
+
+_AND = "&"
+
+
+@dataclass(frozen=True)
+class Objective:
+    """What is made as large, or as small, as possible.
+
+    Attributes
+    ----------
+    outputs : tuple of str
+        One output, or several of which the worst counts.
+    unit : str
+    sign : float
+        1 if it is maximised, -1 if it is minimised.
+    """
+
+    outputs: tuple[str, ...]
+    unit: str
+    sign: float
+
+    @property
+    def name(self) -> str:
+        """Its outputs, as they are written."""
+        return f" {_AND} ".join(self.outputs)
+
+
+def read_objective(text: str, sign: float, outputs: Mapping[str, str], argument: str) -> Objective:
+    """Read an objective.
+
+    Parameters
+    ----------
+    text : str
+        ``OUTPUT``, or ``OUTPUT & OUTPUT`` for the worst of several.
+    sign : float
+    outputs : Mapping of str to str
+        Units of the outputs that there are.
+    argument : str
+        That gives it, for messages.
+
+    Raises
+    ------
+    UserError
+        If there is no such output, or units differ.
+    """
+    names = tuple(part.strip() for part in text.split(_AND))
+    for name in names:
+        if name not in outputs:
+            raise UserError(
+                f"{option(argument, [text])}: no output named {name!r}{suggestion(name, outputs)}"
+            )
+    units = list(dict.fromkeys(outputs[name] for name in names))
+    if len(units) > 1:
+        raise UserError(
+            f"{option(argument, [text])}: the worst of {' and '.join(units)} cannot be told"
+        )
+    return Objective(names, units[0], sign)
+
+
+class Objectives:
+    """Values and derivatives of objectives, over shares of the ranges of parameters.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    ranges : sequence of Range
+        Of p parameters: both ends.
+    objectives : sequence of Objective
+        m of them.
+    time : ndarray, shape (n,)
+    inputs : Mapping of str to ndarray, shape (n,)
+    settings : Mapping of str to float
+        Parameters that stay at another value than their default, SI.
+
+    Attributes
+    ----------
+    ranges, objectives : list
+    model_name : str
+    evaluations : int
+        Simulations so far.
+    """
+
+    def __init__(
+        self,
+        cls: type[Component],
+        ranges: Sequence[Range],
+        objectives: Sequence[Objective],
+        time: Array,
+        inputs: Mapping[str, Array],
+        settings: Mapping[str, float],
+    ):
+        self.ranges = list(ranges)
+        self.objectives = list(objectives)
+        self.model_name = cls.name
+        self.evaluations = 0
+        self._model = CompiledModel(cls, [one.name for one in ranges])
+        self._run = time, dict(inputs), dict(settings)
+        self._last: tuple[bytes, tuple[list[Array], list[Array]]] | None = None
+
+    def parameters(self, shares: Array) -> dict[str, float]:
+        """Return the values of the parameters at their shares of the ranges, shape (p,)."""
+        pairs = zip(self.ranges, shares, strict=True)
+        return {one.name: float(one.between(share)) for one, share in pairs}
+
+    def nominal(self) -> Array:
+        """Return the objectives with the parameters as they are, turned as in `evaluate`."""
+        time, inputs, settings = self._run
+        found = self._model.run(time, inputs, settings).signals
+        pairs = [(one.sign, [found[name][-1] for name in one.outputs]) for one in self.objectives]
+        return np.array([min(sign * value for value in ends) for sign, ends in pairs])
+
+    def evaluate(self, shares: Array) -> tuple[list[Array], list[Array]]:
+        """Return, for each objective, its outputs and their derivatives by the shares.
+
+        Those that are minimised are turned round, so that more is better everywhere.
+
+        Parameters
+        ----------
+        shares : ndarray, shape (p,)
+
+        Returns
+        -------
+        values : list of ndarray, shape (k,)
+            Of each objective: its k outputs.
+        slopes : list of ndarray, shape (k, p)
+
+        Raises
+        ------
+        UserError
+            If the simulation fails.
+        """
+        key = np.asarray(shares, dtype=float).tobytes()
+        if self._last is not None and self._last[0] == key:
+            return self._last[1]
+        time, inputs, settings = self._run
+        found = self._model.run(time, inputs, settings | self.parameters(shares))
+        self.evaluations += 1
+        by_share = np.array(
+            [_slope(one, share) for one, share in zip(self.ranges, shares, strict=True)]
+        )
+        values = []
+        slopes = []
+        for objective in self.objectives:
+            ends = [found.signals[name][-1] for name in objective.outputs]
+            rates = [found.sensitivities[name][-1] for name in objective.outputs]
+            values.append(objective.sign * np.array(ends))
+            slopes.append(objective.sign * np.array(rates) * by_share)
+        self._last = key, (values, slopes)
+        return values, slopes
+
+    def worst(self, shares: Array) -> Array:
+        """Return the worst output of each objective, shape (m,); minus infinity if a run fails."""
+        try:
+            values, _ = self.evaluate(shares)
+        except UserError:
+            return np.full(len(self.objectives), -np.inf)
+        return np.nan_to_num(np.array([one.min() for one in values]), nan=-np.inf, posinf=-np.inf)
+
+
+def _slope(one: Range, share: float) -> float:
+    """Return the derivative of a parameter by its share of the range."""
+    low, high = one.values
+    if one.logarithmic:
+        return float(one.between(np.array(share))) * float(np.log(high / low))
+    return float(high - low)
