@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..kit import Effect, Parameter, State, Term, effects_by_name, sqrt, tanh
+from ..kit import Effect, Parameter, Size, State, Term, arccos, effects_by_name, sqrt, tanh
 from .model import IsotonicStand
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ class CoreFriction(StandEffect):
     neutral = "core_friction"
     term = Term("carried_load", "displacement", "-F_c tanh(v / v_c)", "carried_load over velocity")
     assumption = 3
+    sizes = (Size("{}", ("core_friction",)),)
 
     core_friction = Parameter(
         0.0, "N", min=0, max=100.0, nominal=0.1, doc="dry friction of the core (F_c)"
@@ -88,6 +89,7 @@ class SwingingWeight(StandEffect):
     neutral = "swing_square"
     term = Term("weight", "mass", "m g a^2 (p^2 - q^2 / 2)", "weight over time")
     assumption = 2
+    sizes = (Size("{} to either side", ("swing_square",), "rad", sqrt),)
 
     swing_square = Parameter(
         0.0, "1", min=0, max=1.0, nominal=0.01, doc="square of the amplitude in rad (c)"
@@ -139,6 +141,7 @@ class Misalignment(StandEffect):
     neutral = "misalignment_loss"
     term = Term("core_position", "displacement", "-c x", "core_position over displacement")
     assumption = 4
+    sizes = (Size("by {}", ("misalignment_loss",), "rad", lambda loss: arccos(1.0 - loss)),)
 
     misalignment_loss = Parameter(
         0.0,
@@ -165,6 +168,7 @@ class FrameCompliance(StandEffect):
     neutral = "frame_compliance"
     term = Term("end_position", "tension", "c F", "end_position over tension")
     assumption = 5
+    sizes = (Size("{}", ("frame_compliance",)),)
 
     frame_compliance = Parameter(
         0.0,

@@ -43,7 +43,7 @@ class Engine:
 
 
 # of an effect
-_SAID = frozenset({"id", "title", "output", "term", "neutral", "assumption", "sizes"})
+_SAID = frozenset({"id", "title", "output", "term", "neutral", "assumption", "sizes", "is_random"})
 _LONGEST_NAME = 120  # file systems allow 255 bytes, with a prefix and a suffix of the cache
 
 
@@ -290,6 +290,9 @@ class Effect(Component, metaclass=EffectType):
     sizes : tuple of Size
         How large it is, in quantities that mean something at a rig; where there are none, its
         parameters are told as they are.
+    is_random : bool
+        Whether it adds random numbers. Those of a record are others, so that no diagnosis looks for
+        it unless it is named.
     """
 
     id: ClassVar[str] = ""
@@ -299,6 +302,7 @@ class Effect(Component, metaclass=EffectType):
     neutral: ClassVar[str] = ""
     assumption: ClassVar[int | str] = ""
     sizes: ClassVar[tuple[Size, ...]] = ()
+    is_random: ClassVar[bool] = False
 
 
 def make_effect(name: str, body: Mapping[str, Any], /, **about: Any) -> type[Effect]:

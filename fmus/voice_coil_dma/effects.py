@@ -1,5 +1,5 @@
 """Known ways the bench model is wrong: dry friction, a force constant that is none, an amplifier
-that clips.
+that clips. Noise, hum, a late controller and the protection are in :mod:`.disturbances`.
 
 Each is a mixin that overrides one law (never an output) through ``super()``. At its neutral
 parameter value the laws give the bits of the base model: what it adds is multiplied by zero, what
@@ -24,6 +24,7 @@ from ..kit import (
     tanh,
     where,
 )
+from .disturbances import BridgeNoise, ClockJitter, MainsHum, WindingProtection
 from .model import VoiceCoilDma
 
 if TYPE_CHECKING:
@@ -282,4 +283,8 @@ EFFECTS: dict[str, type[Effect]] = effects_by_name(
     PositionDependentForceConstant,
     AmplifierSaturation,
     _HEATING,
+    WindingProtection,
+    ClockJitter,
+    MainsHum,
+    BridgeNoise,
 )

@@ -246,11 +246,19 @@ class VoiceCoilDma(Component):
         """Force per current, which is also voltage per velocity, K (eq. 2.1)."""
         return self.K
 
+    def held_command(self) -> Any:
+        """Command that is held between samples: that of the latest, V(t) of eq. 2.2."""
+        return self.voltage_command
+
+    def issued_command(self) -> Any:
+        """Command as it reaches the converter: all of the one that is held."""
+        return self.held_command()
+
     def drive_voltage(self) -> Any:
         """Voltage out of converter and unity-gain amplifier: the command within 0 to 10 V (section
         2.2.3).
         """
-        return self.converted(_limited(self.voltage_command, self.voltage_min, self.voltage_max))
+        return self.converted(_limited(self.issued_command(), self.voltage_min, self.voltage_max))
 
     def coil_resistance(self) -> Any:
         """Resistance of the coil, R (eq. 2.1)."""
@@ -306,11 +314,19 @@ class VoiceCoilDma(Component):
         """Value after conversion of its voltage and exact calibration (section 2.2.2)."""
         return where(self.converters_on, self.converted(value * sensitivity) / sensitivity, value)
 
-    def acquired_force(self) -> Any:
-        """Force as the computer knows it: filtered, amplified, converted, calibrated."""
+    def amplified(self, force: Any) -> Any:
+        """Force that the output of the instrumentation amplifier stands for: the same."""
+        return force
+
+    def acquired(self, force: Any) -> Any:
+        """Force as the computer knows one that is filtered: amplified, converted, calibrated."""
         return self.through_converter(
-            self.force_filtered, self.load_cell_sensitivity * self.instrumentation_gain
+            self.amplified(force), self.load_cell_sensitivity * self.instrumentation_gain
         )
+
+    def acquired_force(self) -> Any:
+        """Force as the computer knows it now."""
+        return self.acquired(self.force_filtered)
 
     def acquired_position(self) -> Any:
         """Position as the computer knows it: filtered, converted, calibrated."""
@@ -319,9 +335,13 @@ class VoiceCoilDma(Component):
     # --- controller
     # ----------------------------------------------------------------------------------------------
 
+    def sampled_force(self) -> Any:
+        """Filtered force that the controller's sample takes: that at the sample instant."""
+        return self.force_filtered
+
     def force_error(self) -> Any:
         """Reference less measured force, E(t) of eq. 2.2."""
-        return self.force_reference - self.acquired_force()
+        return self.force_reference - self.acquired(self.sampled_force())
 
     def controller_law(self) -> Any:
         """Voltage after eq. 2.2, V(t-1) + b0 E(t) + b1 E(t-1); on hold without its integral part.

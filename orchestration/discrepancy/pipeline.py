@@ -13,7 +13,13 @@ import numpy as np
 from fmus.kit import Component, Effect, UserError, measurement_effects, suggestion
 from fmus.kit.build import build_cached
 from orchestration.discrepancy.budget import Budget, default_time
-from orchestration.discrepancy.candidates import catalogue, label, sampling_of, signal_scales
+from orchestration.discrepancy.candidates import (
+    catalogue,
+    label,
+    sampling_of,
+    signal_scales,
+    without_random,
+)
 from orchestration.discrepancy.conclude import Diagnosis, Verdict
 from orchestration.discrepancy.data import (
     Dataset,
@@ -393,13 +399,14 @@ def _considered_effects(
 ) -> list[type[Effect]]:
     """Pick effects by name or id.
 
-    Unless some are wanted, they are the component's own, or families if it lists none.
+    Unless some are wanted, they are the component's own that are not random, or families if it
+    lists none.
     """
     own = known_effects(cls)
     sampling = sampling_of(data.time)
     known = catalogue(cls, own, data.measured, sampling)
     if wanted is None and own:
-        return known
+        return without_random(known)
     names = (FAMILIES,) if wanted is None else wanted
     if _names_of(known).issuperset(names):
         return [effect for effect in known if _is_named(effect, names)]

@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
+from studies.references.files import write_options, write_rows
+
 FOLDER = Path(__file__).parents[2] / "fmus" / "controllers" / "reference"
 
 Row = list[float]
@@ -300,21 +302,10 @@ def solve(case: Case) -> tuple[list[Row], list[Row]]:
 def write(name: str, case: Case) -> None:
     """Write the files of a controller."""
     inputs, outputs = solve(case)
-    tables = (("in", case.inputs, inputs), ("ref", case.outputs, outputs))
-    for suffix, header, rows in tables:
-        text = "\n".join([f"time,{header}", *(",".join(f"{v:.12g}" for v in row) for row in rows)])
-        (FOLDER / f"{name}_{suffix}.csv").write_text(text + "\n", encoding="utf-8", newline="\n")
-    options = {
-        "StartTime": 0,
-        "StopTime": round(case.count * case.period, 9),
-        "StepSize": case.period,
-        "RelTol": 1e-7,
-        "AbsTol": 1e-9,
-        "SolverType": "sample by sample",
-        "OutputIntervalLength": case.period,
-    }
-    lines = "\n".join(f"{key},{value}" for key, value in options.items())
-    (FOLDER / f"{name}_ref.opt").write_text(lines + "\n", encoding="utf-8", newline="\n")
+    write_rows(FOLDER / f"{name}_in.csv", case.inputs.split(","), inputs)
+    write_rows(FOLDER / f"{name}_ref.csv", case.outputs.split(","), outputs)
+    stop = round(case.count * case.period, 9)
+    write_options(FOLDER / f"{name}_ref.opt", stop, case.period, "sample by sample")
 
 
 def main() -> None:

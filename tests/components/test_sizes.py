@@ -8,6 +8,7 @@ from fmus.degradation_estimator.effects import EFFECTS as OF_ESTIMATOR
 from fmus.foot.effects import EFFECTS as OF_FOOT
 from fmus.galvanostat.effects import EFFECTS as OF_GALVANOSTAT
 from fmus.galvanostat.model import Galvanostat
+from fmus.isotonic_stand.effects import EFFECTS as OF_STAND
 from fmus.kit import stack
 from fmus.ppy_actuator.effects import EFFECTS as OF_ACTUATOR
 from fmus.ppy_actuator.model import PpyActuator
@@ -16,7 +17,7 @@ from fmus.voice_coil_dma.model import VoiceCoilDma
 
 FAR = 1e6
 LARGE = 1e4  # of a load, in N: still far below where differences drown in rounding
-CATALOGUES = (OF_ACTUATOR, OF_BENCH, OF_GALVANOSTAT, OF_FOOT, OF_ESTIMATOR)
+CATALOGUES = (OF_ACTUATOR, OF_BENCH, OF_GALVANOSTAT, OF_FOOT, OF_ESTIMATOR, OF_STAND)
 
 
 def size(effect, values, number=0):

@@ -2,6 +2,7 @@ from .candidate import Candidate as Candidate
 from .candidate import catalogue as catalogue
 from .candidate import label as label
 from .candidate import own_parameters as own_parameters
+from .candidate import without_random as without_random
 from .encompassing_test import Amount as Amount
 from .encompassing_test import encompassing as encompassing
 from .evidence import FittedCandidate as FittedCandidate

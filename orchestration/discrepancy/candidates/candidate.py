@@ -75,3 +75,8 @@ def catalogue(
     made = measurement_effects(cls, sampling)
     of_sensors = [effect for effect in made if effect.output in outputs]
     return [effect for effect in (*physics.values(), *of_sensors) if label(effect) not in present]
+
+
+def without_random(effects: Iterable[type[Effect]]) -> list[type[Effect]]:
+    """Return the effects but those of random numbers, of which a record has others."""
+    return [effect for effect in effects if not effect.is_random]

@@ -16,7 +16,7 @@ from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import trace
 from orchestration.discrepancy.budget import Budget
-from orchestration.discrepancy.candidates import catalogue
+from orchestration.discrepancy.candidates import catalogue, without_random
 from orchestration.discrepancy.conclude import Diagnosis
 from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.diagnosis import diagnose, searched_parameters
@@ -163,7 +163,7 @@ def diagnose_loop(
         progress(f"estimating {shift} of {name}")
         shifts[shift] = estimate_shift(free, data, values | shifts, parameters, shift)
     values |= shifts
-    effects = catalogue(free, physics_of(own), isolated.outputs)
+    effects = without_random(catalogue(free, physics_of(own), isolated.outputs))
     diagnosis = diagnose(
         free,
         replace(data, linear=None),  # the fits decide it anew

@@ -12,6 +12,7 @@ import fmus
 from fmus.kit import stack
 from fmus.kit.integrate import Integrator
 from fmus.kit.symbolic.tracing import trace
+from fmus.voice_coil_dma import disturbances
 from fmus.voice_coil_dma.effects import EFFECTS
 from fmus.voice_coil_dma.model import VoiceCoilDma
 from tests.support.completeness import Listed, check_described
@@ -34,6 +35,10 @@ ACTIVE = Listed(
         },
         "end_stops": {"slide_friction_stop_stiffness": 50.0, "slide_friction_stop_position": 2e-3},
         "coil_heating": {"coil_heating": 0.5, "coil_heating_time": 0.4},
+        "winding_protection": {"protection_share": 0.5, "winding_time": 0.5},
+        "clock_jitter": {"clock_jitter": 5e-3},
+        "mains_hum": {"common_mode_voltage": 10.0, "mains_phase": 1.0},
+        "bridge_noise": {"bridge_noise": 1e-5},
     },
     "values of its parameters at which it acts",
 )
@@ -48,9 +53,19 @@ CHANGED = Listed(
         "stribeck_friction": {"der(velocity)"},
         "end_stops": {"der(velocity)"},
         "coil_heating": {"der(coil_current)"},
+        "winding_protection": {"der(coil_current)", "coil_voltage"},
+        "clock_jitter": {"der(coil_current)", "coil_voltage", "voltage_command", "previous_error"},
+        "mains_hum": {"force_measured", "voltage_command", "previous_error"},
+        "bridge_noise": {"force_measured", "voltage_command", "previous_error"},
     },
     "the rates and outputs that it changes",
 )
+# a state in which it acts
+STATES = {
+    "winding_protection": {"winding_hot": 1.0},
+    "clock_jitter": {"late_share": 0.7},
+    "bridge_noise": {"bridge_sample": -1.3},
+}
 effects = pytest.mark.parametrize("name", EFFECTS)
 
 
@@ -105,7 +120,8 @@ def test_neutral_is_bit_identical_in_the_graph(name):
     known = {v.name for v in VoiceCoilDma.layout.variables}
     graphs = {c: {f.name(): f for f in trace(c).functions()} for c in (cls, VoiceCoilDma)}
     for seed in range(20):
-        values = {v.name: v.start for v in (*cls.layout.parameters, *cls.layout.inputs)}
+        groups = (cls.layout.parameters, cls.layout.inputs, cls.layout.discretes)
+        values = {v.name: v.start for group in groups for v in group}
         values |= random_values(cls, seed) | {NEUTRAL[name]: 0.0}
         found = []
         for c, functions in graphs.items():
@@ -124,7 +140,7 @@ def test_neutral_is_bit_identical_in_the_graph(name):
 def test_an_active_effect_changes_what_it_should_and_nothing_else(name):
     cls, changed = stack(VoiceCoilDma, EFFECTS[name]), set()
     for seed in range(50):
-        values = random_values(cls, seed) | ACTIVE[name]
+        values = random_values(cls, seed) | ACTIVE[name] | STATES.get(name, {})
         plain, active = named(cls, values | {NEUTRAL[name]: 0.0}), named(cls, values)
         changed |= {n for n in plain if plain[n] != active[n]}
     assert changed == CHANGED[name]
@@ -136,22 +152,23 @@ def test_the_slope_at_neutral_is_finite_and_not_zero(name):
     cls = stack(VoiceCoilDma, EFFECTS[name])
     graph = trace(cls)
     column = [p.name for p in cls.layout.parameters].index(NEUTRAL[name])
-    f = ca.Function("j", graph.arguments, [ca.jacobian(graph.rates, graph.parameters)[:, column]])
+    computed = ca.vertcat(graph.rates, graph.outputs, *graph.updates)
+    f = ca.Function("j", graph.arguments, [ca.jacobian(computed, graph.parameters)[:, column]])
     values = {
-        v.name: v.start for v in (*cls.layout.parameters, *cls.layout.inputs)
+        v.name: v.start for v in (*cls.layout.parameters, *cls.layout.inputs, *cls.layout.discretes)
     } | random_values(cls, 3)
     # where every effect acts: off the middle, and stretching, but not by far
     values |= ACTIVE[name] | {"position": 5e-3, "velocity": 5e-3, NEUTRAL[name]: 0.0}
+    values |= STATES.get(name, {}) | {"command_instant": -1.0}  # long ago
     groups = (cls.layout.parameters, cls.layout.inputs, cls.layout.states, cls.layout.discretes)
     found = (
         f(0.0, *[np.array([values[v.name] for v in g], dtype=float) for g in groups]).full().ravel()
     )
     step = 1e-4 * (cls.declared | EFFECTS[name].declared)[NEUTRAL[name]].nominal
     ends = [named(cls, values | {NEUTRAL[name]: sign * step}) for sign in (1.0, -1.0)]
-    slope = [
-        (ends[0][f"der({s.name})"] - ends[1][f"der({s.name})"]) / (2 * step)
-        for s in cls.layout.states
-    ]
+    names = [*(f"der({s.name})" for s in cls.layout.states), *(o.name for o in cls.layout.outputs)]
+    names += [d.name for _, members in cls.layout.sampled for d in members]
+    slope = [(ends[0][n] - ends[1][n]) / (2 * step) for n in names]
     assert found == pytest.approx(slope, rel=1e-3, abs=1e-6 * np.abs(slope).max())
     assert np.abs(found).max() > 0
 
@@ -223,7 +240,9 @@ LAWS = {
 }
 
 
-@effects
+@pytest.mark.parametrize(
+    "name", [n for n, e in EFFECTS.items() if e.__module__ != disturbances.__name__]
+)
 def test_an_effect_follows_its_equation(name):
     found = open_loop(stack(VoiceCoilDma, EFFECTS[name]), **ACTIVE[name])
     solution = exact(**LAWS[name])

@@ -5,11 +5,13 @@ from __future__ import annotations
 from fmus.kit.sensors import sensor_lag
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
+from fmus.voice_coil_dma.effects import EFFECTS as OF_BENCH
 from orchestration.discrepancy.candidates.candidate import (
     Candidate,
     catalogue,
     label,
     own_parameters,
+    without_random,
 )
 
 
@@ -18,6 +20,13 @@ def test_the_catalogue_speaks_of_what_was_measured():
     assert set(EFFECTS) <= set(names)
     assert "transport_delay(voltage)" in names
     assert not [name for name in names if "displacement)" in name]
+
+
+def test_effects_of_random_numbers_are_not_looked_for():
+    """Of the bench, noise and jitter are; hum and the protection are as they are in a record."""
+    found = {effect.id for effect in without_random(OF_BENCH.values())}
+    assert set(OF_BENCH) - found == {"bridge_noise", "clock_jitter"}
+    assert without_random(EFFECTS.values()) == [*EFFECTS.values()]
 
 
 def test_a_candidate_has_its_switch_first():
