@@ -145,7 +145,7 @@ class FootFree(Ground, FootDynamic):
     leg_height = State(
         "m",
         rate="leg_height_rate",
-        start=0.1,
+        start=0.25,
         nominal=0.1,
         display="mm",
         output=True,

@@ -192,7 +192,7 @@ def move(slope: Slope, state: np.ndarray, loads: np.ndarray) -> np.ndarray:
 MASSES = np.array([0.06, 0.03, 0.01, 0.01])
 RODS = np.array([*LINKS, LINKS[2]])
 LEG = 0.2
-FREE_STOP = 0.4  # s, within which it lands on heel, ball and toe
+FREE_STOP = 0.4  # s, half of which it falls
 GRAVITY = 9.80665
 FREE_INERTIA = np.array([*INERTIA, 2e-5])
 FREE_FRICTION = np.array([*FRICTION, 1e-3])
@@ -415,7 +415,7 @@ def main() -> None:
                 fed_free,
                 free_outputs,
                 free_slope,
-                np.array([*np.zeros(8), 0.1, *np.zeros(7)]),
+                np.array([*np.zeros(8), 0.25, *np.zeros(7)]),
                 FREE_STOP,
             ),
         ),
