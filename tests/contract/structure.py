@@ -29,7 +29,7 @@ def evaluate(library: Library, values: dict[str, float], read: list[str]) -> np.
 def random_point(rng: np.random.Generator, description) -> dict[str, float]:
     """Draw values of all parameters and inputs near their start values.
 
-    An imposed length makes the actuator taut, or slack.
+    An imposed length makes the actuator taut, or slack; a free foot is in the ground, or above it.
     """
     values = {}
     for v in description.modelVariables:
@@ -51,6 +51,8 @@ def random_point(rng: np.random.Generator, description) -> dict[str, float]:
         values[v.name] = float(round(near) if v.type == "Integer" else min(max(near, low), high))
     if "length_change" in values:
         values["length_change"] = rng.uniform(2e-3, 3e-3) * rng.choice([-1.0, 1.0])
+    if "leg_height_start" in values:
+        values["leg_height_start"] = rng.uniform(0.0, 0.1)
     return values
 
 

@@ -86,7 +86,7 @@ STIMULI = {
     "pid": (1.0, 0.0037, {"reference": (1.0, 0.5, 20.0), "measured": (0.8, 0.5, 7.0)}),
     "foot_design": (1.0, 0.013, {"ankle_angle": (0.0, 0.3, 2.0), "mtp_angle": (0.1, 0.1, 4)}),
     "foot_dynamic": (1.0, 0.013, {"an_tension": (20.0, 20.0, 3.0), "po_tension": (5.0, 5.0, 7.0)}),
-    "foot_free": (0.5, 0.0047, {"an_tension": (2.0, 2.0, 3.0), "leg_force_y": (0.0, 0.5, 7.0)}),
+    "foot_free": (0.3, 0.0047, {"an_tension": (2.0, 2.0, 3.0), "leg_force_y": (0.0, 0.5, 7.0)}),
 }
 
 
