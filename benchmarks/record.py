@@ -130,7 +130,8 @@ def _actions(
         (MACHINE, machine()),
         (SENSITIVE, sensitive.run(*_record(n)).signals),
     ):
-        for signal, values in expected.items():
+        for signal in signals:
+            values = expected[signal]
             error = np.max(np.abs(result[signal] - values)) / np.max(np.abs(values))
             if not error <= AGREEMENT:
                 raise RuntimeError(f"{name}: {signal} differs by {error:g} of its largest value")

@@ -72,7 +72,7 @@ def computational_delay(component: type[Component], law: str, unit: str) -> type
         title="A command that is late",
         neutral=lateness,
         assumption=1,
-        term=Term(law, "", "l (u_before - u)", qualifier=law),
+        term=Term(law, "", "l (u_before - u)", f"{law} with a memory", law),
     )
     return effect
 

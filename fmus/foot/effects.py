@@ -124,6 +124,7 @@ class TensionStiffness(FootEffect):
     neutral = "tension_stiffness_share"
     assumption = 5
     term = Term("joint_stiffnesses", "", "s T d2l/dtheta2", "joint_stiffnesses over tensions")
+    sizes = (Size("{} of it", ("tension_stiffness_share",), "%", lambda share: 100.0 * share),)
 
     tension_stiffness_share = Parameter(
         0.0,

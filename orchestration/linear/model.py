@@ -232,29 +232,11 @@ class LinearModel(Displayable):
         ends = f"{', '.join(self.inputs)} -> {', '.join(self.outputs)}"
         return one_line(f"LinearModel {self.name} {self.point.words}: {ends}")
 
-    def _figure(self) -> Figure:
-        return self.plot()
+    def draw(self) -> Figure:
+        """Draw Bode diagram, step response, poles and zeros, at all operating points in one."""
+        from orchestration.linear import picture
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw Bode diagram, step response, poles and zeros, at all operating points in one.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture (.png, .svg or .pdf) to write as well.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        UserError
-            If the file cannot be written.
-        """
-        from orchestration.linear.picture import draw
-
-        return draw(self, None if path is None else Path(path))
+        return picture.draw(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all of it, complex numbers as pairs of real and imaginary part."""

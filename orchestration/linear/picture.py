@@ -6,7 +6,6 @@ Operating points are lines of different shades; values of parameters that vary m
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,23 +26,16 @@ _CYCLES = 3.0  # of the crossover frequency, that a closed loop's step response 
 _PALEST = 0.35
 
 
-def draw(model: LinearModel, path: Path | None = None) -> Figure:
+def draw(model: LinearModel) -> Figure:
     """Draw a model and what goes with it, from its first input to its first output.
 
     Parameters
     ----------
     model : LinearModel
-    path : Path, optional
-        Picture to write as well.
 
     Returns
     -------
     matplotlib.figure.Figure
-
-    Raises
-    ------
-    UserError
-        If the file cannot be written.
     """
     title = f"{model.name}: {model.inputs[0]} to {model.outputs[0]}"
     if model.loop:
@@ -57,8 +49,6 @@ def draw(model: LinearModel, path: Path | None = None) -> Figure:
     _label(model, gain, phase, step, plane)
     if len(models) > 1 or model.variations:
         gain.legend(fontsize=8)
-    if path is not None:
-        pictures.save(figure, path)
     return figure
 
 

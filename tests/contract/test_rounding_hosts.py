@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fmpy
 import pytest
 
 from tests.support import hosts
@@ -33,7 +34,8 @@ def test_a_state_that_is_an_output_follows_its_own_seed(fmu):
         model.setupExperiment(startTime=0.0)
         model.enterInitializationMode()
         model.exitInitializationMode()
-        charge = 13  # its value reference
+        described = fmpy.read_model_description(folder).modelVariables
+        charge = next(v.valueReference for v in described if v.name == "charge")
         assert model.getDirectionalDerivative([charge], [charge], [2.5]) == [2.5]
         model.terminate()
         model.fmi2FreeInstance(model.component)

@@ -86,6 +86,7 @@ STIMULI = {
     "pid": (1.0, 0.0037, {"reference": (1.0, 0.5, 20.0), "measured": (0.8, 0.5, 7.0)}),
     "foot_design": (1.0, 0.013, {"ankle_angle": (0.0, 0.3, 2.0), "mtp_angle": (0.1, 0.1, 4)}),
     "foot_dynamic": (1.0, 0.013, {"an_tension": (20.0, 20.0, 3.0), "po_tension": (5.0, 5.0, 7.0)}),
+    "isotonic_stand": (2.0, 0.0137, {"mass": (0.1, 0.05, 3.0), "displacement": (1e-4, 1e-4, 5.0)}),
     "foot_free": (0.3, 0.0047, {"an_tension": (2.0, 2.0, 3.0), "leg_force_y": (0.0, 0.5, 7.0)}),
 }
 
@@ -250,7 +251,7 @@ def test_casadi_integrates_it_to_the_closed_form(opened):
 def test_casadi_reads_its_directional_derivatives(opened):
     dae, parameters = opened("ppy_actuator")
     jacobian = dae.create("f", ["x", "u"], ["ode", "y"]).jacobian()
-    by_x, by_u, *_ = jacobian([1.0, 2e-5, 1e-5], [0.1, 0.3], np.zeros(3), np.zeros(5))
+    by_x, by_u, *_ = jacobian([1.0, 2e-5, 1e-5], [0.1, 0.3], np.zeros(3), np.zeros(len(dae.y())))
     R1, R2, C, k2, b1, b2 = (parameters[name] for name in ("R1", "R2", "C", "k2", "b1", "b2"))
     rows = [[-1.0 / C / (R1 + R2), 0, 0], [0, -k2 / b2, 0], [0, 0, 0]]
     np.testing.assert_allclose(by_x.full(), rows, rtol=1e-12, atol=1e-300)

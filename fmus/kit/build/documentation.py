@@ -86,7 +86,7 @@ def relaxed_assumption(cls: type[Component], effect: type[Effect]) -> tuple[str,
     found = re.search(
         rf"^{given}\. (?:(?:`\w+`, )*`\w+`: )?(.+?){_END_OF_SENTENCE}", listed, re.M | re.S
     )
-    words = within_sentence(" ".join(found[1].split())) if found else ""
+    words = within_sentence(" ".join(found[1].replace("`", "").split())) if found else ""
     return f"the model assumes that {words}" if words else "", f"assumption {given}"
 
 

@@ -16,7 +16,7 @@ from fmus.kit.units import printed, write_prefixed
 from orchestration.identify.spectral import picture
 from orchestration.identify.spectral.response import Response
 from orchestration.records import Repair
-from orchestration.reporting import Displayable, one_line, pictures, plain_table
+from orchestration.reporting import Displayable, one_line, plain_table
 
 if TYPE_CHECKING:
     import pandas
@@ -87,27 +87,10 @@ class FrequencyResponse(Displayable):
         yield ""
         yield from self.notes
 
-    def _figure(self) -> Figure:
-        return self.plot()
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw Bode and Nyquist diagram of every response with 95 % bands, and the model's.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture (.png, .svg or .pdf) to write as well.
-
-        Raises
-        ------
-        UserError
-            If the file cannot be written.
-        """
+    def draw(self) -> Figure:
+        """Draw Bode and Nyquist diagram of every response with 95 % bands, and the model's."""
         title = f"{self.source} against {self.model}" if self.model else self.source
-        figure = picture.draw([*self.responses.values()], title)
-        if path is not None:
-            pictures.save(figure, Path(path))
-        return figure
+        return picture.draw([*self.responses.values()], title)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return all responses as a table, a row for each ratio and frequency.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -124,19 +123,8 @@ class Front(Displayable):
         columns = dict(zip(self.objectives, self.values.T, strict=True))
         return pandas.DataFrame(columns | self.parameters)
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw the front with the model as it is, and the parameters along it.
-
-        Parameters
-        ----------
-        path : str or Path, optional
-            Picture: .png, .svg or .pdf.
-
-        Raises
-        ------
-        UserError
-            If it cannot be written.
-        """
+    def draw(self) -> Figure:
+        """Draw the front with the model as it is, and the parameters along it."""
         from orchestration.reporting import pictures
 
         name, *others = self.objectives
@@ -151,12 +139,7 @@ class Front(Displayable):
         for axis, parameter in zip(axes[len(others) :], shown, strict=True):
             axis.plot(self.values[:, 0], self.parameters[parameter], ".-", color=pictures.MODEL)
             pictures.label(axis, parameter, self.units[parameter])
-        if path is not None:
-            pictures.save(figure, Path(path))
         return figure
-
-    def _figure(self) -> Figure:
-        return self.plot()
 
 
 def undominated(values: Array) -> Mask:

@@ -62,11 +62,11 @@ def test_a_loop_shows_where_its_gain_is_one_and_its_step_when_closed():
 
 def test_a_sampled_model_is_drawn_in_steps_and_in_the_w_plane(tmp_path):
     one = lag(1.0, period=0.1)
-    figure = draw(replace(one, variations=(lag(2.0, period=0.1),)), tmp_path / "p.png")
+    figure = replace(one, variations=(lag(2.0, period=0.1),)).plot(tmp_path / "p.png")
     plane = figure.axes[3]
     z = np.exp(-0.1)
     assert plane.lines[0].get_xdata().tolist() == pytest.approx([20.0 * (z - 1.0) / (z + 1.0)])
     assert figure.axes[2].lines[0].get_drawstyle() == "steps-post"
     assert (tmp_path / "p.png").stat().st_size > 10_000
     with pytest.raises(UserError, match="must end in"):
-        draw(one, tmp_path / "p.doc")
+        one.plot(tmp_path / "p.doc")

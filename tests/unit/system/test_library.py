@@ -130,6 +130,8 @@ def test_the_proxy_has_every_signal_of_the_actuator():
     ]
     for group in ("inputs", "outputs"):
         actuator, proxy = (getattr(model, group) for model in models)
+        # no rig tells what is left to a limit
+        actuator = {name: s for name, s in actuator.items() if not name.endswith("_margin")}
         assert {name: (s.type, s.unit) for name, s in actuator.items()} == {
             name: (proxy[name].type, proxy[name].unit) for name in actuator
         }
