@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kit import Component, Discrete, Effect, Parameter, Term, effects_by_name, make_effect
+from ..kit import Component, Discrete, Effect, Parameter, Size, Term, effects_by_name, make_effect
 from .displacement_controller import DisplacementController
 from .impedance_controller import ImpedanceController
 from .pid import Pid
@@ -73,6 +73,7 @@ def computational_delay(component: type[Component], law: str, unit: str) -> type
         neutral=lateness,
         assumption=1,
         term=Term(law, "", "l (u_before - u)", f"{law} with a memory", law),
+        sizes=(Size("late by {} of a sample", (lateness,), "%", lambda share: 100.0 * share),),
     )
     return effect
 
