@@ -24,6 +24,7 @@ COMPONENTS = {
     "foot_dynamic": "foot.model:FootDynamic",
     "adaptive_controller": "controllers.adaptive_controller:AdaptiveController",
     "impedance_controller": "controllers.impedance_controller:ImpedanceController",
+    "feedforward": "controllers.feedforward:Feedforward",
     "learning_controller": "controllers.learning_controller:LearningController",
     "pid": "controllers.pid:Pid",
     "displacement_controller": "controllers.displacement_controller:DisplacementController",

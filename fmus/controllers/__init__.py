@@ -2,6 +2,7 @@
 
 from .adaptive_controller import AdaptiveController
 from .displacement_controller import DisplacementController
+from .feedforward import Feedforward
 from .impedance_controller import ImpedanceController
 from .learning_controller import LearningController
 from .pid import Pid
@@ -10,6 +11,7 @@ from .state_feedback import StateFeedback
 __all__ = [
     "AdaptiveController",
     "DisplacementController",
+    "Feedforward",
     "ImpedanceController",
     "LearningController",
     "Pid",

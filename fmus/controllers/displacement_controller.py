@@ -123,6 +123,9 @@ class DisplacementController(Component):
     hold = Input(
         "1", start=False, type="boolean", doc="keeps the command, as while a protection recovers"
     )
+    command_beside = Input(
+        "A", doc="command of a feedforward, which is added and which the limits count"
+    )
 
     unlimited_command = Discrete(
         "A", update="next_unlimited", period="sample_period", doc="current before its limits"
@@ -137,6 +140,12 @@ class DisplacementController(Component):
         nominal=1e-4,
         display="mm",
         doc="error at the latest sample",
+    )
+    sampled_beside = Discrete(
+        "A",
+        update="next_beside",
+        period="sample_period",
+        doc="command beside at the latest sample",
     )
     charge = Discrete(
         "C",
@@ -220,17 +229,23 @@ class DisplacementController(Component):
         before = tracked(self.unlimited_command, self.command_within_limits, share)
         return where(self.hold, self.unlimited_command, before + self.increment())
 
+    def next_beside(self) -> Any:
+        """Sample of the command beside, which the limits of the sample hold for."""
+        return self.command_beside
+
     def next_limited(self) -> Any:
-        """Wanted current within the limits."""
-        return maximum(minimum(self.next_unlimited(), self.upper_current()), self.lower_current())
+        """Wanted current that is within the limits together with the command beside."""
+        upper = self.upper_current() - self.command_beside
+        lower = self.lower_current() - self.command_beside
+        return maximum(minimum(self.next_unlimited(), upper), lower)
 
     def is_limited(self) -> Any:
         """Whether a limit takes something off the wanted current."""
         return where(abs(self.next_unlimited() - self.next_limited()) > 0.0, 1.0, 0.0)
 
     def issued_current(self) -> Any:
-        """Command that leaves the controller."""
-        return self.command_within_limits
+        """Command that leaves the controller: the feedback's, and the one beside."""
+        return self.command_within_limits + self.sampled_beside
 
     # --- outputs
     # ----------------------------------------------------------------------------------------------

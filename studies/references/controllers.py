@@ -186,6 +186,42 @@ def learning(inputs: Callable[[int], Row], count: int) -> Iterator[Row]:
         yield [clip(commands[-1] + beside, -1.3, 1.3)]
 
 
+def ramped(elongation: float, load: float, slope: float, h: float) -> float:
+    """Kelvin elongation under a ramp: the ramp late by 200 s, and what was there and fades."""
+    late = (load - slope * 200.0) / 1e4
+    return late + slope * h / 1e4 + (elongation - late) * float(np.exp(-h / 200.0))
+
+
+def voltage_ends(charge: float, decay: float, gained: float) -> tuple[float, float]:
+    """Least and largest current between which the voltage of a sample stays within 1 V."""
+    divider = 2.35 / 2.78
+    before, after = divider / 2.70 * charge, divider / 2.70 * decay * charge
+    at_once = 0.43 * divider
+    later = at_once + divider / 2.70 * gained
+    low = max((-1.0 - before) / at_once, (-1.0 - after) / later)
+    return low, min((1.0 - before) / at_once, (1.0 - after) / later)
+
+
+def feedforward(inputs: Callable[[int], Row], count: int) -> Iterator[Row]:
+    """Charge that the length needs beside the load, and the current that brings it in time."""
+    h = 0.25
+    decay = float(np.exp(-h / (2.70 * 2.78)))
+    gained = 2.35 * 2.70 * (1.0 - decay)
+    charge = kelvin = maxwell = current = 0.0
+    yield [0.0, charge, 0.0]
+    for k in range(count):
+        reference, now, then = inputs(k)
+        kelvin = ramped(kelvin, now, (then - now) / h, h)
+        maxwell += h * 0.5 * (now + then) / 1.7e6
+        wanted = (reference - kelvin - maxwell - then / 6300.0) / 6.8e-5
+        needed = (wanted - decay * charge) / gained
+        low, high = voltage_ends(charge, decay, gained)
+        slow = clip(needed, current - 1.3, current + 1.3)
+        current = clip(clip(slow, low, high), -1.3, 1.3)
+        charge = decay * charge + gained * current
+        yield [current, charge, float(current != needed)]
+
+
 def impedance(inputs: Callable[[int], Row], count: int) -> Iterator[Row]:
     """Spring, damper and preload, between no force and 3 N."""
     before = rate = 0.0
@@ -233,6 +269,18 @@ CASES = {
         lambda k: [stairs(k, [3e-5, 6e-5, 1e-4, 0.0]), stairs(k, [0.0, 2e-5, 5e-5], 25)],
         0.02,
         320,
+    ),
+    "feedforward": Case(
+        feedforward,
+        "next_reference,force,next_force",
+        "command,charge,limited",
+        lambda k: [
+            stairs(k, [1e-5, 4e-5, 3e-4, -2e-4], 20),
+            0.05 * (k % 7),
+            0.05 * ((k + 1) % 7) if k % 7 < 6 else 0.3,
+        ],
+        0.25,
+        240,
     ),
     "learning_controller": Case(
         learning,

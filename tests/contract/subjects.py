@@ -156,7 +156,8 @@ SUBJECTS = {
         {"reference": 2e-5, "voltage": 0.4, "displacement": 1e-5, "current": 0.3},
         "command",
         {"charge_limit": 1.0, "unlimited_command_start": 0.2, "integral_time": 5.0},
-        "reference m displacement m voltage V current A hold - command A limited - charge C",
+        "reference m displacement m voltage V current A hold - command_beside A command A"
+        " limited - charge C",
     ),
     "state_feedback": Subject(
         {"reference": 2e-5, "force": 0.1, "displacement": 1e-5, "voltage": 0.1, "current": 0.3},
@@ -164,6 +165,12 @@ SUBJECTS = {
         {"current_limit": 0.2, "charge_start": 0.2, "charge_limit": 1.0},
         "reference m displacement m voltage V current A force N command A charge C"
         " kelvin_elongation m maxwell_elongation m",
+    ),
+    "feedforward": Subject(
+        {"next_reference": 2e-5, "force": 0.1, "next_force": 0.12},
+        "command",
+        {"current_limit": 0.3, "charge_start": 0.1, "sample_period": 0.2},
+        "next_reference m force N next_force N active - command A charge C limited -",
     ),
     "learning_controller": Subject(
         {"feedback_command": 0.4, "reference": 2e-5, "displacement": 1e-5},

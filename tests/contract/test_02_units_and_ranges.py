@@ -56,6 +56,7 @@ POSITIVE = {
     "foot": "l1 l2 l3 k_an b_an r_po",
     "displacement_controller": "sample_period integral_time current_limit R2 C approach_time",
     "state_feedback": "sample_period charge_per_current current_limit charge_limit",
+    "feedforward": "sample_period current_limit rate_limit R1 R2 C alpha k1 b1 k2 b2",
     "learning_controller": "sample_period current_limit",
     "impedance_controller": "sample_period force_max",
     "adaptive_controller": "sample_period model_time displacement_per_current current_limit",

@@ -68,6 +68,11 @@ STIMULI = {
         0.0037,
         {"reference": (1e-5, 1e-5, 20.0), "voltage": (0.1, 0.2, 3.0), "force": (0.1, 0.1, 3.0)},
     ),
+    "feedforward": (
+        20.0,
+        0.037,
+        {"next_reference": (1e-4, 1e-5, 0.7), "next_force": (0.5, 0.1, 0.5)},
+    ),
     "learning_controller": (
         30.0,
         0.037,

@@ -14,7 +14,9 @@ from fmus.kit.integrate import Integrator
 def outputs(model: Component) -> dict[str, float]:
     """Outputs by name."""
     names = (output.name for output in model.layout.outputs)
-    return dict(zip(names, map(float, model.outputs()), strict=True))
+    shown = (state.name for state in model.layout.discretes if state.output)
+    values = dict(zip(names, map(float, model.outputs()), strict=True))
+    return values | {name: float(getattr(model, name)) for name in shown}
 
 
 def run(model: Component, inputs: Mapping[str, Any], count: int) -> dict[str, np.ndarray]:

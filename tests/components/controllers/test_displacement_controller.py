@@ -137,3 +137,14 @@ def test_on_hold_the_command_stays():
     run(model, {"reference": 1e-6}, 3)
     before = model.command()
     assert run(model, {"reference": 5e-6, "hold": True}, 5)["command"].tolist() == [before] * 5
+
+
+def test_the_limits_count_the_command_beside():
+    """With a feedforward far too large the sum is what the feedback alone may command."""
+    given = {"reference": 1e-3, "voltage": 0.3, "current": 0.2}
+    alone = run(DisplacementController(), given, 5)["command"]
+    for beside in (5.0, -0.4):
+        found = run(DisplacementController(), given | {"command_beside": beside}, 5)
+        assert found["command"] == pytest.approx(alone, rel=1e-12)
+    held = run(DisplacementController(), {"hold": True, "command_beside": 0.4}, 5)
+    assert np.all(held["command"] == 0.4)

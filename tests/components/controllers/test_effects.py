@@ -57,7 +57,7 @@ def laws(cls, values):
 def test_catalogue():
     names = ("adaptive", "displacement", "impedance", "learning")
     controllers = {f"{name}_controller" for name in names}
-    assert set(CONTROLLERS) == controllers | {"pid", "state_feedback"}
+    assert set(CONTROLLERS) == controllers | {"feedforward", "pid", "state_feedback"}
     check_described("controllers", EFFECTS)
     assert {effect for name in CONTROLLERS for effect in fmus.effects(name)} == set(EFFECTS)
     assert all(effect.declared[effect.neutral].start == 0.0 for effect in EFFECTS.values())
