@@ -25,7 +25,7 @@ EXAMPLES = {
     ),
     "frequency": (
         "ppy frequency demo-output/record.csv --of voltage/current --plot impedance.png",
-        "ppy frequency demo-output/record.csv --band 50mHz..2Hz --json -",
+        "ppy frequency demo-output/record.csv --model ppy_actuator --json -",
     ),
     "black-box": (
         "ppy black-box demo-output/record.csv --output voltage --inputs current",
