@@ -1,6 +1,7 @@
 from . import result_page as result_page
 from . import results as results
 from . import waveforms as waveforms
+from . import work_loop as work_loop
 from .execution import UnfinishedExperiment as UnfinishedExperiment
 from .execution import run as run
 from .library import shipped as shipped

@@ -47,6 +47,10 @@ SUMMARIES = {
         "Galvanostat and an actuator that carries weights, its displacement by an LVDT"
         " (thesis section 2.1)."
     ),
+    "work_loop": (
+        "Actuator under a periodic load whose length follows a loop by feedforward, learning and"
+        " feedback (thesis sections 5.4, 6.2)."
+    ),
     "degradation_watch": (
         "Galvanostat, an actuator that ages, and an estimator that lowers the voltage limit"
         " (thesis sections 4.2, 4.3)."
@@ -83,8 +87,8 @@ def system(name: str, runtime: str = "native") -> System:
 
     Parameters
     ----------
-    name : {"dma_bench", "isotonic_stand", "degradation_watch", "potentiostat_watch", \
-"protected_bench", "foot_gait", "hil_bench"}
+    name : {"dma_bench", "isotonic_stand", "work_loop", "degradation_watch", \
+"potentiostat_watch", "protected_bench", "foot_gait", "hil_bench"}
     runtime : {"native", "python"}
         Kind of build of its members.
 
@@ -96,6 +100,7 @@ def system(name: str, runtime: str = "native") -> System:
     makers = {
         "dma_bench": dma_bench,
         "isotonic_stand": isotonic_stand,
+        "work_loop": work_loop,
         "degradation_watch": degradation_watch,
         "potentiostat_watch": potentiostat_watch,
         "protected_bench": protected_bench,
@@ -182,6 +187,58 @@ def isotonic_stand(runtime: str) -> System:
         doc=SUMMARIES["isotonic_stand"],
         step=0.01,  # the period at which the galvanostat looks at the voltage
         stop=60.0,
+    )
+
+
+def work_loop(runtime: str) -> System:
+    """Return an actuator that is to go round a loop of load and length (sections 5.4 and 6.2).
+
+    The currents of feedforward and learning are added and pass through the feedback, whose limits
+    hold for the sum. Each is switched by an input of its own: ``feedforward.active``,
+    ``learning.learning``, and ``feedback.hold``. Length and load are given twice, now and as they
+    are a sample of the feedforward later.
+    """
+    # 0.8 of the inverse of the nominal actuator, and a filter that takes away the highest frequency
+    lesson = {"learning": 1.0, "learning_gain": 1860.0, "smoothing": 0.25}
+    # 15 V, the compliance of the galvanostat, is no protection
+    idle = {"voltage_command": 0.0, "voltage_limit": 15.0}
+    return System(
+        name="work_loop",
+        # in the order in which their commands are added at a sample
+        members=(
+            Member.of("feedforward", component("feedforward"), {"active": 1.0}, runtime),
+            Member.of("learning", component("learning_controller"), lesson, runtime),
+            Member.of("feedback", component("displacement_controller"), {"hold": 0.0}, runtime),
+            Member.of("galvanostat", component("galvanostat"), idle, runtime),
+            Member.of("actuator", component("ppy_actuator"), runtime=runtime),
+        ),
+        connections=connect(
+            "feedforward.command -> learning.feedback_command",
+            "learning.command -> feedback.command_beside",
+            "feedback.command -> galvanostat.current_command",
+            "galvanostat.current -> actuator.current",
+            "galvanostat.current -> feedback.current",
+            "actuator.voltage -> galvanostat.voltage",
+            "actuator.voltage -> feedback.voltage",
+            "actuator.displacement -> feedback.displacement",
+            "actuator.displacement -> learning.displacement",
+        ),
+        inputs={
+            "force": (Port("actuator", "force"), Port("feedforward", "force")),
+            "reference": (Port("feedback", "reference"), Port("learning", "reference")),
+            "next_force": (Port("feedforward", "next_force"),),
+            "next_reference": (Port("feedforward", "next_reference"),),
+        },
+        outputs=_make_outputs(
+            "galvanostat.current",
+            "actuator.voltage",
+            "actuator.displacement",
+            "actuator.charge",
+            "feedback.limited",
+        ),
+        doc=SUMMARIES["work_loop"],
+        step=0.01,  # the period at which the galvanostat looks at the voltage
+        stop=50.0,
     )
 
 

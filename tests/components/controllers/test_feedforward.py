@@ -85,6 +85,20 @@ def test_no_limit_is_passed(seed, limit):
     assert np.abs(voltages).max() == pytest.approx(limit, rel=1e-12)
 
 
+@pytest.mark.parametrize("charge", [-1.0, 3.0])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_voltage_is_at_its_limit_where_it_is_larger(charge, side):
+    """Films charged beyond the limit's own 2.7 C let charge go: the voltage is largest at once."""
+    start = side * charge
+    model = Feedforward(charge_start=start, voltage_limit=1.0, current_limit=1e3, rate_limit=1e6)
+    current = run(model, {"next_reference": side * 1.0}, 1)["command"][0]
+    decay = np.exp(-PERIOD / ((R1 + R2) * C))
+    charges = np.array([start, decay * start + R2 * C * (1.0 - decay) * current])
+    voltages = R1 * R2 / (R1 + R2) * current + R2 / (R1 + R2) * charges / C
+    assert np.max(side * voltages) == pytest.approx(1.0, rel=1e-12)
+    assert np.argmax(side * voltages) == (0 if charge > C else 1)
+
+
 def test_the_rate_is_limited_alone():
     found = commands(np.full(COUNT + 1, 1e-4), np.zeros(COUNT + 1), rate_limit=0.4)
     changes = np.diff(found["command"], prepend=0.0)

@@ -1,4 +1,4 @@
-"""Claims: the five systems ship in both builds, and run at their step in a master that is not
+"""Claims: the systems ship in both builds, and run at their step in a master that is not
 ours.
 """
 
@@ -30,10 +30,11 @@ def run(tmp_path):
     return run
 
 
-def test_seven_ship_and_another_name_is_refused():
+def test_eight_ship_and_another_name_is_refused():
     assert library.NAMES == (
         "dma_bench",
         "isotonic_stand",
+        "work_loop",
         "degradation_watch",
         "potentiostat_watch",
         "protected_bench",
@@ -55,11 +56,33 @@ def test_each_makes_sense_in_both_builds(name, runtime):
     )
 
 
+def test_commands_of_a_work_loop_are_added_before_they_are_limited():
+    wires = {(str(c.source), str(c.target)) for c in library.system("work_loop").connections}
+    measured = {
+        (f"actuator.{signal}", f"{member}.{signal}")
+        for signal, member in (
+            ("displacement", "feedback"),
+            ("displacement", "learning"),
+            ("voltage", "feedback"),
+            ("voltage", "galvanostat"),
+        )
+    }
+    assert wires - measured == {
+        ("feedforward.command", "learning.feedback_command"),
+        ("learning.command", "feedback.command_beside"),
+        ("feedback.command", "galvanostat.current_command"),
+        ("galvanostat.current", "actuator.current"),
+        ("galvanostat.current", "feedback.current"),
+    }
+    assert measured <= wires
+
+
 def test_what_is_connected_with_what():
     """As section 6 of the design has it."""
     found = {
         n: {str(c.source): str(c.target) for c in library.system(n).connections}
         for n in library.NAMES
+        if n != "work_loop"  # whose actuator is heard by several
     }
     assert found["dma_bench"] == {
         "bench.position": "actuator.length_change",

@@ -1,0 +1,78 @@
+"""Claims: on a rig with hidden saturation and lag, feedforward and learning take the error of a
+work loop to a tenth; the feedforward of the model that a diagnosis of that record gives is as good.
+"""
+
+import numpy as np
+import pytest
+
+import orchestration as ppy
+from orchestration.experiment.work_loop import MODES, TrackedLoop, WorkLoop, planned_current
+from orchestration.system import library
+from studies.emulator import EmulatedRig, RigParameters
+from studies.emulator.hidden_coupling import LaggingStrain, SaturatingStrain
+from studies.emulator.physics import together
+from studies.emulator.stepping import DEVIATIONS, ForceDriven, Noise, SteppedRig
+from tests.support.stepped_system import run_on_rig
+
+LOOP = WorkLoop.ellipse()
+SAMPLE = LOOP.period / 40
+CYCLES = 6
+TIME = 0.05 * np.arange(round(CYCLES * LOOP.period / 0.05) + 1)
+FIFTH = 4  # after five cycles
+
+
+def hidden():
+    """Films that stop growing around 2 C, and lag by 1 s in two stages."""
+    kind = together([SaturatingStrain, LaggingStrain])
+    return kind(RigParameters(), saturation=0.5, lag=1.0, late_share=0.2)
+
+
+def on_rig(mode, seed=None):
+    """Signals of the rig in a mode; with noise of its sensors in the loop, if there is a seed."""
+    sensed = ("voltage", "displacement")
+    noise = None if seed is None else Noise({name: DEVIATIONS[name] for name in sensed}, seed)
+    rig = SteppedRig(ForceDriven(hidden()), sensed, noise)
+    system = library.system("work_loop").given(dict(MODES[mode]))
+    return run_on_rig(system, "actuator", rig, TIME, LOOP.inputs(TIME, SAMPLE))
+
+
+def cycles(found):
+    """Figures of the cycles, without the noise of what was measured."""
+    true = found["true_displacement"], found["current"], found["true_voltage"]
+    return TrackedLoop(LOOP, TIME, *true).cycles()
+
+
+def shares(found):
+    """Error of each cycle per that of the bare loop."""
+    pairs = zip(cycles(found), cycles(on_rig("bare")), strict=True)
+    return np.array([one.error / bare.error for one, bare in pairs])
+
+
+def check_limits(found):
+    for cycle in cycles(found):
+        assert cycle.largest_current <= 1.3
+        assert cycle.largest_voltage <= 1.0
+
+
+@pytest.mark.parametrize("seed", [None, 1])
+def test_feedforward_and_learning_leave_a_tenth_of_the_error(seed):
+    found = on_rig("learning", seed)
+    assert shares(found)[FIFTH] <= 0.10
+    assert shares(on_rig("feedforward"))[FIFTH] > 0.3, "what is hidden shows"
+    check_limits(found)
+
+
+@pytest.mark.slow
+def test_after_a_diagnosis_of_the_record_the_feedforward_alone_is_as_good():
+    learnt = on_rig("learning", seed=1)
+    measured = ("current", "force", "voltage", "displacement")
+    record = {"time": TIME} | {name: learnt[name] for name in measured}
+    result = ppy.diagnose(record)
+    assert "strain_lag" in result.causes
+    _, planned = planned_current(result.model, LOOP, CYCLES)
+    current = planned[np.floor(TIME / SAMPLE + 1e-9).astype(int)]
+    rig = EmulatedRig(hidden=lambda parameters: hidden())
+    rig.run(TIME, current, LOOP.force_at(TIME))
+    found = {"current": current} | {f"true_{name}": rig.truth[name] for name in measured[2:]}
+    check_limits(found)
+    assert shares(found)[FIFTH] <= 1.5 * shares(learnt)[FIFTH]
