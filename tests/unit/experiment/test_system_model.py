@@ -4,8 +4,10 @@ what is held against a record is the bench of the thesis, solved by the exponent
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
+from shutil import copyfile
 
 import numpy as np
 import pytest
@@ -162,6 +164,24 @@ def test_the_digest_is_of_what_is_run(bench):
     ):
         assert source_of(system_model(other)).guid != first.guid
     assert source_of(system_model(bench, Master(method="jacobi"))).guid != first.guid
+
+
+@pytest.mark.parametrize("method", ["gauss-seidel", "fused"])
+def test_it_runs_from_copies_of_its_files_in_another_process(bench, method, tmp_path):
+    source = source_of(system_model(bench, Master(method=method)))
+    copies = [tmp_path / f"{k}.fmu" for k in range(len(source.files))]
+    for path, copy in zip(source.files, copies, strict=True):
+        copyfile(path, copy)
+    sent = pickle.loads(pickle.dumps(source.with_files(copies)))
+    assert sent.files == tuple(copies)
+    given = (POINTS[:100], {"force_reference": np.ones(100)}, {}, ["bench.position"])
+    with source.open() as one, sent.open() as other:
+        assert np.array_equal(one.run(*given), other.run(*given))
+
+
+def test_a_run_that_takes_too_long_ends(bench):
+    with source_of(system_model(bench)).open() as runs, pytest.raises(UserError, match="longer"):
+        runs.run(POINTS, {}, {}, ["bench.position"], 0.0)
 
 
 @pytest.mark.parametrize(
