@@ -18,6 +18,8 @@ from .records import read_record as read_record
 from .results import DiagnosisResult as DiagnosisResult
 from .results import LawsResult as LawsResult
 from .runs import run as run
+from .simulation import as_measured as as_measured
+from .simulation import as_runnable as as_runnable
 from .simulation import points_of as points_of
 from .simulation import simulate as simulate
 from .simulation import values_of as values_of

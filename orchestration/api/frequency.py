@@ -11,7 +11,7 @@ from orchestration.api.declaration import takes
 from orchestration.api.forms import optional_seconds
 from orchestration.api.options import FrequencyKeywords
 from orchestration.api.records import Data, matching_record
-from orchestration.api.simulation import as_declared, values_of
+from orchestration.api.simulation import as_measured, values_of
 from orchestration.fmu import Model, built, simulate
 from orchestration.fmu.isolation import limits_of
 from orchestration.identify.spectral import FrequencyResponse, estimate_responses
@@ -72,7 +72,7 @@ def frequency_response(
         plain = _of_columns(record, of, inputs)
         _check_inputs(inputs, plain.signals)
         return estimate_responses(plain, inputs, of, period=period, band=options["band"])
-    declared = as_declared(model)
+    declared = as_measured(model)
     values = values_of(declared, options["settings"])
     data = _of_model(matching_record(record, declared, options["mapping"]), declared)
     inputs = driving or [*declared.inputs]

@@ -5,20 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Unpack
 
-from fmus.kit import Component
 from orchestration.api.declaration import takes
 from orchestration.api.forms import given_names
 from orchestration.api.options import CompareKeywords, FitKeywords
 from orchestration.api.records import Data, matching_record
-from orchestration.api.simulation import as_declared, values_of
-from orchestration.fmu import Model, built
+from orchestration.api.simulation import AnyModel, as_measured, values_of
+from orchestration.fmu import built
 from orchestration.identify import Comparison, Fit, comparison
 
 
 @takes(CompareKeywords)
 def compare(
     record: Data,
-    model: Model | type[Component] | str = "ppy_actuator",
+    model: AnyModel = "ppy_actuator",
     **options: Unpack[CompareKeywords],
 ) -> Comparison:
     """Hold a model against a measured record: fit in percent, RMS error, whiteness of the residual.
@@ -27,8 +26,9 @@ def compare(
     ----------
     record : Record, str, Path, DataFrame or Mapping of str to array_like, shape (n,)
         From `read_record`, or what that reads.
-    model : Model, type[Component] or str
-        A component, any FMU, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
+    model : Model, System, type[Component] or str
+        A component, any FMU, ``path/to/file.py:Class``, a class such as ``diagnose(...).model``, or
+        a system, by its name or its ``.ssp`` file.
 
     Returns
     -------
@@ -48,7 +48,7 @@ def compare(
     >>> bool(compared.after["voltage"].fit_percent > compared.before["voltage"].fit_percent)
     True
     """
-    declared = as_declared(model)
+    declared = as_measured(model)
     given = values_of(declared, options["settings"])
     data = matching_record(record, declared, options["mapping"])
     subject = built(declared)
@@ -58,7 +58,7 @@ def compare(
 @takes(FitKeywords)
 def fit(
     record: Data,
-    model: Model | type[Component] | str,
+    model: AnyModel,
     names: str | Sequence[str],
     **options: Unpack[FitKeywords],
 ) -> Fit:
@@ -71,8 +71,9 @@ def fit(
     ----------
     record : Record, str, Path, DataFrame or Mapping of str to array_like, shape (n,)
         From `read_record`, or what that reads.
-    model : Model, type[Component] or str
-        A component, any FMU, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
+    model : Model, System, type[Component] or str
+        A component, any FMU, ``path/to/file.py:Class``, a class such as ``diagnose(...).model``, or
+        a system, by its name or its ``.ssp`` file.
     names : str or sequence of str
         Parameters to fit; start values of states too where the equations are known.
 
@@ -95,7 +96,7 @@ def fit(
     >>> sorted(fitted.values)
     ['C', 'R1']
     """
-    declared = as_declared(model)
+    declared = as_measured(model)
     given = values_of(declared, options["settings"])
     data = matching_record(record, declared, options["mapping"])
     subject = built(declared)

@@ -17,6 +17,7 @@ from orchestration.api.declaration import takes
 from orchestration.api.forms import optional_seconds, seconds
 from orchestration.api.options import LineariseKeywords
 from orchestration.api.simulation import Inputs, as_declared, inputs_over, values_of
+from orchestration.experiment import with_classes
 from orchestration.fmu import (
     Model,
     declared_signal,
@@ -94,25 +95,17 @@ def _subject(model: Any) -> Iterator[LinearSubject | Model]:
     """Yield equations to linearise, or an FMU that has none; the FMUs of an archive meanwhile."""
     if isinstance(model, str | Path) and Path(model).suffix.lower() in _ENDINGS:
         with scratch.folder("ssp") as folder:
-            yield subject_of(_with_classes(ssp.read(Path(model), folder)))
+            yield subject_of(with_classes(ssp.read(Path(model), folder)))
         return
     name = str(model) if isinstance(model, Path) else model
     if isinstance(name, str) and name in NAMES:
         name = library.system(name)
     if isinstance(name, System):
-        yield subject_of(_with_classes(name))
+        yield subject_of(with_classes(name))
         return
     declared = as_declared(name)
     cls = declared.cls or known_class(declared.path)
     yield declared if cls is None else subject_of(cls, declared.title)
-
-
-def _with_classes(system: System) -> System:
-    """Return a system whose members have the classes that their FMUs were built from."""
-    members = (
-        m if m.cls is not None else replace(m, cls=known_class(m.fmu)) for m in system.members
-    )
-    return replace(system, members=tuple(members))
 
 
 # --- equations -----------------------------------------------------------------------------------

@@ -8,8 +8,9 @@ from pathlib import Path
 from fmus.kit import UserError
 from orchestration.api.declaration import takes
 from orchestration.api.options import MappingOption
+from orchestration.api.simulation import as_measured
 from orchestration.discrepancy.data import record_labels
-from orchestration.fmu import Model, declared_model
+from orchestration.fmu import Model
 from orchestration.identify import read_for, read_runs_for
 from orchestration.records import Arrays, Record
 from orchestration.reporting import option
@@ -35,7 +36,7 @@ def read_record(
         time; of a DataFrame it may be the index.
     model : Model or str
         Whose signals it holds: a component, an FMU file, ``path/to/file.py:Class``, or what
-        `find_model` returned.
+        `find_model` returned; or a system, by its name or its ``.ssp`` file.
 
     Returns
     -------
@@ -59,8 +60,7 @@ def read_record(
     >>> record.repairs
     []
     """
-    subject = declared_model(model) if isinstance(model, str) else model
-    return read_for(subject, _source(path), mapping)
+    return read_for(as_measured(model), _source(path), mapping)
 
 
 def _source(data: str | Path | Arrays) -> Path | Arrays:

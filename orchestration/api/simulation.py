@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fmus import MODELS
 from fmus.kit import Component, UserError, suggestion
 from fmus.kit.arrays import Array
 from fmus.kit.symbolic import check_component
@@ -17,6 +18,7 @@ from fmus.kit.units import format_value
 from orchestration.api.declaration import takes
 from orchestration.api.forms import seconds
 from orchestration.api.options import SimulateKeywords
+from orchestration.experiment import find_system, fused_model, is_system, system_model
 from orchestration.fmu import (
     Model,
     Value,
@@ -25,18 +27,20 @@ from orchestration.fmu import (
     declared_model_of,
     draw_signals,
     grid,
-    read_description,
+    source_of,
 )
 from orchestration.fmu import simulate as run_fmu
 from orchestration.fmu.isolation import isolation
 from orchestration.records import write_record
 from orchestration.reporting import Displayable, one_line, plain_table
+from orchestration.system import NAMES, System
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
     from rich.console import RenderableType
 
+AnyModel = Model | System | type[Component] | str
 Inputs = Mapping[str, ArrayLike | Callable[[Array], ArrayLike]]
 
 
@@ -121,17 +125,18 @@ class Simulation(Displayable):
 
 @takes(SimulateKeywords)
 def simulate(
-    model: Model | type[Component] | str,
+    model: AnyModel,
     inputs: Inputs | None = None,
     **options: Unpack[SimulateKeywords],
 ) -> Simulation:
-    """Simulate a component or any FMU.
+    """Simulate a component, any FMU or a system.
 
     Parameters
     ----------
-    model : Model, type[Component] or str
+    model : Model, System, type[Component] or str
         A component's name, an FMU file, ``path/to/file.py:Class``, a class such as
-        ``diagnose(...).model``, or what `find_model` returned.
+        ``diagnose(...).model``, or what `find_model` returned; or a system, by its name or its
+        ``.ssp`` file.
     inputs : Mapping of str to array_like, shape (n,), or callable of time, optional
         In the model's units, held between points; a number is held throughout.
 
@@ -171,9 +176,9 @@ def points_of(
     """Return the points in time of a simulation (n,) in s, as `simulate` takes them."""
     if time is not None:
         return np.asarray(time, dtype=float)
-    own = read_description(model.path).defaultExperiment
-    last = seconds(stop if stop is not None else getattr(own, "stopTime", None) or 10.0)
-    even = seconds(step if step is not None else getattr(own, "stepSize", None) or last / 1000)
+    own_stop, own_step = source_of(model).experiment
+    last = seconds(stop if stop is not None else own_stop or 10.0)
+    even = seconds(step if step is not None else own_step or last / 1000)
     return grid(0.0, last, even)
 
 
@@ -192,13 +197,73 @@ def inputs_over(model: Model, inputs: Inputs, points: Array) -> dict[str, Array]
     return driven
 
 
-def as_model(model: Model | type[Component] | str) -> Model:
-    """Return a model to run: as it is, of a component's class, or found by its name."""
-    return built(as_declared(model))
+def as_model(model: AnyModel) -> Model:
+    """Return a model to run: as it is, of a component's class or a system, or found by its name."""
+    return built(as_runnable(model))
+
+
+def as_measured(model: AnyModel, effects: Sequence[str] = (), runtime: str = "native") -> Model:
+    """Return a model like `as_runnable`, to be held against a record: a system is fused if it can.
+
+    Parameters
+    ----------
+    model, effects, runtime
+        See `as_runnable`.
+
+    Raises
+    ------
+    UserError
+        See `as_runnable`.
+    """
+    if isinstance(model, System):
+        return fused_model(model)
+    if isinstance(model, str) and is_system(model):
+        _refuse_effects(model, effects)
+        return fused_model(find_system(model, runtime), model)
+    return as_runnable(model, effects, runtime)
+
+
+def as_runnable(model: AnyModel, effects: Sequence[str] = (), runtime: str = "native") -> Model:
+    """Return a model like `as_model`, but unbuilt: a record is read, and refused, before.
+
+    Parameters
+    ----------
+    model : Model, System, type[Component] or str
+    effects : sequence of str
+        Laid over a component that is found by its name.
+    runtime : {"native", "python"}
+        Of the members of a system that ships.
+
+    Raises
+    ------
+    UserError
+        If there is none, or effects are given for a system.
+    """
+    if isinstance(model, System):
+        return system_model(model)
+    if not isinstance(model, str):
+        return as_declared(model)
+    if not is_system(model):
+        _refuse_misspelt(model)
+        return declared_model(model, effects)
+    _refuse_effects(model, effects)
+    return system_model(find_system(model, runtime), name=model)
+
+
+def _refuse_effects(system: str, effects: Sequence[str]) -> None:
+    if effects:
+        raise UserError(f"{system} is a system; {effects[0]} is laid over one model")
+
+
+def _refuse_misspelt(name: str) -> None:
+    """Refuse what is nearly the name of a system."""
+    hint = suggestion(name, NAMES, few=0)
+    if hint and name.isidentifier() and name not in MODELS and not suggestion(name, MODELS, few=0):
+        raise UserError(f"no component and no system named {name!r}{hint}")
 
 
 def as_declared(model: Model | type[Component] | str) -> Model:
-    """Return a model like `as_model`, but unbuilt: a record is read, and refused, before."""
+    """Return a component or an FMU like `as_runnable`."""
     if isinstance(model, type):
         if model.__module__ == "__main__":  # written where it is used, such as in a notebook
             check_component(model)

@@ -6,12 +6,19 @@ from collections.abc import Callable, Container, Mapping, Sequence
 from pathlib import Path
 from typing import Unpack
 
-from fmus.kit import Component, UserError, suggestion
+from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
 from orchestration.api.declaration import takes
 from orchestration.api.options import NoteOption, SweepFileKeywords, SweepKeywords
-from orchestration.api.simulation import Inputs, as_model, inputs_over, points_of, values_of
-from orchestration.fmu import Model, Value
+from orchestration.api.simulation import (
+    AnyModel,
+    Inputs,
+    as_model,
+    inputs_over,
+    points_of,
+    values_of,
+)
+from orchestration.fmu import Model, Value, source_of
 from orchestration.fmu.isolation import Limits
 from orchestration.reporting import option
 from orchestration.sweeps import (
@@ -34,7 +41,7 @@ from orchestration.sweeps.sensitivity import SOBOL_INDICES, TORNADO
 
 @takes(SweepKeywords)
 def sweep(
-    model: Model | type[Component] | str,
+    model: AnyModel,
     over: Mapping[str, str | Sequence[float] | Array],
     inputs: Inputs | None = None,
     **options: Unpack[SweepKeywords],
@@ -86,12 +93,12 @@ def sweep(
     _refuse_set_twice(cases.names, {*settings, *driven})
     isolate = subject.foreign if options["isolate"] is None else options["isolate"]
     task = Task(
-        subject.path,
+        source_of(subject),
         tuple(cases.names),
         settings,
         points,
         driven,
-        tuple(options["outputs"] or subject.outputs),
+        tuple(options["outputs"] or subject.kept or subject.outputs),
         tuple(keep),
         choose_equations(subject, options["engine"]),
         (options["limits"] or Limits()) if isolate else None,

@@ -31,12 +31,11 @@ def open_measured(options: MeasuredOptions, runtime: str = "native") -> Measured
     UserError
         If either cannot be read, or they do not fit.
     """
-    from orchestration.api import values_of
-    from orchestration.fmu import declared_model
+    from orchestration.api import as_measured, values_of
     from orchestration.identify import read_for
     from orchestration.reporting import tell_repairs
 
-    declared = declared_model(options["model"], options["laid_over"])
+    declared = as_measured(options["model"], options["laid_over"], runtime)
     parameters = values_of(declared, options["settings"], options["preset"])
     record = read_for(declared, options["record"], options["mapping"])
     tell_repairs(record.repairs)
@@ -45,39 +44,40 @@ def open_measured(options: MeasuredOptions, runtime: str = "native") -> Measured
 
 
 def model_file(name: str) -> Path | None:
-    """Return the file that a model is read from; None for a component of ours."""
+    """Return the file that a model or a system is read from; None for one of ours."""
     from fmus import MODELS
     from orchestration.fmu import file_of_class, names_class
+    from orchestration.system import NAMES
 
-    if name in MODELS:
+    if name in MODELS or name in NAMES:
         return None
     return Path(file_of_class(name) if names_class(name) else name)
 
 
 def open_model(name: str, runtime: str = "native", effects: Sequence[str] = ()) -> Model:
-    """Find a model; see :func:`orchestration.fmu.model.find_model`.
+    """Find a model or a system; see :func:`orchestration.fmu.model.find_model`.
 
     Raises
     ------
     UserError
         If there is none, or it cannot be built.
     """
-    from orchestration.fmu import declared_model
+    from orchestration.api import as_runnable
 
-    return build_model(declared_model(name, effects), runtime)
+    return build_model(as_runnable(name, effects, runtime), runtime)
 
 
 def build_model(declared: Model, runtime: str = "native") -> Model:
     """Build the FMU of a model that is declared, if it has none; tell what to know of it."""
-    from orchestration.fmu import built
+    from orchestration.fmu import built, source_of
 
     with progress() as tell:
-        if not declared.foreign:
+        if declared.cls is not None and not declared.foreign:
             tell(f"building {declared.title} ({runtime}) unless it is there")
         model = built(declared, runtime)
     for text in model.notes:
         note(text)
-    detail(f"{model.title}: {model.path}")
+    detail(f"{model.title}: {', '.join(map(str, source_of(model).files))}")
     return model
 
 

@@ -61,6 +61,10 @@ def platform_list(text: str | None) -> list[str] | None:
 # --- what several commands take ------------------------------------------------------------------
 
 _MODEL = "A component (see ppy list), path/to/file.py:Class, or an .fmu file."
+_RUNNABLE = (
+    "A component (see ppy list), path/to/file.py:Class, an .fmu file, or a system: its name or .ssp"
+    " file."
+)
 
 
 class ModelArgument(TypedDict, total=False):
@@ -77,6 +81,30 @@ class ModelOption(TypedDict, total=False):
 
     model: Annotated[
         str, Option(_MODEL, default=DEFAULT_MODEL, metavar="MODEL", complete="component")
+    ]
+
+
+class RunnableArgument(TypedDict, total=False):
+    """The model or the system, by its place."""
+
+    model: Annotated[
+        str,
+        Option(
+            _RUNNABLE,
+            default=REQUIRED,
+            metavar="MODEL|SYSTEM",
+            complete="component",
+            argument=True,
+        ),
+    ]
+
+
+class RunnableOption(TypedDict, total=False):
+    """The model or the system, by its flag."""
+
+    model: Annotated[
+        str,
+        Option(_RUNNABLE, default=DEFAULT_MODEL, metavar="MODEL|SYSTEM", complete="component"),
     ]
 
 

@@ -142,18 +142,31 @@ def _component(experiment: Experiment, name: str) -> Subject:
         step=float(getattr(usual, "stepSize", None) or duration / 1000),
         stop=duration,
     )
-    return _subject_of(system, experiment, f"{member}.")
+    return subject_of(system, experiment.master, f"{member}.")
 
 
 def _system(experiment: Experiment, name: str, folder: Path) -> Subject:
     """Read a system from its file, or build one that ships."""
     if Path(name).suffix.lower() in ENDINGS:
-        return _subject_of(ssp.read(Path(name), folder), experiment)
-    return _subject_of(library.system(name, experiment.runtime), experiment)
+        return subject_of(ssp.read(Path(name), folder), experiment.master)
+    return subject_of(library.system(name, experiment.runtime), experiment.master)
 
 
-def _subject_of(system: System, experiment: Experiment, prefix: str = "") -> Subject:
-    """Return a system as a subject, whose signals are named without a prefix."""
+def subject_of(system: System, master_options: Master | None = None, prefix: str = "") -> Subject:
+    """Return a system as a subject, whose signals are named without a prefix.
+
+    Parameters
+    ----------
+    system : System
+    master_options : Master, optional
+        How it is run.
+    prefix : str
+
+    Raises
+    ------
+    UserError
+        If it does not pass its check.
+    """
     check.check(system)
     described = {member.name: read_description(member.fmu) for member in system.members}
     variables = {
@@ -166,7 +179,7 @@ def _subject_of(system: System, experiment: Experiment, prefix: str = "") -> Sub
         name: str(targets[0]).removeprefix(prefix) for name, targets in system.inputs.items()
     }
     why_not_settable = _why_not_settable(system)
-    master_options = experiment.master or Master()
+    options = master_options or Master()
     watched = margins(outputs, {name: read_signal(v) for name, v in variables.items()})
     named_outputs = [str(port) for port in system.outputs.values()]
     return Subject(
@@ -202,8 +215,8 @@ def _subject_of(system: System, experiment: Experiment, prefix: str = "") -> Sub
         duration=system.stop,
         step=system.step,
         guids={name: description.guid for name, description in described.items()},
-        couplings=mechanical(system) if master_options.couples_evenly else [],
-        run=_runner(system, prefix, master_options),
+        couplings=mechanical(system) if options.couples_evenly else [],
+        run=_runner(system, prefix, options),
         foreign=any(member.cls is None for member in system.members),
     )
 

@@ -27,7 +27,9 @@ from .model import find_model as find_model
 from .model import known_class as known_class
 from .model import model_of as model_of
 from .model import read_settings as read_settings
+from .repeated import FmuSource as FmuSource
 from .repeated import RepeatedFmu as RepeatedFmu
+from .repeated import source_of as source_of
 from .signal import Signal as Signal
 from .signal import Value as Value
 from .signal import check_type as check_type
@@ -45,3 +47,5 @@ from .simulation import grid as grid
 from .simulation import held as held
 from .simulation import simulate as simulate
 from .simulation import simulate_instance as simulate_instance
+from .source import RepeatedRuns as RepeatedRuns
+from .source import Source as Source

@@ -20,6 +20,7 @@ from orchestration.fmu.archive import Archive, read_description
 from orchestration.fmu.effects import catalogue, check_catalogue, find_effects
 from orchestration.fmu.loading import load_class, names_class, remarks_on
 from orchestration.fmu.signal import Signal, Value, declared_signal, read_setting, read_signal
+from orchestration.fmu.source import Source
 from orchestration.reporting import Displayable, one_line, option
 
 if TYPE_CHECKING:
@@ -63,6 +64,12 @@ class Model(Displayable):
         Names of the added effects, innermost first.
     notes : tuple of str
         Remarks for the user, such as why its equations are not known.
+    system : Source, optional
+        The system that it is, in place of one FMU; `path` is nothing then.
+    kept : tuple of str
+        Outputs that are kept unless others are named; all unless given.
+    of_others : bool
+        Whether a system has an FMU that is none of ours.
     """
 
     name: str
@@ -73,6 +80,9 @@ class Model(Displayable):
     parameters: Mapping[str, Signal]
     effects: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    system: Source | None = None
+    kept: tuple[str, ...] = ()
+    of_others: bool = False
 
     def __repr__(self) -> str:
         inputs = ", ".join(self.inputs) or "no inputs"
@@ -99,8 +109,8 @@ class Model(Displayable):
 
     @property
     def foreign(self) -> bool:
-        """True for an FMU file of the user, false for one that was built here for this run."""
-        return self.name == self.path.name
+        """True if code of the user runs, false for FMUs that were built here for this run."""
+        return self.of_others if self.system else self.name == self.path.name
 
     def settings(self, texts: Sequence[str], preset: str | None = None) -> dict[str, Value]:
         """Read ``name=value[unit]`` settings, after those of a preset.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,13 @@ from fmpy.fmi2 import fmi2Warning
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from orchestration.fmu.archive import read_description
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.kernel import PreparedRun, Pulse, library
+from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Value
 from orchestration.fmu.simulation import check_inputs, simulate_instance
+from orchestration.fmu.source import Source
 from orchestration.fmu.stepping import StepFailed, plan_course
 
 
@@ -140,3 +144,65 @@ class RepeatedFmu:
         self._fmu.close()
         self._fmu = Fmu(self._fmu.path)
         self._fmu.__enter__()
+
+
+@dataclass(frozen=True)
+class FmuSource:
+    """An FMU as the source of runs; see `orchestration.fmu.source.Source`.
+
+    Attributes
+    ----------
+    path : Path
+    """
+
+    path: Path
+
+    @property
+    def name(self) -> str:
+        """Name of its file."""
+        return self.path.name
+
+    @property
+    def guid(self) -> str:
+        """Its own."""
+        return str(read_description(self.path).guid)
+
+    @property
+    def experiment(self) -> tuple[float | None, float | None]:
+        """Stop time and step of its default experiment, s."""
+        own = read_description(self.path).defaultExperiment
+        stop, step = (getattr(own, name, None) for name in ("stopTime", "stepSize"))
+        return float(stop) if stop else None, float(step) if step else None
+
+    @property
+    def nominal(self) -> dict[str, float]:
+        """Nominal values that it declares, by variable."""
+        sizes = {}
+        for variable in read_description(self.path).modelVariables:
+            size = getattr(variable, "nominal", None)
+            if size:
+                sizes[variable.name] = abs(float(size))
+        return sizes
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Its file."""
+        return (self.path,)
+
+    def with_files(self, files: Sequence[Path]) -> FmuSource:
+        """Return it with a copy of its file."""
+        (path,) = files
+        return FmuSource(path)
+
+    def points(self, time: Array) -> Array:
+        """Return the points (n,) as they are."""
+        return time
+
+    def open(self) -> RepeatedFmu:
+        """Return what makes the runs."""
+        return RepeatedFmu(self.path)
+
+
+def source_of(model: Model) -> Source:
+    """Return where the runs of a model come from."""
+    return model.system or FmuSource(model.path)

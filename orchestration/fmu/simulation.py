@@ -16,6 +16,7 @@ from orchestration.fmu.isolation import Ended, Limits, Process, allocate_rows
 from orchestration.fmu.kernel import library, one_fmu
 from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Value
+from orchestration.fmu.source import Source
 from orchestration.records import Record
 from orchestration.reporting import option
 
@@ -155,9 +156,11 @@ def simulate(
     UnfinishedSimulation
         If it fails after the first point.
     """
-    path = model.path.resolve()
     outputs = list(model.outputs)
-    arguments = (path, outputs, time, dict(inputs), dict(parameters))
+    given = (outputs, time, dict(inputs), dict(parameters))
+    if model.system is not None:
+        return _simulate_system(model.system, *given, isolation)
+    arguments = (model.path.resolve(), *given)
     if isolation is None:
         return _simulate(*arguments, progress=progress, note=note)
     with Process(isolation) as process:
@@ -191,6 +194,40 @@ def _simulate(
         if fmu.complaints:
             note(fmu.complaints)
         return results
+
+
+def _simulate_system(
+    system: Source,
+    outputs: Sequence[str],
+    time: Array,
+    inputs: Mapping[str, Array],
+    parameters: Mapping[str, Value],
+    isolation: Limits | None,
+) -> dict[str, Array]:
+    arguments = (system, time, inputs, parameters, outputs)
+    if isolation is None:
+        results = _run_once(*arguments)
+    else:
+        with Process(isolation) as process:
+            try:
+                results = process.call(_run_once, *arguments)
+            except Ended as end:
+                if end.interrupted:
+                    raise KeyboardInterrupt from end
+                where = end.state.words(system.points(time), system.name)
+                raise UserError(f"{where}: {end.reason}") from end
+    return {name: results[:, k] for k, name in enumerate(outputs)}
+
+
+def _run_once(
+    system: Source,
+    time: Array,
+    inputs: Mapping[str, Array],
+    parameters: Mapping[str, Value],
+    outputs: Sequence[str],
+) -> Array:
+    with system.open() as runs:
+        return runs.run(time, inputs, parameters, outputs)
 
 
 class UnfinishedSimulation(UserError):

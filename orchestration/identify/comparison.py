@@ -12,7 +12,7 @@ import numpy as np
 
 from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
-from orchestration.fmu import Model, Value, numeric, simulate
+from orchestration.fmu import Model, Value, numeric, simulate, source_of
 from orchestration.fmu.isolation import limits_of
 from orchestration.identify import presentation
 from orchestration.identify.fit_page import fit_page
@@ -247,7 +247,7 @@ def compare(
     _check_names(model, names, f"{option('fit', [*names])}: ")
     inputs = {name: values for name, values in record.signals.items() if name in model.inputs}
     measured = {name: values for name, values in record.signals.items() if name in model.outputs}
-    progress(f"simulating {model.path.name} over {record.time.size} samples")
+    progress(f"simulating {source_of(model).name} over {record.time.size} samples")
     before = _assess(model, record.time, inputs, measured, given)
     if not names:
         return Comparison(model, record, given, before, fit=None, after=None)

@@ -33,7 +33,8 @@ class TaskBundle:
     Attributes
     ----------
     task : Task
-    fmu : bytes
+    files : tuple of bytes
+        Those of its source.
     library : bytes
         Compiled code; empty without.
     digest : str
@@ -41,18 +42,18 @@ class TaskBundle:
     """
 
     task: Task
-    fmu: bytes
+    files: tuple[bytes, ...]
     library: bytes
     digest: str
 
 
 def bundle(task: Task) -> TaskBundle:
     """Bundle a task with its files."""
-    fmu = task.path.read_bytes()
+    contents = tuple(path.read_bytes() for path in task.source.files)
     library = task.equations.library.read_bytes() if task.equations else b""
     inputs = b"".join(values.tobytes() for values in task.inputs.values())
-    whole = fmu + library + repr(task).encode() + task.time.tobytes() + inputs
-    return TaskBundle(task, fmu, library, hashlib.sha256(whole).hexdigest())
+    whole = b"".join(contents) + library + repr(task).encode() + task.time.tobytes() + inputs
+    return TaskBundle(task, contents, library, hashlib.sha256(whole).hexdigest())
 
 
 def run_on_cluster(
@@ -188,7 +189,7 @@ def _result(future: Any, task: Task, is_alone: bool, address: str) -> Outcomes |
     except KilledWorker:
         if not is_alone:
             return None
-        return failed(task, f"{task.path.name}: the process that ran it ended")
+        return failed(task, f"{task.source.name}: the process that ran it ended")
     except UserError:
         raise
     except Exception as error:
@@ -268,8 +269,13 @@ def _runner(bundled: TaskBundle) -> CaseRunner:
 
 def _unpack(bundled: TaskBundle, folder: Path) -> Task:
     """Write the files of a task into a folder, and return the task with them."""
-    task = replace(bundled.task, path=folder / bundled.task.path.name)
-    task.path.write_bytes(bundled.fmu)
+    source = bundled.task.source
+    copies = []
+    for k, (path, contents) in enumerate(zip(source.files, bundled.files, strict=True)):
+        (folder / str(k)).mkdir()  # two members may have files of one name
+        copies.append(folder / str(k) / path.name)
+        copies[-1].write_bytes(contents)
+    task = replace(bundled.task, source=source.with_files(copies))
     if not task.equations:
         return task
     library = folder / task.equations.library.name

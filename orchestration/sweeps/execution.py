@@ -12,7 +12,7 @@ import numpy as np
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
-from orchestration.fmu import Model, Signal, read_description
+from orchestration.fmu import Model, Signal
 from orchestration.reporting import option
 from orchestration.sweeps.cluster import run_on_cluster
 from orchestration.sweeps.designs import Design
@@ -68,7 +68,7 @@ def run_sweep(
     """
     if folder is None:
         check_memory(task, cases)
-    guid = read_description(task.path).guid
+    guid = task.source.guid
     with ExitStack() as stack:
         journal_folder = folder or stack.enter_context(scratch.folder("sweep"))
         check(journal_folder)

@@ -16,12 +16,14 @@ from orchestration.experiment import (
     Experiment,
     ValueTable,
     checked,
+    find_system,
     parse,
     prepare,
     read,
     read_toml,
     shipped,
     subject,
+    system_model,
 )
 from orchestration.fmu import Model, Value, find_model
 from orchestration.sweeps.fitted import read_fitted
@@ -149,12 +151,11 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> S
 
 def _model(stated: Experiment, where: str) -> Model:
     """Return the model of an experiment that can be swept."""
-    if stated.component is None:
-        raise UserError(
-            f"{where}: a sweep is of a component or an FMU, and {stated.system} is a system"
-        )
     if stated.noise:
         raise UserError(f"{where}: noise is of what is measured; a sweep has none")
+    if stated.component is None:
+        system = find_system(str(stated.system), stated.runtime)
+        return system_model(replace(system, step=stated.step or system.step), stated.master)
     return find_model(stated.component, stated.runtime, stated.effects)
 
 

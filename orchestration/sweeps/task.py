@@ -5,14 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.fmu import RepeatedFmu, Value
+from orchestration.fmu import Source, Value
 from orchestration.fmu.isolation import Limits
 from orchestration.sweeps.compiled import CompiledCases, Equations
 from orchestration.sweeps.reductions import TRACE, reduce_traces
@@ -24,8 +23,8 @@ class Task:
 
     Attributes
     ----------
-    path : Path
-        Of the FMU.
+    source : Source
+        Of its runs: an FMU or a system.
     names : tuple of str
         Names of the values of a case: parameters, or inputs that are held.
     settings : dict of str to float or str
@@ -44,7 +43,7 @@ class Task:
         Of a process beside this one in which the FMU runs; else it may run in this one.
     """
 
-    path: Path
+    source: Source
     names: tuple[str, ...]
     settings: dict[str, Value]
     time: Array
@@ -126,7 +125,7 @@ class CaseRunner:
     def __init__(self, task: Task):
         self.task = task
         self._compiled = CompiledCases(task.equations) if task.equations else None
-        self._fmu = None if task.equations else RepeatedFmu(task.path)
+        self._fmu = None if task.equations else task.source.open()
 
     def __enter__(self) -> CaseRunner:
         if self._fmu:

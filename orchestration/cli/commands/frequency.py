@@ -58,11 +58,12 @@ def _beside_model(options: FrequencyCommand) -> FrequencyResponse:
     """Estimate responses of the model's signals, and simulate the model beside them."""
     from orchestration.api import frequency_response
     from orchestration.cli.models import open_measured
+    from orchestration.fmu import source_of
     from orchestration.reporting import progress
 
     model, record, parameters = open_measured(cast("MeasuredOptions", options))  # model is named
     with progress() as tell:
-        tell(f"simulating {model.path.name} over {record.time.size} samples")
+        tell(f"simulating {source_of(model).name} over {record.time.size} samples")
         keywords = only(FrequencyKeywords, {**options, "settings": parameters})
         return frequency_response(record, model, **keywords)
 

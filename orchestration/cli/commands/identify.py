@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @command(IdentifyCommand)
 def identify(options: IdentifyCommand) -> None:
-    """Identify parameters of a component or any FMU from a record."""
+    """Identify parameters of a component, any FMU or a system from a record."""
     from orchestration.cli.models import model_file
     from orchestration.reporting import pictures
 

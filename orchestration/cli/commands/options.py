@@ -40,6 +40,8 @@ from orchestration.cli.options import (
     PresetOption,
     RealTimeOptions,
     RecordArgument,
+    RunnableArgument,
+    RunnableOption,
     RuntimeOption,
 )
 
@@ -162,7 +164,7 @@ class SignalsOption(TypedDict, total=False):
 
 
 class SimulateCommand(
-    ModelArgument,
+    RunnableArgument,
     InputFileOption,
     LaidOverOption,
     SettingsOption,
@@ -287,7 +289,7 @@ class DatasetOption(TypedDict, total=False):
 
 
 class SweepCommand(
-    ModelArgument,
+    RunnableArgument,
     OverOption,
     SweepDesignOptions,
     LaidOverOption,
@@ -308,22 +310,6 @@ class SweepCommand(
 # --- linear models -------------------------------------------------------------------------------
 
 
-class LinearisedArgument(TypedDict, total=False):
-    """What is linearised, by its place."""
-
-    model: Annotated[
-        str,
-        Option(
-            "A component (see ppy list), path/to/file.py:Class, an .fmu file, or a system: its name"
-            " or .ssp file.",
-            default=REQUIRED,
-            metavar="MODEL|SYSTEM",
-            complete="component",
-            argument=True,
-        ),
-    ]
-
-
 class MatOption(TypedDict, total=False):
     """The matrices as a MATLAB file."""
 
@@ -333,7 +319,7 @@ class MatOption(TypedDict, total=False):
 
 
 class LineariseCommand(
-    LinearisedArgument,
+    RunnableArgument,
     LaidOverOption,
     LineariseOptions,
     PresetOption,
@@ -391,7 +377,7 @@ class FiguresOption(TypedDict, total=False):
 
 class MeasuredOptions(
     RecordArgument,
-    ModelOption,
+    RunnableOption,
     LaidOverOption,
     MappingOption,
     SettingsOption,

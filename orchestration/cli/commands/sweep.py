@@ -21,7 +21,7 @@ from orchestration.api.options import (
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import DatasetOption, ReportOption, SweepCommand
 from orchestration.cli.isolation import given_limits
-from orchestration.cli.options import IsolationOptions, ModelArgument, PlotOption
+from orchestration.cli.options import IsolationOptions, PlotOption, RunnableArgument
 from orchestration.cli.outputs import PAGE, Outputs, typed_command
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ _TOML = (".toml",)
 _RAN = {"fmu": "FMU", "compiled": "compiled"}
 # what is left to the command line where a file says what is run
 _BESIDE_FILE = (
-    ModelArgument,
+    RunnableArgument,
     SweepEngineOptions,
     DatasetOption,
     PlotOption,
@@ -49,7 +49,7 @@ _BESIDE_FILE = (
 
 @command(SweepCommand)
 def sweep(options: SweepCommand, context: typer.Context) -> None:
-    """Run a component or any FMU over many values of its parameters, or a sweep of a TOML file."""
+    """Run a component, any FMU or a system over many values, or a sweep of a TOML file."""
     from orchestration.reporting import console
 
     _check_outputs(options)

@@ -13,7 +13,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from itertools import pairwise
 from math import inf
-from pathlib import Path
 from time import monotonic
 from types import SimpleNamespace
 from typing import Any
@@ -23,14 +22,14 @@ import numpy as np
 from fmus.kit import ParameterDeclaration, UserError
 from fmus.kit.arrays import Array
 from fmus.kit.record import Trajectory
-from orchestration.fmu import Model, RepeatedFmu, Signal, Value, read_description
+from orchestration.fmu import Model, RepeatedRuns, Signal, Source, Value, source_of
 from orchestration.fmu.isolation import Ended, Limits, Pool, limits_of
 
 _LADDER = 10.0 ** -np.arange(1.0, 6.5, 0.5)  # steps relative to the size of a parameter
 _PATIENCE = 2.0  # s that a run may take in any case
 _STIFFER = 30.0  # times as long as the first run that others may take
 _MOVED = 2.0  # factor between values of a parameter from which on a step is chosen anew
-_repeated: RepeatedFmu | None = None  # that of a worker process
+_repeated: RepeatedRuns | None = None  # that of a worker process
 _Stimulus = tuple[Array, dict[str, Array]]  # time and inputs
 
 
@@ -67,7 +66,7 @@ class FmuWithDifferences:
         settings: Mapping[str, Value] | None = None,
         workers: int = 1,
     ):
-        sizes = _nominal(model.path)
+        sizes = source_of(model).nominal
         numbers = [s for s in model.parameters.values() if s.type != "string"]
         self.layout = SimpleNamespace(
             parameters=[_declared(s, sizes.get(s.name, 0.0)) for s in numbers]
@@ -75,7 +74,7 @@ class FmuWithDifferences:
         self.delays: dict[str, str] = {}
         self.runs = 0
         self._declared = {p.name: p for p in self.layout.parameters}
-        self._path = model.path
+        self._source = source_of(model)
         self._names = list(names)
         self._outputs = list(outputs)
         self._settings = dict(settings or {})
@@ -95,9 +94,9 @@ class FmuWithDifferences:
 
     def __enter__(self) -> FmuWithDifferences:
         if self._limits is None:
-            self._fmu = self._open.enter_context(RepeatedFmu(self._path))
+            self._fmu = self._open.enter_context(self._source.open())
         if self._limits is not None or self._workers > 1:
-            pool = Pool(self._limits or Limits(inf, inf), self._workers, _begin, self._path)
+            pool = Pool(self._limits or Limits(inf, inf), self._workers, _begin, self._source)
             self._pool = self._open.enter_context(pool)
         self._is_open = True
         return self
@@ -149,7 +148,9 @@ class FmuWithDifferences:
         )
         for name, slope in zip(self._names, slopes, strict=True):
             if not np.isfinite(slope).all():
-                raise UserError(f"{self._path.name}: fails on either side of {name} = {at[name]:g}")
+                raise UserError(
+                    f"{self._source.name}: fails on either side of {name} = {at[name]:g}"
+                )
         signals = {output: here[:, k] for k, output in enumerate(self._outputs)}
         sensitivities = {}
         for k, output in enumerate(self._outputs):
@@ -250,14 +251,14 @@ class FmuWithDifferences:
         try:
             return [future.result() for future in futures]
         except Ended as end:
-            where = end.state.words(time, self._path.name)
+            where = end.state.words(self._source.points(time), self._source.name)
             raise UserError(f"{where}: {end.reason}") from end
 
 
-def _begin(path: Path) -> None:
+def _begin(source: Source) -> None:
     """Open the FMU of a worker process."""
     global _repeated
-    _repeated = RepeatedFmu(path)
+    _repeated = source.open()
     _repeated.__enter__()
 
 
@@ -267,22 +268,12 @@ def _work(job: Any) -> Array | UserError:
     return _run(_repeated, *job)
 
 
-def _run(fmu: RepeatedFmu, *job: Any) -> Array | UserError:
+def _run(fmu: RepeatedRuns, *job: Any) -> Array | UserError:
     """Run an FMU once; return the outputs (n, m), or the error."""
     try:
         return fmu.run(*job)
     except UserError as error:
         return error
-
-
-def _nominal(path: Path) -> dict[str, float]:
-    """Return the nominal values that an FMU declares, by variable."""
-    sizes = {}
-    for variable in read_description(path).modelVariables:
-        size = getattr(variable, "nominal", None)
-        if size:
-            sizes[variable.name] = abs(float(size))
-    return sizes
 
 
 def _declared(signal: Signal, nominal: float) -> ParameterDeclaration:

@@ -7,12 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from orchestration.fmu import FmuSource
 from orchestration.sweeps.chunking import LARGEST, SECONDS, Chunks
 from orchestration.sweeps.task import Task
 
 
 def task(points: int = 10) -> Task:
-    return Task(Path("x.fmu"), ("a",), {}, np.arange(float(points)), {}, ("y",), ("last",))
+    return Task(
+        FmuSource(Path("x.fmu")), ("a",), {}, np.arange(float(points)), {}, ("y",), ("last",)
+    )
 
 
 def handed_out(chunks: Chunks, seconds_a_case: float) -> list[list[int]]:

@@ -13,8 +13,8 @@ import pytest
 
 import orchestration as ppy
 from fmus.kit import Component, Input, Parameter, State, UserError, sqrt
+from orchestration.fmu import FmuSource, RepeatedFmu
 from orchestration.sweeps import compiled
-from orchestration.sweeps import task as task_module
 from orchestration.sweeps.compiled import CompiledCases, choose_equations
 from orchestration.sweeps.reductions import REDUCTIONS
 from orchestration.sweeps.task import CaseRunner, Task
@@ -127,7 +127,7 @@ def test_a_case_that_fails_says_what_the_fmu_says(workers):
 def test_a_value_that_the_fmu_refuses_is_refused(bad):
     model = compiled_model(Draining)
     task = Task(
-        model.path,
+        FmuSource(model.path),
         ("outflow",),
         {},
         TIME[:6],
@@ -152,9 +152,9 @@ def test_what_is_too_long_for_an_uninterruptible_call_is_run_by_the_fmu(monkeypa
     monkeypatch.setattr(compiled, "_MOST", 10.0)
     ran = []
     monkeypatch.setattr(
-        task_module.RepeatedFmu,
+        RepeatedFmu,
         "run",
-        lambda *given, known=task_module.RepeatedFmu.run: ran.append(1) or known(*given),
+        lambda *given, known=RepeatedFmu.run: ran.append(1) or known(*given),
     )
     found = ppy.sweep("ppy_actuator", **call, engine="compiled")
     assert ran == [1, 1]

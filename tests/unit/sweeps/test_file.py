@@ -8,6 +8,7 @@ import pytest
 import orchestration as ppy
 from fmus.kit import UserError
 from orchestration.sweeps.file import read_sweep
+from orchestration.system import library
 from tests.support.command import refused, works
 from tests.support.hosts import build_one_state_fmu
 
@@ -120,7 +121,11 @@ def test_what_stays_where_it_was_is_told_of_inputs_that_are_not_swept(folder):
         ("duration", "durration", "did you mean duration"),
         ("one_state.fmu", "two_state.fmu", "two_state.fmu"),
         ("[over]", "[over", "line"),
-        ('component = "one_state.fmu"', 'system = "ageing_actuator"', "is a system"),
+        (
+            'component = "one_state.fmu"',
+            'system = "ageing_actuator"',
+            "no system named 'ageing_actuator'",
+        ),
         ("parameters.tau = 9", 'noise.x = { rms = "1e-3" }', "a sweep has none"),
         ('title = "A lag"', "samples = 0", "samples"),
         ('title = "A lag"', 'design = "random"', "one of grid"),
@@ -147,3 +152,24 @@ def test_on_the_command_line_the_file_says_what_is_run(folder):
     )
     assert (folder / "a.nc").exists()
     refused(folder, "sweep", "a.toml", "--stop", "3s", parts=["--stop: the file says what is run"])
+
+
+def test_a_system_is_swept_at_the_step_of_its_experiment(tmp_path):
+    path = tmp_path / "gains.toml"
+    path.write_text(
+        """
+experiment = {system = "dma_bench", duration = 0.1, step = 1e-3, inputs = {force_reference = 1.0}}
+keep = ["last"]
+
+[over]
+"bench.error_gain" = "0.3..1.2:3"
+""",
+        "utf-8",
+    )
+    swept = ppy.sweep_file(path)
+    time = 1e-3 * np.arange(101)
+    for gain in swept["bench.error_gain"].values:
+        changed = library.system("dma_bench").given({"bench.error_gain": gain})
+        single = ppy.run(changed, time, {"force_reference": np.ones(time.size)})
+        last = swept["bench.force_measured_last"].sel({"bench.error_gain": gain})
+        assert last == single.signals["bench.force_measured"][-1]

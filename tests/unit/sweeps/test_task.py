@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from orchestration.fmu import FmuSource
 from orchestration.sweeps.task import CaseRunner, Task, failed
 
 TIME = 0.1 * np.arange(11)
@@ -19,7 +20,7 @@ CASES = np.array([[0.5, 1.0], [2.0, -3.0], [-1.0, 1.0], [0.5, 1.0]])
 @pytest.fixture(scope="module")
 def task(lag):
     """A lag from nothing, over a parameter and an input that is held."""
-    return Task(Path(lag), ("tau", "u"), {}, TIME, {}, ("x",), ("last", "trace"))
+    return Task(FmuSource(Path(lag)), ("tau", "u"), {}, TIME, {}, ("x",), ("last", "trace"))
 
 
 @pytest.fixture(scope="module")

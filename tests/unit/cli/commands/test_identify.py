@@ -9,6 +9,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from orchestration.records import write_record
+from tests.support.closed_loop import TIME, closed_loop, references
 from tests.support.command import PNG, on_terminal, posix, refused, works
 from tests.support.hosts import build_one_state_fmu
 
@@ -117,3 +119,33 @@ def test_a_comparison_of_any_fmu_can_be_recalibrated(folder):
 )
 def test_what_cannot_be_is_refused_in_a_line(folder, arguments, parts):
     refused(folder, "identify", "r.csv", "--model", "one_state.fmu", *arguments, parts=parts)
+
+
+def test_parameters_of_two_members_are_identified_from_a_record_of_the_loop(tmp_path):
+    wanted = references()
+    position, tension = closed_loop(wanted)
+    random = np.random.default_rng(2)
+    noisy = {
+        "force_reference": wanted,
+        "bench.position": position + 1e-6 * random.standard_normal(TIME.size),
+        "actuator.tension": tension + 5e-3 * random.standard_normal(TIME.size),
+    }
+    units = {"force_reference": "N", "bench.position": "m", "actuator.tension": "N"}
+    write_record(tmp_path / "loop.csv", TIME, noisy, units)
+    about = ("loop.csv", "--model", "dma_bench", "--set", "current=0")
+    fit = ("--fit", "actuator.k1,bench.b_vc", "--set", "bench.b_vc=8")
+    works("identify", *about, *fit, "--json", "fit.json", cwd=tmp_path)
+    found = json.loads((tmp_path / "fit.json").read_text("utf-8"))["fitted"]["parameters"]
+    for name, truth in (("actuator.k1", 6300.0), ("bench.b_vc", 6.0)):
+        assert found[name]["value"] == pytest.approx(truth, rel=0.03)
+    refused(
+        tmp_path,
+        "identify",
+        *about,
+        "--fit",
+        "bench.b_v",
+        parts=["--fit bench.b_v: dma_bench has no parameter", "did you mean bench.b_vc?"],
+    )
+    refused(
+        tmp_path, "identify", *about, *fit, "--with", "leak", parts=["dma_bench is a system; leak"]
+    )

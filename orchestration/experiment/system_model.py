@@ -1,0 +1,332 @@
+"""A system as a model: what is swept, compared with a record and fitted like a single FMU.
+
+Parameters and outputs are ``member.variable``, as in experiments; inputs are those of the system,
+and those of members that nothing feeds. The runs are those of `ppy run`; what is held against a
+record is fused where that is possible, for the members of a rig exchange all the time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import numpy as np
+
+from fmus import MODELS
+from fmus.kit import UserError
+from fmus.kit.arrays import Array, Indices
+from fmus.kit.record import CompiledModel
+from fmus.kit.storage import scratch
+from orchestration.experiment.model import Master
+from orchestration.experiment.subjects import Subject, subject_of
+from orchestration.fmu import FmuSource, Model, Signal, Value, known_class, numeric
+from orchestration.master.reference import fuse
+from orchestration.system import NAMES, System, interface, library, ssp
+
+_ROUNDING = 1e-9  # relative, of the distance of two points
+
+
+def is_system(name: str) -> bool:
+    """Tell whether a name is that of a system, or of a file of one.
+
+    A component that has the name of a system comes first.
+    """
+    return (name in NAMES and name not in MODELS) or Path(name).suffix.lower() in ssp.ENDINGS
+
+
+def find_system(name: str, runtime: str = "native") -> System:
+    """Find a system by its name or its file, whose FMUs are unpacked until the process ends.
+
+    Parameters
+    ----------
+    name : str
+        One that ships, or an ``.ssp`` or ``.ssd`` file.
+    runtime : {"native", "python"}
+        Kind of build of one that ships.
+
+    Raises
+    ------
+    UserError
+        If there is no such system, or it cannot be read.
+    """
+    if Path(name).suffix.lower() in ssp.ENDINGS:
+        return ssp.read(Path(name), scratch.make("system"))
+    return library.system(name, runtime)
+
+
+def system_model(system: System, master: Master | None = None, name: str = "") -> Model:
+    """Return a system as a model.
+
+    Parameters
+    ----------
+    system : System
+        Between two points its members exchange values once in its `step`, or more often.
+    master : Master, optional
+        How it is run.
+    name : str
+        For results and messages; its own unless given.
+
+    Raises
+    ------
+    UserError
+        If it does not pass its check.
+    """
+    on = subject_of(system, master)
+    parameters = {n: s for n, s in on.parameters.items() if n not in on.open_inputs}
+    return Model(
+        name or system.name,
+        Path(),
+        None,
+        _named({**on.inputs, **on.open_inputs}),
+        _named({name: on.outputs[name] for name in _outputs(system)}),
+        {n: _starting(s, on.settings.get(n, s.default)) for n, s in _named(parameters).items()},
+        system=SystemSource(_sendable(system), master or Master()),
+        kept=tuple(on.recorded_by_default),
+        of_others=on.foreign,
+    )
+
+
+def _outputs(system: System) -> list[str]:
+    """Return the outputs of all members, by ``member.variable``."""
+    return [
+        f"{member.name}.{name}" for member in system.members for name in interface(member).outputs
+    ]
+
+
+def fused_model(system: System, name: str = "") -> Model:
+    """Return a system as a model whose members exchange all the time, where that is possible.
+
+    Parameters
+    ----------
+    system : System
+    name : str
+        See `system_model`.
+
+    Returns
+    -------
+    Model
+        That of `system_model` if laws of a member are not known, or there is an algebraic loop.
+
+    Raises
+    ------
+    UserError
+        If it does not pass its check.
+    """
+    model = system_model(system, Master(method="fused"), name)
+    try:
+        fuse(with_classes(_sendable(system)))
+    except UserError as error:
+        note = (
+            f"members exchange values once in {system.step:g} s, which a record may show: {error}"
+        )
+        return replace(system_model(system, name=name), notes=(note,))
+    return model
+
+
+def with_classes(system: System) -> System:
+    """Return a system whose members have the classes that their FMUs were built from."""
+    members = (
+        m if m.cls is not None else replace(m, cls=known_class(m.fmu)) for m in system.members
+    )
+    return replace(system, members=tuple(members))
+
+
+def _sendable(system: System) -> System:
+    """Return a system without classes, of which not all can be sent to other processes."""
+    return replace(system, members=tuple(replace(m, cls=None) for m in system.members))
+
+
+def _named(signals: Mapping[str, Signal]) -> dict[str, Signal]:
+    """Return signals that are called as they are in the system."""
+    return {name: replace(signal, name=name) for name, signal in signals.items()}
+
+
+def _starting(signal: Signal, start: Value) -> Signal:
+    """Return a parameter with the value that it has in the system."""
+    if isinstance(start, str):
+        return replace(signal, text=start)
+    return replace(signal, start=start)
+
+
+@dataclass(frozen=True)
+class SystemSource:
+    """A system as the source of runs; see `orchestration.fmu.Source`.
+
+    Attributes
+    ----------
+    system : System
+    master : Master
+        How it is run.
+    """
+
+    system: System
+    master: Master
+
+    @property
+    def name(self) -> str:
+        """Name of the system."""
+        return self.system.name
+
+    @property
+    def guid(self) -> str:
+        """Digest of its members, connections and way of running."""
+        members = [
+            (m.name, FmuSource(m.fmu).guid, sorted(m.parameters.items()))
+            for m in self.system.members
+        ]
+        known = (members, self.system.connections, self.system.inputs, self.system.step)
+        return sha256(repr((*known, self.master)).encode()).hexdigest()
+
+    @property
+    def experiment(self) -> tuple[float | None, float | None]:
+        """Stop time and step of its default experiment, s."""
+        return self.system.stop, self.system.step
+
+    @property
+    def nominal(self) -> dict[str, float]:
+        """Nominal values that its members declare, by ``member.variable``."""
+        return {
+            f"{member.name}.{name}": size
+            for member in self.system.members
+            for name, size in FmuSource(member.fmu).nominal.items()
+        }
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The FMUs of its members."""
+        return tuple(member.fmu for member in self.system.members)
+
+    def with_files(self, files: Sequence[Path]) -> SystemSource:
+        """Return it with copies of its FMUs."""
+        pairs = zip(self.system.members, files, strict=True)
+        moved = tuple(replace(member, fmu=path) for member, path in pairs)
+        return replace(self, system=replace(self.system, members=moved))
+
+    def points(self, time: Array) -> Array:
+        """Return communication points (n,), no further apart than the step of the system."""
+        return _refined(time, self.step)[0]
+
+    @property
+    def step(self) -> float:
+        """Longest time in s between two exchanges; infinite where the members are fused."""
+        return np.inf if self.master.method == "fused" else self.system.step
+
+    def open(self) -> RepeatedSystem:
+        """Return what makes the runs."""
+        return RepeatedSystem(self)
+
+
+class RepeatedSystem:
+    """A system that is run many times, each time from the start; a context manager.
+
+    Parameters
+    ----------
+    source : SystemSource
+    """
+
+    def __init__(self, source: SystemSource):
+        self._source = source
+
+    def __enter__(self) -> RepeatedSystem:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        """Nothing stays open from run to run."""
+
+    @cached_property
+    def _fused(self) -> CompiledModel:
+        """The equations of all members, compiled once for all runs."""
+        return CompiledModel(fuse(with_classes(self._source.system)))
+
+    @cached_property
+    def _on(self) -> Subject:
+        return subject_of(self._source.system, self._source.master)
+
+    @property
+    def inputs(self) -> list[str]:
+        """Names of the inputs."""
+        return [*self._on.inputs, *self._on.open_inputs]
+
+    def run(
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        settings: Mapping[str, Value],
+        outputs: Sequence[str],
+        longest: float = np.inf,
+    ) -> Array:
+        """Run once from the start.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Points at which inputs change and outputs are read, s.
+        inputs : Mapping of str to ndarray, shape (n,)
+            In the units of the FMUs, as is everything else; held from point to point.
+        settings : Mapping of str to float or str
+            Parameters, and inputs that are held throughout.
+        outputs : sequence of str
+            The m outputs ``member.variable`` to return.
+        longest : float
+            Seconds that it may take.
+
+        Returns
+        -------
+        ndarray, shape (n, m)
+
+        Raises
+        ------
+        UserError
+            If a member refuses or fails, or it takes too long.
+        """
+        points, parts = _refined(time, self._source.step)
+        held = {n: v for n, v in settings.items() if n in self.inputs and n not in inputs}
+        driven = {n: np.repeat(values, parts) for n, values in inputs.items()}
+        driven |= {n: np.full(points.size, value) for n, value in held.items()}
+        given = {n: v for n, v in settings.items() if n not in self.inputs}
+        if self._source.master.method == "fused":
+            signals = self._fused.run(time, driven, numeric(given)).signals
+            return np.column_stack([signals[name] for name in outputs])
+        ran = self._on.run(points, driven, given, outputs, self._patience(longest))
+        if not ran.complete:  # that is how a master ends after Ctrl-C
+            raise KeyboardInterrupt
+        first = np.cumsum(parts) - parts
+        return np.column_stack([ran.signals[name][first] for name in outputs])
+
+    def _patience(self, longest: float) -> Callable[[int], None]:
+        """Return what ends a run that takes too long."""
+        end = monotonic() + longest
+
+        def check(done: int) -> None:
+            if monotonic() > end:
+                raise UserError(f"{self._source.name}: takes longer than {longest:.3g} s")
+
+        return check
+
+
+def _refined(time: Array, step: float) -> tuple[Array, Indices]:
+    """Divide the time between points evenly, so that no part is longer than a step.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Seconds.
+    step : float
+
+    Returns
+    -------
+    points : ndarray, shape (m,)
+        Those of `time` are among them.
+    parts : ndarray of int, shape (n,)
+        Number of points from each of `time` until the next.
+    """
+    distances = np.diff(time, append=time[-1])
+    parts = np.maximum(np.ceil(distances / step * (1.0 - _ROUNDING)), 1.0).astype(np.intp)
+    first = np.cumsum(parts) - parts
+    share = (np.arange(parts.sum()) - np.repeat(first, parts)) / np.repeat(parts, parts)
+    return np.repeat(time, parts) + share * np.repeat(distances, parts), parts
