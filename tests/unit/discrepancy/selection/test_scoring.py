@@ -88,7 +88,7 @@ def test_first_order_and_simulation_score_alike(monkeypatch):
 
 
 def test_without_time_left_nothing_is_simulated(monkeypatch):
-    search = Search(drawn(30.0, 1), Amplifier, ["gain"], budget=Budget(1e-9))
+    search = Search(drawn(30.0, 1), Amplifier, ["gain"], budget=Budget(0.0))
     base = at(Amplifier, search.data, ["gain"])
     assert list(score(search, base, [OFFSET]).directions) == [OFFSET]
     simulated(monkeypatch)
