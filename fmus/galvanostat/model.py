@@ -23,6 +23,7 @@ from ..kit import (
     floor,
     logical_or,
     maximum,
+    outside,
     where,
 )
 
@@ -223,7 +224,7 @@ class Galvanostat(Component):
     def voltage_error(self) -> Any:
         """What the voltage lacks of its command, less what is within the tolerance."""
         error = self.voltage_command - self.voltage
-        return error - clip(error, -self.voltage_tolerance, self.voltage_tolerance)
+        return outside(error, -self.voltage_tolerance, self.voltage_tolerance)
 
     def next_control_error(self) -> Any:
         """Sample of the voltage error."""
@@ -252,7 +253,7 @@ class Galvanostat(Component):
     def tolerated_current(self) -> Any:
         """Wanted current less what is within the tolerance: a dead band, so that nothing jumps."""
         wanted = self.wanted_current()
-        return wanted - clip(wanted, -self.control_tolerance, self.control_tolerance)
+        return outside(wanted, -self.control_tolerance, self.control_tolerance)
 
     def setpoint(self) -> Any:
         """Current within the limits; zero in recovery."""

@@ -130,6 +130,16 @@ def clip(x: Any, low: Any, high: Any) -> Any:
     return minimum(maximum(x, low), high)
 
 
+def outside(x: Any, low: Any, high: Any) -> Any:
+    """Return how far ``x`` is above ``high``, or below ``low`` as a negative number, or 0.
+
+    Where both limits are the same its slope is 1 everywhere, at that value too: of
+    ``x - clip(x, low, high)`` automatic differentiation gives 0.75 there, as it gives each of two
+    equal values half the slope.
+    """
+    return where(low < high, x - clip(x, low, high), x - low)
+
+
 def _check_table(xs: Sequence[Any], ys: Sequence[Any]) -> None:
     if not xs or len(xs) != len(ys):
         raise ValueError(f"a table of {len(xs)} abscissae and {len(ys)} values")

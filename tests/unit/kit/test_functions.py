@@ -22,6 +22,7 @@ from fmus.kit import (
     logical_or,
     maximum,
     minimum,
+    outside,
     sign,
     sin,
     smooth_table,
@@ -193,6 +194,20 @@ def test_clip_stays_inside(x, low, high):
         assert value == x
     assert alike(on_array(lambda v: clip(v, low, high), x), value)
     assert alike(symbolic(lambda v: clip(v, low, high), x), value)
+
+
+@given(x=reals, low=st.floats(-10, 0), high=st.floats(0, 10))
+def test_outside_is_what_clip_takes_away(x, low, high):
+    value = outside(x, low, high)
+    assert alike(value, x - clip(x, low, high))
+    assert alike(on_array(lambda v: outside(v, low, high), x), value)
+    assert alike(symbolic(lambda v: outside(v, low, high), x), value)
+
+
+def test_outside_of_nothing_has_the_slope_of_its_argument_everywhere():
+    x = ca.SX.sym("x")
+    slope = ca.Function("slope", [x], [ca.jacobian(outside(x, 0.0, 0.0), x)])
+    assert [float(slope(at)) for at in (-1.0, 0.0, 1.0)] == [1.0, 1.0, 1.0]
 
 
 @given(x=reals, yes=st.floats(-10, 10), no=st.floats(-10, 10))
