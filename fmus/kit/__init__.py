@@ -69,6 +69,7 @@ from .functions import (
     where,
 )
 from .layout import Layout, law_of
+from .sharing import shared
 from .titles import (
     capitalised,
     effect_title,
@@ -153,6 +154,7 @@ __all__ = [
     "measurement_effects",
     "minimum",
     "name_declaration",
+    "shared",
     "sign",
     "sin",
     "slopes",
