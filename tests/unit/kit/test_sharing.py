@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from array import array
+
 import pytest
 
 from fmus.kit import Component, Effect, Integrator, Output, Parameter, State, shared, stack
 from fmus.kit.sharing import has_shared_laws
+from fmus.kit.slave import Slave
 
 CALLS: list[float] = []
 
@@ -80,8 +84,22 @@ def test_nothing_is_kept_after_a_step_that_fails():
     model = Pair(factor=9.0)
     with pytest.raises(Exception, match="not finite"):
         Integrator(model).advance(0.0, 1.0)
-    model.factor = 4.0
-    assert model.rates() == [4.0, 2.0]
+    for factor in (4.0, 6.0):
+        model.factor = factor
+        assert model.rates() == [factor, 0.5 * factor]
+
+
+def test_a_python_fmu_keeps_it_within_one_evaluation():
+    places = {name: i for i, name in enumerate(Pair.layout.names)}
+    memory = array("d", [0.0] * len(places) + [math.inf, 0.0, Pair.tolerance, 1.0])
+    memory[places["factor"]] = 2.0
+    slave = Slave(Pair, memoryview(memory))
+    assert slave.evaluate(0.0) is None
+    assert memory[places["total"]] == 3.0
+    assert len(CALLS) == 1
+    for factor in (4.0, 6.0):
+        slave.component.factor = factor
+        assert slave.component.outputs()[-1] == 1.5 * factor
 
 
 def test_an_effect_that_overrides_it_shares_what_is_below():
