@@ -30,6 +30,9 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="the hosts of the tes
 QUICK = slow_but(
     COMPONENTS, *(name for name in COMPONENTS if name not in ("foot_dynamic", "foot_free"))
 )  # whose laws in Python take long
+# Rounding decides in which internal step a foot touches, so that builds differ by a few times the
+# tolerance of a step; what they have in common shows below it.
+TIGHTER = {"foot_free": 1e-11}
 OPTIONS = ("-std=c99 -O2", "-O0", "-O3")
 FORCED, LENGTH_DRIVEN = "ppy_actuator", "ppy_actuator_length_driven"
 SECOND_INPUT = {FORCED: "force", LENGTH_DRIVEN: "length_change"}
@@ -182,7 +185,12 @@ def test_builds_agree_away_from_the_defaults(fmu, name):
 def test_builds_of_every_component_agree(fmu, name, changed):
     parameters = dict(SUBJECTS[name].parameters) if changed else {}
     time, inputs = moves(name, 200, seed=7)
-    results = [run(fmu(name, runtime), time, inputs, **parameters) for runtime in RUNTIMES]
+    results = [
+        hosts.run_fmpy(
+            fmu(name, runtime), time, inputs, reals(name), parameters, tolerance=TIGHTER.get(name)
+        )
+        for runtime in RUNTIMES
+    ]
     assert any(np.ptp(results[0][output]) > 0.0 for output in reals(name)), "nothing is compared"
     for output in reals(name):
         assert deviation(results[0][output], results[1][output]) < 1e-9, output
