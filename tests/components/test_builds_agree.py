@@ -30,9 +30,6 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="the hosts of the tes
 QUICK = slow_but(
     COMPONENTS, *(name for name in COMPONENTS if name not in ("foot_dynamic", "foot_free"))
 )  # whose laws in Python take long
-# Rounding decides in which internal step a foot touches, so that builds differ by a few times the
-# tolerance of a step; what they have in common shows below it.
-TIGHTER = {"foot_free": 1e-11}
 OPTIONS = ("-std=c99 -O2", "-O0", "-O3")
 FORCED, LENGTH_DRIVEN = "ppy_actuator", "ppy_actuator_length_driven"
 SECOND_INPUT = {FORCED: "force", LENGTH_DRIVEN: "length_change"}
@@ -187,7 +184,12 @@ def test_builds_of_every_component_agree(fmu, name, changed):
     time, inputs = moves(name, 200, seed=7)
     results = [
         hosts.run_fmpy(
-            fmu(name, runtime), time, inputs, reals(name), parameters, tolerance=TIGHTER.get(name)
+            fmu(name, runtime),
+            time,
+            inputs,
+            reals(name),
+            parameters,
+            tolerance=SUBJECTS[name].tolerance,
         )
         for runtime in RUNTIMES
     ]
