@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ..kit import Input, Output, Parameter, State, cos, maximum, minimum, sin, where
+from ..kit import Input, Output, Parameter, State, cos, maximum, minimum, shared, sin, where
 from .dynamic import FootDynamic
 from .ground import Ground
 
@@ -169,6 +169,7 @@ class FootFree(Ground, FootDynamic):
     # --- where things are, and how fast
     # ----------------------------------------------------------------------------------------------
 
+    @shared
     def links(self) -> tuple[Any, Any, Any, Any]:
         """Lengths of the four links."""
         return (
@@ -178,6 +179,7 @@ class FootFree(Ground, FootDynamic):
             self.scale * self.l4,
         )
 
+    @shared
     def directions(self) -> list[tuple[Any, Any]]:
         """Directions of the four links, x and y."""
         first, second, third = self.link_angles()
@@ -222,6 +224,7 @@ class FootFree(Ground, FootDynamic):
     # --- the ground
     # ----------------------------------------------------------------------------------------------
 
+    @shared
     def touches(self) -> list[tuple[list[tuple[int, Any, Any]], tuple[Any, Any], tuple[Any, Any]]]:
         """Heel, ball, first toe and other toes: the joints that turn each with its distances from
         them along x and y, its velocity over the ground, and the force of the ground on it.
@@ -244,6 +247,7 @@ class FootFree(Ground, FootDynamic):
     # --- inertia
     # ----------------------------------------------------------------------------------------------
 
+    @shared
     def moments_of_mass(self) -> tuple[Any, Any, Any, Any]:
         """First moments s of the links: mass times distance that each moves by its turning."""
         first, second, third, fourth = self.links()
@@ -255,6 +259,7 @@ class FootFree(Ground, FootDynamic):
             fourth * (0.5 * self.m4),
         )
 
+    @shared
     def moments_of_inertia(self) -> list[list[Any]]:
         """Constants A of the kinetic energy of uniform rods in a row."""
         first, second, third, fourth = self.links()
@@ -353,6 +358,7 @@ class FootFree(Ground, FootDynamic):
             y = y + moment * forward * rate * rate
         return x, y
 
+    @shared
     def accelerations(self) -> tuple[list[Any], tuple[Any, Any]]:
         """Angular accelerations of the joints, the leg's own put into them (Lagrange), and the
         force that is left for the leg.

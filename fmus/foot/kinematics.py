@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import radians
 from typing import Any
 
-from ..kit import Component, Output, Parameter, Preset, cos, sin, sqrt
+from ..kit import Component, Output, Parameter, Preset, cos, shared, sin, sqrt
 
 _TABLE = "thesis table 5-1"
 
@@ -156,6 +156,7 @@ class FootKinematics(Component):
         """
         return self.l_do, self.r_do, self.gamma_do, -self.mtp_angle
 
+    @shared
     def arms(self) -> tuple[Any, Any, Any, Any]:
         """Moment arms of an, po, do and pl at the size of table 5-1; only scale multiplies them."""
         an, do = -attached_arm(*self.an_triangle()), -attached_arm(*self.do_triangle())
@@ -185,6 +186,7 @@ class FootKinematics(Component):
         an, po, do = (self.scale * attached_arm_slope(*triangle) for triangle in triangles)
         return an, po, do, 0.0 * self.scale * self.r_pl
 
+    @shared
     def length_changes(self) -> tuple[Any, Any, Any, Any]:
         """Changes of the lengths of an, po, do and pl from the reference configuration."""
         triangles = self.an_triangle(), self.po_triangle(), self.do_triangle()
@@ -214,6 +216,7 @@ class FootKinematics(Component):
             l * sin(a) for l, a in pairs
         )
 
+    @shared
     def shape_jacobian(self) -> tuple[tuple[Any, Any], tuple[Any, Any], tuple[Any, Any]]:
         """Columns of J for ankle, tm and mtp at the size of table 5-1."""
         first, second, third = self.link_angles()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kit import Input, Output, Parameter, maximum
+from ..kit import Input, Output, Parameter, maximum, shared
 from .kinematics import FootKinematics
 
 _FIGURE = "thesis fig. 5-7, 12-layer actuator"
@@ -67,6 +67,7 @@ class FootStatics(FootKinematics):
         """Tensions of an, po, do and pl as they pull on the joints."""
         return self.an_tension, self.po_tension, self.do_tension, self.pl_tension
 
+    @shared
     def joint_torques(self) -> tuple[Any, Any, Any]:
         """Torques on ankle, tm and mtp by tensions and toe force, J^T F - R^T T, positive in
         dorsiflexion.
@@ -77,6 +78,7 @@ class FootStatics(FootKinematics):
         mtp_pull = self.do_arm() * do + self.pl_arm() * pl
         return ankle - ankle_pull, tm, mtp - mtp_pull
 
+    @shared
     def joint_stiffnesses(self) -> tuple[Any, Any, Any]:
         """Stiffnesses of ankle, tm and mtp: R^T K_l R, which is diagonal, with the arch."""
         ankle = (
@@ -85,6 +87,7 @@ class FootStatics(FootKinematics):
         mtp = self.k_do * self.do_arm() * self.do_arm() + self.k_pl * self.pl_arm() * self.pl_arm()
         return ankle, self.tm_stiffness, mtp
 
+    @shared
     def shape_dampings(self) -> tuple[Any, Any]:
         """Damping of ankle and mtp by the actuators, R^T B_l R, at the size of table 5-1."""
         an, po, do, pl = self.arms()

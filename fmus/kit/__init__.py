@@ -70,6 +70,7 @@ from .functions import (
     where,
 )
 from .layout import Layout, law_of
+from .sharing import shared
 from .titles import (
     capitalised,
     effect_title,
@@ -155,6 +156,7 @@ __all__ = [
     "minimum",
     "name_declaration",
     "outside",
+    "shared",
     "sign",
     "sin",
     "slopes",

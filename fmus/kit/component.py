@@ -110,6 +110,7 @@ class Component:
     declared: ClassVar[dict[str, Declaration]] = {}
     layout: ClassVar[Layout]
     time: Any
+    _kept: dict[Any, Any] | None = None  # of shared laws, see sharing.py
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)

@@ -16,6 +16,7 @@ from typing import Any
 from .component import Component
 from .errors import UserError
 from .layout import Clock
+from .sharing import has_shared_laws
 
 MIN_STEP = 1e-14
 MAX_STEPS = 1_000_000
@@ -25,7 +26,7 @@ SAME_INSTANT = 1e-9  # relative to the period
 ROUNDING = 1e-15  # relative to the time
 
 
-def _unrolled(names: list[str], batch: bool) -> str:
+def _unrolled(names: list[str], batch: bool, shares: bool) -> str:
     """Write the source of one trial step, unrolled over the states.
 
     A loop would make a Python FMU three times as slow. The function returns the error relative to
@@ -42,7 +43,10 @@ def _unrolled(names: list[str], batch: bool) -> str:
         States.
     batch : bool
         True if states are arrays, whose elements share one internal step.
+    shares : bool
+        True if there are shared laws, whose values are kept within a stage.
     """
+    anew = "m._kept = {}; " if shares else ""
     n = range(len(names))
 
     def each(pattern: str, separator: str = "; ") -> str:
@@ -60,17 +64,17 @@ def _unrolled(names: list[str], batch: bool) -> str:
         "    " + each("x{i} = m.{s}"),
     ]
     body = [
-        "    m.time = t; " + each("a{i} = r{i}()"),
+        f"    {anew}m.time = t; " + each("a{i} = r{i}()"),
         "    g = 0.5 * h",
     ]
     for letter, time, state in stages:
         body += [
-            f"    m.time = {time}; " + each("m.{s} = " + state),
+            f"    {anew}m.time = {time}; " + each("m.{s} = " + state),
             "    " + each(letter + "{i} = r{i}()"),
         ]
     worst = "max({})" if len(names) > 1 else "{}"
     body += [
-        "    g = h / 32.0; m.time = t + 0.75 * h",
+        f"    {anew}g = h / 32.0; m.time = t + 0.75 * h",
         "    " + each("m.{s} = x{i} + g * (5.0 * a{i} + 7.0 * b{i} + 13.0 * c{i} - d{i})"),
         "    " + each("q{i} = r{i}()"),
         "    g = h / 6.0; w = h / sqrt(tolerance)",
@@ -91,6 +95,7 @@ def _unrolled(names: list[str], batch: bool) -> str:
     ]
     lines += ["    try:", *("    " + line for line in body)]
     lines += ["    except ArithmeticError: " + each("m.{s} = x{i}") + "; return inf"]
+    lines += ["    finally: m._kept = None"] if shares else []
     return "\n".join(lines)
 
 
@@ -104,7 +109,7 @@ def _trial(cls: type[Component], batch: bool) -> Callable[..., float] | None:
     if not names:
         return None
     namespace: dict[str, Any] = {"inf": math.inf, "sqrt": math.sqrt}
-    exec(_unrolled(names, batch), namespace)
+    exec(_unrolled(names, batch, has_shared_laws(cls)), namespace)
     step: Callable[..., float] = namespace["step"]
     if batch:  # a trial step that overflows is rejected, no reason for NumPy to warn
         step = sys.modules["numpy"].errstate(all="ignore")(step)

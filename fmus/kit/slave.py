@@ -107,10 +107,13 @@ class Slave:
                 self._take_parameters()
             self._load(component, memory)
             component.time = time
+            component._kept = {}
             for index, law in enumerate(laws, first):
                 memory[index] = law()
         except BaseException as error:
             return describe_error(error)
+        finally:
+            self.component._kept = None
         return None
 
     def advance(self, time: float, step: float) -> str | None:

@@ -48,6 +48,9 @@ class Subject:
         Inputs and outputs of the design with their units.
     started : Mapping of str to float
         Start values that bring every law into play, away from kinks.
+    tolerance : float or None
+        Accuracy that hosts ask for where builds are compared. Rounding decides in which internal
+        step a foot touches, so that builds differ by a few times the tolerance of a step.
     """
 
     inputs: Mapping[str, float]
@@ -55,6 +58,7 @@ class Subject:
     parameters: Mapping[str, float]
     signals: str
     started: Mapping[str, float] = field(default_factory=dict)
+    tolerance: float | None = None
 
     @property
     def first(self) -> str:
@@ -207,6 +211,7 @@ SUBJECTS = {
         " load_work J joint_loss J kinetic_energy J potential_energy J ground_force_x N"
         " ground_force_y N heel_pressure N ball_pressure N toe_pressure N toes_pressure N",
         {"leg_height_start": 0.021, "leg_velocity_y_start": 0.01, "leg_velocity_x_start": 0.01},
+        1e-11,
     ),
 }
 assert set(SUBJECTS) == set(COMPONENTS), "every component is under contract"

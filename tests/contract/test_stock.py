@@ -99,7 +99,7 @@ def test_the_numbers_are_those_of_the_native_build_in_fmpy(stock, fmu, name, cha
     given = (
         {"parameters": dict(SUBJECTS[name].parameters), "tolerance": 1e-11, "feedthrough": False}
         if changed
-        else {}
+        else {"tolerance": SUBJECTS[name].tolerance}
     )
     run = functools.partial(hosts.run_fmpy, times=times, inputs=inputs, outputs=outputs, **given)
     close(works(run_with, str(stock(name)), run.keywords), run(fmu(name, "native")), outputs)

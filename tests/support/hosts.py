@@ -37,6 +37,7 @@ from fmpy.model_description import ModelDescription, ScalarVariable
 TESTS = Path(__file__).resolve().parent
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 LETTER = {"Real": "r", "Integer": "i", "Boolean": "b"}
+TYPE: dict[str, type] = {"Real": float, "Integer": int, "Boolean": bool}
 NANOSECONDS = 1_000_000_000
 ECOS_COMPLAINT = re.compile(r"\] fmi2(Discard|Error|Fatal)\b")
 
@@ -203,6 +204,14 @@ def _real_only(host: str, description: ModelDescription, names: Sequence[str]) -
             )
 
 
+def _typed(
+    description: ModelDescription, parameters: Mapping[str, float]
+) -> dict[str, float | int | bool]:
+    """Values in the types of their variables, which masters go by."""
+    variables = _variables(description)
+    return {name: TYPE[variables[name].type](value) for name, value in parameters.items()}
+
+
 def _set(fmu: FMU2Slave, variable: ScalarVariable, value: float) -> None:
     if variable.type == "Real":
         fmu.setReal([variable.valueReference], [float(value)])
@@ -343,7 +352,7 @@ def run_libcosim(
     HostError
         When libcosim reports an error or crashes.
     ValueError
-        When times do not start at 0 or are not equally spaced, or a variable is not Real.
+        When times do not start at 0 or are not equally spaced, or an input or output is not Real.
     """
     if importlib.util.find_spec("libcosimpy") is None:
         pytest.skip("libcosimpy is not installed")
@@ -352,7 +361,7 @@ def run_libcosim(
         raise ValueError("libcosim starts at time 0")
     step = _uniform_step("libcosim", time)
     description = fmpy.read_model_description(str(fmu), validate=False)
-    _real_only("libcosim", description, [*columns, *outputs, *(parameters or {})])
+    _real_only("libcosim", description, [*columns, *outputs])
     finished = finish_in_subprocess(
         _libcosim,
         str(fmu),
@@ -360,7 +369,7 @@ def run_libcosim(
         step,
         columns,
         list(outputs),
-        dict(parameters or {}),
+        _typed(description, parameters or {}),
         clean_exit=clean_exit,
     )
     if finished.returncode != 0:
@@ -374,7 +383,7 @@ def _libcosim(
     step: float,
     columns: Result,
     outputs: list[str],
-    parameters: dict[str, float],
+    parameters: dict[str, float | int | bool],
 ) -> Result:
     from libcosimpy.CosimExecution import CosimExecution  # type: ignore[import-untyped]
     from libcosimpy.CosimLogging import CosimLogLevel, log_output_level  # type: ignore[import-untyped]
@@ -393,8 +402,13 @@ def _libcosim(
     manipulator = CosimManipulator.create_override()
     execution.add_observer(observer)
     execution.add_manipulator(manipulator)
+    set_start = {
+        float: execution.real_initial_value,
+        int: execution.integer_initial_value,
+        bool: execution.boolean_initial_value,
+    }
     for name, value in parameters.items():
-        execution.real_initial_value(index, _reference(description, name), float(value))
+        set_start[type(value)](index, _reference(description, name), value)
     for name, column in columns.items():
         execution.real_initial_value(index, _reference(description, name), float(column[0]))
     input_references = [_reference(description, name) for name in columns]
@@ -462,7 +476,7 @@ def run_ecos(
     HostError
         When Ecos reports an error or crashes.
     ValueError
-        When times are not equally spaced, or a variable is not Real.
+        When times are not equally spaced, or an input or output is not Real.
     """
     if importlib.util.find_spec("ecospy") is None:
         pytest.skip("ecospy is not installed")
@@ -471,7 +485,7 @@ def run_ecos(
     time, columns = _table(times, inputs)
     step = _uniform_step("Ecos", time)
     description = fmpy.read_model_description(str(fmu), validate=False)
-    _real_only("ecos", description, [*columns, *outputs, *(parameters or {})])
+    _real_only("ecos", description, [*columns, *outputs])
     finished = finish_in_subprocess(
         _ecos,
         str(fmu),
@@ -479,7 +493,7 @@ def run_ecos(
         step,
         columns,
         list(outputs),
-        dict(parameters or {}),
+        _typed(description, parameters or {}),
         clean_exit=clean_exit,
     )
     if finished.returncode != 0 or ECOS_COMPLAINT.search(finished.output):
@@ -501,7 +515,7 @@ def _ecos(
     step: float,
     columns: Result,
     outputs: list[str],
-    parameters: dict[str, float],
+    parameters: dict[str, float | int | bool],
 ) -> Result:
     preload_tbb()
     from ecospy import EcosLib, EcosSimulation, EcosSimulationStructure  # type: ignore[import-untyped]
@@ -509,7 +523,7 @@ def _ecos(
     EcosLib.set_log_level("debug")  # Ecos shows messages of the FMU at this level only
     structure = EcosSimulationStructure()
     structure.add_model("instance", fmu)
-    values = {f"instance::{name}": float(value) for name, value in parameters.items()}
+    values: dict[str, Any] = {f"instance::{name}": v for name, v in parameters.items()}
     values |= {f"instance::{name}": float(column[0]) for name, column in columns.items()}
     structure.add_parameter_set("start", values)
     simulation = EcosSimulation(structure=structure, step_size=step)

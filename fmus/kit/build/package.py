@@ -36,6 +36,7 @@ RUNTIME_MODULES = (
     "layout",
     "sampling",
     "sensors",
+    "sharing",
     "slave",
     "titles",
 )

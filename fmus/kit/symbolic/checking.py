@@ -341,7 +341,9 @@ def _text(code: CodeType, instruction: int) -> str:
 
 def _code_of(cls: type[Component], law: str) -> CodeType | None:
     """Return the code of a law that an author wrote; None if the kit made it."""
-    code: CodeType | None = getattr(law_of(cls, law), "__code__", None)
+    written = law_of(cls, law)
+    written = getattr(written, "__wrapped__", written)  # of a shared law
+    code: CodeType | None = getattr(written, "__code__", None)
     return None if code is None or Path(code.co_filename).is_relative_to(_KIT) else code
 
 
