@@ -1,10 +1,9 @@
-"""A loop that holds the tension of an actuator at a fixed length by its current, and an emulated rig
-that can stand in it.
+"""A loop that holds the tension of an actuator by its current, around an emulated rig.
 
-An actuator that is held lengthens with its charge, so that its tension falls: a PID controller of
-1 V per ampere commands the current with the opposite sign. Between the samples of a slow loop there
-is nothing to exchange, so that it runs at 30 Hz, as the rig does, and not at the kilohertz that the
-coil of ``hil_bench`` needs.
+The actuator is held at a fixed length. It lengthens with its charge, so that its tension falls: a
+PID controller commands the current by an amplifier of -1 A/V. Between the samples of a slow loop
+there is nothing to exchange, so that it runs at 30 Hz, as the rig does, and not at the kilohertz
+that the coil of ``hil_bench`` needs::
 
     python examples/tension_loop.py measure record.csv
     python examples/tension_loop.py compare better.fmu
@@ -144,7 +143,7 @@ def step_response(loop: System) -> np.ndarray:
 
 
 class StepFigures(NamedTuple):
-    """What is told of a step: overshoot and its settling, %, s, and root mean square error, N."""
+    """Overshoot, %, time to stay within 5 % of the step, s, and root mean square error, N."""
 
     overshoot: float
     settling_time: float
