@@ -218,16 +218,16 @@ def table(before: Tuned, after: Tuned) -> str:
         ],
         "overshoot on the rig, %": [one.overshoot for one in measured],
         "settling time on the rig, s": [one.settling_time for one in measured],
-        "rms error on the rig, N": [one.error for one in measured],
-        "rms error of the nominal model's prediction, N": [
-            one.error_of(one.nominal) for one in (before, after)
+        "rms error on the rig, mN": [1e3 * one.error for one in measured],
+        "rms error of the nominal model's prediction, mN": [
+            1e3 * one.error_of(one.nominal) for one in (before, after)
         ],
-        "rms error of the extended model's prediction, N": [
-            one.error_of(one.extended) for one in (before, after)
+        "rms error of the extended model's prediction, mN": [
+            1e3 * one.error_of(one.extended) for one in (before, after)
         ],
     }
-    head = f"{'loop tuned for the model':48}{'nominal':>10}{'extended':>10}"
-    lines = [f"{name:48}{first:10.4g}{second:10.4g}" for name, (first, second) in rows.items()]
+    head = f"{'loop tuned for the model':50}{'nominal':>10}{'extended':>10}"
+    lines = [f"{name:50}{first:10.3g}{second:10.3g}" for name, (first, second) in rows.items()]
     return "\n".join([head, *lines])
 
 
