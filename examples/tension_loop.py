@@ -186,24 +186,26 @@ class Tuned:
         return float(np.sqrt(np.mean((predicted - self.rig) ** 2)))
 
 
-def tune(model: str | Path, extended: Path, endpoint: str) -> Tuned:
-    """Tune the loop for a model, and close it over the rig and over both models."""
+def tune(model: str | Path, extended: Path) -> Tuned:
+    """Tune the loop for a model, and close it over a rig at rest and over both models."""
     gains = gains_for(model)
     better = tension_loop(Member("films", extended), gains)
-    proxy = Member.of("films", component("rig_proxy_length_driven"), {"endpoint": endpoint})
     loop = ppy.linearise(better, {"length_change": LENGTH}, cut="films.tension", step=PERIOD)
+    with emulated_rig() as rig:  # a fresh one, as films remember charge and load
+        proxy = Member.of("films", component("rig_proxy_length_driven"), {"endpoint": rig})
+        measured = step_response(tension_loop(proxy, gains))
     return Tuned(
         gains,
         loop.margins(),
-        step_response(tension_loop(proxy, gains)),
+        measured,
         step_response(tension_loop(Member.of("films", component(NOMINAL)), gains)),
         step_response(better),
     )
 
 
-def compare(extended: Path, endpoint: str) -> tuple[Tuned, Tuned]:
+def compare(extended: Path) -> tuple[Tuned, Tuned]:
     """Return the loop tuned for the nominal model, and for the extended one."""
-    return tune(NOMINAL, extended, endpoint), tune(extended, extended, endpoint)
+    return tune(NOMINAL, extended), tune(extended, extended)
 
 
 def table(before: Tuned, after: Tuned) -> str:
@@ -233,8 +235,8 @@ def table(before: Tuned, after: Tuned) -> str:
 
 if __name__ == "__main__":
     task, file = sys.argv[1:]
-    with emulated_rig() as rig:
-        if task == "measure":
+    if task == "measure":
+        with emulated_rig() as rig:
             measure(rig, Path(file))
-        else:
-            print(table(*compare(Path(file), rig)))
+    else:
+        print(table(*compare(Path(file))))
