@@ -71,6 +71,7 @@ navigation = {
         "docs/how-to/other-tools",
         "docs/how-to/continuous-integration",
         "docs/how-to/hardware-in-the-loop",
+        "docs/how-to/retune",
         "docs/how-to/own-backend",
         "docs/how-to/thesis",
     ],

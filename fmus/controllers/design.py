@@ -1,4 +1,4 @@
-"""The gains of the state feedback, by python-control from an actuator's own linearisation.
+"""Gains after a linear model: of the state feedback by python-control, of the PID by its response.
 
 Not part of the FMU; the libraries that it needs are imported where they are used.
 """
@@ -23,6 +23,10 @@ TIME_CONSTANTS = (0.5, 1.5)
 DISTURBANCES = (1e-3, 1e-8, 1e-8)  # C, m, m
 # and of what is measured: the resolution of section 2.2.2, and a millivolt
 NOISES = (3e-6, 1e-3)  # m, V
+
+# T_d / T_i, the largest for which the zeros of the PID controller are real, and T_d / T_f
+_DERIVATIVE_SHARE = 0.25
+_FILTERING = 5.0
 
 _STATES = ("charge", "kelvin_elongation", "maxwell_elongation")
 _INPUTS = ("current", "force")
@@ -169,3 +173,54 @@ def state_feedback(
     made = stack(StateFeedback, name=name, defaults=found)
     made.remark = described(found, plant.name)
     return made
+
+
+def pid_gains(response: complex, crossover: float, phase_margin: float) -> dict[str, float]:
+    """Design a PID controller for one point of a plant's frequency response.
+
+    The controller moves that point to where the loop has gain one and the phase margin wanted, with
+    T_d = T_i / 4 (Astrom, Hagglund: Advanced PID Control, 2006, section 6.2, modified
+    Ziegler-Nichols). The derivative's filter, T_f = T_d / 5, and the sampling are left out of it:
+    they cost some of the margin where the crossover is fast beside them.
+
+    Parameters
+    ----------
+    response : complex
+        Of the plant at the crossover, from the command to what is measured.
+    crossover : float
+        Frequency of gain one, Hz.
+    phase_margin : float
+        In degrees.
+
+    Returns
+    -------
+    dict of str to float
+        Parameters of :class:`.Pid`, in its units if the response is in N/V.
+
+    Raises
+    ------
+    UserError
+        If the crossover is not above zero, or no PID controller turns the phase there by as much as
+        is needed.
+    """
+    if not crossover > 0.0:
+        raise UserError(f"crossover {crossover:g} Hz: a frequency above 0 Hz")
+    needed = np.exp(1j * np.radians(phase_margin - 180.0)) / response
+    angle = float(np.angle(needed))
+    if not np.cos(angle) > 0.0:
+        raise UserError(
+            f"phase margin {phase_margin:g} degrees at {crossover:g} Hz: the controller would have"
+            f" to turn the phase by {np.degrees(angle):.3g} degrees; a PID can by -90 to 90"
+        )
+    share = _DERIVATIVE_SHARE
+    # omega T_d - 1 / (omega T_i) is the tangent of the angle
+    root = np.tan(angle) + np.hypot(np.tan(angle), 2.0 * share**0.5)
+    integral_time = root / (4.0 * np.pi * share * crossover)
+    found = {
+        "proportional_gain": abs(needed) * np.cos(angle),
+        "integral_time": integral_time,
+        "derivative_time": share * integral_time,
+        "filter_time": share * integral_time / _FILTERING,
+        "tracking_time": integral_time,
+    }
+    return {name: float(value) for name, value in found.items()}

@@ -37,6 +37,7 @@ HEAVY = {
     "laws",
     "identify",
     "sweeps",
+    "retune",
     "continuous-integration",
 }
 PAGES = [

@@ -1,0 +1,242 @@
+"""A loop that holds the tension of an actuator by its current, around an emulated rig.
+
+The actuator is held at a fixed length. It lengthens with its charge, so that its tension falls: a
+PID controller commands the current by an amplifier of -1 A/V. Between the samples of a slow loop
+there is nothing to exchange, so that it runs at 30 Hz, as the rig does, and not at the kilohertz
+that the coil of ``hil_bench`` needs::
+
+    python examples/tension_loop.py measure record.csv
+    python examples/tension_loop.py compare better.fmu
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+
+import orchestration as ppy
+from fmus import component
+from fmus.controllers.design import pid_gains
+from orchestration import master
+from orchestration.linear import LoopMargins
+from orchestration.records import write_record
+from orchestration.system import Connection, Member, Port, System, connect
+
+NOMINAL = "ppy_actuator_length_driven"
+CROSSOVER = 0.05  # Hz
+PHASE_MARGIN = 60.0  # degrees
+PERIOD = 1.0 / 30.0  # s, of rig and controller
+LENGTH = 2.5e-4  # m, at which the actuator is held: 1.6 N without charge
+STEP_TIME = 20.0  # s, when the wanted tension changes
+LEVELS = 1.5, 1.1  # N, wanted before and after
+DURATION = 60.0  # s
+_SETTLED = 0.05  # share of the step
+_AFTER = 1e-3  # s from a command to what is measured after it
+
+
+@contextmanager
+def emulated_rig(hidden: str = "strain_lag") -> Iterator[str]:
+    """Serve an emulated rig in lockstep with an effect hidden in it; yield its endpoint."""
+    options = ("--option", "signals=length-driven", "--option", f"hidden={hidden}")
+    command = [sys.executable, "-m", "orchestration.cli", "rig", "serve", "--lockstep", *options]
+    with (
+        TemporaryDirectory() as state,
+        subprocess.Popen(
+            [*command, "--port", "0", "--state", state], stdout=subprocess.PIPE, text=True
+        ) as server,
+    ):
+        assert server.stdout is not None
+        try:
+            ready = next(line for line in server.stdout if "ready: " in line)
+            yield re.findall(r"tcp://[\w.]+:\d+", ready)[0]
+        finally:
+            server.terminate()  # the rig goes to its safe state
+
+
+def measure(endpoint: str, path: Path, duration: float = 45.0, seed: int = 1) -> None:
+    """Record a rig in lockstep under random levels of current and length.
+
+    What is measured belongs to the command of its row: the rig is asked shortly after each, as
+    ``ppy rig record`` does with one in real time.
+    """
+    random = np.random.default_rng(seed)
+    count = round(duration / PERIOD)
+    time = PERIOD * np.arange(count)
+    commands = {
+        "current": _levels(random, [-0.9, -0.45, 0.0, 0.45, 0.9], (0.5, 4.0), count),
+        "length_change": _levels(random, [2.0e-4, 2.5e-4, 3.0e-4], (1.0, 5.0), count),
+    }
+    asked = np.column_stack([time, time + _AFTER]).ravel()
+    run = ppy.simulate(
+        "rig_proxy_length_driven",
+        {name: np.repeat(values, 2) for name, values in commands.items()},
+        time=asked,
+        settings={"endpoint": endpoint},
+    )
+    measured = {name: np.asarray(run[name])[1::2] for name in ("voltage", "tension")}
+    units = {"current": "A", "length_change": "m", "voltage": "V", "tension": "N"}
+    write_record(path, time, commands | measured, units)
+
+
+def _levels(
+    random: np.random.Generator, values: list[float], dwell: tuple[float, float], count: int
+) -> np.ndarray:
+    """Return random levels (count,), each kept for a random time between two of `dwell`, s."""
+    levels: list[float] = []
+    while len(levels) < count:
+        levels += [random.choice(values)] * round(random.uniform(*dwell) / PERIOD)
+    return np.array(levels[:count])
+
+
+def gains_for(model: str | Path) -> dict[str, float]:
+    """Return the gains of the loop for a model, by one rule for all: crossover and phase margin."""
+    plant = ppy.linearise(model, {"length_change": LENGTH}, inputs="current", outputs="tension")
+    response = plant.response(np.array([CROSSOVER]))[0]
+    return pid_gains(-response, CROSSOVER, PHASE_MARGIN)
+
+
+def tension_loop(films: Member, gains: Mapping[str, float]) -> System:
+    """Return the loop of a PID controller around a length-driven actuator or its proxy.
+
+    Parameters
+    ----------
+    films : Member
+        By the name ``films``, with the signals of ``ppy_actuator_length_driven``.
+    gains : Mapping of str to float
+        Parameters of ``pid``.
+    """
+    limits = {"sample_period": PERIOD, "command_min": -1.3, "command_max": 1.3}
+    amplifier = Connection(Port("pid", "command"), Port("films", "current"), factor=-1.0)  # A/V
+    return System(
+        name="tension_loop",
+        members=(Member.of("pid", component("pid"), {**limits, **gains}), films),
+        connections=(amplifier, *connect("films.tension -> pid.measured")),
+        inputs={
+            "reference": (Port("pid", "reference"),),
+            "length_change": (Port("films", "length_change"),),
+        },
+        outputs={"tension": Port("films", "tension"), "command": Port("pid", "command")},
+        doc="Actuator at a fixed length whose tension is held by its current",
+        step=PERIOD,
+        stop=DURATION,
+    )
+
+
+def step_response(loop: System) -> np.ndarray:
+    """Return the tension (n,) in N after a step of the reference, from `STEP_TIME` on."""
+    time = PERIOD * np.arange(round(DURATION / PERIOD) + 1)
+    inputs = {
+        "reference": np.where(time < STEP_TIME, *LEVELS),
+        "length_change": np.full(time.size, LENGTH),
+    }
+    tension = master.run(loop, time, inputs).signals["films.tension"]
+    return np.asarray(tension)[time >= STEP_TIME - 0.5 * PERIOD]
+
+
+class StepFigures(NamedTuple):
+    """Overshoot, %, time to stay within 5 % of the step, s, and root mean square error, N."""
+
+    overshoot: float
+    settling_time: float
+    error: float
+
+    @classmethod
+    def of(cls, tension: np.ndarray) -> StepFigures:
+        """Return the figures of a response (n,), N, that begins at the step."""
+        before, after = LEVELS
+        gone = (tension - before) / (after - before)
+        outside = np.flatnonzero(np.abs(gone - 1.0) > _SETTLED)
+        return cls(
+            100.0 * (float(gone.max()) - 1.0),
+            PERIOD * float(outside[-1] + 1),
+            float(np.sqrt(np.mean((tension - after) ** 2))),
+        )
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """A loop tuned for a model.
+
+    Attributes
+    ----------
+    gains : dict of str to float
+    margins : LoopMargins
+        With the extended model in the loop.
+    rig, nominal, extended : ndarray, shape (n,)
+        Tension in N after the step: measured, and as either model has it.
+    """
+
+    gains: dict[str, float]
+    margins: LoopMargins
+    rig: np.ndarray
+    nominal: np.ndarray
+    extended: np.ndarray
+
+    def error_of(self, predicted: np.ndarray) -> float:
+        """Return the root mean square error of a prediction of the rig, N."""
+        return float(np.sqrt(np.mean((predicted - self.rig) ** 2)))
+
+
+def tune(model: str | Path, extended: Path) -> Tuned:
+    """Tune the loop for a model, and close it over a rig at rest and over both models."""
+    gains = gains_for(model)
+    better = tension_loop(Member("films", extended), gains)
+    loop = ppy.linearise(better, {"length_change": LENGTH}, cut="films.tension", step=PERIOD)
+    with emulated_rig() as rig:  # a fresh one, as films remember charge and load
+        proxy = Member.of("films", component("rig_proxy_length_driven"), {"endpoint": rig})
+        measured = step_response(tension_loop(proxy, gains))
+    return Tuned(
+        gains,
+        loop.margins(),
+        measured,
+        step_response(tension_loop(Member.of("films", component(NOMINAL)), gains)),
+        step_response(better),
+    )
+
+
+def compare(extended: Path) -> tuple[Tuned, Tuned]:
+    """Return the loop tuned for the nominal model, and for the extended one."""
+    return tune(NOMINAL, extended), tune(extended, extended)
+
+
+def table(before: Tuned, after: Tuned) -> str:
+    """Return figures of two loops beside each other."""
+    measured = [StepFigures.of(one.rig) for one in (before, after)]
+    rows: dict[str, list[float]] = {
+        "K, A/N": [one.gains["proportional_gain"] for one in (before, after)],
+        "T_i, s": [one.gains["integral_time"] for one in (before, after)],
+        "T_d, s": [one.gains["derivative_time"] for one in (before, after)],
+        "phase margin by the extended model, degrees": [
+            one.margins.phase for one in (before, after)
+        ],
+        "overshoot on the rig, %": [one.overshoot for one in measured],
+        "settling time on the rig, s": [one.settling_time for one in measured],
+        "rms error on the rig, mN": [1e3 * one.error for one in measured],
+        "rms error of the nominal model's prediction, mN": [
+            1e3 * one.error_of(one.nominal) for one in (before, after)
+        ],
+        "rms error of the extended model's prediction, mN": [
+            1e3 * one.error_of(one.extended) for one in (before, after)
+        ],
+    }
+    head = f"{'loop tuned for the model':50}{'nominal':>10}{'extended':>10}"
+    lines = [f"{name:50}{first:10.3g}{second:10.3g}" for name, (first, second) in rows.items()]
+    return "\n".join([head, *lines])
+
+
+if __name__ == "__main__":
+    task, file = sys.argv[1:]
+    if task == "measure":
+        with emulated_rig() as rig:
+            measure(rig, Path(file))
+    else:
+        print(table(*compare(Path(file))))
