@@ -121,6 +121,14 @@ def _show(data: xarray.Dataset) -> None:
     if "deadlines" in data.attrs:
         out.print(result_page.pace(data))
     out.print(table)
+    cycles = result_page.cycles(data)
+    if cycles:
+        of_cycles = plain_table(
+            None, *result_page.CYCLE_COLUMNS, right=result_page.CYCLE_COLUMNS[1:]
+        )
+        for row in cycles:
+            of_cycles.add_row(*row)
+        out.print(of_cycles)
 
 
 def experiment_on_system(options: SimulateCommand) -> Experiment:

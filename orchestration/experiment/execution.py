@@ -73,20 +73,26 @@ def run(
     -------
     ExperimentResult
         Inputs and recorded outputs over time in the FMU's units, with all that it takes to make the
-        experiment again. Of each mechanical coupling of a system the energy that it made, the
-        running sign of coupling error. After an interrupt, what was computed, with the attribute
+        experiment again. Outputs of variants are named after them, ``variant.output``. Of each
+        mechanical coupling of a system the energy that it made, the running sign of coupling error.
+        After an interrupt, what was computed, with the attribute
         ``complete`` 0; also when an FMU fails on its way, a rig refuses a command or is lost, or
         the run does not keep pace with real time, with the reason in the attribute ``failure``.
-        Outputs about the links of proxies are recorded in any case.
+        Outputs about the links of proxies are recorded in any case. Of variants there is a whole
+        result or none.
 
     Raises
     ------
     UserError
         If something in the experiment does not fit what it is made on, or an FMU fails before the
-        first point.
+        first point, or in a variant.
     KeyboardInterrupt
-        If an interrupt came before the first point.
+        If an interrupt came before the first point, or in a variant.
     """
+    if experiment.variants:
+        if live is not None:
+            raise UserError(f"{where}: variants run one after another, not in real time")
+        return _run_variants(experiment, where, progress, note, fits, isolation)
     with subject(experiment, where) as on:
         if live is not None:
             _refuse_fused(experiment, where)
@@ -100,6 +106,46 @@ def run(
         raise KeyboardInterrupt
     data = _dataset(prepared, ran, where, note)
     return data.assign_attrs({"failure": failure} if failure else {})
+
+
+def _run_variants(
+    experiment: Experiment,
+    where: str,
+    progress: Callable[[int, int], None],
+    note: Callable[[str], None],
+    fits: Callable[[xarray.Dataset], None],
+    isolation: Callable[[bool], Limits | None],
+) -> ExperimentResult:
+    """Make the variants of an experiment, one after another."""
+    runs = {}
+    for number, (name, settings) in enumerate(experiment.variants.items()):
+        here = f"{where}: {name}"
+        own = {"parameters": {**experiment.parameters, **settings}, "variants": {}}
+        runs[name] = run(
+            experiment.model_copy(update=own),
+            here,
+            _progress_of_part(progress, number, len(experiment.variants)),
+            note=_prefixed(note, name),
+            fits=fits,
+            isolation=isolation,
+        )
+        if "failure" in runs[name].attrs:
+            raise UserError(f"{here}: {runs[name].attrs['failure']}")
+        if not runs[name].attrs["complete"]:
+            raise KeyboardInterrupt
+    return results.side_by_side(runs, experiment, where)
+
+
+def _progress_of_part(
+    progress: Callable[[int, int], None], number: int, parts: int
+) -> Callable[[int, int], None]:
+    """Return the progress of one of several equal parts."""
+    return lambda done, whole: progress(number * whole + done, parts * whole)
+
+
+def _prefixed(note: Callable[[str], None], name: str) -> Callable[[str], None]:
+    """Return what tells a line with a name before it."""
+    return lambda line: note(f"{name}: {line}")
 
 
 def _first_point(prepared: Preparation) -> ExperimentResult:

@@ -42,6 +42,7 @@ def _flat(given: Any) -> Any:
 
 
 Setting = Annotated[bool | int | float | str, PlainValidator(_setting)]
+Settings = Annotated[dict[str, Setting], BeforeValidator(_flat)]
 
 
 class NoiseTable(ValueTable):
@@ -86,6 +87,17 @@ class Master(ValueTable):
         return self.method != "fused" and not set(self._set()) - {"extrapolation"}
 
 
+class WorkLoopTable(ValueTable):
+    """Signals of a work loop: its picture is that of loops and of what became of each cycle."""
+
+    period: Span
+    force: str
+    reference: str
+    length: str
+    current: str
+    voltage: str
+
+
 class Experiment(ValueTable):
     """An experiment on a component or a system; ``docs/reference/experiments.md`` has every key."""
 
@@ -100,11 +112,13 @@ class Experiment(ValueTable):
     step: Span | None = None
     seed: Annotated[int, Field(ge=0, strict=True)] = 0
     master: Master | None = None
-    parameters: Annotated[dict[str, Setting], BeforeValidator(_flat)] = {}
+    parameters: Settings = {}
     inputs: dict[str, AnyStimulus] = {}
     record: list[str] | None = None
     noise: dict[str, NoiseTable] = {}
     over: str = "time"
+    variants: dict[str, Settings] = {}
+    work_loop: WorkLoopTable | None = None
 
     @model_validator(mode="after")
     def _one_subject(self) -> Experiment:
@@ -119,6 +133,26 @@ class Experiment(ValueTable):
             raise ValueError(
                 f"runtime = {self.runtime!r}: a fused system is compiled, no build of its FMUs"
                 " is run"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _shown_with_variants(self) -> Experiment:
+        driven = ["time", *self.inputs]
+        if self.variants and self.over not in driven:
+            raise ValueError(
+                f"over = {self.over!r}: with variants allowed are {', '.join(driven)}, which all"
+                " have in common"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _whole_cycle(self) -> Experiment:
+        loop = self.work_loop
+        if loop and self.duration and self.duration < loop.period:
+            raise ValueError(
+                f"duration = {self.duration:g} s: a work loop needs a period of"
+                f" {loop.period:g} s or more"
             )
         return self
 

@@ -97,6 +97,8 @@ def prepare(
     UserError
         If something in the experiment does not fit.
     """
+    if experiment.variants:
+        raise UserError(f"{where}: variants are run side by side (ppy run), and nowhere else")
     resolved: dict[str, Any] = {
         "duration": experiment.duration or on.duration,
         "step": experiment.step or on.step,

@@ -8,14 +8,28 @@ from typing import TYPE_CHECKING
 
 import xarray
 
+from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
-from orchestration.experiment import results
+from orchestration.experiment import results, work_loop
+from orchestration.experiment.model import WorkLoopTable
 from orchestration.reporting import Page, pictures
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from orchestration.experiment.work_loop import TrackedLoop
+
 _MOST_PANELS = 16  # more in one picture are not looked at
+CYCLE_COLUMNS = (
+    "run",
+    "cycle",
+    "error, rms",
+    "work taken up",
+    "electrical energy",
+    "largest current",
+    "largest voltage",
+)
 
 
 def state(data: xarray.Dataset) -> str:
@@ -36,21 +50,75 @@ def pace(data: xarray.Dataset) -> str:
 
 
 def figure(data: xarray.Dataset) -> Figure:
-    """Draw every signal in display units, over time or over the signal that it names."""
-    over = data.attrs["over"]
-    names = [name for name in data if name != over][:_MOST_PANELS]
+    """Draw every signal in display units, over time or over the signal that it names.
+
+    Variants share a panel. A work loop has a picture of its own.
+    """
     title = data.attrs["title"] + ("" if data.attrs["complete"] else " (incomplete)")
+    loops = _tracked(data)
+    if loops:
+        return work_loop.picture(loops, title)
+    over = data.attrs["over"]
+    signals: dict[str, list[str]] = {}
+    for name, array in data.items():
+        if name != over:
+            signals.setdefault(array.attrs.get("signal", name), []).append(str(name))
+    names = list(signals)[:_MOST_PANELS]
     drawn, panels = pictures.panels(max(1, len(names)), title)
     across, unit = results.displayed(data[over])
     for panel, name in zip(panels, names, strict=False):
-        held = data[name].role == "input" and over == "time"
-        values, own = results.displayed(data[name])
-        panel.plot(
-            across, values, color=pictures.MODEL, drawstyle="steps-post" if held else "default"
-        )
-        pictures.label(panel, str(name), own)
+        for variant in signals[name]:
+            _draw_signal(panel, across, data[variant], over)
+        pictures.label(panel, name, results.displayed(data[signals[name][0]])[1])
     panels[-1].set_xlabel(over.replace("_", " ") + ("" if unit == "1" else f" [{unit}]"))
     return drawn
+
+
+def _draw_signal(panel: Axes, across: Array, signal: xarray.DataArray, over: str) -> None:
+    """Draw a signal, with its name if it is that of a variant."""
+    held = signal.role == "input" and over == "time"
+    values, _ = results.displayed(signal)
+    variant = signal.attrs.get("variant")
+    panel.plot(
+        across,
+        values,
+        color=None if variant else pictures.MODEL,
+        drawstyle="steps-post" if held else "default",
+        label=variant,
+    )
+    if variant:
+        panel.legend(fontsize=8)
+
+
+def _tracked(data: xarray.Dataset) -> dict[str, TrackedLoop]:
+    """Return the loops of an experiment on one, as far as whole cycles were run."""
+    table = json.loads(data.attrs["experiment"]).get("work_loop")
+    if table is None or data.time[-1] < table["period"]:
+        return {}
+    return work_loop.tracked_loops(data, WorkLoopTable(**table))
+
+
+def cycles(data: xarray.Dataset) -> list[tuple[str, ...]]:
+    """Return what became of each cycle of a work loop, as people read it; none if it is no loop.
+
+    Returns
+    -------
+    list of tuple of str
+        As `CYCLE_COLUMNS` has them.
+    """
+    return [
+        (
+            variant,
+            str(number),
+            f"{1e6 * cycle.error:.3g} um",
+            f"{1e6 * cycle.work:.4g} uJ",
+            f"{cycle.electrical_energy:.3g} J",
+            f"{cycle.largest_current:.3g} A",
+            f"{cycle.largest_voltage:.3g} V",
+        )
+        for variant, loop in _tracked(data).items()
+        for number, cycle in enumerate(loop.cycles(), start=1)
+    ]
 
 
 def plot(data: xarray.Dataset, path: Path) -> None:
@@ -103,6 +171,10 @@ def page(data: xarray.Dataset, path: Path) -> None:
         ("signal", "smallest", "largest", "last", "meaning"),
         [(*row, meanings[row[0]]) for row in extremes(data)],
     )
+    loops = cycles(data)
+    if loops:
+        made.heading("Cycles")
+        made.table(CYCLE_COLUMNS, loops)
     made.heading("Parameters that were set")
     parameters = json.loads(about["parameters"])
     if parameters:

@@ -98,6 +98,40 @@ def dataset(
     return ExperimentResult(variables, clock, dict(about))
 
 
+def side_by_side(
+    runs: Mapping[str, ExperimentResult], experiment: Experiment, where: str
+) -> ExperimentResult:
+    """Gather results of variants, which have their times and inputs in common.
+
+    Parameters
+    ----------
+    runs : Mapping of str to ExperimentResult
+        By the name of the variant.
+    experiment : Experiment
+        Of which they are variants.
+    where : str
+        Its file or name.
+    """
+    first = next(iter(runs.values()))
+    own = experiment.model_dump(mode="json", include={"parameters", "variants"})
+    settings = [json.loads(run.attrs["parameters"]) for run in runs.values()]
+    shared = {k: v for k, v in settings[0].items() if all(s.get(k) == v for s in settings)}
+    about = first.attrs | {
+        "title": experiment.title or where,
+        "experiment": json.dumps(json.loads(first.attrs["experiment"]) | own),
+        "parameters": json.dumps(shared),
+        "wall_time": sum(run.attrs["wall_time"] for run in runs.values()),
+    }
+    variables = {name: array for name, array in first.items() if array.role == "input"}
+    for variant, run in runs.items():
+        variables |= {
+            f"{variant}.{name}": array.assign_attrs(variant=variant, signal=name)
+            for name, array in run.items()
+            if array.role == "output"
+        }
+    return ExperimentResult(variables, first.coords, about)
+
+
 def displayed(array: xarray.DataArray) -> tuple[Array, str]:
     """Return the values of a signal in its display unit, and that unit."""
     unit = array.attrs.get("display_units", array.units)

@@ -127,15 +127,16 @@ class Square(_Wave):
 
 
 class Sine(_Wave):
-    """Sine from t = 0."""
+    """Sine that rises through its offset at `delay`."""
 
     kind: Literal["sine"]
     frequency: Hertz
+    delay: Seconds = 0.0
 
     def _signal(self, time: Array, place: Place) -> Array:
         self._check_frequency("frequency", self.frequency, time)
         amplitude, offset = self._amplitude_and_offset(place)
-        return waveforms.sine(time, amplitude, self.frequency, offset)
+        return waveforms.sine(time - self.delay, amplitude, self.frequency, offset)
 
 
 class Chirp(_Wave):

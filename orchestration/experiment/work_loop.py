@@ -17,11 +17,16 @@ from fmus.kit import Component, UserError, suggestion
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
 from orchestration import master
+from orchestration.experiment import execution
+from orchestration.experiment.reading import read
 from orchestration.reporting import pictures
 
 if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from orchestration.experiment.model import WorkLoopTable
     from orchestration.system import System
 
 # what is switched on, by mode, in the system `work_loop`
@@ -178,7 +183,7 @@ class TrackedLoop:
 
     def cycles(self) -> list[Cycle]:
         """Return each cycle's figures."""
-        count = round(self.time[-1] / self.loop.period)
+        count = int(self.time[-1] / self.loop.period + 1e-9)
         marks = np.arange(count + 1) * self.loop.period
         edges = np.searchsorted(self.time, marks - 1e-9 * self.loop.period)
         return [self._cycle(slice(begin, end + 1)) for begin, end in itertools.pairwise(edges)]
@@ -288,23 +293,54 @@ def _corrected(current: Array, change: Array, films: Any, period: float, limit: 
     return corrected
 
 
+def tracked_loops(data: xarray.Dataset, table: WorkLoopTable) -> dict[str, TrackedLoop]:
+    """Return the loops of an experiment's result, by variant.
+
+    Parameters
+    ----------
+    data : Dataset
+        Of an experiment.
+    table : WorkLoopTable
+        Which of its signals are those of the loop. Force and reference are inputs of one period;
+        the reference is taken from the first.
+    """
+    time = data.time.values
+    phases = np.arange(round(table.period / data.attrs["step"])) * data.attrs["step"]
+    force, reference = (
+        np.interp(phases, time, data[name].values) for name in (table.force, table.reference)
+    )
+    loop = WorkLoop(force, reference, table.period)
+    variants = {
+        v.attrs["variant"]: f"{v.attrs['variant']}." for v in data.values() if "variant" in v.attrs
+    }
+    names = (table.length, table.current, table.voltage)
+    return {
+        variant: TrackedLoop(loop, time, *(data[f"{before}{name}"].values for name in names))
+        for variant, before in (variants or {"run": ""}).items()
+    }
+
+
 def figures(loops: Mapping[str, TrackedLoop]) -> dict[str, Any]:
     """Return the figures of every cycle by mode, for JSON: SI, as `Cycle` has them."""
     return {mode: [asdict(cycle) for cycle in loop.cycles()] for mode, loop in loops.items()}
 
 
-def picture(loops: Mapping[str, TrackedLoop]) -> Figure:
-    """Draw loops of the last cycle beside the reference, and error, work and energy of all cycles.
+def picture(
+    loops: Mapping[str, TrackedLoop],
+    title: str = "Work loops: the last cycle, and what became of each",
+) -> Figure:
+    """Draw loops of the last cycle beside that of fig. 5-9, and error, work and energy of cycles.
 
     Parameters
     ----------
     loops : Mapping of str to TrackedLoop
         By mode, of one reference.
+    title : str, optional
     """
     figure, axes = pictures.mosaic(
-        [["loop", "error"], ["loop", "error"], ["work", "energy"], ["work", "energy"]],
-        "Work loops: the last cycle, and what became of each",
+        [["loop", "thesis"], ["loop", "thesis"], ["error", "energy"], ["work", "energy"]], title
     )
+    _draw_thesis_loop(axes["thesis"])
     reference = next(iter(loops.values())).loop
     closed = np.append(np.arange(reference.length.size), 0)
     axes["loop"].plot(
@@ -323,6 +359,17 @@ def picture(loops: Mapping[str, TrackedLoop]) -> Figure:
     pictures.label(axes["work"], "work taken up", "uJ")
     pictures.label(axes["energy"], "electrical energy", "J")
     return figure
+
+
+def _draw_thesis_loop(axis: Axes) -> None:
+    """Draw the experiment of fig. 5-9 with its current and without, as it is printed."""
+    for name, settings in {"with current": [], "without": ["inputs.current.amplitude=0"]}.items():
+        path = execution.run(read("fig_5_9", settings))
+        force = path["tension"].values
+        axis.plot(1e3 * path["length_change"].values, force, label=f"fig. 5-9, {name}")
+    axis.set_xlabel("length change [mm]")
+    axis.legend(fontsize=8)
+    pictures.label(axis, "tension", "N")
 
 
 def _draw_cycles(axes: Sequence[Any], cycles: Sequence[Cycle]) -> None:

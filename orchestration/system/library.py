@@ -210,7 +210,7 @@ def work_loop(runtime: str) -> System:
             Member.of("learning", component("learning_controller"), lesson, runtime),
             Member.of("feedback", component("displacement_controller"), {"hold": 0.0}, runtime),
             Member.of("galvanostat", component("galvanostat"), idle, runtime),
-            Member.of("actuator", component("ppy_actuator"), runtime=runtime),
+            Member.of("actuator", lagging_actuator(), runtime=runtime),
         ),
         connections=connect(
             "feedforward.command -> learning.feedback_command",
@@ -397,6 +397,17 @@ def with_voltmeter(system: System, source: str, runtime: str = "native") -> Syst
         members=(*system.members, Member.of("voltmeter", Voltmeter, runtime=runtime)),
         connections=(*moved, Connection(port, Port("voltmeter", "voltage"))),
         inputs={**system.inputs, "voltage_error": (Port("voltmeter", "error"),)},
+    )
+
+
+def lagging_actuator() -> type[Component]:
+    """Return the actuator whose strain may lag and saturate; with its defaults it does neither."""
+    known = effects("ppy_actuator")
+    return stack(
+        component("ppy_actuator"),
+        known["strain_saturation"],
+        known["strain_lag"],
+        name="lagging_actuator",
     )
 
 

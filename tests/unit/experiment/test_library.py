@@ -20,7 +20,13 @@ NOISE = ["--set", "noise.voltage.rms=5mV", "--set", "noise.displacement.rms=10um
 def test_every_experiment_that_ships_is_valid_and_says_what_is_assumed():
     third = [f"fig_3_{n}" for n in (3, 4, 5, 6, 7, 8, 10, 11, 12)]
     figures = ["fig_2_6", *third, "fig_4_4", "fig_4_5", "fig_4_8", "fig_5_8", "fig_5_9"]
-    assert set(shipped()) == {*figures, "fig_3_3_stand", "hil_bench", "identification"}
+    assert set(shipped()) == {
+        *figures,
+        "fig_3_3_stand",
+        "hil_bench",
+        "identification",
+        "work_loop",
+    }
     for name, path in shipped().items():
         experiment = read(name)
         if name in figures:

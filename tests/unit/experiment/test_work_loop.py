@@ -8,6 +8,9 @@ import pytest
 from fmus import component, effects
 from fmus.kit import UserError, stack
 from fmus.kit.record import CompiledModel
+from orchestration.experiment import result_page
+from orchestration.experiment.execution import run
+from orchestration.experiment.reading import read
 from orchestration.experiment.work_loop import (
     MODES,
     TrackedLoop,
@@ -16,6 +19,7 @@ from orchestration.experiment.work_loop import (
     picture,
     planned_current,
     track,
+    tracked_loops,
 )
 from orchestration.system import library
 
@@ -89,8 +93,8 @@ def test_planned_current_is_the_inverse_of_a_model_with_effects():
     loop = WorkLoop.ellipse(charge_amplitude=-4e-5)  # within reach in all but the first second
     time, current = planned_current(model, loop, cycles=3, parameters=hidden)
     inputs = {"current": current, "force": loop.force_at(time)}
-    run = CompiledModel(model).run(time, inputs, hidden)
-    error = loop.length_at(time) - run.signals["displacement"]
+    reached = CompiledModel(model).run(time, inputs, hidden).signals["displacement"]
+    error = loop.length_at(time) - reached
     assert np.abs(current).max() <= 1.3
     assert np.abs(error[40:]).max() < 1e-7
 
@@ -110,7 +114,8 @@ def test_figures_are_json_and_the_picture_has_units(tracked):
     assert list(told) == list(MODES)
     assert told["bare"][0]["error"] == tracked["bare"].cycles()[0].error
     labels = {axis.get_ylabel().replace("\n", " ") for axis in picture(tracked).axes}
-    assert labels == {"force [N]", "error, rms [um]", "work taken up [uJ]", "electrical energy [J]"}
+    of_cycles = {"error, rms [um]", "work taken up [uJ]", "electrical energy [J]"}
+    assert labels == {"force [N]", "tension [N]", *of_cycles}
 
 
 def test_errors_of_users_are_a_line():
@@ -121,3 +126,66 @@ def test_errors_of_users_are_a_line():
         WorkLoop(np.zeros(2), np.zeros(3))
     with pytest.raises(UserError, match=r"period = 0 s: must be above 0"):
         WorkLoop(np.zeros(2), np.zeros(2), 0.0)
+
+
+# --- as an experiment
+# --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def made():
+    """Three cycles of the experiment ``work_loop``."""
+    return run(read("work_loop", ["duration=30s"]))
+
+
+def test_the_experiment_drives_what_the_loop_and_its_modes_drive(made):
+    wanted = LOOP.inputs(made.time.values, 0.25)
+    for name, values in wanted.items():
+        np.testing.assert_allclose(made[name].values, values, rtol=0, atol=1e-5 * np.ptp(values))
+    experiment = read("work_loop")
+    assert experiment.variants == {mode: MODES[mode] for mode in experiment.variants}
+    assert list(experiment.variants) == ["bare", "feedback", "feedforward", "both", "learning"]
+
+
+def test_the_experiment_runs_each_variant_as_the_modes_do(made):
+    hidden = {"actuator.lag_time": 1.0, "actuator.strain_saturation_coefficient": 0.16}
+    system = library.system("work_loop").given(hidden)
+    table = read("work_loop").work_loop
+    for mode, loop in tracked_loops(made, table).items():
+        np.testing.assert_allclose(errors(loop), errors(track(system, LOOP, mode, 3)), rtol=1e-3)
+
+
+def test_the_bare_loop_of_the_experiment_is_the_creep_under_a_cosine(made):
+    """Its length by hand: k1, the Maxwell dashpot, and the Kelvin element from rest (eq. 3.5)."""
+    t = made.time.values
+    w, T = 0.2 * np.pi, 2.0e6 / 1.0e4
+    flow = (0.5 * t + 0.4 * np.sin(w * t) / w) / 1.7e6
+    mean = 0.5 * (1.0 - np.exp(-t / T))
+    swing = 0.4 * (np.cos(w * t) + w * T * np.sin(w * t) - np.exp(-t / T)) / (1.0 + (w * T) ** 2)
+    length = made.force.values / 6300.0 + flow + (mean + swing) / 1.0e4
+    # the load is held from point to point
+    held = 0.4 * w * 0.01 * (1.0 / 6300.0)
+    np.testing.assert_allclose(made["bare.actuator.displacement"].values, length, atol=held)
+
+
+def test_the_page_of_the_experiment_has_its_cycles_and_loops(made, tmp_path):
+    result_page.plot(made, tmp_path / "loops.html")
+    page = (tmp_path / "loops.html").read_text(encoding="utf-8")
+    assert "work taken up" in page
+    assert [row[:2] for row in result_page.cycles(made)][:4] == [
+        ("bare", "1"),
+        ("bare", "2"),
+        ("bare", "3"),
+        ("feedback", "1"),
+    ]
+    loop, thesis = result_page.figure(made).axes[:2]
+    assert (loop.get_xlabel(), thesis.get_xlabel()) == ("length [mm]", "length change [mm]")
+    assert {line.get_label() for line in thesis.lines} == {
+        "fig. 5-9, with current",
+        "fig. 5-9, without",
+    }
+
+
+def test_part_of_a_cycle_is_no_loop():
+    with pytest.raises(UserError, match=r"duration = 9 s: a work loop needs a period of 10 s or"):
+        read("work_loop", ["duration=9s"])
