@@ -29,6 +29,8 @@ from tests.support.rig.process import Server
 
 ROOT = source.ROOT
 HEAVY = {
+    "linearise",
+    "frequency",
     "diagnose",
     "systems",
     "own-record",

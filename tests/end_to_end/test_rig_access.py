@@ -82,7 +82,9 @@ def test_a_page_and_peers_of_other_protocols_reach_nothing(tmp_path):
 
 def test_a_page_in_a_browser_stops_and_releases_nothing(tmp_path, browser):
     """Its requests arrive: the server turns them away and counts them."""
-    with Server(tmp_path) as server, chromium(browser, tmp_path / "profile") as tab:
+    # beside a browser the driver may be late by the usual watchdog
+    late = ["--watchdog", 2.0]
+    with Server(tmp_path, "Logged", *late) as server, chromium(browser, tmp_path / "p") as tab:
         remote = read_endpoint(server.wait_ready())
         port = int(server.endpoint.rpartition(":")[2])
         driver = Driver(server.endpoint).start()

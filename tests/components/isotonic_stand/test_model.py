@@ -91,9 +91,10 @@ def by_scipy(times, linearity=0.0, ripple=0.0, late=0.0, period=0.1, shift=0.0):
             {"linearity": 0.02, "carrier_ripple": 0.01, "carrier_shift": 2e-5},
             {"linearity": 0.02, "ripple": 0.01, "late": 2e-5},
         ),
-        (
+        pytest.param(
             {"sample_period": 1 / 30, "sample_shift": 0.013},
             {"period": 1 / 30, "shift": 0.013},
+            marks=pytest.mark.slow,
         ),
     ],
     ids=["plain", "sensor", "clock"],

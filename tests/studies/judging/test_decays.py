@@ -18,7 +18,7 @@ SLOW = pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "runs"),
     [
-        ("pendulum", 1),
+        pytest.param("pendulum", 1, marks=SLOW),
         pytest.param("pendulum", 2, marks=SLOW),
         ("car", 1),
         pytest.param("capacitor", 2, marks=SLOW),
