@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -240,12 +241,13 @@ def planned_current(
     cycles: int = 5,
     parameters: Mapping[str, float] | None = None,
     current_limit: float = 1.3,
+    voltage_limit: float = 1.0,
 ) -> tuple[Array, Array]:
     """Return the current by which a model goes round a loop: the feedforward of any actuator.
 
     The inverse of a model with effects has no closed form. Here the errors of a simulation go
     through the inverse of the model without effects, again and again: Newton's method with that
-    model's derivative. The voltage has no limit; `TrackedLoop` shows it.
+    model's derivative. Where a limit holds, the loop is not reached.
 
     Parameters
     ----------
@@ -257,6 +259,8 @@ def planned_current(
         Those that are not at their default, SI; also starting states, as ``charge_start``.
     current_limit : float
         In A.
+    voltage_limit : float
+        In V, of the circuit without effects, at any time and in either direction (section 1.4.2).
 
     Returns
     -------
@@ -269,28 +273,69 @@ def planned_current(
     compiled = CompiledModel(model)
     force, reference = loop.force_at(time), loop.length_at(time)
     given = dict(parameters or {})
+    films = model(**given)
+    limits = _CircuitLimits(
+        films, given.get("charge_start", 0.0), period, current_limit, voltage_limit
+    )
     current = np.zeros(time.size)
     for _ in range(_REPETITIONS):
         run = compiled.run(time, {"current": current, "force": force}, given)
         error = reference - run.signals["displacement"]
         # a strain that lags answers the highest frequencies with the opposite sign
         smooth = np.convolve(np.pad(error, 1, mode="edge"), _SMOOTHING, mode="valid")
-        current = _corrected(current, _CORRECTION * smooth, model(**given), period, current_limit)
+        current = limits.corrected(current, _CORRECTION * smooth)
     wanted = slice(cycles * _POINTS + 1)
     return time[wanted], current[wanted]
 
 
-def _corrected(current: Array, change: Array, films: Any, period: float, limit: float) -> Array:
-    """Return the current by which the length changes, as far as the limit lets it."""
-    decay = np.exp(-period / ((films.R1 + films.R2) * films.C))
-    gained = films.alpha * films.R2 * films.C * (1.0 - decay)
-    corrected = current.copy()
-    changed = 0.0  # m, of the length so far
-    for k in range(current.size - 1):
-        needed = current[k] + (change[k + 1] - decay * changed) / gained
-        corrected[k] = min(max(needed, -limit), limit)
-        changed = decay * changed + gained * (corrected[k] - current[k])
-    return corrected
+@dataclass(frozen=True)
+class _CircuitLimits:
+    """The circuit of a model (eqs. 3.5 and 3.9) under a current that is held over a period."""
+
+    films: Any
+    charge: float  # C, at the start
+    period: float
+    current_limit: float
+    voltage_limit: float
+
+    def corrected(self, current: Array, change: Array) -> Array:
+        """Return the current by which the length changes, as far as the limits let it."""
+        corrected = current.copy()
+        charge = self.charge
+        changed = 0.0  # m, of the length so far
+        for k in range(current.size - 1):
+            needed = (change[k + 1] - self.decay * changed) / (self.films.alpha * self.gained)
+            lowest, highest = -self._largest(-charge), self._largest(charge)
+            corrected[k] = min(max(current[k] + needed, lowest), highest)
+            added = self.gained * (corrected[k] - current[k])
+            changed = self.decay * changed + self.films.alpha * added
+            charge = self.decay * charge + self.gained * corrected[k]
+        return corrected
+
+    @cached_property
+    def decay(self) -> float:
+        """Share of the charge that is left after a period."""
+        constant = (self.films.R1 + self.films.R2) * self.films.C
+        return float(np.exp(-self.period / constant))
+
+    @cached_property
+    def gained(self) -> float:
+        """Charge in C after a period for each A."""
+        return float(self.films.R2 * self.films.C * (1.0 - self.decay))
+
+    def _largest(self, charge: float) -> float:
+        """Return the largest current in the direction of the charge.
+
+        The voltage of a held current is largest just after the beginning of a period or just before
+        its end.
+        """
+        resistances = self.films.R1 + self.films.R2
+        at_once = self.films.R1 * self.films.R2 / resistances
+        per_charge = self.films.R2 / resistances / self.films.C
+        after = (self.voltage_limit - per_charge * charge) / at_once
+        kept = per_charge * self.decay * charge
+        before_next = (self.voltage_limit - kept) / (at_once + per_charge * self.gained)
+        return min(after, before_next, self.current_limit)
 
 
 def tracked_loops(data: xarray.Dataset, table: WorkLoopTable) -> dict[str, TrackedLoop]:

@@ -109,6 +109,19 @@ def test_planned_current_of_the_nominal_model_is_that_of_its_closed_form():
     np.testing.assert_allclose(current[:-1], expected, rtol=0, atol=1e-6)
 
 
+def test_a_planned_current_keeps_the_voltage_within_its_limit_between_samples_too():
+    """A loop that is far beyond reach, with effects that the circuit has nothing to do with."""
+    known = effects("ppy_actuator")
+    model = stack(ACTUATOR, known["strain_lag"], known["strain_saturation"])
+    hidden = {"lag_time": 0.8, known["strain_saturation"].neutral: 0.16}
+    loop = WorkLoop.ellipse(charge_amplitude=-4e-4)
+    time, current = planned_current(model, loop, cycles=2, parameters=hidden, current_limit=9.0)
+    fine = 0.01 * np.arange(2000)
+    held = current[np.searchsorted(time, fine + 1e-9, side="right") - 1]
+    run = CompiledModel(model).run(fine, {"current": held, "force": 0.0 * fine}, hidden)
+    assert 0.98 < np.abs(run.signals["voltage"]).max() <= 1.0 + 1e-9
+
+
 def test_figures_are_json_and_the_picture_has_units(tracked):
     told = json.loads(json.dumps(figures(tracked)))
     assert list(told) == list(MODES)
