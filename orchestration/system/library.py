@@ -198,8 +198,9 @@ def work_loop(runtime: str) -> System:
     ``learning.learning``, and ``feedback.hold``. Length and load are given twice, now and as they
     are a sample of the feedforward later.
     """
-    # 0.8 of the inverse of the nominal actuator, and a filter that takes away the highest frequency
-    lesson = {"learning": 1.0, "learning_gain": 1860.0, "smoothing": 0.25}
+    # the inverse of the nominal actuator, two samples ahead as a strain may lag, and a filter that
+    # takes away the highest frequency
+    lesson = {"learning": 1.0, "learning_gain": 2325.0, "lead": 2.0, "smoothing": 0.25}
     # 15 V, the compliance of the galvanostat, is no protection
     idle = {"voltage_command": 0.0, "voltage_limit": 15.0}
     return System(

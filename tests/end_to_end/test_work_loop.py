@@ -21,17 +21,20 @@ TIME = 0.05 * np.arange(round(CYCLES * LOOP.period / 0.05) + 1)
 FIFTH = 4  # after five cycles
 
 
-def hidden():
-    """Films that stop growing around 2 C, and lag by 1 s in two stages."""
+def hidden(saturation=0.5, lag=1.0):
+    """Films that stop growing around a charge of 2 C, and lag by 1 s in two stages."""
     kind = together([SaturatingStrain, LaggingStrain])
-    return kind(RigParameters(), saturation=0.5, lag=1.0, late_share=0.2)
+    return kind(RigParameters(), saturation=saturation, lag=lag, late_share=0.2)
 
 
-def on_rig(mode, seed=None):
-    """Signals of the rig in a mode; with noise of its sensors in the loop, if there is a seed."""
+def on_rig(mode, seed=None, films=None):
+    """Signals of the rig in a mode, of the films hidden above or of others.
+
+    With noise of its sensors in the loop, if there is a seed.
+    """
     sensed = ("voltage", "displacement")
     noise = None if seed is None else Noise({name: DEVIATIONS[name] for name in sensed}, seed)
-    rig = SteppedRig(ForceDriven(hidden()), sensed, noise)
+    rig = SteppedRig(ForceDriven(films or hidden()), sensed, noise)
     system = library.system("work_loop").given(dict(MODES[mode]))
     return run_on_rig(system, "actuator", rig, TIME, LOOP.inputs(TIME, SAMPLE))
 
@@ -59,6 +62,14 @@ def test_feedforward_and_learning_leave_a_tenth_of_the_error(seed):
     found = on_rig("learning", seed)
     assert shares(found)[FIFTH] <= 0.10
     assert shares(on_rig("feedforward"))[FIFTH] > 0.3, "what is hidden shows"
+    check_limits(found)
+
+
+@pytest.mark.parametrize("saturation", [0.85 * 0.5, 1.15 * 0.5])
+@pytest.mark.parametrize("lag", [0.85, 1.15])
+def test_so_they_do_on_films_that_saturate_and_lag_by_more_or_less(saturation, lag):
+    found = on_rig("learning", seed=1, films=hidden(saturation, lag))
+    assert shares(found)[FIFTH] <= 0.10
     check_limits(found)
 
 
