@@ -12,7 +12,7 @@ import numpy as np
 from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
 from fmus.kit.units import format_range, format_value
-from orchestration.experiment.model import Experiment, Master, NoiseTable
+from orchestration.experiment.model import Experiment, Master, NoiseTable, WorkLoopTable
 from orchestration.experiment.stimulus import Place
 from orchestration.experiment.subjects import Subject, known
 from orchestration.fmu import Margin, Signal, Value, check_type, is_text, margins, read_setting
@@ -20,6 +20,7 @@ from orchestration.fmu import simulation as simulate
 from orchestration.system import checking
 
 _NOISE = 1  # parts the random numbers of a signal's noise from those of a stimulus
+_SAME = 1e-3  # share of its range by which a reference may differ from cycle to cycle
 _IMBALANCE = "Energy that the coupling made since the start, an error of co-simulation"
 
 
@@ -121,7 +122,34 @@ def prepare(
     if experiment.over != "time":
         shown = {name: on.inputs[name] for name in inputs} | recorded
         known(experiment.over, shown, "over: nothing recorded", where)
+    if experiment.work_loop:
+        _check_work_loop(experiment.work_loop, time, inputs, recorded, where)
     return Preparation(experiment, on, time, settings, inputs, noise, record)
+
+
+def _check_work_loop(
+    table: WorkLoopTable,
+    time: Array,
+    inputs: Mapping[str, Array],
+    recorded: Mapping[str, Signal],
+    where: str,
+) -> None:
+    """Refuse a table whose signals are not there, or whose reference is another in every cycle."""
+    for key in ("length", "current", "voltage"):
+        known(getattr(table, key), recorded, f"work_loop.{key}: no output recorded", where)
+    later = time[time >= time[0] + table.period]
+    for key in ("force", "reference"):
+        name = getattr(table, key)
+        if name not in inputs:
+            near = suggestion(name, inputs)
+            raise UserError(f"{where}: work_loop.{key}: no input driven named {name!r}{near}")
+        values = inputs[name]
+        again = np.interp(later, time, values) - np.interp(later - table.period, time, values)
+        if np.abs(again).max(initial=0.0) > _SAME * np.ptp(values):
+            raise UserError(
+                f"{where}: work_loop.period = {table.period:g} s: {name} is not the same again"
+                " after that time, as a loop has to be"
+            )
 
 
 def _recorded_outputs(experiment: Experiment, on: Subject, where: str) -> list[str]:

@@ -199,6 +199,25 @@ def test_the_page_of_the_experiment_has_its_cycles_and_loops(made, tmp_path):
     }
 
 
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        (
+            "length='actuator.nothing'",
+            "work_loop.length: no output recorded named 'actuator.nothing'",
+        ),
+        (
+            "force='fource'",
+            r"work_loop.force: no input driven named 'fource' \(did you mean force\?",
+        ),
+        ("period='7 s'", "work_loop.period = 7 s: force is not the same again after that time"),
+    ],
+)
+def test_a_table_that_does_not_fit_is_refused_before_the_run(setting, message):
+    with pytest.raises(UserError, match=message):
+        run(read("work_loop", [f"work_loop.{setting}"]))
+
+
 def test_part_of_a_cycle_is_no_loop():
     with pytest.raises(UserError, match=r"duration = 9 s: a work loop needs a period of 10 s or"):
         read("work_loop", ["duration=9s"])
