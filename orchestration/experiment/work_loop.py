@@ -9,12 +9,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmus.kit import Component, UserError, suggestion
+from fmus import component
+from fmus.kit import Component, UserError, clip, suggestion
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
 from orchestration import master
@@ -140,7 +140,7 @@ class WorkLoop:
 
 @dataclass(frozen=True)
 class Cycle:
-    """What became of a cycle.
+    """Error, energies and largest values of a cycle.
 
     Attributes
     ----------
@@ -273,9 +273,12 @@ def planned_current(
     compiled = CompiledModel(model)
     force, reference = loop.force_at(time), loop.length_at(time)
     given = dict(parameters or {})
-    films = model(**given)
-    limits = _CircuitLimits(
-        films, given.get("charge_start", 0.0), period, current_limit, voltage_limit
+    films: Any = model(**given)
+    inverse: Any = component("feedforward")(
+        **{name: getattr(films, name) for name in ("R1", "R2", "C", "alpha")},
+        sample_period=period,
+        current_limit=current_limit,
+        voltage_limit=voltage_limit,
     )
     current = np.zeros(time.size)
     for _ in range(_REPETITIONS):
@@ -283,59 +286,34 @@ def planned_current(
         error = reference - run.signals["displacement"]
         # a strain that lags answers the highest frequencies with the opposite sign
         smooth = np.convolve(np.pad(error, 1, mode="edge"), _SMOOTHING, mode="valid")
-        current = limits.corrected(current, _CORRECTION * smooth)
+        inverse.charge = given.get("charge_start", 0.0)
+        current = _corrected(current, _CORRECTION * smooth, inverse)
     wanted = slice(cycles * _POINTS + 1)
     return time[wanted], current[wanted]
 
 
-@dataclass(frozen=True)
-class _CircuitLimits:
-    """The circuit of a model (eqs. 3.5 and 3.9) under a current that is held over a period."""
+def _corrected(current: Array, change: Array, inverse: Any) -> Array:
+    """Return the current by which the length of a model changes, within the limits of its inverse.
 
-    films: Any
-    charge: float  # C, at the start
-    period: float
-    current_limit: float
-    voltage_limit: float
-
-    def corrected(self, current: Array, change: Array) -> Array:
-        """Return the current by which the length changes, as far as the limits let it."""
-        corrected = current.copy()
-        charge = self.charge
-        changed = 0.0  # m, of the length so far
-        for k in range(current.size - 1):
-            needed = (change[k + 1] - self.decay * changed) / (self.films.alpha * self.gained)
-            lowest, highest = -self._largest(-charge), self._largest(charge)
-            corrected[k] = min(max(current[k] + needed, lowest), highest)
-            added = self.gained * (corrected[k] - current[k])
-            changed = self.decay * changed + self.films.alpha * added
-            charge = self.decay * charge + self.gained * corrected[k]
-        return corrected
-
-    @cached_property
-    def decay(self) -> float:
-        """Share of the charge that is left after a period."""
-        constant = (self.films.R1 + self.films.R2) * self.films.C
-        return float(np.exp(-self.period / constant))
-
-    @cached_property
-    def gained(self) -> float:
-        """Charge in C after a period for each A."""
-        return float(self.films.R2 * self.films.C * (1.0 - self.decay))
-
-    def _largest(self, charge: float) -> float:
-        """Return the largest current in the direction of the charge.
-
-        The voltage of a held current is largest just after the beginning of a period or just before
-        its end.
-        """
-        resistances = self.films.R1 + self.films.R2
-        at_once = self.films.R1 * self.films.R2 / resistances
-        per_charge = self.films.R2 / resistances / self.films.C
-        after = (self.voltage_limit - per_charge * charge) / at_once
-        kept = per_charge * self.decay * charge
-        before_next = (self.voltage_limit - kept) / (at_once + per_charge * self.gained)
-        return min(after, before_next, self.current_limit)
+    Parameters
+    ----------
+    current : ndarray, shape (n,)
+        In A, held from each time to the next.
+    change : ndarray, shape (n,)
+        Wanted of the length, in m.
+    inverse : Component
+        A ``feedforward`` with the charge at the start; its charge follows the corrected current.
+    """
+    decay, gained = inverse.decay(), inverse.charge_per_current()
+    corrected = current.copy()
+    changed = 0.0  # m, of the length so far
+    for k in range(current.size - 1):
+        needed = current[k] + (change[k + 1] - decay * changed) / (inverse.alpha * gained)
+        within = clip(needed, inverse.current_at_voltage(-1.0), inverse.current_at_voltage(1.0))
+        corrected[k] = clip(within, -inverse.current_limit, inverse.current_limit)
+        changed = decay * changed + inverse.alpha * gained * (corrected[k] - current[k])
+        inverse.charge = decay * inverse.charge + gained * corrected[k]
+    return corrected
 
 
 def tracked_loops(data: xarray.Dataset, table: WorkLoopTable) -> dict[str, TrackedLoop]:
