@@ -11,6 +11,7 @@ that the coil of ``hil_bench`` needs::
 
 from __future__ import annotations
 
+import argparse
 import re
 import subprocess
 import sys
@@ -56,7 +57,9 @@ def emulated_rig(hidden: str = "strain_lag") -> Iterator[str]:
     ):
         assert server.stdout is not None
         try:
-            ready = next(line for line in server.stdout if "ready: " in line)
+            ready = next((line for line in server.stdout if "ready: " in line), None)
+            if ready is None:
+                raise ppy.UserError("the emulated rig ended before it was ready")
             yield re.findall(r"tcp://[\w.]+:\d+", ready)[0]
         finally:
             server.terminate()  # the rig goes to its safe state
@@ -233,10 +236,21 @@ def table(before: Tuned, after: Tuned) -> str:
     return "\n".join([head, *lines])
 
 
+def main() -> None:
+    """Measure a record, or compare the loops tuned for both models."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("task", choices=["measure", "compare"])
+    parser.add_argument("file", type=Path, help="record to write, or FMU of the extended model")
+    chosen = parser.parse_args()
+    try:
+        if chosen.task == "measure":
+            with emulated_rig() as rig:
+                measure(rig, chosen.file)
+        else:
+            print(table(*compare(chosen.file)))
+    except ppy.UserError as error:
+        sys.exit(f"error: {error}")
+
+
 if __name__ == "__main__":
-    task, file = sys.argv[1:]
-    if task == "measure":
-        with emulated_rig() as rig:
-            measure(rig, Path(file))
-    else:
-        print(table(*compare(Path(file))))
+    main()

@@ -215,14 +215,14 @@ class Galvanostat(Component):
         return where(self.recovery_samples > 1.5, self.recovery_samples - 1.0, begun)
 
     def in_recovery(self) -> Any:
-        """Whether the protection holds the current at zero."""
+        """State of the protection: true while it holds the current at zero."""
         return self.recovery_samples > 0.5
 
     # --- potentiostat
     # ----------------------------------------------------------------------------------------------
 
     def voltage_error(self) -> Any:
-        """What the voltage lacks of its command, less what is within the tolerance."""
+        """Command less voltage, beyond the tolerance."""
         error = self.voltage_command - self.voltage
         return outside(error, -self.voltage_tolerance, self.voltage_tolerance)
 
@@ -276,7 +276,7 @@ class Galvanostat(Component):
         return where(self.response_time < _SHORTEST_RESPONSE, self.setpoint(), self.lagged_current)
 
     def is_saturated(self) -> Any:
-        """Whether the current wanted is beyond its limits; that of the potentiostat, held there, is
+        """True if the current wanted is beyond its limits; that of the potentiostat, held there, is
         at them.
         """
         wanted, upper, lower = self.wanted_current(), self.upper_current(), self.lower_current()

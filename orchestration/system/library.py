@@ -403,24 +403,18 @@ def with_voltmeter(system: System, source: str, runtime: str = "native") -> Syst
 
 def lagging_actuator() -> type[Component]:
     """Return the actuator whose strain may lag and saturate; with its defaults it does neither."""
-    known = effects("ppy_actuator")
-    return stack(
-        component("ppy_actuator"),
-        known["strain_saturation"],
-        known["strain_lag"],
-        name="lagging_actuator",
-    )
+    return _actuator_with("strain_saturation", "strain_lag", name="lagging_actuator")
 
 
 def ageing_actuator() -> type[Component]:
     """Return the actuator that warms up and whose series resistance grows with use."""
+    return _actuator_with("resistance_growth", "self_heating", name="ageing_actuator")
+
+
+def _actuator_with(*ids: str, name: str) -> type[Component]:
+    """Return the force-driven actuator with effects of its catalogue."""
     known = effects("ppy_actuator")
-    return stack(
-        component("ppy_actuator"),
-        known["resistance_growth"],
-        known["self_heating"],
-        name="ageing_actuator",
-    )
+    return stack(component("ppy_actuator"), *(known[one] for one in ids), name=name)
 
 
 def periodic_voltage(R1: float, R2: float, C: float) -> float:

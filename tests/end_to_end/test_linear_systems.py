@@ -16,8 +16,7 @@ from orchestration.linear import SineSweep, point_at, sine_sweep, subject_of
 from orchestration.system import library
 
 BENCH = ("actuator.tension", "bench.position", "bench.force_measured")
-WATCH = ("actuator.voltage", "actuator.displacement")
-STAND = ("actuator.voltage", "actuator.displacement")
+FILMS = ("actuator.voltage", "actuator.displacement")
 POTENTIOSTAT = ("galvanostat.current", "actuator.displacement")
 FOOT = ("foot.ankle_angle", "foot.toe_x", "foot.toe_y")
 
@@ -49,7 +48,7 @@ CASES = [
     Case(
         "degradation_watch",
         "current_command",
-        WATCH,
+        FILMS,
         0.05,
         (0.01, 0.1, 1.0),
         0.1,
@@ -57,17 +56,17 @@ CASES = [
         5.0,
         {"current_command": 0.2},
     ),
-    Case("degradation_watch", "force", WATCH[1:], 0.1, (0.01, 0.1, 1.0), 0.1, True, 5.0),
+    Case("degradation_watch", "force", FILMS[1:], 0.1, (0.01, 0.1, 1.0), 0.1, True, 5.0),
     Case(
-        "isotonic_stand", "current_command", STAND, 0.05, (0.1, 1.0, 10.0), 0.01, True, 5.0, LOADED
+        "isotonic_stand", "current_command", FILMS, 0.05, (0.1, 1.0, 10.0), 0.01, True, 5.0, LOADED
     ),
-    Case("isotonic_stand", "mass", STAND[1:], 0.01, (0.1, 1.0, 10.0), 0.01, True, 5.0, LOADED),
-    Case("work_loop", "reference", STAND[1:], 1e-6, (0.05, 0.5, 5.0), 0.01, True, 0.0, UNTAUGHT),
-    Case("work_loop", "force", STAND[1:], 1e-3, (0.02, 0.2), 0.01, True, 0.0, UNTAUGHT),
+    Case("isotonic_stand", "mass", FILMS[1:], 0.01, (0.1, 1.0, 10.0), 0.01, True, 5.0, LOADED),
+    Case("work_loop", "reference", FILMS[1:], 1e-6, (0.05, 0.5, 5.0), 0.01, True, 0.0, UNTAUGHT),
+    Case("work_loop", "force", FILMS[1:], 1e-3, (0.02, 0.2), 0.01, True, 0.0, UNTAUGHT),
     Case(
         "potentiostat_watch", "voltage_command", POTENTIOSTAT, 0.01, (1.0, 100.0), 1e-3, True, 2.0
     ),
-    Case("potentiostat_watch", "force", STAND[1:], 0.01, (1.0, 100.0), 1e-3, True, 2.0),
+    Case("potentiostat_watch", "force", FILMS[1:], 0.01, (1.0, 100.0), 1e-3, True, 2.0),
     Case("protected_bench", "force_reference", BENCH, 0.1, (0.3, 3.0), 1e-4, False, 2.0, PULLED),
     Case("protected_bench", "current_command", BENCH, 0.05, (0.3, 3.0), 1e-4, False, 2.0, PULLED),
     Case("foot_gait", "po_current", FOOT, 0.05, (10.0, 100.0, 1000.0), 1e-4, True, settling=2.0),

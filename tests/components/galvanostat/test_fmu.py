@@ -124,7 +124,10 @@ def test_any_communication_step_ends_the_recovery_at_the_same_instant(archive):
 
 def test_directional_derivatives(fmu):
     with instance(fmu(NAME, "native")) as one:
-        one.initialize({"current_command": 0.5})
+        one.initialize({"current_command": 0.0})
+        # in the middle of a dead band of no width
+        assert one.tangent(["current"], ["current_command"], [1.0]) == [1.0]
+        one.set({"current_command": 0.5})
         assert one.tangent(["current"], ["current_command"], [1.0]) == [1.0]
         one.set({"current_command": 2.0})
         assert one.tangent(["current"], ["current_command"], [1.0]) == [0.0]
