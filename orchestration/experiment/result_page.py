@@ -59,10 +59,7 @@ def figure(data: xarray.Dataset) -> Figure:
     if loops:
         return work_loop.picture(loops, title)
     over = data.attrs["over"]
-    signals: dict[str, list[str]] = {}
-    for name, array in data.items():
-        if name != over:
-            signals.setdefault(array.attrs.get("signal", name), []).append(str(name))
+    signals = _variants_of_signals(data)
     names = list(signals)[:_MOST_PANELS]
     drawn, panels = pictures.panels(max(1, len(names)), title)
     across, unit = results.displayed(data[over])
@@ -72,6 +69,15 @@ def figure(data: xarray.Dataset) -> Figure:
         pictures.label(panel, name, results.displayed(data[signals[name][0]])[1])
     panels[-1].set_xlabel(over.replace("_", " ") + ("" if unit == "1" else f" [{unit}]"))
     return drawn
+
+
+def _variants_of_signals(data: xarray.Dataset) -> dict[str, list[str]]:
+    """Return by signal the names under which it is in a result; more than one of variants."""
+    signals: dict[str, list[str]] = {}
+    for name, array in data.items():
+        if name != data.attrs["over"]:
+            signals.setdefault(array.attrs.get("signal", name), []).append(str(name))
+    return signals
 
 
 def _draw_signal(panel: Axes, across: Array, signal: xarray.DataArray, over: str) -> None:
@@ -88,6 +94,15 @@ def _draw_signal(panel: Axes, across: Array, signal: xarray.DataArray, over: str
     )
     if variant:
         panel.legend(fontsize=8)
+
+
+def _caption(data: xarray.Dataset) -> str:
+    """Return the words under the picture of a result."""
+    if _tracked(data):
+        return "Last cycle of each run, the thesis's loop, and figures of every cycle."
+    count = len(_variants_of_signals(data))
+    more = f" (the first {_MOST_PANELS} of {count})" if count > _MOST_PANELS else ""
+    return f"inputs and recorded outputs{more}"
 
 
 def _tracked(data: xarray.Dataset) -> dict[str, TrackedLoop]:
@@ -163,18 +178,17 @@ def page(data: xarray.Dataset, path: Path) -> None:
     with scratch.folder("page") as folder:
         picture = folder / "signals.png"
         pictures.save(figure(data), picture)
-        more = f" (the first {_MOST_PANELS} of {len(data)})" if len(data) > _MOST_PANELS else ""
-        made.picture(picture, f"inputs and recorded outputs{more}")
+        made.picture(picture, _caption(data))
+    loops = cycles(data)
+    if loops:
+        made.heading("Cycles")
+        made.table(CYCLE_COLUMNS, loops)
     made.heading("Signals")
     meanings = {str(name): array.long_name for name, array in data.items()}
     made.table(
         ("signal", "smallest", "largest", "last", "meaning"),
         [(*row, meanings[row[0]]) for row in extremes(data)],
     )
-    loops = cycles(data)
-    if loops:
-        made.heading("Cycles")
-        made.table(CYCLE_COLUMNS, loops)
     made.heading("Parameters that were set")
     parameters = json.loads(about["parameters"])
     if parameters:

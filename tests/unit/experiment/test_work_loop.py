@@ -184,7 +184,9 @@ def test_the_bare_loop_of_the_experiment_is_the_creep_under_a_cosine(made):
 def test_the_page_of_the_experiment_has_its_cycles_and_loops(made, tmp_path):
     result_page.plot(made, tmp_path / "loops.html")
     page = (tmp_path / "loops.html").read_text(encoding="utf-8")
-    assert "work taken up" in page
+    assert "Last cycle of each run" in page
+    assert "the first 16 of" not in page
+    assert page.index("<h2>Cycles") < page.index("<h2>Signals")
     assert [row[:2] for row in result_page.cycles(made)][:4] == [
         ("bare", "1"),
         ("bare", "2"),
