@@ -127,7 +127,7 @@ class Feedforward(Component):
         type="boolean",
         start=False,
         output=True,
-        doc="whether a limit takes something off the current that the displacement needs",
+        doc="whether a limit takes something off the commanded current that the displacement needs",
     )
 
     # --- mechanical
@@ -195,8 +195,9 @@ class Feedforward(Component):
         return self.decay() * self.charge + self.charge_per_current() * self.next_current()
 
     def is_limited(self) -> Any:
-        """Whether a limit takes something off the needed current."""
-        return where(abs(self.needed_current() - self.next_current()) > 0.0, 1.0, 0.0)
+        """Whether a limit takes something off the needed current, as long as it is commanded."""
+        lacking = abs(self.needed_current() - self.next_current())
+        return where(self.active, where(lacking > 0.0, 1.0, 0.0), 0.0)
 
     # --- outputs
     # ----------------------------------------------------------------------------------------------

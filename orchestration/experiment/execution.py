@@ -16,7 +16,6 @@ from orchestration.experiment.live import Follower, Live, admitted, first_openin
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation, prepare
 from orchestration.experiment.subjects import Subject, subject
-from orchestration.fmu import remarks
 from orchestration.fmu.isolation import Limits
 from orchestration.master import Run, Stopped
 from orchestration.master.reference import imbalance
@@ -223,7 +222,7 @@ def _dataset(
     delivered = dict(zip(prepared.wanted, ran.signals.values(), strict=True))
     for line in (
         *ran.notes,
-        *remarks(prepared.margins, prepared.time, delivered, prepared.settings),
+        *prepared.limits.remarks(prepared.time, delivered, prepared.settings),
     ):
         note(line)
     count = ran.time.size  # fewer than were prepared if the run was stopped

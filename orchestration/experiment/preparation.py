@@ -15,7 +15,7 @@ from fmus.kit.units import format_range, format_value
 from orchestration.experiment.model import Experiment, Master, NoiseTable, WorkLoopTable
 from orchestration.experiment.stimulus import Place
 from orchestration.experiment.subjects import Subject, known
-from orchestration.fmu import Margin, Signal, Value, check_type, is_text, margins, read_setting
+from orchestration.fmu import LimitOutputs, Signal, Value, check_type, is_text, read_setting
 from orchestration.fmu import simulation as simulate
 from orchestration.system import checking
 
@@ -67,15 +67,16 @@ class Preparation:
         return signals | {signal.name: signal for signal in self.imbalances.values()}
 
     @property
-    def margins(self) -> dict[str, Margin]:
-        """Outputs that tell what is left of a limit, by name."""
-        return margins(self.on.outputs, self.on.parameters)
+    def limits(self) -> LimitOutputs:
+        """Outputs that tell of limits."""
+        return LimitOutputs.among(self.on.outputs, self.on.parameters)
 
     @property
     def wanted(self) -> list[str]:
-        """Outputs that the run must deliver: those recorded, ends of couplings, and margins."""
+        """Outputs that the run must deliver: those recorded, ends of couplings, and limits."""
         ends = [str(wire.source) for coupling in self.on.couplings for wire in coupling]
-        return list(dict.fromkeys([*self.record, *ends, *self.margins]))
+        limits = [*self.limits.margins, *self.limits.limiters]
+        return list(dict.fromkeys([*self.record, *ends, *limits]))
 
 
 def prepare(

@@ -15,7 +15,7 @@ from fmus.kit.record import CompiledModel
 from fmus.kit.storage import scratch
 from orchestration import master
 from orchestration.experiment.model import Experiment, Master
-from orchestration.fmu import Signal, Value, find_model, margins, read_description, read_signal
+from orchestration.fmu import LimitOutputs, Signal, Value, find_model, read_description, read_signal
 from orchestration.fmu.isolation import Limits
 from orchestration.master.reference import Mechanical, fuse, mechanical
 from orchestration.system import Member, Port, System, library, ssp
@@ -180,7 +180,8 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
     }
     why_not_settable = _why_not_settable(system)
     options = master_options or Master()
-    watched = margins(outputs, {name: read_signal(v) for name, v in variables.items()})
+    parameters = {name: read_signal(v) for name, v in variables.items()}
+    margins = LimitOutputs.among(outputs, parameters).margins
     named_outputs = [str(port) for port in system.outputs.values()]
     return Subject(
         name=system.name,
@@ -205,7 +206,7 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
         or [
             name
             for name in outputs
-            if variables[name].causality == "output" and name not in watched
+            if variables[name].causality == "output" and name not in margins
         ],
         settings={
             f"{m.name}.{n}".removeprefix(prefix): v

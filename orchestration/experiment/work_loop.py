@@ -376,12 +376,22 @@ def picture(
         _draw_cycles([axes[name] for name in ("error", "work", "energy")], tracked.cycles())
     axes["loop"].set_xlabel("length [mm]")
     axes["loop"].legend(fontsize=8)
-    axes["error"].set_yscale("log")
+    _scale_error(axes["error"])
     pictures.label(axes["loop"], "force", "N")
     pictures.label(axes["error"], "error, rms", "um")
     pictures.label(axes["work"], "work taken up", "uJ")
     pictures.label(axes["energy"], "electrical energy", "J")
     return figure
+
+
+def _scale_error(axis: Axes) -> None:
+    """Give an axis of errors a logarithmic scale, whose ticks are numbers also within a decade."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    axis.set_yscale("log")
+    axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _draw_thesis_loop(axis: Axes) -> None:

@@ -15,9 +15,8 @@ from .loading import file_of_class as file_of_class
 from .loading import load_class as load_class
 from .loading import load_subclass as load_subclass
 from .loading import names_class as names_class
+from .margins import LimitOutputs as LimitOutputs
 from .margins import Margin as Margin
-from .margins import margins as margins
-from .margins import remarks as remarks
 from .model import Model as Model
 from .model import built as built
 from .model import declared_model as declared_model

@@ -10,8 +10,10 @@ import numpy as np
 
 from fmus.foot import Foot, gait
 from fmus.kit.arrays import Array
+from orchestration.experiment import read, result_page, run
 from orchestration.reporting import pictures
-from studies.thesis.actuator import CURRENT_LIMIT, run, staircase
+from studies.thesis.actuator import CURRENT_LIMIT, staircase
+from studies.thesis.actuator import run as run_actuator
 from studies.thesis.claim import Claim, Entry, Erratum, Illustration
 from studies.thesis.motor import Maxwell
 
@@ -260,7 +262,7 @@ def _loops() -> Iterator[Entry]:
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """Figs. 5-7 and 5-9."""
+    """Figs. 5-7 and 5-9, and what section 6.2 leaves open."""
     return (
         Illustration(
             "Fig. 5-7: the actuator as a spring and a dashpot",
@@ -278,6 +280,15 @@ def illustrations() -> tuple[Illustration, ...]:
             " white band is tension that the actuators bear.",
             _work_loops,
         ),
+        Illustration(
+            "Section 6.2: work loops that are tracked",
+            "The thesis leaves open how feedback and feedforward would follow a wanted loop. Here an"
+            " actuator whose strain lags and saturates, of which no controller knows, follows one"
+            " within the limits of its current and voltage: without current, with feedback, with"
+            " the feedforward of the nominal model, with both, and with a feedforward that learns"
+            " from cycle to cycle. `ppy run work_loop` gives the figures.",
+            _tracked_loops,
+        ),
     )
 
 
@@ -289,7 +300,7 @@ def _maxwell() -> Figure:
     upper.step(time, force, where="post", color=_BLUE)
     lower.plot(
         time,
-        1e3 * run(time, {"force": force})["displacement"],
+        1e3 * run_actuator(time, {"force": force})["displacement"],
         color=_GREY,
         label="four elements, fig. 3-9",
     )
@@ -303,6 +314,10 @@ def _maxwell() -> Figure:
     pictures.label(upper, "force", "N")
     pictures.label(lower, "displacement", "mm")
     return figure
+
+
+def _tracked_loops() -> Figure:
+    return result_page.figure(run(read("work_loop")))
 
 
 def _work_loops() -> Figure:

@@ -48,7 +48,7 @@ def _simulate_system(options: SimulateCommand) -> None:
 def _simulate_model(options: SimulateCommand) -> None:
     from orchestration.api import values_of
     from orchestration.cli.models import build_model
-    from orchestration.fmu import declared_model, margins, remarks
+    from orchestration.fmu import LimitOutputs, declared_model
     from orchestration.fmu import simulation as work
     from orchestration.reporting import note, pictures, progress, wrote
 
@@ -79,7 +79,8 @@ def _simulate_model(options: SimulateCommand) -> None:
         raise UserError(
             f"{stopped}; what was computed until {stopped.time[-1]:g} s is in {part}"
         ) from stopped
-    for line in remarks(margins(model.outputs, model.parameters), time, outputs, parameters):
+    limit_outputs = LimitOutputs.among(model.outputs, model.parameters)
+    for line in limit_outputs.remarks(time, outputs, parameters):
         note(line)
     _show(model, time, outputs)
     if out is not None:
