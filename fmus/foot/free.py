@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ..kit import Input, Output, Parameter, State, cos, maximum, minimum, shared, sin, where
+from ..kit import Input, Output, Parameter, State, cos, outside, shared, sin, where
 from .dynamic import FootDynamic
 from .ground import Ground
 
@@ -309,10 +309,7 @@ class FootFree(Ground, FootDynamic):
             (self.mtp_angle, self.mtp_lower, self.mtp_upper),
             (self.mtp2_angle, self.mtp_lower, self.mtp_upper),
         )
-        ankle, tm, mtp, mtp2 = (
-            maximum(angle - upper, 0.0) + minimum(angle - lower, 0.0)
-            for angle, lower, upper in limits
-        )
+        ankle, tm, mtp, mtp2 = (outside(*at) for at in limits)
         return ankle, tm, mtp, mtp2
 
     def ground_torques(self, touches: Any) -> list[Any]:
