@@ -183,13 +183,15 @@ def _add_parameters(page: Page, fit: Fit) -> None:
     rows = []
     for name, e in fit.estimates.items():
         declared = fit.declared[name]
-        interval = format_range(*(format_prefixed(end, declared, 4) for end in e.interval))
-        cells = [format_prefixed(e.value, declared, 4), interval]
+        value, low, high, start = (
+            format_prefixed(x, declared, 4, like=e.value) for x in (e.value, *e.interval, e.nominal)
+        )
+        cells = [value, format_range(low, high)]
         if fit.profiles:
             cells.append(fit.profiles[name].written if name in fit.profiles else "")
         doc = getattr(declared, "doc", "")
         title = elements.named(capitalised(variable_title(declared)), name, doc)
-        rows.append([title, *cells, format_prefixed(e.nominal, declared, 4)])
+        rows.append([title, *cells, start])
     page.table(["parameter", "fitted", "95 % interval", *profiled, "started from"], rows)
 
 

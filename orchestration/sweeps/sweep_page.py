@@ -42,6 +42,12 @@ class Extreme(NamedTuple):
     largest: float
     unit: str
 
+    def written(self, digits: int) -> list[str]:
+        """Return both ends to so many digits, in one unit."""
+        largest = max(abs(self.smallest), abs(self.largest))
+        ends = (self.smallest, self.largest)
+        return [write_prefixed(x, self.unit, digits, like=largest) for x in ends]
+
     @property
     def title(self) -> str:
         """Name for people."""
@@ -103,10 +109,7 @@ def sweep_page(
     about = Markup(f"Sweep of <code>{escaped(str(data.attrs['model']))}</code>")
     page = Page(_range_sentence(data, found), _verdict(data, found), about)
     page.heading("What comes out")
-    rows = [
-        [capitalised(e.title), *(write_prefixed(x, e.unit, 4) for x in (e.smallest, e.largest))]
-        for e in found
-    ]
+    rows = [[capitalised(e.title), *e.written(4)] for e in found]
     page.table(["over all cases", "smallest", "largest"], rows)
     for table in tables:
         _add_table(page, table)
@@ -133,7 +136,7 @@ def _range_sentence(data: xarray.Dataset, found: list[Extreme]) -> str:
     if not found:
         return f"Not one of the {cases:,} cases could be run."
     first = found[0]
-    low, high = (write_prefixed(x, first.unit) for x in (first.smallest, first.largest))
+    low, high = first.written(3)
     return f"{capitalised(first.title)} goes from {low} to {high} over {cases:,} cases."
 
 

@@ -153,13 +153,14 @@ def format_estimate(e: Estimate, declared: Described) -> FormattedEstimate:
     digits = min(max(math.ceil(known) + 2, 3), 8)
     is_vague = 0.0 < _UNINFORMATIVE * low < high
     if math.isfinite(low) and math.isfinite(high) and not is_vague:
-        interval = format_range(*(format_prefixed(end, declared, digits) for end in e.interval))
+        ends = (format_prefixed(end, declared, digits, like=e.value) for end in e.interval)
+        interval = format_range(*ends)
     else:
         interval = NOT_DETERMINED
     return FormattedEstimate(
         escaped(format_prefixed(e.value, declared, digits)),
         escaped(interval),
-        escaped(format_prefixed(e.nominal, declared)),
+        escaped(format_prefixed(e.nominal, declared, like=e.value)),
     )
 
 

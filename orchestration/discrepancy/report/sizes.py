@@ -79,7 +79,7 @@ def _told(size: Size, estimates: Mapping[str, Estimate], declared: Mapping[str, 
     ]
     value = _through(size, *values)
     unit = size.unit or declared[first].unit
-    write = _writer(size, declared[first])
+    write = _writer(size, declared[first], value)
     if others:
         return ToldSize(size, value, None, unit, size.phrase.format(write(value, 3)))
     interval = estimates[first].interval
@@ -90,10 +90,11 @@ def _told(size: Size, estimates: Mapping[str, Estimate], declared: Mapping[str, 
     return ToldSize(size, value, interval, unit, text)
 
 
-def _writer(size: Size, declared: Described) -> Writer:
+def _writer(size: Size, declared: Described, like: float) -> Writer:
+    """Return what writes a size and its ends in the unit in which a value is written."""
     if size.unit:
-        return lambda value, digits: write_prefixed(value, size.unit, digits)
-    return lambda value, digits: format_prefixed(value, declared, digits)
+        return lambda value, digits: write_prefixed(value, size.unit, digits, like)
+    return lambda value, digits: format_prefixed(value, declared, digits, like)
 
 
 def _through(size: Size, *values: float) -> float:
@@ -105,7 +106,7 @@ def _through(size: Size, *values: float) -> float:
 def format_estimated(e: Estimate, declared: Described) -> str:
     """Return a value with its unit and its interval."""
     return with_interval(
-        e.value, e.interval, lambda value, digits: format_prefixed(value, declared, digits)
+        e.value, e.interval, lambda value, digits: format_prefixed(value, declared, digits, e.value)
     )
 
 
