@@ -181,14 +181,17 @@ class Feedforward(Component):
         later = at_once + per_charge * self.charge_per_current()
         return side * minimum(after, (self.voltage_limit - kept) / later)
 
+    def limited_current(self, current: Any) -> Any:
+        """Current within the limits of voltage and current."""
+        below = minimum(current, self.current_at_voltage(1.0))
+        within = maximum(below, self.current_at_voltage(-1.0))
+        return clip(within, -self.current_limit, self.current_limit)
+
     def next_current(self) -> Any:
         """Needed current within the limits; that of the voltage goes before that of the rate."""
         change = self.rate_limit * self.sample_period
         before = self.current_within_limits
-        slow = clip(self.needed_current(), before - change, before + change)
-        below = minimum(slow, self.current_at_voltage(1.0))
-        within = maximum(below, self.current_at_voltage(-1.0))
-        return clip(within, -self.current_limit, self.current_limit)
+        return self.limited_current(clip(self.needed_current(), before - change, before + change))
 
     def next_charge(self) -> Any:
         """Charge of the model a sample on: a q + b i (eq. 3.5, first row)."""
