@@ -87,15 +87,8 @@ def linearise_fmu(request: FmuRequest, sampled: bool = False) -> LinearModel:
     UserError
         If the FMU fails, or its responses give no model.
     """
-    for name in (*request.inputs, *request.outputs):
-        known = request.model.inputs if name in request.inputs else request.model.outputs
-        if name not in known or known[name].type != "real":
-            role = "inputs" if name in request.inputs else "outputs"
-            raise UserError(
-                f"{request.model.name}: {option(role, [name])}: an FMU without equations has no"
-                f" real {role.removesuffix('s')} of this name; there are"
-                f" {', '.join(_real(known))}"
-            )
+    _check_names(request, "input", request.inputs, request.model.inputs)
+    _check_names(request, "output", request.outputs, request.model.outputs)
     with Fmu(request.path, request.settings) as probe:
         exchange = probe.description.modelExchange
         shown = exchange is not None and bool(probe.description.derivatives)
@@ -106,8 +99,16 @@ def linearise_fmu(request: FmuRequest, sampled: bool = False) -> LinearModel:
     return _by_pulses(request)
 
 
-def _real(signals: Mapping[str, Signal]) -> list[str]:
-    return [name for name, signal in signals.items() if signal.type == "real"]
+def _check_names(
+    request: FmuRequest, role: str, names: Sequence[str], signals: Mapping[str, Signal]
+) -> None:
+    known = [name for name, signal in signals.items() if signal.type == "real"]
+    for name in names:
+        if name not in known:
+            raise UserError(
+                f"{request.model.name}: {option(f'{role}s', [name])}: an FMU without equations has"
+                f" no real {role} of this name; there are {', '.join(known)}"
+            )
 
 
 def _by_laws(request: FmuRequest, given: bool) -> LinearModel | None:
