@@ -1,6 +1,6 @@
 """Feedforward: the current by which an actuator's model has a wanted length under a known load.
 
-Thesis section 6.2 asks for work loops that are tracked by feedback and feedforward. The model is
+Thesis section 6.2 proposes work loops that are tracked by feedback and feedforward. The model is
 that of eqs. 3.4 to 3.9, sampled; its inverse takes a sample period, so that length and load are
 given a sample ahead, as a gait is known before it is walked.
 """

@@ -1,5 +1,5 @@
-"""Iterative learning for periodic references: the command of the last period, and what its error
-asks for.
+"""Iterative learning for periodic references: the command of the last period, corrected by its
+error.
 
 The period is as many sample periods as the registers are long. What is learnt stands beside the
 command of a feedback controller.
@@ -130,7 +130,7 @@ class LearningController(Component):
         return self.reference - self.displacement
 
     def next_lesson(self) -> Any:
-        """What the error asks for: G (e + T_l de/dt), by the backward difference."""
+        """Correction by the error, G (e + T_l de/dt), by the backward difference."""
         change = (self.error() - self.previous_error) / self.sample_period
         lesson = self.learning_gain * (self.error() + self.learning_time * change)
         return where(self.learning, lesson, 0.0)

@@ -55,8 +55,8 @@ def described(gains: Mapping[str, float], plant: str) -> str:
     str
         One line.
     """
-    told = ", ".join(f"{name} {value:.6g}" for name, value in gains.items())
-    return f"Designed for {plant} from its linearisation, in SI units: {told}"
+    listed = ", ".join(f"{name} {value:.6g}" for name, value in gains.items())
+    return f"Designed for {plant} from its linearisation, in SI units: {listed}"
 
 
 def _designed(name: str, unit: str, doc: str, least: float = -1e12) -> Any:

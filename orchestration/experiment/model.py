@@ -83,7 +83,7 @@ class Master(ValueTable):
 
     @property
     def couples_evenly(self) -> bool:
-        """Tell whether members exchange at communication points only, with outputs of one point."""
+        """Whether members exchange at communication points only, with outputs of one point."""
         return self.method != "fused" and not set(self._set()) - {"extrapolation"}
 
 

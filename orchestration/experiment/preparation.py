@@ -68,7 +68,7 @@ class Preparation:
 
     @property
     def margins(self) -> dict[str, Margin]:
-        """Outputs that tell what is left of a limit, by name."""
+        """Outputs that are the margin of a limit, by name."""
         return margins(self.on.outputs, self.on.parameters)
 
     @property
@@ -195,7 +195,7 @@ def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, Valu
 def _inputs(
     experiment: Experiment, on: Subject, time: Array, where: str, note: Callable[[str], None]
 ) -> dict[str, Array]:
-    """Return the stimuli of an experiment; tell which inputs stay as they start."""
+    """Return the stimuli of an experiment; note which inputs stay as they start."""
     values = {}
     for name in experiment.inputs:
         signal = known(name, on.inputs, f"{on.name} has no input", where)

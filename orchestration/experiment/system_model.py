@@ -32,7 +32,7 @@ _ROUNDING = 1e-9  # relative, of the distance of two points
 
 
 def is_system(name: str) -> bool:
-    """Tell whether a name is that of a system, or of a file of one.
+    """Return whether a name is that of a system, or of a file of one.
 
     A component that has the name of a system comes first.
     """

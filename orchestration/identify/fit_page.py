@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from orchestration.identify.comparison import Comparison, GoodnessOfFit
     from orchestration.identify.grey_box import Fit
 
-_TOLD = 3  # parameters in the first sentence
+_NAMED = 3  # parameters in the first sentence
 _HEIGHT, _RESIDUAL_HEIGHT = 190, 110  # pixels
 _BEFORE, _FITTED = "before", "fitted"
 
@@ -80,12 +80,12 @@ def fit_page(comparison: Comparison, fit: Fit, command: str) -> Page:
 
 def _values(fit: Fit) -> str:
     """Return the values that fit in a sentence."""
-    told = [
+    values = [
         f"{variable_title(fit.declared[name])} {format_prefixed(e.value, fit.declared[name])}"
         for name, e in fit.estimates.items()
     ]
-    more = len(told) - _TOLD
-    listed = ", ".join(told[:_TOLD]) + (f" and {more} more" if more > 0 else "")
+    more = len(values) - _NAMED
+    listed = ", ".join(values[:_NAMED]) + (f" and {more} more" if more > 0 else "")
     return f"What fits best: {listed}."
 
 

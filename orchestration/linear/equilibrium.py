@@ -31,7 +31,7 @@ _VISIBLE = 1e-6  # share of an unknown in a direction in which nothing changes
 
 @dataclass(frozen=True)
 class TrimRequest:
-    """What an equilibrium is asked to have.
+    """Conditions of an equilibrium.
 
     Attributes
     ----------
@@ -259,13 +259,13 @@ def _point(
     request: TrimRequest,
     loose: Sequence[str],
 ) -> OperatingPoint:
-    found = {
+    solved = {
         v.name: float(value)
         for v, value in zip(equations.unknowns, solution * equations.values, strict=True)
     }
 
     def updated(values: Mapping[str, float]) -> dict[str, float]:
-        return {name: found.get(name, value) for name, value in values.items()}
+        return {name: solved.get(name, value) for name, value in values.items()}
 
     point = replace(
         start,

@@ -456,16 +456,16 @@ def capacitance() -> float:
 def foot_gait(runtime: str) -> System:
     """Return the foot under four actuators, each driven by its current (thesis chapter 5).
 
-    Stiffness and damping by which the foot tells its compliance are those of the actuators beside
+    Stiffness and damping in the compliance of the foot are those of the actuators beside
     it, and so is their tension: it is what the toe yields under a force before the actuators creep.
     """
     foot = taut_foot()
     actuator: Any = component("ppy_actuator_length_driven")
     film = actuator()
     tensions = balanced(foot())
-    told = {"tension_stiffness_share": 1.0}
-    told |= {f"k_{name}": film.k1 for name in FEET} | {f"b_{name}": film.b1 for name in FEET}
-    members = [Member.of("foot", foot, told, runtime)]
+    films = {"tension_stiffness_share": 1.0}
+    films |= {f"k_{name}": film.k1 for name in FEET} | {f"b_{name}": film.b1 for name in FEET}
+    members = [Member.of("foot", foot, films, runtime)]
     wires = []
     for name in FEET:
         # an actuator that has flowed to a shorter length than it is held at is under tension
