@@ -1,11 +1,10 @@
 """FMUs without equations, linearised by the derivatives that they give or by differences.
 
-An FMU for model exchange shows its states, rates and outputs: their derivatives are the directional derivatives
-that it provides, else central differences. Where an FMU hides its
-states, which all do for co-simulation, and those in which something is sampled, the differences are
-of trajectories: a pulse on one input for one communication step, and its negative. The responses
-are realised with python-control (eigensystem realisation: Juang, Pappa, Journal of Guidance 8,
-1985).
+An FMU for model exchange shows its states, rates and outputs: the derivatives are its directional
+derivatives where it provides them, else central differences. Where an FMU hides its states, which
+all do for co-simulation, and those in which something is sampled, the differences are of
+trajectories: a pulse on one input for one communication step, and its negative. The responses are
+realised with python-control (eigensystem realisation: Juang, Pappa, Journal of Guidance 8, 1985).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The result of a linearisation: one state-space model with names and units, and its poles and margins."""
+"""The result of a linearisation: a state-space model with names, units, poles and margins."""
 
 from __future__ import annotations
 
