@@ -88,7 +88,7 @@ class Master(ValueTable):
 
 
 class WorkLoopTable(ValueTable):
-    """Signals of a work loop: its picture is that of loops and of what became of each cycle."""
+    """Signals of a work loop, which is drawn as a loop, with figures of each cycle."""
 
     period: Span
     force: str

@@ -349,7 +349,7 @@ def figures(loops: Mapping[str, TrackedLoop]) -> dict[str, Any]:
 
 def picture(
     loops: Mapping[str, TrackedLoop],
-    title: str = "Work loops: the last cycle, and what became of each",
+    title: str = "Work loops: the last cycle, and figures of each",
 ) -> Figure:
     """Draw loops of the last cycle beside that of fig. 5-9, and error, work and energy of cycles.
 
