@@ -17,7 +17,7 @@ from orchestration.reporting import (
     Trace,
     elements,
     escaped,
-    format_range,
+    format_ends,
     pictures,
     stacked,
 )
@@ -186,7 +186,7 @@ def _add_parameters(page: Page, fit: Fit) -> None:
         value, low, high, start = (
             format_prefixed(x, declared, 4, like=e.value) for x in (e.value, *e.interval, e.nominal)
         )
-        cells = [value, format_range(low, high)]
+        cells = [value, format_ends(low, high)]
         if fit.profiles:
             cells.append(fit.profiles[name].written if name in fit.profiles else "")
         doc = getattr(declared, "doc", "")

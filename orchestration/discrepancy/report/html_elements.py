@@ -15,7 +15,7 @@ from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.report.sizes import NOT_DETERMINED
 from orchestration.discrepancy.report.wording import parameter_title
 from orchestration.identify.uncertainty import Estimate
-from orchestration.reporting import FITTED, Markup, escaped, format_quantities, format_range
+from orchestration.reporting import FITTED, Markup, escaped, format_ends, format_quantities
 
 _INTERVAL_WIDTH = 180  # pixels
 _INTERVAL_HEIGHT = 18  # pixels
@@ -154,7 +154,7 @@ def format_estimate(e: Estimate, declared: Described) -> FormattedEstimate:
     is_vague = 0.0 < _UNINFORMATIVE * low < high
     if math.isfinite(low) and math.isfinite(high) and not is_vague:
         ends = (format_prefixed(end, declared, digits, like=e.value) for end in e.interval)
-        interval = format_range(*ends)
+        interval = format_ends(*ends)
     else:
         interval = NOT_DETERMINED
     return FormattedEstimate(

@@ -13,7 +13,7 @@ from fmus.kit.units import Described, format_prefixed, write_prefixed
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.identify import finite_or_none
 from orchestration.identify.uncertainty import Estimate
-from orchestration.reporting import format_range
+from orchestration.reporting import format_ends
 
 NOT_DETERMINED = "not determined"  # in place of an interval
 _MOST_DIGITS = 8
@@ -131,7 +131,7 @@ def with_interval(value: float, interval: tuple[float, float], write: Writer) ->
     largest = max(abs(value), abs(low), abs(high))
     digits = 1 + math.floor(math.log10(largest)) - math.floor(math.log10(_FINENESS * half))
     digits = min(max(digits, 2), _MOST_DIGITS)
-    ends = format_range(write(low, digits), write(high, digits))
+    ends = format_ends(write(low, digits), write(high, digits))
     return f"{write(value, digits)} (95 %: {ends})"
 
 
