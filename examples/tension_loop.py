@@ -68,7 +68,7 @@ def emulated_rig(hidden: str = "strain_lag") -> Iterator[str]:
 def measure(endpoint: str, path: Path, duration: float = 45.0, seed: int = 1) -> None:
     """Record a rig in lockstep under random levels of current and length.
 
-    What is measured belongs to the command of its row: the rig is asked shortly after each, as
+    What is measured belongs to the command of its row: the rig is read shortly after each, as
     ``ppy rig record`` does with one in real time.
     """
     random = np.random.default_rng(seed)
@@ -78,11 +78,11 @@ def measure(endpoint: str, path: Path, duration: float = 45.0, seed: int = 1) ->
         "current": _levels(random, [-0.9, -0.45, 0.0, 0.45, 0.9], (0.5, 4.0), count),
         "length_change": _levels(random, [2.0e-4, 2.5e-4, 3.0e-4], (1.0, 5.0), count),
     }
-    asked = np.column_stack([time, time + _AFTER]).ravel()
+    points = np.column_stack([time, time + _AFTER]).ravel()
     run = ppy.simulate(
         "rig_proxy_length_driven",
         {name: np.repeat(values, 2) for name, values in commands.items()},
-        time=asked,
+        time=points,
         settings={"endpoint": endpoint},
     )
     measured = {name: np.asarray(run[name])[1::2] for name in ("voltage", "tension")}
@@ -156,11 +156,11 @@ class StepFigures(NamedTuple):
     def of(cls, tension: np.ndarray) -> StepFigures:
         """Return the figures of a response (n,), N, that begins at the step."""
         before, after = LEVELS
-        gone = (tension - before) / (after - before)
-        outside = np.flatnonzero(np.abs(gone - 1.0) > _SETTLED)
+        response = (tension - before) / (after - before)
+        unsettled = np.flatnonzero(np.abs(response - 1.0) > _SETTLED)
         return cls(
-            100.0 * (float(gone.max()) - 1.0),
-            PERIOD * float(outside[-1] + 1),
+            100.0 * (float(response.max()) - 1.0),
+            PERIOD * float(unsettled[-1] + 1),
             float(np.sqrt(np.mean((tension - after) ** 2))),
         )
 
@@ -211,28 +211,27 @@ def compare(extended: Path) -> tuple[Tuned, Tuned]:
     return tune(NOMINAL, extended), tune(extended, extended)
 
 
+def figures(loop: Tuned) -> dict[str, float]:
+    """Return the figures of a loop, by what they are and their unit."""
+    measured = StepFigures.of(loop.rig)
+    return {
+        "K, A/N": loop.gains["proportional_gain"],
+        "T_i, s": loop.gains["integral_time"],
+        "T_d, s": loop.gains["derivative_time"],
+        "phase margin by the extended model, degrees": loop.margins.phase,
+        "overshoot on the rig, %": measured.overshoot,
+        "settling time on the rig, s": measured.settling_time,
+        "rms error on the rig, mN": 1e3 * measured.error,
+        "rms error of the nominal model's prediction, mN": 1e3 * loop.error_of(loop.nominal),
+        "rms error of the extended model's prediction, mN": 1e3 * loop.error_of(loop.extended),
+    }
+
+
 def table(before: Tuned, after: Tuned) -> str:
     """Return figures of two loops beside each other."""
-    measured = [StepFigures.of(one.rig) for one in (before, after)]
-    rows: dict[str, list[float]] = {
-        "K, A/N": [one.gains["proportional_gain"] for one in (before, after)],
-        "T_i, s": [one.gains["integral_time"] for one in (before, after)],
-        "T_d, s": [one.gains["derivative_time"] for one in (before, after)],
-        "phase margin by the extended model, degrees": [
-            one.margins.phase for one in (before, after)
-        ],
-        "overshoot on the rig, %": [one.overshoot for one in measured],
-        "settling time on the rig, s": [one.settling_time for one in measured],
-        "rms error on the rig, mN": [1e3 * one.error for one in measured],
-        "rms error of the nominal model's prediction, mN": [
-            1e3 * one.error_of(one.nominal) for one in (before, after)
-        ],
-        "rms error of the extended model's prediction, mN": [
-            1e3 * one.error_of(one.extended) for one in (before, after)
-        ],
-    }
+    second = figures(after)
     head = f"{'loop tuned for the model':50}{'nominal':>10}{'extended':>10}"
-    lines = [f"{name:50}{first:10.3g}{second:10.3g}" for name, (first, second) in rows.items()]
+    lines = [f"{name:50}{x:10.3g}{second[name]:10.3g}" for name, x in figures(before).items()]
     return "\n".join([head, *lines])
 
 

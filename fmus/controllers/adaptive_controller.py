@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..kit import Component, Discrete, Input, Output, Parameter, clip, exp, where
+from .signals import largest_current, sampled_length
 
 _RULE = "Astrom, Wittenmark: Adaptive Control, 2nd edition, section 5.3"
 _CIRCUIT = "the nominal actuator at 50 Hz"
@@ -60,14 +61,7 @@ class AdaptiveController(Component):
     )
     gain_min = Parameter(0.2, "1", min=1e-6, max=1.0, doc="smallest gain")
     gain_max = Parameter(5.0, "1", min=1.0, max=1e6, doc="largest gain")
-    current_limit = Parameter(
-        1.3,
-        "A",
-        min=1e-9,
-        max=1e6,
-        source="thesis table 2-2 (HA-151)",
-        doc="largest current in either direction",
-    )
+    current_limit = largest_current()
 
     reference = Input("m", nominal=1e-4, display="mm", doc="wanted displacement")
     displacement = Input("m", nominal=1e-4, display="mm", doc="measured displacement, 0 at rest")
@@ -81,14 +75,8 @@ class AdaptiveController(Component):
         output=True,
         doc="gain of the current, 1 for the nominal actuator",
     )
-    model_displacement = Discrete(
-        "m",
-        update="next_model",
-        period="sample_period",
-        nominal=1e-4,
-        display="mm",
-        output=True,
-        doc="displacement of the model that is followed",
+    model_displacement = sampled_length(
+        "next_model", "displacement of the model that is followed", output=True
     )
     sensitivity = Discrete(
         "m",

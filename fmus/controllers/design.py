@@ -118,7 +118,7 @@ def gains(
     with_integral = np.array([[A[0, 0], 0.0], [-sample_period * C[0, 0], 1.0]])
     feedback = control.place(with_integral, np.array([[B[0, 0]], [0.0]]), poles)[0]
     integral = -float(feedback[1])
-    found = {
+    parameters = {
         "sample_period": sample_period,
         "charge_pole": A[0, 0],
         "kelvin_pole": A[1, 1],
@@ -140,7 +140,7 @@ def gains(
         "integral_gain": integral,
         "reference_gain": integral * sample_period / (1.0 - poles[1]),
     }
-    return {name: float(value) for name, value in found.items()}
+    return {name: float(value) for name, value in parameters.items()}
 
 
 def state_feedback(
@@ -157,7 +157,7 @@ def state_feedback(
     plant, sample_period, time_constants, **values
         See :func:`gains`.
     name : str
-        Of the FMU; its description tells the gains.
+        Of the FMU, whose description has the gains.
 
     Returns
     -------
@@ -169,9 +169,9 @@ def state_feedback(
     UserError
         See :func:`gains`.
     """
-    found = gains(plant, sample_period, time_constants, **values)
-    made = stack(StateFeedback, name=name, defaults=found)
-    made.remark = described(found, plant.name)
+    designed = gains(plant, sample_period, time_constants, **values)
+    made = stack(StateFeedback, name=name, defaults=designed)
+    made.remark = described(designed, plant.name)
     return made
 
 
@@ -216,11 +216,11 @@ def pid_gains(response: complex, crossover: float, phase_margin: float) -> dict[
     # omega T_d - 1 / (omega T_i) is the tangent of the angle
     root = np.tan(angle) + np.hypot(np.tan(angle), 2.0 * share**0.5)
     integral_time = root / (4.0 * np.pi * share * crossover)
-    found = {
+    parameters = {
         "proportional_gain": abs(needed) * np.cos(angle),
         "integral_time": integral_time,
         "derivative_time": share * integral_time,
         "filter_time": share * integral_time / _FILTERING,
         "tracking_time": integral_time,
     }
-    return {name: float(value) for name, value in found.items()}
+    return {name: float(value) for name, value in parameters.items()}

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..kit import Component, Discrete, Input, Output, Parameter, maximum, minimum, where
+from .signals import largest_current, sampled_length
 from .tracking import tracked, tracking_share
 
 _CIRCUIT = "thesis table 3-1, mean of three 12-layer data sets"
@@ -53,14 +54,7 @@ class DisplacementController(Component):
         source="the integral time",
         doc="time in which a command that was not carried out is forgotten (T_t)",
     )
-    current_limit = Parameter(
-        1.3,
-        "A",
-        min=1e-9,
-        max=1e6,
-        source="thesis table 2-2 (HA-151)",
-        doc="largest current in either direction",
-    )
+    current_limit = largest_current()
     voltage_limit = Parameter(
         1.0,
         "V",
@@ -133,14 +127,7 @@ class DisplacementController(Component):
     command_within_limits = Discrete(
         "A", update="next_limited", period="sample_period", doc="current within all limits"
     )
-    previous_error = Discrete(
-        "m",
-        update="error",
-        period="sample_period",
-        nominal=1e-4,
-        display="mm",
-        doc="error at the latest sample",
-    )
+    previous_error = sampled_length("error", "error at the latest sample")
     sampled_beside = Discrete(
         "A",
         update="next_beside",

@@ -1,6 +1,6 @@
 """Feedforward: the current by which an actuator's model has a wanted length under a known load.
 
-Thesis section 6.2 asks for work loops that are tracked by feedback and feedforward. The model is
+Thesis section 6.2 proposes work loops that are tracked by feedback and feedforward. The model is
 that of eqs. 3.4 to 3.9, sampled; its inverse takes a sample period, so that length and load are
 given a sample ahead, as a gait is known before it is walked.
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..kit import Component, Discrete, Input, Output, Parameter, clip, exp, maximum, minimum, where
+from .signals import largest_current, sampled_length
 
 _CIRCUIT = "thesis table 3-1, mean of three 12-layer data sets"
 _FIGURE = "thesis fig. 3-9, 12-layer actuator 106, in N/m and N*s/m (errata 1)"
@@ -26,14 +27,7 @@ class Feedforward(Component):
     sample_period = Parameter(
         0.25, "s", min=1e-4, max=1e4, doc="sample period (h), in which the inverse gets there"
     )
-    current_limit = Parameter(
-        1.3,
-        "A",
-        min=1e-9,
-        max=1e6,
-        source="thesis table 2-2 (HA-151)",
-        doc="largest current in either direction (I)",
-    )
+    current_limit = largest_current("largest current in either direction (I)")
     rate_limit = Parameter(
         5.2,
         "A/s",
@@ -101,21 +95,11 @@ class Feedforward(Component):
         output=True,
         doc="charge of the model at the next sample",
     )
-    kelvin_elongation = Discrete(
-        "m",
-        update="next_kelvin",
-        period="sample_period",
-        nominal=1e-4,
-        display="mm",
-        doc="elongation of the model's Kelvin element at the next sample",
+    kelvin_elongation = sampled_length(
+        "next_kelvin", "elongation of the model's Kelvin element at the next sample"
     )
-    maxwell_elongation = Discrete(
-        "m",
-        update="next_maxwell",
-        period="sample_period",
-        nominal=1e-4,
-        display="mm",
-        doc="elongation of the model's Maxwell dashpot at the next sample",
+    maxwell_elongation = sampled_length(
+        "next_maxwell", "elongation of the model's Maxwell dashpot at the next sample"
     )
     current_within_limits = Discrete(
         "A", update="next_current", period="sample_period", doc="current of the model"
@@ -181,14 +165,17 @@ class Feedforward(Component):
         later = at_once + per_charge * self.charge_per_current()
         return side * minimum(after, (self.voltage_limit - kept) / later)
 
+    def limited_current(self, current: Any) -> Any:
+        """Current within the limits of voltage and current."""
+        below = minimum(current, self.current_at_voltage(1.0))
+        within = maximum(below, self.current_at_voltage(-1.0))
+        return clip(within, -self.current_limit, self.current_limit)
+
     def next_current(self) -> Any:
         """Needed current within the limits; that of the voltage goes before that of the rate."""
         change = self.rate_limit * self.sample_period
         before = self.current_within_limits
-        slow = clip(self.needed_current(), before - change, before + change)
-        below = minimum(slow, self.current_at_voltage(1.0))
-        within = maximum(below, self.current_at_voltage(-1.0))
-        return clip(within, -self.current_limit, self.current_limit)
+        return self.limited_current(clip(self.needed_current(), before - change, before + change))
 
     def next_charge(self) -> Any:
         """Charge of the model a sample on: a q + b i (eq. 3.5, first row)."""

@@ -1,5 +1,5 @@
-"""Iterative learning for periodic references: the command of the last period, and what its error
-asks for.
+"""Iterative learning for periodic references: the command of the last period, corrected by its
+error.
 
 The period is as many sample periods as the registers are long. What is learnt stands beside the
 command of a feedback controller.
@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..kit import Component, Discrete, Input, Output, Parameter, clip, where
+from .signals import largest_current, sampled_length
 
 SAMPLES = 40  # of a period
 _TAPS = 1  # of the filter, to either side
@@ -95,14 +96,7 @@ class LearningController(Component):
         source=_SOURCE,
         doc="share of each neighbour in the zero-phase filter of what is learnt (q)",
     )
-    current_limit = Parameter(
-        1.3,
-        "A",
-        min=1e-9,
-        max=1e6,
-        source="thesis table 2-2 (HA-151)",
-        doc="largest current in either direction, learnt and commanded",
-    )
+    current_limit = largest_current("largest current in either direction, learnt and commanded")
 
     reference = Input("m", nominal=1e-4, display="mm", doc="wanted displacement, periodic")
     displacement = Input("m", nominal=1e-4, display="mm", doc="measured displacement")
@@ -111,14 +105,7 @@ class LearningController(Component):
         "1", start=True, type="boolean", doc="whether errors are learnt from; if not, it repeats"
     )
 
-    previous_error = Discrete(
-        "m",
-        update="error",
-        period="sample_period",
-        nominal=1e-4,
-        display="mm",
-        doc="error at the latest sample",
-    )
+    previous_error = sampled_length("error", "error at the latest sample")
     vars().update(_register("lesson", "A", lambda self: self.next_lesson(), "change to be learnt"))
     learnt_1: Any  # of the register, which is declared by place
     vars().update(
@@ -130,7 +117,7 @@ class LearningController(Component):
         return self.reference - self.displacement
 
     def next_lesson(self) -> Any:
-        """What the error asks for: G (e + T_l de/dt), by the backward difference."""
+        """Correction by the error, G (e + T_l de/dt), by the backward difference."""
         change = (self.error() - self.previous_error) / self.sample_period
         lesson = self.learning_gain * (self.error() + self.learning_time * change)
         return where(self.learning, lesson, 0.0)

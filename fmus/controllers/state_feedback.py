@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..kit import Component, Discrete, Input, Output, Parameter, maximum, minimum
+from .signals import largest_current, sampled_length
 from .tracking import tracking_share
 
 _DESIGN = "design.gains of the actuator"
@@ -55,8 +56,8 @@ def described(gains: Mapping[str, float], plant: str) -> str:
     str
         One line.
     """
-    told = ", ".join(f"{name} {value:.6g}" for name, value in gains.items())
-    return f"Designed for {plant} from its linearisation, in SI units: {told}"
+    listed = ", ".join(f"{name} {value:.6g}" for name, value in gains.items())
+    return f"Designed for {plant} from its linearisation, in SI units: {listed}"
 
 
 def _designed(name: str, unit: str, doc: str, least: float = -1e12) -> Any:
@@ -135,14 +136,7 @@ class StateFeedback(Component):
         source="the second time constant of the design",
         doc="time in which a command that was cut is forgotten (T_t)",
     )
-    current_limit = Parameter(
-        1.3,
-        "A",
-        min=1e-9,
-        max=1e6,
-        source="thesis table 2-2 (HA-151)",
-        doc="largest current in either direction",
-    )
+    current_limit = largest_current()
     charge_limit = Parameter(
         2.5, "C", min=1e-9, max=1e9, doc="largest estimated charge in either direction"
     )
@@ -160,23 +154,11 @@ class StateFeedback(Component):
         output=True,
         doc="estimate of the charge on the films",
     )
-    kelvin_elongation = Discrete(
-        "m",
-        update="next_kelvin",
-        period="sample_period",
-        nominal=1e-4,
-        display="mm",
-        output=True,
-        doc="estimate of the elongation of the Kelvin element",
+    kelvin_elongation = sampled_length(
+        "next_kelvin", "estimate of the elongation of the Kelvin element", output=True
     )
-    maxwell_elongation = Discrete(
-        "m",
-        update="next_maxwell",
-        period="sample_period",
-        nominal=1e-4,
-        display="mm",
-        output=True,
-        doc="estimate of the elongation of the Maxwell dashpot",
+    maxwell_elongation = sampled_length(
+        "next_maxwell", "estimate of the elongation of the Maxwell dashpot", output=True
     )
     integral = Discrete(
         "A", update="next_integral", period="sample_period", doc="integral part of the command"

@@ -31,9 +31,10 @@ def tracked(unlimited: Any, applied: Any, share: Any) -> Any:
     Parameters
     ----------
     unlimited : float
-        What the law asked for.
+        Command of the law, before its limits.
     applied : float
-        What was done, in the same unit; where it is what was asked for, the result has its bits.
+        Command that was carried out, in the same unit; where both are equal, so is the result, to
+        the bit.
     share : float
         Of :func:`tracking_share`.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kit import Parameter, State, maximum, minimum
+from ..kit import Parameter, State, outside
 from .statics import FootStatics
 
 
@@ -147,8 +147,7 @@ class FootDynamic(FootStatics):
         """Angular acceleration that a soft stop gives: none between the limits, proportional to
         what is beyond.
         """
-        beyond = maximum(angle - upper, 0.0) + minimum(angle - lower, 0.0)
-        return -self.stop_frequency * self.stop_frequency * beyond
+        return -self.stop_frequency * self.stop_frequency * outside(angle, lower, upper)
 
     def ankle_friction(self) -> Any:
         """Torque that the ankle takes to turn."""

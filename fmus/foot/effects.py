@@ -50,7 +50,7 @@ class PlantarTendonAcrossArch(FootEffect):
     """Plantar tendon that crosses the arch as well, on an attachment radius ``a``, and presses it
     down under tension.
 
-    Virtual work asks for the same arm everywhere: ``a theta_TM`` more in the length of pl, ``a
+    By virtual work the arm is the same everywhere: ``a theta_TM`` more in the length of pl, ``a
     dtheta_TM/dt`` in its rate, ``a T_pl`` less in the torque of the joint, and ``K = R^T K_l R``
     with a term between arch and toe. Relaxes assumption 3, that pl acts on the toe only; the
     program of the thesis (appendix A4) has a token 0.001 in that place. ``a = 0`` is the base

@@ -1,7 +1,7 @@
 """The foot set free: its leg moves, its links have masses that accelerate each other, and it steps
 on a ground.
 
-Thesis section 6.2 asks to relax the infinite inertia of the upper body. Links are uniform rods;
+Thesis section 6.2 proposes to relax the infinite inertia of the upper body. Links are uniform rods;
 Lagrange's equations of the leg's two velocities and of four joints. In the angles a_i of the links
 from the x axis the kinetic energy is ``sum A_ij cos(a_i - a_j) da_i da_j / 2``, with constants A,
 and what couples it to the leg are first moments s; a joint turns all links beyond it.
@@ -10,9 +10,9 @@ and what couples it to the leg are first moments s; a joint turns all links beyo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
-from ..kit import Input, Output, Parameter, State, cos, maximum, minimum, shared, sin, where
+from ..kit import Input, Output, Parameter, State, cos, outside, shared, sin, where
 from .dynamic import FootDynamic
 from .ground import Ground
 
@@ -57,11 +57,30 @@ def solved(matrix: Sequence[Sequence[Any]], right: Sequence[Any]) -> list[Any]:
         for i in range(k + 1, size):
             share = rows[i][k] / rows[k][k]
             rows[i] = [a - share * b for a, b in zip(rows[i], rows[k], strict=True)]
-    found: list[Any] = []
+    solution: list[Any] = []
     for k in reversed(range(size)):
-        known = sum(a * x for a, x in zip(rows[k][k + 1 : size], found, strict=True))
-        found.insert(0, (rows[k][size] - known) / rows[k][k])
-    return found
+        known = sum(a * x for a, x in zip(rows[k][k + 1 : size], solution, strict=True))
+        solution.insert(0, (rows[k][size] - known) / rows[k][k])
+    return solution
+
+
+class Contact(NamedTuple):
+    """A point of the foot that may touch the ground.
+
+    Attributes
+    ----------
+    turns : list of tuple
+        The joints that turn it, each by its place, with the distance of the point from it along x
+        and y in m.
+    velocity : tuple of two
+        Over the ground along x and y, in m/s.
+    force : tuple of two
+        Of the ground on it along x and y, in N.
+    """
+
+    turns: list[tuple[int, Any, Any]]
+    velocity: tuple[Any, Any]
+    force: tuple[Any, Any]
 
 
 class FootFree(Ground, FootDynamic):
@@ -225,24 +244,22 @@ class FootFree(Ground, FootDynamic):
     # ----------------------------------------------------------------------------------------------
 
     @shared
-    def touches(self) -> list[tuple[list[tuple[int, Any, Any]], tuple[Any, Any], tuple[Any, Any]]]:
-        """Heel, ball, first toe and other toes: the joints that turn each with its distances from
-        them along x and y, its velocity over the ground, and the force of the ground on it.
-        """
+    def contacts(self) -> list[Contact]:
+        """Contacts of heel, ball, first toe and other toes."""
         leg, rates = self.leg_velocity(), self.joint_rates()
-        found = []
+        contacts = []
         for joints, distances in zip(_TURNED_BY, self.touching_points(), strict=True):
             turns = [(joint, *at) for joint, at in zip(joints, distances, strict=True)]
             down = leg[0] - sum(rates[joint] * y for joint, _, y in turns)
             forward = leg[1] + sum(rates[joint] * x for joint, x, _ in turns)
             pressure = self.ground_pressure(distances[0][0] - self.leg_height, down)
             force = -pressure, self.ground_drag(pressure, forward)
-            found.append((turns, (down, forward), force))
-        return found
+            contacts.append(Contact(turns, (down, forward), force))
+        return contacts
 
     def ground_reactions(self) -> list[tuple[Any, Any]]:
         """Forces of the ground on heel, ball, first toe and other toes."""
-        return [force for _, _, force in self.touches()]
+        return [contact.force for contact in self.contacts()]
 
     # --- inertia
     # ----------------------------------------------------------------------------------------------
@@ -309,21 +326,19 @@ class FootFree(Ground, FootDynamic):
             (self.mtp_angle, self.mtp_lower, self.mtp_upper),
             (self.mtp2_angle, self.mtp_lower, self.mtp_upper),
         )
-        ankle, tm, mtp, mtp2 = (
-            maximum(angle - upper, 0.0) + minimum(angle - lower, 0.0)
-            for angle, lower, upper in limits
-        )
+        ankle, tm, mtp, mtp2 = (outside(*at) for at in limits)
         return ankle, tm, mtp, mtp2
 
-    def ground_torques(self, touches: Any) -> list[Any]:
+    def ground_torques(self) -> list[Any]:
         """Torques of the ground on the four joints: moments of its forces."""
         torques: list[Any] = [0.0, 0.0, 0.0, 0.0]
-        for turns, _, (x, y) in touches:
-            for joint, down, forward in turns:
+        for contact in self.contacts():
+            x, y = contact.force
+            for joint, down, forward in contact.turns:
                 torques[joint] = torques[joint] + down * y - forward * x
         return torques
 
-    def driving_torques(self, touches: Any) -> list[Any]:
+    def driving_torques(self) -> list[Any]:
         """Torques on the joints but for gravity and inertia: tensions, loads, ground, arch,
         friction and stops.
         """
@@ -334,7 +349,7 @@ class FootFree(Ground, FootDynamic):
             pull + ground - friction - spring - inertia * stop * beyond
             for pull, ground, friction, spring, inertia, beyond in zip(
                 pulls,
-                self.ground_torques(touches),
+                self.ground_torques(),
                 self.joint_frictions(),
                 springs,
                 self.joint_inertias(),
@@ -343,55 +358,69 @@ class FootFree(Ground, FootDynamic):
             )
         ]
 
-    def outer_force(self, touches: Any) -> tuple[Any, Any]:
+    def outer_force(self) -> tuple[Any, Any]:
         """Force on leg and foot together: loads, ground and weight."""
-        x = self.toe_force_x + self.leg_force_x + sum(force[0] for _, _, force in touches)
-        y = self.toe_force_y + self.leg_force_y + sum(force[1] for _, _, force in touches)
+        reactions = self.ground_reactions()
+        x = self.toe_force_x + self.leg_force_x + sum(force[0] for force in reactions)
+        y = self.toe_force_y + self.leg_force_y + sum(force[1] for force in reactions)
         return x + self.whole_mass() * self.gravity, y
 
-    def forced(self, touches: Any) -> tuple[Any, Any]:
+    @shared
+    def accelerating_force(self) -> tuple[Any, Any]:
         """Outer force less what it takes to turn the links' centres of mass at constant rates."""
-        x, y = self.outer_force(touches)
+        x, y = self.outer_force()
         turning = zip(self.moments_of_mass(), self.directions(), self.link_rates(), strict=True)
         for moment, (down, forward), rate in turning:
             x = x + moment * down * rate * rate
             y = y + moment * forward * rate * rate
         return x, y
 
-    @shared
-    def accelerations(self) -> tuple[list[Any], tuple[Any, Any]]:
-        """Angular accelerations of the joints, the leg's own put into them (Lagrange), and the
-        force that is left for the leg.
-        """
-        touches = self.touches()
-        s, a = self.moments_of_mass(), self.moments_of_inertia()
-        e, rates, mobility = self.directions(), self.link_rates(), self.mobility()
-        x, y = self.forced(touches)
-        # by link: coupled inertia, and torque of inertia at constant rates and of gravity
-        coupled = [
+    def coupled_inertias(self) -> list[list[Any]]:
+        """Inertias by which the links accelerate each other, less what the leg gives way."""
+        s = self.moments_of_mass()
+        a = self.moments_of_inertia()
+        e = self.directions()
+        mobility = self.mobility()
+        return [
             [(a[i][k] - mobility * s[i] * s[k]) * _dot(e[i], e[k]) for k in _LINKS] for i in _LINKS
         ]
-        torques = [
+
+    def link_torques(self) -> list[Any]:
+        """Torques on the links by gravity, by inertia at constant rates, and by the force that
+        accelerates the leg.
+        """
+        s = self.moments_of_mass()
+        a = self.moments_of_inertia()
+        e = self.directions()
+        rates = self.link_rates()
+        mobility = self.mobility()
+        x, y = self.accelerating_force()
+        return [
             mobility * s[i] * (e[i][1] * x - e[i][0] * y)
             - s[i] * self.gravity * e[i][1]
             - sum(a[i][k] * _cross(e[k], e[i]) * rates[k] * rates[k] for k in _LINKS)
             for i in _LINKS
         ]
+
+    @shared
+    def accelerations(self) -> list[Any]:
+        """Angular accelerations of the joints, the leg's own put into them (Lagrange)."""
+        coupled = self.coupled_inertias()
         inertias = [
             [sum(coupled[i][k] for i in of for k in by) for by in _BEYOND] for of in _BEYOND
         ]
         for joint, own in enumerate(self.joint_inertias()):
             inertias[joint][joint] = inertias[joint][joint] + own
-        driving = self.driving_torques(touches)
-        joints = solved(
-            inertias,
-            [driving[j] + sum(torques[i] for i in of) for j, of in enumerate(_BEYOND)],
-        )
-        return joints, (x, y)
+        links = self.link_torques()
+        torques = [
+            driving + sum(links[i] for i in beyond)
+            for driving, beyond in zip(self.driving_torques(), _BEYOND, strict=True)
+        ]
+        return solved(inertias, torques)
 
     def leg_acceleration(self, axis: int) -> Any:
         """Acceleration of the leg along x (0) or y (1), by what is left of the outer force."""
-        (ankle, tm, mtp, mtp2), force = self.accelerations()
+        ankle, tm, mtp, mtp2 = self.accelerations()
         turned = ankle, ankle + tm, ankle + tm + mtp, ankle + tm + mtp2
         drawn = sum(
             moment * (-way[1], way[0])[axis] * acceleration
@@ -399,7 +428,7 @@ class FootFree(Ground, FootDynamic):
                 self.moments_of_mass(), self.directions(), turned, strict=True
             )
         )
-        return self.mobility() * (force[axis] - drawn)
+        return self.mobility() * (self.accelerating_force()[axis] - drawn)
 
     def leg_acceleration_x(self) -> Any:
         """Acceleration of the leg along x."""
@@ -423,19 +452,19 @@ class FootFree(Ground, FootDynamic):
 
     def ankle_acceleration(self) -> Any:
         """Angular acceleration of the ankle."""
-        return self.accelerations()[0][0]
+        return self.accelerations()[0]
 
     def tm_acceleration(self) -> Any:
         """Angular acceleration of the tarsal-metatarsal joint."""
-        return self.accelerations()[0][1]
+        return self.accelerations()[1]
 
     def mtp_acceleration(self) -> Any:
         """Angular acceleration of the metatarsal-phalangeal joint."""
-        return self.accelerations()[0][2]
+        return self.accelerations()[2]
 
     def mtp2_acceleration(self) -> Any:
         """Angular acceleration of the second metatarsal-phalangeal joint."""
-        return self.accelerations()[0][3]
+        return self.accelerations()[3]
 
     # --- energy
     # ----------------------------------------------------------------------------------------------
@@ -447,7 +476,7 @@ class FootFree(Ground, FootDynamic):
 
     def ground_power(self) -> Any:
         """Power of the ground on the touching points."""
-        return sum(_dot(force, velocity) for _, velocity, force in self.touches())
+        return sum(_dot(contact.force, contact.velocity) for contact in self.contacts())
 
     def load_power(self) -> Any:
         """Power of the toe force and of the force on the leg."""

@@ -23,10 +23,10 @@ class CoreFriction(StandEffect):
     """Dry friction of the core in its guide, which carries part of the load: ``F_c tanh(v / v_c)``
     less.
 
-    ``v = (x - s) / T`` with ``ds/dt = v`` is the velocity of the core, which the displacement tells
-    late by T. A weight that sinks is held back, one that is raised pulls more: the load is not
-    isotonic. Slower than ``v_c`` the core creeps where a real one sticks. Relaxes assumption 3,
-    that the core moves freely; ``F_c = 0`` is the base model.
+    ``v = (x - s) / T`` with ``ds/dt = v`` is the velocity of the core, late by T. A weight that
+    sinks is held back, one that is raised pulls more: the load is not isotonic. Slower than ``v_c``
+    the core creeps where a real one sticks. Relaxes assumption 3, that the core moves freely; ``F_c
+    = 0`` is the base model.
     """
 
     id = "core_friction"

@@ -203,7 +203,7 @@ class Size:
     Attributes
     ----------
     phrase : str
-        What is said of it, with a place for the quantity: ``"levels off beyond {}"``.
+        What follows the title of the effect, with a place for the quantity: ``"beyond {}"``.
     parameters : tuple of str
         The parameters of the effect that it is made of.
     unit : str

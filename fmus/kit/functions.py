@@ -137,7 +137,7 @@ def outside(x: Any, low: Any, high: Any) -> Any:
     ``x - clip(x, low, high)`` automatic differentiation gives 0.75 there, as it gives each of two
     equal values half the slope.
     """
-    return where(low < high, x - clip(x, low, high), x - low)
+    return maximum(x - high, 0.0) + minimum(x - low, 0.0)
 
 
 def _check_table(xs: Sequence[Any], ys: Sequence[Any]) -> None:

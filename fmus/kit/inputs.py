@@ -20,7 +20,7 @@ from .component import Component, Effect, Size, Term, make_effect
 from .curves import per
 from .declare import Declaration, InputDeclaration, Parameter, State
 from .errors import UserError, suggestion
-from .functions import clip, sqrt
+from .functions import clip, outside, sqrt
 from .sampling import Sampling
 from .titles import generic_title, in_words
 
@@ -180,7 +180,7 @@ def dead_zone(component: type[Component], input: str, scale: float | None = None
     width = f"{input}_dead_zone"
 
     def arrives(self: Any, x: Any) -> Any:
-        return x - clip(x, -getattr(self, width), getattr(self, width))
+        return outside(x, -getattr(self, width), getattr(self, width))
 
     switch = _switch(fed, size, f"{input} below which nothing arrives (d)")
     doc = "Dead zone of an input: within ``d`` of zero nothing arrives, beyond it what is more."
@@ -216,7 +216,7 @@ def asymmetric_dead_zone(
     ratio = f"{input}_dead_zone_ratio"
 
     def arrives(self: Any, x: Any) -> Any:
-        return x - clip(x, -(getattr(self, ratio) * getattr(self, end)), getattr(self, end))
+        return outside(x, -(getattr(self, ratio) * getattr(self, end)), getattr(self, end))
 
     declared = {
         end: _switch(fed, size, f"positive {input} below which nothing arrives (d)"),

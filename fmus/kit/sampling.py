@@ -14,7 +14,7 @@ _DELAY_PERIOD = 0.02  # s
 _TIME_CONSTANT = 1.0  # s
 # Within a sample nobody sees what happens, and beyond a hundredth of one it costs steps.
 _FINEST = 0.01  # samples
-# What takes longer than a tenth of a record is hardly told from a drift.
+# What takes longer than a tenth of a record can hardly be distinguished from a drift.
 _LONGEST = 0.1  # of a record
 _FIRST = 10.0  # samples: a lag that is seen
 

@@ -42,5 +42,5 @@ def shared(law: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 def has_shared_laws(cls: type) -> bool:
-    """Tell whether a class or one below it has laws that are shared."""
+    """Return whether a class or one of its bases has laws that are shared."""
     return any(hasattr(law, "is_shared") for part in cls.__mro__ for law in vars(part).values())

@@ -434,7 +434,9 @@ def unit_of_differences(variable: Described) -> str:
     return unit if convert(0.0, variable.unit, unit) == 0.0 else variable.unit
 
 
-def format_prefixed(value: float, variable: Described, digits: int = 3) -> str:
+def format_prefixed(
+    value: float, variable: Described, digits: int = 3, like: float | None = None
+) -> str:
     """Write a value with an SI prefix, as people say it: ``13.0 mΩ``, ``18.0 s``, ``1.70 MN·s/m``.
 
     Parameters
@@ -445,6 +447,8 @@ def format_prefixed(value: float, variable: Described, digits: int = 3) -> str:
         Its display unit is taken where that is no power of ten of the SI unit, such as degC.
     digits : int
         Significant ones, zeros at the end included.
+    like : float, optional
+        See `write_prefixed`.
 
     Returns
     -------
@@ -456,10 +460,10 @@ def format_prefixed(value: float, variable: Described, digits: int = 3) -> str:
     if display != variable.unit and not _is_prefixed(display):
         shown = convert(float(value), variable.unit, display)
         return f"{_rounded(shown, digits)} {printed(display)}"
-    return write_prefixed(float(value), variable.unit, digits)
+    return write_prefixed(float(value), variable.unit, digits, like)
 
 
-def write_prefixed(value: float, unit: str, digits: int = 3) -> str:
+def write_prefixed(value: float, unit: str, digits: int = 3, like: float | None = None) -> str:
     """Write a value in an SI unit with a prefix: ``9.80 mN·m``.
 
     Parameters
@@ -468,12 +472,15 @@ def write_prefixed(value: float, unit: str, digits: int = 3) -> str:
     unit : str
     digits : int
         Significant ones, zeros at the end included.
+    like : float, optional
+        Value whose prefix is taken, so that values beside each other are in one unit; its own
+        unless given, or where that is 0 or not finite.
 
     Returns
     -------
     str
     """
-    number, shown = with_prefix(_round(value, digits), unit)
+    number, shown = with_prefix(_round(value, digits), unit, _round(like or value, digits))
     return f"{_rounded(number, digits)} {shown}".removesuffix(" 1")
 
 
@@ -483,7 +490,7 @@ def _is_prefixed(unit: str) -> bool:
     return not shown.offset and math.log10(shown.factor).is_integer()
 
 
-def with_prefix(value: float, unit: str) -> tuple[float, str]:
+def with_prefix(value: float, unit: str, like: float | None = None) -> tuple[float, str]:
     """Return a value for a unit with an SI prefix, and that unit as it is printed.
 
     Parameters
@@ -491,6 +498,8 @@ def with_prefix(value: float, unit: str) -> tuple[float, str]:
     value : float
     unit : str
         Of SI, without prefix.
+    like : float, optional
+        See `write_prefixed`.
 
     Returns
     -------
@@ -499,10 +508,11 @@ def with_prefix(value: float, unit: str) -> tuple[float, str]:
     """
     powers = powers_of_names(unit) if _without_pint(unit) is not None else {}
     first, power = next(iter(powers.items()), ("", 0))
-    if first not in _PREFIXED or power != 1 or not value or not math.isfinite(value):
+    size = abs(like) if like and math.isfinite(like) else abs(value)
+    if first not in _PREFIXED or power != 1 or not size or not math.isfinite(size):
         return value, printed(unit)
     largest = 0 if first == "s" else 9  # nobody says kiloseconds
-    tens = min(max(3 * math.floor(math.log10(abs(value)) / 3.0), -9), largest)
+    tens = min(max(3 * math.floor(math.log10(size) / 3.0), -9), largest)
     return value / 10.0**tens, _LETTERS[tens] + printed(unit)
 
 

@@ -184,9 +184,7 @@ class AmplifierSaturation(BenchEffect):
         "drive_voltage over voltage_command",
     )
     assumption = 3
-    sizes = (
-        Size("levels off beyond {}", ("amplifier_saturation_coefficient",), "V", lambda c: c**-0.5),
-    )
+    sizes = (Size("beyond {}", ("amplifier_saturation_coefficient",), "V", lambda c: c**-0.5),)
 
     amplifier_saturation_coefficient = Parameter(
         0.0,

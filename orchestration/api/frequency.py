@@ -49,7 +49,7 @@ def frequency_response(
     ------
     UserError
         If the record or the model cannot be used, samples are missing or not equally spaced, a
-        ratio makes no sense, or no response can be told.
+        ratio makes no sense, or no response can be estimated.
 
     Examples
     --------

@@ -307,7 +307,7 @@ class DiagnosisResult(_Result):
         What the model gets wrong on that record.
     law_map : list of dict
         What the laws lack, the best first, as in `LawsResult`; empty where nothing is left, or they
-        were not asked.
+        were not searched.
     """
 
     _LACKING = "nothing could be said of the model"
@@ -420,30 +420,30 @@ class DiagnosisResult(_Result):
 
 
 class LawsResult(_Result):
-    """The result of asking laws: what a model's laws lack on a record, and what follows from it.
+    """The result of a search of laws: what they lack on a record, and what follows from it.
 
     Parameters
     ----------
     report : LawReport
     command : sequence of str
-        Words of a command that asks the same.
+        Words of a command that makes the same search.
 
     Attributes
     ----------
     sentence : str
-        What was found, in words, with what unseen data say of it.
+        The result in words, with its check on unseen data.
     law_map : list of dict
         Corrections of laws, the best first: ``effect`` (the name that `diagnose` gives it),
         ``law``, ``signal``, ``memory``, ``constant`` (s, of a lag), ``kind`` (``add`` or
         ``multiply``), ``delta_bic``, ``shape`` (empty where no simple one is as good as the curve),
         ``parameters``, ``curve`` (``x``, ``y``, ``low``, ``high``), ``units`` (of ``law`` and
-        ``signal``), ``confirmed`` (None where unseen data were not asked), ``alike`` (what this
+        ``signal``), ``confirmed`` (None where it was not checked), ``alike`` (what this
         record cannot tell it from); SI.
     model : type[Component] or None
         The model with the best correction, with fitted values as defaults; None where there is
         none.
     diagnosis : DiagnosisResult
-        What was found out about the model before its laws were asked.
+        The diagnosis of the model before its laws were searched.
     """
 
     _LACKING = "no law is found to lack anything"
@@ -459,7 +459,7 @@ class LawsResult(_Result):
 
     @property
     def details(self) -> LawMapResult | None:
-        """All that it rests on; None where no input moves, so that nothing could be asked."""
+        """All that it rests on; None where no input moves, so that there is nothing to search."""
         return self._report.found
 
     def overview(self) -> list[RenderableType]:

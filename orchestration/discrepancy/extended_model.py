@@ -167,7 +167,7 @@ def _meaning(cls: type[Component], effect: type[Effect]) -> str:
     """Tell what an effect does, and what the model assumes in place of that."""
     what = summary(effect).replace("``", "")
     words, number = relaxed_assumption(cls, effect)
-    where = f" ({number} of its documentation)" if number else ""
+    where = f" ({number})" if number else ""
     return f"{what}; {words}{where}" if words else f"{what}{where}"
 
 

@@ -65,8 +65,8 @@ def run(
     live : Live, optional
         Run in real time, and what to do meanwhile.
     isolation : callable
-        Told whether an FMU is not one of ours, gives the limits of a process beside this one for
-        the run, if any.
+        From whether an FMU is not one of ours, the limits of a process beside this one for the
+        run, if any.
 
     Returns
     -------
@@ -143,7 +143,7 @@ def _progress_of_part(
 
 
 def _prefixed(note: Callable[[str], None], name: str) -> Callable[[str], None]:
-    """Return what tells a line with a name before it."""
+    """Return a note that puts a name before each line."""
     return lambda line: note(f"{name}: {line}")
 
 
@@ -253,7 +253,7 @@ def _measured(prepared: Preparation, ran: Run) -> dict[str, Array]:
 def _coupling_energies(
     prepared: Preparation, ran: Run, note: Callable[[str], None]
 ) -> dict[str, Array]:
-    """Return the energy that each mechanical coupling made so far, and tell how much it is."""
+    """Return the energy that each mechanical coupling made so far, and note its end."""
     master = prepared.experiment.master
     extrapolation = master.extrapolation if master else 0
     energies = {}

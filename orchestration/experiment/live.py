@@ -183,7 +183,7 @@ class Follower:
         self.pace = replace(live.pace, watch=self._watch)
 
     def _watch(self, k: int, values: Sequence[float], lag: float, missed: int) -> None:
-        """Put a point into the journal, and tell how the run is doing.
+        """Put a point into the journal, and report how the run is doing.
 
         Raises
         ------

@@ -83,12 +83,12 @@ class Master(ValueTable):
 
     @property
     def couples_evenly(self) -> bool:
-        """Tell whether members exchange at communication points only, with outputs of one point."""
+        """Whether members exchange at communication points only, with outputs of one point."""
         return self.method != "fused" and not set(self._set()) - {"extrapolation"}
 
 
 class WorkLoopTable(ValueTable):
-    """Signals of a work loop: its picture is that of loops and of what became of each cycle."""
+    """Signals of a work loop, which is drawn as a loop, with figures of each cycle."""
 
     period: Span
     force: str

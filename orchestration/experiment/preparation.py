@@ -196,7 +196,7 @@ def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, Valu
 def _inputs(
     experiment: Experiment, on: Subject, time: Array, where: str, note: Callable[[str], None]
 ) -> dict[str, Array]:
-    """Return the stimuli of an experiment; tell which inputs stay as they start."""
+    """Return the stimuli of an experiment; note which inputs stay as they start."""
     values = {}
     for name in experiment.inputs:
         signal = known(name, on.inputs, f"{on.name} has no input", where)

@@ -1,4 +1,4 @@
-"""Results of an experiment for people: a sentence, a table of extremes, a picture, a page."""
+"""Results of an experiment as a sentence, a table of extremes, a picture, a page."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def _tracked(data: xarray.Dataset) -> dict[str, TrackedLoop]:
 
 
 def cycles(data: xarray.Dataset) -> list[tuple[str, ...]]:
-    """Return what became of each cycle of a work loop, as people read it; none if it is no loop.
+    """Return the figures of each cycle of a work loop as texts with units; none if it is no loop.
 
     Returns
     -------
@@ -151,7 +151,7 @@ def plot(data: xarray.Dataset, path: Path) -> None:
 
 
 def extremes(data: xarray.Dataset) -> list[tuple[str, ...]]:
-    """Return name, smallest, largest and last value of every signal, as people read them."""
+    """Return name, smallest, largest and last value of every signal as texts with units."""
     rows = []
     for name in data:
         values, unit = results.displayed(data[name])

@@ -171,7 +171,7 @@ def about_pace(pacing: Pacing | None) -> dict[str, Any]:
 
 
 def check_format(path: Path) -> None:
-    """Refuse a name whose ending tells no format; UserError."""
+    """Refuse a name whose ending is of no format; UserError."""
     if path.suffix.lower() not in FORMATS:
         raise UserError(
             f"--out {path}: its name must end in {', '.join(FORMATS)}, not"

@@ -266,7 +266,11 @@ def _is_recordable(variable: Any) -> bool:
 
 
 def _fused(
-    system: System, time: Array, inputs: Mapping[str, Array], record: Sequence[str], tell: Progress
+    system: System,
+    time: Array,
+    inputs: Mapping[str, Array],
+    record: Sequence[str],
+    progress: Progress,
 ) -> master.Run:
     """Run a system as one compiled model.
 
@@ -280,7 +284,7 @@ def _fused(
             raise UserError(
                 f"{name}: a fused system has states and outputs only{suggestion(name, signals)}"
             )
-    tell(time.size)
+    progress(time.size)
     spent = master.Statistics({}, time.size - 1, 0, 0, perf_counter() - begin)
     return master.Run(time, {name: signals[name] for name in record}, {}, True, "", spent, {})
 

@@ -32,7 +32,7 @@ _ROUNDING = 1e-9  # relative, of the distance of two points
 
 
 def is_system(name: str) -> bool:
-    """Tell whether a name is that of a system, or of a file of one.
+    """Return whether a name is that of a system, or of a file of one.
 
     A component that has the name of a system comes first.
     """
@@ -260,29 +260,9 @@ class RepeatedSystem:
         outputs: Sequence[str],
         longest: float = np.inf,
     ) -> Array:
-        """Run once from the start.
+        """Run once from the start; see `orchestration.fmu.RepeatedFmu.run`.
 
-        Parameters
-        ----------
-        time : ndarray, shape (n,)
-            Points at which inputs change and outputs are read, s.
-        inputs : Mapping of str to ndarray, shape (n,)
-            In the units of the FMUs, as is everything else; held from point to point.
-        settings : Mapping of str to float or str
-            Parameters, and inputs that are held throughout.
-        outputs : sequence of str
-            The m outputs ``member.variable`` to return.
-        longest : float
-            Seconds that it may take.
-
-        Returns
-        -------
-        ndarray, shape (n, m)
-
-        Raises
-        ------
-        UserError
-            If a member refuses or fails, or it takes too long.
+        Outputs are ``member.variable``; settings are parameters, and inputs that are held.
         """
         points, parts = _refined(time, self._source.step)
         held = {n: v for n, v in settings.items() if n in self.inputs and n not in inputs}

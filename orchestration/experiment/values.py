@@ -21,7 +21,7 @@ from orchestration.fmu import read_quantity
 
 
 class ValueTable(BaseModel):
-    """A table of the file; a key that nobody knows is refused with what was probably meant."""
+    """A table of the file; an unknown key is refused with the nearest one."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus import component
-from fmus.kit import Component, UserError, clip, suggestion
+from fmus.kit import Component, UserError, suggestion
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
 from orchestration import master
@@ -309,8 +309,7 @@ def _corrected(current: Array, change: Array, inverse: Any) -> Array:
     changed = 0.0  # m, of the length so far
     for k in range(current.size - 1):
         needed = current[k] + (change[k + 1] - decay * changed) / (inverse.alpha * gained)
-        within = clip(needed, inverse.current_at_voltage(-1.0), inverse.current_at_voltage(1.0))
-        corrected[k] = clip(within, -inverse.current_limit, inverse.current_limit)
+        corrected[k] = inverse.limited_current(needed)
         changed = decay * changed + inverse.alpha * gained * (corrected[k] - current[k])
         inverse.charge = decay * inverse.charge + gained * corrected[k]
     return corrected
@@ -350,7 +349,7 @@ def figures(loops: Mapping[str, TrackedLoop]) -> dict[str, Any]:
 
 def picture(
     loops: Mapping[str, TrackedLoop],
-    title: str = "Work loops: the last cycle, and what became of each",
+    title: str = "Work loops: the last cycle, and figures of each",
 ) -> Figure:
     """Draw loops of the last cycle beside that of fig. 5-9, and error, work and energy of cycles.
 

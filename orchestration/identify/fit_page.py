@@ -17,7 +17,7 @@ from orchestration.reporting import (
     Trace,
     elements,
     escaped,
-    format_range,
+    format_ends,
     pictures,
     stacked,
 )
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from orchestration.identify.comparison import Comparison, GoodnessOfFit
     from orchestration.identify.grey_box import Fit
 
-_TOLD = 3  # parameters in the first sentence
+_NAMED = 3  # parameters in the first sentence
 _HEIGHT, _RESIDUAL_HEIGHT = 190, 110  # pixels
 _BEFORE, _FITTED = "before", "fitted"
 
@@ -80,12 +80,12 @@ def fit_page(comparison: Comparison, fit: Fit, command: str) -> Page:
 
 def _values(fit: Fit) -> str:
     """Return the values that fit in a sentence."""
-    told = [
+    values = [
         f"{variable_title(fit.declared[name])} {format_prefixed(e.value, fit.declared[name])}"
         for name, e in fit.estimates.items()
     ]
-    more = len(told) - _TOLD
-    listed = ", ".join(told[:_TOLD]) + (f" and {more} more" if more > 0 else "")
+    more = len(values) - _NAMED
+    listed = ", ".join(values[:_NAMED]) + (f" and {more} more" if more > 0 else "")
     return f"What fits best: {listed}."
 
 
@@ -183,13 +183,15 @@ def _add_parameters(page: Page, fit: Fit) -> None:
     rows = []
     for name, e in fit.estimates.items():
         declared = fit.declared[name]
-        interval = format_range(*(format_prefixed(end, declared, 4) for end in e.interval))
-        cells = [format_prefixed(e.value, declared, 4), interval]
+        value, low, high, start = (
+            format_prefixed(x, declared, 4, like=e.value) for x in (e.value, *e.interval, e.nominal)
+        )
+        cells = [value, format_ends(low, high)]
         if fit.profiles:
             cells.append(fit.profiles[name].written if name in fit.profiles else "")
         doc = getattr(declared, "doc", "")
         title = elements.named(capitalised(variable_title(declared)), name, doc)
-        rows.append([title, *cells, format_prefixed(e.nominal, declared, 4)])
+        rows.append([title, *cells, start])
     page.table(["parameter", "fitted", "95 % interval", *profiled, "started from"], rows)
 
 

@@ -1,4 +1,4 @@
-"""Linear models: a component, an FMU or a system about an operating point, and what they tell."""
+"""Linear models: a component, an FMU or a system about an operating point, and their properties."""
 
 import lazy_loader
 

@@ -143,9 +143,9 @@ class LinearBlocks:
         resolved = np.linalg.solve(through, given)
 
         def seen(row: Array) -> Array:
-            rest = row.copy()
-            rest[places] = 0.0
-            return np.asarray(rest + row[places] @ resolved)
+            others = row.copy()
+            others[places] = 0.0
+            return np.asarray(others + row[places] @ resolved)
 
         first = len(self.discretes)
         rows = tuple(range(first, first + len(names)))

@@ -31,7 +31,7 @@ _VISIBLE = 1e-6  # share of an unknown in a direction in which nothing changes
 
 @dataclass(frozen=True)
 class TrimRequest:
-    """What an equilibrium is asked to have.
+    """Conditions of an equilibrium.
 
     Attributes
     ----------
@@ -85,8 +85,8 @@ def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingP
     _check(graph, request, targets)
     start = replace(near, inputs=near.inputs | given)
     equations = _equations(graph, start, request, targets)
-    solution, residual = _solved(equations)
-    loose = _determined(equations, solution)
+    solution, residual = _solve(equations)
+    undetermined = _undetermined(equations, solution)
     worst = int(np.abs(residual).argmax()) if residual.size else 0
     if residual.size and not abs(residual[worst]) <= _SOLVED:
         advice = "fix less, free an input, or let a state drift"
@@ -94,12 +94,12 @@ def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingP
             f"{graph.name}: no equilibrium found; {equations.rows[worst]} cannot be met together"
             f" with the others ({advice}: {option('drift')})"
         )
-    for name in loose:
+    for name in undetermined:
         if name in request.free:
             raise UserError(
                 f"{graph.name}: {option('free', [name])}: the equilibrium does not determine {name}"
             )
-    return _point(graph, start, equations, solution, request, loose)
+    return _point(graph, start, equations, solution, request, undetermined)
 
 
 def _check(graph: Graph, request: TrimRequest, targets: Mapping[str, float]) -> None:
@@ -208,7 +208,7 @@ def _laws(
     return rows, laws
 
 
-def _solved(equations: _Equations) -> tuple[Array, Array]:
+def _solve(equations: _Equations) -> tuple[Array, Array]:
     """Solve by Gauss-Newton with steps of least norm; return the unknowns and the residual.
 
     What the equations do not determine stays where it started. A residual is relative to the terms
@@ -239,7 +239,7 @@ def _evaluated(equations: _Equations, x: Array) -> tuple[Array, Array]:
     return residual.full().ravel(), jacobian.full()
 
 
-def _determined(equations: _Equations, x: Array) -> list[str]:
+def _undetermined(equations: _Equations, x: Array) -> list[str]:
     """Return the unknowns that the equations leave open."""
     _, jacobian = _evaluated(equations, x)
     if not jacobian.size:
@@ -257,15 +257,15 @@ def _point(
     equations: _Equations,
     solution: Array,
     request: TrimRequest,
-    loose: Sequence[str],
+    undetermined: Sequence[str],
 ) -> OperatingPoint:
-    found = {
+    solved = {
         v.name: float(value)
         for v, value in zip(equations.unknowns, solution * equations.values, strict=True)
     }
 
     def updated(values: Mapping[str, float]) -> dict[str, float]:
-        return {name: found.get(name, value) for name, value in values.items()}
+        return {name: solved.get(name, value) for name, value in values.items()}
 
     point = replace(
         start,
@@ -274,7 +274,7 @@ def _point(
         states=updated(start.states),
         discretes=updated(start.discretes),
         trimmed=True,
-        undetermined=tuple(loose),
+        undetermined=tuple(undetermined),
     )
     rates = ca.Function("rates", graph.arguments, [graph.rates])(*point.arguments(graph)).full()
     moving = dict(zip(point.states, rates.ravel().tolist(), strict=True))

@@ -1,11 +1,10 @@
 """FMUs without equations, linearised by the derivatives that they give or by differences.
 
-An FMU for model exchange shows its states, rates and outputs: their derivatives are asked for where
-it provides directional derivatives, else they are central differences. Where an FMU hides its
-states, which all do for co-simulation, and those in which something is sampled, the differences are
-of trajectories: a pulse on one input for one communication step, and its negative. The responses
-are realised with python-control (eigensystem realisation: Juang, Pappa, Journal of Guidance 8,
-1985).
+An FMU for model exchange shows its states, rates and outputs: the derivatives are its directional
+derivatives where it provides them, else central differences. Where an FMU hides its states, which
+all do for co-simulation, and those in which something is sampled, the differences are of
+trajectories: a pulse on one input for one communication step, and its negative. The responses are
+realised with python-control (eigensystem realisation: Juang, Pappa, Journal of Guidance 8, 1985).
 """
 
 from __future__ import annotations
@@ -87,15 +86,8 @@ def linearise_fmu(request: FmuRequest, sampled: bool = False) -> LinearModel:
     UserError
         If the FMU fails, or its responses give no model.
     """
-    for name in (*request.inputs, *request.outputs):
-        known = request.model.inputs if name in request.inputs else request.model.outputs
-        if name not in known or known[name].type != "real":
-            role = "inputs" if name in request.inputs else "outputs"
-            raise UserError(
-                f"{request.model.name}: {option(role, [name])}: an FMU without equations has no"
-                f" real {role.removesuffix('s')} of this name; there are"
-                f" {', '.join(_real(known))}"
-            )
+    _check_names(request, "input", request.inputs, request.model.inputs)
+    _check_names(request, "output", request.outputs, request.model.outputs)
     with Fmu(request.path, request.settings) as probe:
         exchange = probe.description.modelExchange
         shown = exchange is not None and bool(probe.description.derivatives)
@@ -106,8 +98,16 @@ def linearise_fmu(request: FmuRequest, sampled: bool = False) -> LinearModel:
     return _by_pulses(request)
 
 
-def _real(signals: Mapping[str, Signal]) -> list[str]:
-    return [name for name, signal in signals.items() if signal.type == "real"]
+def _check_names(
+    request: FmuRequest, role: str, names: Sequence[str], signals: Mapping[str, Signal]
+) -> None:
+    known = [name for name, signal in signals.items() if signal.type == "real"]
+    for name in names:
+        if name not in known:
+            raise UserError(
+                f"{request.model.name}: {option(f'{role}s', [name])}: an FMU without equations has"
+                f" no real {role} of this name; there are {', '.join(known)}"
+            )
 
 
 def _by_laws(request: FmuRequest, given: bool) -> LinearModel | None:

@@ -1,4 +1,4 @@
-"""The result of a linearisation: one state-space model with names and units, and what it tells."""
+"""The result of a linearisation: a state-space model with names, units, poles and margins."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _UNITY = 1e-6  # |L| - 1 at a crossover that is one
 _POINTS = 4000  # of the frequencies between which margins are interpolated
 _DECADES = 1.0  # beyond the slowest and the fastest pole or zero
-FAR = 100.0  # times the fastest pole, beyond which a zero tells nothing of what a model does
+FAR = 100.0  # times the fastest pole, beyond which a zero has no effect that is seen
 _FLOOR = 1e-6  # of the fastest pole or zero, below which one is an integrator's
 
 

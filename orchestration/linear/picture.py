@@ -71,10 +71,12 @@ def _draw_one(
         step.step(time, response, where="post", **look)
     else:
         step.plot(time, response, **look)
-    poles, zeros = (_in_plane(model, roots) for roots in (model.poles(), model.zeros()))
-    zeros = zeros[np.abs(zeros) <= FAR * np.abs(poles).max(initial=0.0)] if poles.size else zeros
+    poles = _in_plane(model, model.poles())
+    zeros = _in_plane(model, model.zeros())
+    farthest = FAR * np.abs(poles).max() if poles.size else np.inf
+    near = zeros[np.abs(zeros) <= farthest]
     plane.plot(poles.real, poles.imag, "x", **look)
-    plane.plot(zeros.real, zeros.imag, "o", markerfacecolor="none", **look)
+    plane.plot(near.real, near.imag, "o", markerfacecolor="none", **look)
 
 
 def _draw_band(model: LinearModel, frequencies: Array, gain: Axes, phase: Axes, step: Axes) -> None:
@@ -150,9 +152,8 @@ def _step(model: LinearModel, time: Array | None = None) -> tuple[Array, Array]:
 
 def _in_plane(model: LinearModel, roots: Sequence[complex] | Array) -> Array:
     """Return roots as they are, or those of a sampled model in the w-plane."""
-    values = np.asarray(roots, dtype=complex)
-    values = values[np.isfinite(values)]
+    finite = np.asarray(roots, dtype=complex)[np.isfinite(roots)]
     if not model.period:
-        return values
-    apart = values[np.abs(values + 1.0) > 0.0]
-    return 2.0 / model.period * (apart - 1.0) / (apart + 1.0)
+        return finite
+    z = finite[finite != -1.0]  # which is at infinity there
+    return 2.0 / model.period * (z - 1.0) / (z + 1.0)

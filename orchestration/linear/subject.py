@@ -197,7 +197,8 @@ class LinearSubject:
         if matrices.period and any(kept.rates[:, -len(fed) :].ravel()):
             notes += (
                 f"{cut} is read between samples, too: behind the cut it is held for"
-                f" {matrices.period:g} s; a cut at what is only sampled tells of the closed loop",
+                f" {matrices.period:g} s, which is another loop than the closed one; cut at a"
+                " signal that is only sampled",
             )
         if not matrices.states and not matrices.D.any():
             notes += (f"nothing comes back to the cut: no loop goes through {cut} here",)

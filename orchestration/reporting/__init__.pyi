@@ -17,8 +17,8 @@ from .console import warn as warn
 from .console import wrote as wrote
 from .datasets import ResultDataset as ResultDataset
 from .elements import Bar as Bar
+from .elements import format_ends as format_ends
 from .elements import format_quantities as format_quantities
-from .elements import format_range as format_range
 from .notebook import Displayable as Displayable
 from .notebook import one_line as one_line
 from .page import Markup as Markup

@@ -71,7 +71,7 @@ def bar_chart(title: str, bars: Sequence[Bar]) -> Markup:
     return Markup(f'<div class="bars">{"".join(parts)}</div>')
 
 
-def format_range(low: str, high: str) -> str:
+def format_ends(low: str, high: str) -> str:
     """Return the ends of an interval, with the unit once where both have the same."""
     number, space, unit = low.partition(" ")
     is_shared = bool(space) and high.partition(" ")[2] == unit

@@ -29,9 +29,9 @@ _REDUCED = {
     "mean": "mean of {}",
     "rms": "root mean square of {}",
 }
-_NOTABLE = 0.3  # rank correlation from which on a parameter is told to move a number
-_TOLD = 2  # parameters in a sentence
-_FEWEST = 8  # cases, below which no correlation is told
+_NOTABLE = 0.3  # rank correlation from which on a parameter counts as moving a number
+_NAMED = 2  # parameters in a sentence
+_FEWEST = 8  # cases, below which no correlation is given
 
 
 class Extreme(NamedTuple):
@@ -41,6 +41,12 @@ class Extreme(NamedTuple):
     smallest: float
     largest: float
     unit: str
+
+    def written(self, digits: int) -> list[str]:
+        """Return both ends to so many digits, in one unit."""
+        largest = max(abs(self.smallest), abs(self.largest))
+        ends = (self.smallest, self.largest)
+        return [write_prefixed(x, self.unit, digits, like=largest) for x in ends]
 
     @property
     def title(self) -> str:
@@ -99,14 +105,11 @@ def sweep_page(
     -------
     Page
     """
-    found = [*extremes(data)]
+    ranges = [*extremes(data)]
     about = Markup(f"Sweep of <code>{escaped(str(data.attrs['model']))}</code>")
-    page = Page(_range_sentence(data, found), _verdict(data, found), about)
+    page = Page(_range_sentence(data, ranges), _verdict(data, ranges), about)
     page.heading("What comes out")
-    rows = [
-        [capitalised(e.title), *(write_prefixed(x, e.unit, 4) for x in (e.smallest, e.largest))]
-        for e in found
-    ]
+    rows = [[capitalised(e.title), *e.written(4)] for e in ranges]
     page.table(["over all cases", "smallest", "largest"], rows)
     for table in tables:
         _add_table(page, table)
@@ -127,26 +130,26 @@ def case_count(data: xarray.Dataset) -> int:
     return int(np.prod([data.sizes[d] for d in data.dims if d != "time"]))
 
 
-def _range_sentence(data: xarray.Dataset, found: list[Extreme]) -> str:
+def _range_sentence(data: xarray.Dataset, ranges: list[Extreme]) -> str:
     """Return from where to where the first number goes."""
     cases = case_count(data)
-    if not found:
+    if not ranges:
         return f"Not one of the {cases:,} cases could be run."
-    first = found[0]
-    low, high = (write_prefixed(x, first.unit) for x in (first.smallest, first.largest))
+    first = ranges[0]
+    low, high = first.written(3)
     return f"{capitalised(first.title)} goes from {low} to {high} over {cases:,} cases."
 
 
-def _verdict(data: xarray.Dataset, found: list[Extreme]) -> str:
+def _verdict(data: xarray.Dataset, ranges: list[Extreme]) -> str:
     """Return which parameters move the first number most, by rank correlation."""
-    correlations = _correlations(data, found[0].name) if found else {}
-    told = [
+    correlations = _correlations(data, ranges[0].name) if ranges else {}
+    moves = [
         f"{'rises' if r > 0.0 else 'falls'} with {in_words(name)} (rank correlation {r:+.2f})"
         for name, r in sorted(correlations.items(), key=lambda item: -abs(item[1]))
         if abs(r) > _NOTABLE
     ]
-    if told:
-        return f"It {' and '.join(told[:_TOLD])}."
+    if moves:
+        return f"It {' and '.join(moves[:_NAMED])}."
     return f"Swept: {', '.join(map(in_words, parameters_of(data)))}."
 
 

@@ -11,6 +11,8 @@ from fmus.kit import Component, UserError, stack, suggestion
 from orchestration.system.model import Connection, Member, Port, System, connect
 from orchestration.system.voltmeter import Voltmeter
 
+# a galvanostat by current: 15 V, its compliance, is no protection
+_UNPROTECTED = {"voltage_command": 0.0, "voltage_limit": 15.0}
 FEET = ("an", "po", "do", "pl")  # the actuators of a foot
 # Tension in N of the actuators with the longer arms while the foot rests; that of their antagonists
 # balances it. Two coulombs slacken an actuator by less than 1 N.
@@ -157,12 +159,10 @@ def isotonic_stand(runtime: str) -> System:
 
     The system is that of the thesis, section 2.1 and figs. 3-3 to 3-5.
     """
-    # 15 V, the compliance of the galvanostat, is no protection
-    idle = {"voltage_command": 0.0, "voltage_limit": 15.0}
     return System(
         name="isotonic_stand",
         members=(
-            Member.of("galvanostat", component("galvanostat"), idle, runtime),
+            Member.of("galvanostat", component("galvanostat"), _UNPROTECTED, runtime),
             Member.of("actuator", component("ppy_actuator"), runtime=runtime),
             Member.of("stand", component("isotonic_stand"), runtime=runtime),
         ),
@@ -201,8 +201,6 @@ def work_loop(runtime: str) -> System:
     # the inverse of the nominal actuator, two samples ahead as a strain may lag, and a filter that
     # takes away the highest frequency
     lesson = {"learning": 1.0, "learning_gain": 2325.0, "lead": 2.0, "smoothing": 0.25}
-    # 15 V, the compliance of the galvanostat, is no protection
-    idle = {"voltage_command": 0.0, "voltage_limit": 15.0}
     return System(
         name="work_loop",
         # in the order in which their commands are added at a sample
@@ -210,7 +208,7 @@ def work_loop(runtime: str) -> System:
             Member.of("feedforward", component("feedforward"), {"active": 1.0}, runtime),
             Member.of("learning", component("learning_controller"), lesson, runtime),
             Member.of("feedback", component("displacement_controller"), {"hold": 0.0}, runtime),
-            Member.of("galvanostat", component("galvanostat"), idle, runtime),
+            Member.of("galvanostat", component("galvanostat"), _UNPROTECTED, runtime),
             Member.of("actuator", lagging_actuator(), runtime=runtime),
         ),
         connections=connect(
@@ -456,16 +454,16 @@ def capacitance() -> float:
 def foot_gait(runtime: str) -> System:
     """Return the foot under four actuators, each driven by its current (thesis chapter 5).
 
-    Stiffness and damping by which the foot tells its compliance are those of the actuators beside
-    it, and so is their tension: it is what the toe yields under a force before the actuators creep.
+    Stiffness and damping in the compliance of the foot are those of the actuators beside it, and so
+    is their tension: the compliance is what the toe yields under a force before actuators creep.
     """
     foot = taut_foot()
     actuator: Any = component("ppy_actuator_length_driven")
     film = actuator()
     tensions = balanced(foot())
-    told = {"tension_stiffness_share": 1.0}
-    told |= {f"k_{name}": film.k1 for name in FEET} | {f"b_{name}": film.b1 for name in FEET}
-    members = [Member.of("foot", foot, told, runtime)]
+    films = {"tension_stiffness_share": 1.0}
+    films |= {f"k_{name}": film.k1 for name in FEET} | {f"b_{name}": film.b1 for name in FEET}
+    members = [Member.of("foot", foot, films, runtime)]
     wires = []
     for name in FEET:
         # an actuator that has flowed to a shorter length than it is held at is under tension

@@ -67,24 +67,6 @@ def random_values(cls, seed, size=None):
     return values if size else {name: float(value) for name, value in values.items()}
 
 
-def named(cls, values):
-    """Rates, outputs and next sampled values by name."""
-    model = cls()
-    for name, value in values.items():
-        setattr(model, name, value)
-    layout = cls.layout
-    try:
-        rates, outputs = model.rates(), model.outputs()
-    except RecursionError:
-        raise AssertionError(
-            f"{cls.__name__}: laws call each other in a circle: a law that another effect makes"
-            " call this one cannot be called in it; an input or a state can"
-        ) from None
-    result = dict(zip((f"der({s.name})" for s in layout.states), rates, strict=True))
-    result |= dict(zip((o.name for o in layout.outputs), outputs, strict=True))
-    return result | {d.name: getattr(model, d.update)() for d in layout.discretes}
-
-
 def active(names):
     """Parameter values at which the named effects are all active."""
     return {parameter: value for name in names for parameter, value in ACTIVE[name].items()}

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from xml.etree import ElementTree
+
 import numpy as np
 
 import orchestration as ppy
 from fmus.kit import Component, Input, Output, Parameter
 
 TIME = np.array([0.0, 1.0])
+# of the FMU in the folder of the tests
+CALL = ("sweep", "one_state.fmu", "--stop", "1s", "--step", "0.1s", "--over", "tau=0.5..2")
 
 
 class Laws(Component):
@@ -39,3 +43,12 @@ def swept(model, over, **more):
     return ppy.sweep(
         model, over, time=TIME, **{"keep": ["last"], "kind": "sobol-indices", "samples": 64} | more
     )
+
+
+def words(picture):
+    """Return the texts of a picture, whose glyphs stand beside comments that have them."""
+    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    tree = ElementTree.parse(picture, parser)
+    return [
+        str(element.text).strip() for element in tree.iter() if element.tag is ElementTree.Comment
+    ]

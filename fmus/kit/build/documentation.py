@@ -75,7 +75,7 @@ def relaxed_assumption(cls: type[Component], effect: type[Effect]) -> tuple[str,
         ``the model assumes that ...``, the first sentence of the README on it; empty where that
         has none of the number.
     number : str
-        ``assumption 5``; empty where it has none.
+        ``assumption 5 of its documentation``; empty where it has none.
     """
     given = effect.assumption
     if isinstance(given, str):
@@ -87,7 +87,8 @@ def relaxed_assumption(cls: type[Component], effect: type[Effect]) -> tuple[str,
         rf"^{given}\. (?:(?:`\w+`, )*`\w+`: )?(.+?){_END_OF_SENTENCE}", listed, re.M | re.S
     )
     words = within_sentence(" ".join(found[1].replace("`", "").split())) if found else ""
-    return f"the model assumes that {words}" if words else "", f"assumption {given}"
+    number = f"assumption {given} of its documentation"
+    return f"the model assumes that {words}" if words else "", number
 
 
 def _folder(cls: type[Component]) -> Path:

@@ -134,9 +134,7 @@ class StrainSaturation(ActuatorEffect):
     neutral = "strain_saturation_coefficient"
     term = Term("charge_elongation", "charge", "alpha Q_sat tanh(Q / Q_sat)", _ODD)
     assumption = 5
-    sizes = (
-        Size("levels off beyond {}", ("strain_saturation_coefficient",), "C", lambda c: c**-0.5),
-    )
+    sizes = (Size("beyond {}", ("strain_saturation_coefficient",), "C", lambda c: c**-0.5),)
 
     strain_saturation_coefficient = Parameter(
         0.0,

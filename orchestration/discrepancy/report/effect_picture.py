@@ -46,9 +46,12 @@ class Quantity(NamedTuple):
     unit: str
 
     def scaled(self, *values: Array) -> tuple[str, list[Array]]:
-        """Return the title of an axis, and values in the unit with a prefix that it has."""
+        """Return the title of an axis, and values in the unit with a prefix that it has.
+
+        Tenths of a unit stay in it: a size of the effect, beside the picture, may be above 1.
+        """
         largest = max(float(np.abs(each).max()) for each in values) or 1.0
-        number, unit = with_prefix(largest, self.unit)
+        number, unit = with_prefix(largest, self.unit, 1.0 if 0.1 <= largest < 1.0 else largest)
         title = self.title if unit == "1" else f"{self.title} [{unit}]"
         return title, [each * (number / largest) for each in values]
 

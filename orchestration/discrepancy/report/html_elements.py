@@ -15,7 +15,7 @@ from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.report.sizes import NOT_DETERMINED
 from orchestration.discrepancy.report.wording import parameter_title
 from orchestration.identify.uncertainty import Estimate
-from orchestration.reporting import FITTED, Markup, escaped, format_quantities, format_range
+from orchestration.reporting import FITTED, Markup, escaped, format_ends, format_quantities
 
 _INTERVAL_WIDTH = 180  # pixels
 _INTERVAL_HEIGHT = 18  # pixels
@@ -153,13 +153,14 @@ def format_estimate(e: Estimate, declared: Described) -> FormattedEstimate:
     digits = min(max(math.ceil(known) + 2, 3), 8)
     is_vague = 0.0 < _UNINFORMATIVE * low < high
     if math.isfinite(low) and math.isfinite(high) and not is_vague:
-        interval = format_range(*(format_prefixed(end, declared, digits) for end in e.interval))
+        ends = (format_prefixed(end, declared, digits, like=e.value) for end in e.interval)
+        interval = format_ends(*ends)
     else:
         interval = NOT_DETERMINED
     return FormattedEstimate(
         escaped(format_prefixed(e.value, declared, digits)),
         escaped(interval),
-        escaped(format_prefixed(e.nominal, declared)),
+        escaped(format_prefixed(e.nominal, declared, like=e.value)),
     )
 
 

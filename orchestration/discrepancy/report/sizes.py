@@ -13,7 +13,7 @@ from fmus.kit.units import Described, format_prefixed, write_prefixed
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.identify import finite_or_none
 from orchestration.identify.uncertainty import Estimate
-from orchestration.reporting import format_range
+from orchestration.reporting import format_ends
 
 NOT_DETERMINED = "not determined"  # in place of an interval
 _MOST_DIGITS = 8
@@ -79,7 +79,7 @@ def _told(size: Size, estimates: Mapping[str, Estimate], declared: Mapping[str, 
     ]
     value = _through(size, *values)
     unit = size.unit or declared[first].unit
-    write = _writer(size, declared[first])
+    write = _writer(size, declared[first], value)
     if others:
         return ToldSize(size, value, None, unit, size.phrase.format(write(value, 3)))
     interval = estimates[first].interval
@@ -90,10 +90,11 @@ def _told(size: Size, estimates: Mapping[str, Estimate], declared: Mapping[str, 
     return ToldSize(size, value, interval, unit, text)
 
 
-def _writer(size: Size, declared: Described) -> Writer:
+def _writer(size: Size, declared: Described, like: float) -> Writer:
+    """Return what writes a size and its ends in the unit in which a value is written."""
     if size.unit:
-        return lambda value, digits: write_prefixed(value, size.unit, digits)
-    return lambda value, digits: format_prefixed(value, declared, digits)
+        return lambda value, digits: write_prefixed(value, size.unit, digits, like)
+    return lambda value, digits: format_prefixed(value, declared, digits, like)
 
 
 def _through(size: Size, *values: float) -> float:
@@ -105,7 +106,7 @@ def _through(size: Size, *values: float) -> float:
 def format_estimated(e: Estimate, declared: Described) -> str:
     """Return a value with its unit and its interval."""
     return with_interval(
-        e.value, e.interval, lambda value, digits: format_prefixed(value, declared, digits)
+        e.value, e.interval, lambda value, digits: format_prefixed(value, declared, digits, e.value)
     )
 
 
@@ -130,7 +131,7 @@ def with_interval(value: float, interval: tuple[float, float], write: Writer) ->
     largest = max(abs(value), abs(low), abs(high))
     digits = 1 + math.floor(math.log10(largest)) - math.floor(math.log10(_FINENESS * half))
     digits = min(max(digits, 2), _MOST_DIGITS)
-    ends = format_range(write(low, digits), write(high, digits))
+    ends = format_ends(write(low, digits), write(high, digits))
     return f"{write(value, digits)} (95 %: {ends})"
 
 

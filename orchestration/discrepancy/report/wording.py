@@ -400,7 +400,7 @@ def describe_changed_parameter(diagnosis: Diagnosis, name: str) -> str:
     change = f" ({100.0 * (e.value / e.nominal - 1.0):+.0f} %)" if e.nominal else ""
     return (
         f"{parameter_title(diagnosis, name)} {format_estimated(e, declared)} instead of"
-        f" {format_prefixed(e.nominal, declared)}{change}"
+        f" {format_prefixed(e.nominal, declared, like=e.value)}{change}"
     )
 
 

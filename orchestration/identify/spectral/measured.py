@@ -26,7 +26,7 @@ from orchestration.reporting import option
 
 _SHARED = 0.5  # of the excited lines of an input that may be those of another
 _TOO_SHORT = "the record is too short for a response that changes so fast"
-_ALIKE = "not to be told from what another input does, or from the transient"
+_ALIKE = "cannot be told from what another input does, or from the transient"
 _KNOWN_UNITS = ("ohm", "S", "F", "H")
 
 
@@ -89,7 +89,7 @@ def estimate_responses(
     ------
     UserError
         If samples are missing or not equally spaced, a ratio makes no sense, or no response can be
-        told.
+        estimated.
     """
     step = sample_period(record.source, record.time, "a spectrum")
     varying = [name for name in inputs if name in record.signals and _varies(record, name)]
@@ -198,7 +198,7 @@ def _spectra(record: Record, plan: _Plan, used: int, modelled: Mapping[str, Arra
     beside = [modelled[name] for name in plan.outputs] if modelled else []
     counts = [used // lag if (lag := plan.periods[name]) else 0 for name in plan.inputs]
     made = Spectra(inputs, transformed([*measured, *beside]), len(measured), counts)
-    spectra = _told_apart(made)
+    spectra = _separated(made)
     needed = spectra.narrowest
     if len(spectra.between) < needed:
         raise UserError(
@@ -208,7 +208,7 @@ def _spectra(record: Record, plan: _Plan, used: int, modelled: Mapping[str, Arra
     return spectra
 
 
-def _told_apart(spectra: Spectra) -> Spectra:
+def _separated(spectra: Spectra) -> Spectra:
     """Return the spectra with periodic inputs by smoothness where they share their lines."""
     lines = {i: set(spectra.harmonics(i).tolist()) for i, n in enumerate(spectra.periods) if n}
     shared = {
@@ -349,7 +349,7 @@ def _nothing(plan: _Plan, responses: Mapping[str, Response]) -> str:
             " smooth as that of a step near an end of the record; excite by several periods, or at"
             " random"
         )
-    return f"no response to {names} can be told: {'; '.join(dict.fromkeys(reasons))}"
+    return f"no response to {names} can be estimated: {'; '.join(dict.fromkeys(reasons))}"
 
 
 def _notes(record: Record, plan: _Plan, spectra: Spectra, used: int, step: float) -> list[str]:

@@ -143,7 +143,7 @@ class Front(Displayable):
 
 
 def undominated(values: Array) -> Mask:
-    """Tell which points no other is as good as in every objective, and better in one.
+    """Return which points are not dominated: no other is as good in all objectives, better in one.
 
     Parameters
     ----------

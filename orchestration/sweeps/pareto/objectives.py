@@ -122,8 +122,8 @@ class Objectives:
     def nominal(self) -> Array:
         """Return the objectives with the parameters as they are, turned as in `evaluate`."""
         time, inputs, settings = self._run
-        found = self._model.run(time, inputs, settings).signals
-        pairs = [(one.sign, [found[name][-1] for name in one.outputs]) for one in self.objectives]
+        signals = self._model.run(time, inputs, settings).signals
+        pairs = [(one.sign, [signals[name][-1] for name in one.outputs]) for one in self.objectives]
         return np.array([min(sign * value for value in ends) for sign, ends in pairs])
 
     def evaluate(self, shares: Array) -> tuple[list[Array], list[Array]]:
@@ -150,7 +150,7 @@ class Objectives:
         if self._last is not None and self._last[0] == key:
             return self._last[1]
         time, inputs, settings = self._run
-        found = self._model.run(time, inputs, settings | self.parameters(shares))
+        run = self._model.run(time, inputs, settings | self.parameters(shares))
         self.evaluations += 1
         by_share = np.array(
             [_slope(one, share) for one, share in zip(self.ranges, shares, strict=True)]
@@ -158,8 +158,8 @@ class Objectives:
         values = []
         slopes = []
         for objective in self.objectives:
-            ends = [found.signals[name][-1] for name in objective.outputs]
-            rates = [found.sensitivities[name][-1] for name in objective.outputs]
+            ends = [run.signals[name][-1] for name in objective.outputs]
+            rates = [run.sensitivities[name][-1] for name in objective.outputs]
             values.append(objective.sign * np.array(ends))
             slopes.append(objective.sign * np.array(rates) * by_share)
         self._last = key, (values, slopes)

@@ -57,7 +57,7 @@ def pareto_front(
     seed : int
         Of the sample and of the global method.
     progress : callable
-        Told how many points of how many are done.
+        Called with the number of points that are done, and of all.
 
     Returns
     -------
@@ -82,15 +82,15 @@ def pareto_front(
     width = np.where(np.ptp(values, axis=0) > 0.0, np.ptp(values, axis=0), 1.0)
     search = _Search(objectives, _Scales(low, width), drawn, values, seed)
     if len(objectives.objectives) == 1:
-        found = [search.best(0)]
+        points = [search.best(0)]
         progress(1, 1)
     else:
-        found = search.front(count, progress)
-    return Front.of(objectives, np.array(found))
+        points = search.front(count, progress)
+    return Front.of(objectives, np.array(points))
 
 
 class _Search:
-    """A search in progress: the sample, and what was found from it."""
+    """A search that starts from a sample."""
 
     def __init__(
         self, objectives: Objectives, scales: _Scales, drawn: Array, values: Array, seed: int
@@ -114,7 +114,7 @@ class _Search:
             return -float(self._scales(k, worst)) if np.isfinite(worst) else 1e6
 
         box: Any = [(0.0, 1.0)] * size
-        found = differential_evolution(
+        result = differential_evolution(
             loss,
             box,
             init=start if len(start) >= 5 else "latinhypercube",
@@ -122,8 +122,8 @@ class _Search:
             polish=False,
             rng=np.random.default_rng(self._seed),
         )
-        starts = [np.asarray(found.x), *self._drawn[order[:_STARTS]]]
-        return self._chosen([self._local(k, one, {}) for one in starts] + starts, k, {})
+        starts = [np.asarray(result.x), *self._drawn[order[:_STARTS]]]
+        return self._improved(k, starts, {})
 
     def front(self, count: int, progress: Callable[[int, int], None]) -> list[Array]:
         """Return points from where the first objective is best to where the second is."""
@@ -140,22 +140,24 @@ class _Search:
                 )
             )
         levels = np.linspace(self._of.worst(ends[0])[1], self._of.worst(ends[1])[1], count)
-        found = [ends[0]]
+        points = [ends[0]]
         for step, one in enumerate(levels[1:-1]):
             level = {1: float(one)}
-            starts = self._starts(0, level, [found[-1], ends[1]])
-            found.append(
-                self._chosen([self._local(0, s, level) for s in starts] + starts, 0, level)
-            )
+            starts = self._starts(0, level, [points[-1], ends[1]])
+            points.append(self._improved(0, starts, level))
             progress(step + 1, count)
-        # once more from the other side, for what was found late may help what came before
-        found.append(ends[1])
-        for place in reversed(range(1, len(found) - 1)):
+        # once more from the other side, for a later point may improve one before it
+        points.append(ends[1])
+        for place in reversed(range(1, len(points) - 1)):
             level = {1: float(levels[place])}
-            again = self._local(0, found[place + 1], level)
-            found[place] = self._chosen([again, found[place]], 0, level)
+            again = self._local(0, points[place + 1], level)
+            points[place] = self._chosen([again, points[place]], 0, level)
         progress(count, count)
-        return found
+        return points
+
+    def _improved(self, k: int, starts: list[Array], level: dict[int, float]) -> Array:
+        """Return the best point of some starts and of those that the local method makes of them."""
+        return self._chosen([self._local(k, s, level) for s in starts] + starts, k, level)
 
     def _starts(self, k: int, level: dict[int, float], near: list[Array]) -> list[Array]:
         """Return where the local method starts: neighbours, and the best of the sample."""
@@ -215,7 +217,7 @@ class _Search:
         box: Any = [(0.0, 1.0)] * size + [(None, None)]
         constraint: Any = {"type": "ineq", "fun": margins, "jac": slopes}
         try:
-            found = minimize(
+            result = minimize(
                 lambda x: -x[size],
                 np.append(first, bound),
                 jac=lambda x: downhill,
@@ -226,4 +228,4 @@ class _Search:
             )
         except UserError:  # a run that fails on the way is no better than the start
             return first
-        return np.clip(found.x[:size], 0.0, 1.0) if np.isfinite(found.x).all() else first
+        return np.clip(result.x[:size], 0.0, 1.0) if np.isfinite(result.x).all() else first

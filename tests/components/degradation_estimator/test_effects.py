@@ -17,7 +17,7 @@ from fmus.kit import stack
 from fmus.kit.record.compiled import CompiledModel
 from tests.support.builds import check_that_bad_values_are_refused, check_that_builds_agree
 from tests.support.completeness import Listed, check_described
-from tests.support.effect_samples import named
+from tests.support.laws import check_neutral
 
 R1, R2, C, PERIOD = 0.43, 2.35, 2.70, 0.1  # ohm, ohm, F, s
 ACTIVE = Listed(
@@ -80,11 +80,8 @@ def test_catalogue():
 )
 def test_neutral_is_bit_identical(seed, chosen):
     cls = stack(DegradationEstimator, *(EFFECTS[name] for name in chosen))
-    known = {v.name for v in DegradationEstimator.layout.variables}
     values = random_values(cls, seed) | {EFFECTS[name].neutral: 0.0 for name in chosen}
-    expected = named(DegradationEstimator, {n: v for n, v in values.items() if n in known})
-    found = named(cls, values)
-    assert {n: found[n] for n in expected} == expected
+    check_neutral(DegradationEstimator, cls, values)
 
 
 def test_neutral_runs_are_the_base_run():

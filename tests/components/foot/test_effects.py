@@ -13,13 +13,12 @@ from fmus.foot.effects import EFFECTS
 from fmus.foot.model import Foot, FootDynamic, FootFree
 from fmus.kit import stack
 from fmus.kit.integrate import Integrator
-from fmus.kit.symbolic.tracing import trace
 from studies.plants.foot import Foot as Stand
 from studies.plants.foot import moving, turning
 from tests.support.builds import check_that_bad_values_are_refused, check_that_builds_agree
 from tests.support.completeness import Listed, check_described
-from tests.support.effect_samples import named
 from tests.support.foot import lengths_at, toe_at
+from tests.support.laws import check_neutral, in_graph, named
 
 ACTUATORS, JOINTS = ("an", "po", "do", "pl"), ("ankle", "tm", "mtp")
 ACTIVE = Listed(
@@ -102,6 +101,12 @@ def neutral(names):
     return {EFFECTS[name].neutral: 0.0 for name in names}
 
 
+def at_rest(base, cls):
+    """The states that effects add."""
+    known = {v.name for v in base.layout.variables}
+    return {s.name: 0.0 for s in cls.layout.states if s.name not in known}
+
+
 def test_catalogue():
     assert fmus.effects("foot_dynamic") == fmus.effects("foot_free") == EFFECTS
     assert list(fmus.effects("foot")) == [
@@ -122,33 +127,17 @@ def test_neutral_is_bit_identical(base):
     own = list(fmus.effects(base.name))
     for names in (*([name] for name in own), own):
         cls = stack(base, *(EFFECTS[name] for name in names))
-        known = {v.name for v in base.layout.variables}
         for seed in range(50):
-            at_rest = {s.name: 0.0 for s in cls.layout.states if s.name not in known}
-            values = drawn(cls, seed) | at_rest | neutral(names)
-            expected = named(base, {n: v for n, v in values.items() if n in known})
-            found = named(cls, values)
-            assert {n: found[n] for n in expected} == expected
+            check_neutral(base, cls, drawn(cls, seed) | at_rest(base, cls) | neutral(names))
 
 
 @feet
 def test_neutral_is_bit_identical_in_the_graph(base):
-    cls = stack(base, *fmus.effects(base.name).values())
-    graphs = {c: trace(c) for c in (base, cls)}
-    functions = {
-        c: {f.name(): f for f in graph.functions(tangent=False)} for c, graph in graphs.items()
-    }
-    known = {v.name for v in base.layout.variables}
+    own = fmus.effects(base.name)
+    cls = stack(base, *own.values())
     for seed in range(20):
-        values = drawn(cls, seed) | {s.name: 0.0 for s in cls.layout.states if s.name not in known}
-        values |= neutral(fmus.effects(base.name))
-        points = {
-            c: graphs[c].point(**{n: v for n, v in values.items() if c is cls or n in known})
-            for c in graphs
-        }
-        for law in ("rates", "outputs"):
-            found, expected = (np.asarray(functions[c][law](0.0, *points[c])) for c in (cls, base))
-            np.testing.assert_array_equal(found[: len(expected)], expected)
+        values = drawn(cls, seed) | at_rest(base, cls) | neutral(own)
+        check_neutral(base, cls, values, in_graph)
 
 
 @cases

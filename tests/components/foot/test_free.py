@@ -58,7 +58,8 @@ def lagrangian():
             )
         return point
 
-    energy, height = leg * casadi.sumsqr(v[:2]) / 2 - 0.0, -leg * q[0]
+    energy = leg * casadi.sumsqr(v[:2]) / 2
+    height = -leg * q[0]
     for link in range(4):
         # a uniform rod is two thirds of its mass in the middle and a sixth at each end
         for share, part in ((0.0, 1 / 6), (0.5, 2 / 3), (1.0, 1 / 6)):

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,10 +13,9 @@ from fmus.isotonic_stand.effects import EFFECTS
 from fmus.isotonic_stand.model import IsotonicStand
 from fmus.kit import stack
 from fmus.kit.integrate import Integrator
-from fmus.kit.symbolic.tracing import trace
 from tests.support.builds import check_that_builds_agree
 from tests.support.completeness import Listed, check_described
-from tests.support.effect_samples import named
+from tests.support.laws import check_neutral, in_graph, named
 
 ACTIVE = Listed(
     "ACTIVE",
@@ -69,24 +69,10 @@ def test_catalogue():
 @pytest.mark.parametrize("chosen", [*((n,) for n in EFFECTS), tuple(EFFECTS)], ids="+".join)
 def test_neutral_is_bit_identical_on_floats_and_in_the_graph(chosen):
     cls = stack(IsotonicStand, *(EFFECTS[n] for n in chosen))
-    known = {v.name for v in IsotonicStand.layout.variables}
-    graphs = {c: {f.name(): f for f in trace(c).functions()} for c in (cls, IsotonicStand)}
     for seed in range(50):
         values = random_values(cls, seed) | {EFFECTS[n].neutral: 0.0 for n in chosen}
-        expected = named(IsotonicStand, {n: v for n, v in values.items() if n in known})
-        found = named(cls, values)
-        assert {n: found[n] for n in expected} == expected
-        tables = []
-        for c, functions in graphs.items():
-            layout = c.layout
-            groups = (layout.parameters, layout.inputs, layout.states, layout.discretes)
-            point = [
-                np.array([values.get(v.name, getattr(v, "start", 0.0)) for v in g], dtype=float)
-                for g in groups
-            ]
-            tables.append([functions[law](0.7, *point).full() for law in ("rates", "outputs")])
-        for one, other in zip(*tables, strict=True):
-            np.testing.assert_array_equal(one[: len(other)], other)
+        check_neutral(IsotonicStand, cls, values)
+        check_neutral(IsotonicStand, cls, values, partial(in_graph, time=0.7))
 
 
 @effects

@@ -31,9 +31,9 @@ from tests.support.effect_samples import (
     active,
     bases,
     effects,
-    named,
     random_values,
 )
+from tests.support.laws import check_neutral, in_graph, named
 from tests.support.pace import slow_but
 from tests.support.source import ROOT
 
@@ -181,49 +181,23 @@ def test_shapes_of_one_family_are_of_one_law_and_signal():
 def test_neutral_is_bit_identical_on_floats(base, chosen, seed):
     cls = stack(base, *(EFFECTS[n] for n in chosen))
     values = random_values(cls, seed) | {NEUTRAL[n]: 0.0 for n in chosen}
-    known = {v.name for v in base.layout.variables}
-    expected = named(base, {n: v for n, v in values.items() if n in known})
-    found = named(cls, values)
-    assert {n: found[n] for n in expected} == expected
+    check_neutral(base, cls, values)
 
 
 @bases
 @effects
 def test_neutral_is_bit_identical_on_arrays(base, name):
     cls = stack(base, EFFECTS[name])
-    values = random_values(cls, 1, size=1000) | {NEUTRAL[name]: 0.0}
-    known = {v.name for v in base.layout.variables}
-    expected = named(base, {n: v for n, v in values.items() if n in known})
-    found = named(cls, values)
-    for n, array in expected.items():
-        np.testing.assert_array_equal(found[n], array)
+    check_neutral(base, cls, random_values(cls, 1, size=1000) | {NEUTRAL[name]: 0.0})
 
 
 @bases
 @effects
 def test_neutral_is_bit_identical_in_the_graph(base, name):
     cls = stack(base, EFFECTS[name])
-    graph, reference = trace(cls), trace(base)
-    functions = {f.name(): f for f in graph.functions(tangent=False)}
-    references = {f.name(): f for f in reference.functions(tangent=False)}
-    states = len(base.layout.states)
     for seed in range(50):
         values = random_values(cls, seed) | {NEUTRAL[name]: 0.0}
-        point = [
-            np.array([values[v.name] for v in g])
-            for g in (cls.layout.parameters, cls.layout.inputs)
-        ]
-        point += [np.array([values[v.name] for v in cls.layout.states]), np.zeros(0)]
-        base_point = [
-            np.array([values[v.name] for v in g])
-            for g in (base.layout.parameters, base.layout.inputs)
-        ]
-        base_point += [np.array([values[v.name] for v in base.layout.states]), np.zeros(0)]
-        for law in ("rates", "outputs"):
-            found, expected = (
-                f[law](0.0, *p).full() for f, p in ((functions, point), (references, base_point))
-            )
-            np.testing.assert_array_equal(found[: states if law == "rates" else None], expected)
+        check_neutral(base, cls, values, in_graph)
 
 
 @bases

@@ -18,7 +18,8 @@ from fmus.kit.integrate import Integrator
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from tests.support.completeness import check_complete
-from tests.support.effect_samples import ACTIVE, active, bases, effects, named, random_values
+from tests.support.effect_samples import ACTIVE, active, bases, effects, random_values
+from tests.support.laws import named
 from tests.support.source import ROOT
 
 PAPER = f"paper() of {Path(__file__).relative_to(ROOT).as_posix()}"

@@ -15,7 +15,8 @@ from fmus.kit.symbolic.tracing import trace
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorVoltageDriven
 from orchestration.fmu.model import find_model
 from orchestration.fmu.simulation import simulate
-from tests.support.effect_samples import ACTIVE, NEUTRAL, named, random_values
+from tests.support.effect_samples import ACTIVE, NEUTRAL, random_values
+from tests.support.laws import named
 
 R1, R2, C, ALPHA = 0.43, 2.35, 2.70, 6.8e-5
 K1, B1, K2, B2 = 6300.0, 1.7e6, 1.0e4, 2.0e6

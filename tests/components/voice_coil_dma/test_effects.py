@@ -16,6 +16,7 @@ from fmus.voice_coil_dma import disturbances
 from fmus.voice_coil_dma.effects import EFFECTS
 from fmus.voice_coil_dma.model import VoiceCoilDma
 from tests.support.completeness import Listed, check_described
+from tests.support.laws import check_neutral, in_graph, named
 
 NEUTRAL = {name: effect.neutral for name, effect in EFFECTS.items()}
 ACTIVE = Listed(
@@ -84,17 +85,6 @@ def random_values(cls, seed):
     return values
 
 
-def named(cls, values):
-    """Rates, outputs and next sampled values by name."""
-    model = cls()
-    for name, value in values.items():
-        setattr(model, name, value)
-    layout = cls.layout
-    result = dict(zip((f"der({s.name})" for s in layout.states), model.rates(), strict=True))
-    result |= dict(zip((o.name for o in layout.outputs), model.outputs(), strict=True))
-    return result | {d.name: getattr(model, d.update)() for d in layout.discretes}
-
-
 def test_catalogue():
     assert fmus.effects("voice_coil_dma") == EFFECTS
     check_described("voice_coil_dma", EFFECTS)
@@ -106,34 +96,17 @@ def test_catalogue():
 @pytest.mark.parametrize("chosen", [*((n,) for n in EFFECTS), tuple(EFFECTS)], ids="+".join)
 def test_neutral_is_bit_identical(chosen):
     cls = stack(VoiceCoilDma, *(EFFECTS[n] for n in chosen))
-    known = {v.name for v in VoiceCoilDma.layout.variables}
     for seed in range(200):
         values = random_values(cls, seed) | {NEUTRAL[n]: 0.0 for n in chosen}
-        expected = named(VoiceCoilDma, {n: v for n, v in values.items() if n in known})
-        found = named(cls, values)
-        assert {n: found[n] for n in expected} == expected
+        check_neutral(VoiceCoilDma, cls, values)
 
 
 @effects
 def test_neutral_is_bit_identical_in_the_graph(name):
     cls = stack(VoiceCoilDma, EFFECTS[name])
-    known = {v.name for v in VoiceCoilDma.layout.variables}
-    graphs = {c: {f.name(): f for f in trace(c).functions()} for c in (cls, VoiceCoilDma)}
     for seed in range(20):
-        groups = (cls.layout.parameters, cls.layout.inputs, cls.layout.discretes)
-        values = {v.name: v.start for group in groups for v in group}
-        values |= random_values(cls, seed) | {NEUTRAL[name]: 0.0}
-        found = []
-        for c, functions in graphs.items():
-            layout = c.layout
-            groups = (layout.parameters, layout.inputs, layout.states, layout.discretes)
-            point = [
-                np.array([values[v.name] for v in g if c is cls or v.name in known], dtype=float)
-                for g in groups
-            ]
-            found.append([functions[law](0.0, *point).full() for law in ("rates", "outputs")])
-        for one, other in zip(*found, strict=True):
-            np.testing.assert_array_equal(one[: len(other)], other)
+        values = random_values(cls, seed) | {NEUTRAL[name]: 0.0}
+        check_neutral(VoiceCoilDma, cls, values, in_graph)
 
 
 @effects

@@ -28,6 +28,7 @@ from orchestration.fmu.model import find_model, load_class, model_of
 from orchestration.records import Record
 from orchestration.records.writing import write_record
 from tests.support.diagnosis import rig_record
+from tests.support.source import ROOT
 
 
 @pytest.fixture(scope="module")
@@ -362,47 +363,8 @@ def test_one_of_them_can_be_asked_for_by_name(drive):
     assert effect.id == "backlash"
 
 
-VESSEL = '''
-from fmus.kit import Component, Input, Output, Parameter, State
-
-
-class Vessel(Component):
-    """An isothermal volume that a valve fills, in bar and g/s."""
-
-    name = "vessel"
-    volume = Parameter(12.0, "g/bar", min=1e-3, max=1e6, nominal=10.0, doc="capacity")
-    feed = Parameter(5.0, "g/s", min=1e-4, max=1e4, doc="flow through the open valve")
-    leak = Parameter(1.5, "g/s/bar", min=1e-6, max=1e4, doc="conductance of the outlet")
-    opening = Input("1", nominal=0.5, doc="opening of the valve")
-    pressure = State("bar", rate="pressure_rate", nominal=1.0, doc="above the atmosphere's")
-
-    def inflow(self):
-        """Through the valve."""
-        return self.feed * self.opening
-
-    def outflow(self):
-        """Through the outlet."""
-        return self.leak * self.pressure
-
-    def pressure_rate(self):
-        """Balance."""
-        return (self.inflow() - self.outflow()) / self.volume
-
-    @Output("bar")
-    def gauge(self):
-        """As measured."""
-        return self.pressure
-
-    @Output("g/s")
-    def meter(self):
-        """Flow that comes in."""
-        return self.inflow()
-'''
-
-
 def test_a_second_volume_is_named_in_the_unit_of_the_model(tmp_path):
     """Oracle: the matrix exponential of the vessel with a second volume behind a pipe."""
-    (tmp_path / "vessel.py").write_text(VESSEL, encoding="utf-8")
     feed, leak, volume, pipe, time_constant, step = 4.0, 2.0, 16.0, 0.6, 25.0, 0.5
     rng = np.random.default_rng(11)
     opening = np.repeat(rng.uniform(0.1, 0.9, 30), 30)
@@ -421,7 +383,7 @@ def test_a_second_volume_is_named_in_the_unit_of_the_model(tmp_path):
     record = tmp_path / "vessel.csv"
     units = {"opening": "1", "gauge": "bar", "meter": "g/s"}
     write_record(record, step * np.arange(opening.size), signals, units)
-    said = ppy.diagnose(record, f"{tmp_path / 'vessel.py'}:Vessel", laws=False)
+    said = ppy.diagnose(record, f"{ROOT / 'studies/plants/models/vessel.py'}:Vessel", laws=False)
     assert said.causes[0] == "storing_law(outflow)"
     amount = said.parameters["outflow_storing_law"]
     assert convert(1.0, amount.unit, "kg/s/Pa") == pytest.approx(1e-8)

@@ -108,7 +108,7 @@ def test_parameters_of_two_members_are_found_together_in_a_closed_loop(bench):
         low, high = np.array([fitted.intervals[name] for name in names]).T
         assert [*fitted.values.values()] == pytest.approx(truth, rel=0.03)
         covered.append((low < truth) & (truth < high))
-    # of 12 intervals of 95 % fewer than 9 miss with a probability below 0.3 %
+    # of 12 intervals of 95 % four or more miss with a probability of 0.2 %
     assert (np.sum(covered, axis=0) >= 9).all()
 
 

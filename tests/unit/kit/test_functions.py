@@ -204,10 +204,13 @@ def test_outside_is_what_clip_takes_away(x, low, high):
     assert alike(symbolic(lambda v: outside(v, low, high), x), value)
 
 
-def test_outside_of_nothing_has_the_slope_of_its_argument_everywhere():
-    x = ca.SX.sym("x")
-    slope = ca.Function("slope", [x], [ca.jacobian(outside(x, 0.0, 0.0), x)])
-    assert [float(slope(at)) for at in (-1.0, 0.0, 1.0)] == [1.0, 1.0, 1.0]
+def test_outside_of_nothing_has_the_slopes_of_a_dead_zone_without_width():
+    """By its argument 1 everywhere; by half its width that of -d sign(x), or the mean at 0."""
+    x, half = ca.SX.sym("x"), ca.SX.sym("half")
+    value = outside(x, -half, half)
+    slopes = ca.Function("slopes", [x, half], [ca.jacobian(value, ca.vertcat(x, half))])
+    found = [np.array(slopes(at, 0.0)).ravel() for at in (-1.0, 0.0, 1.0)]
+    np.testing.assert_array_equal(found, [[1.0, 1.0], [1.0, 0.0], [1.0, -1.0]])
 
 
 @given(x=reals, yes=st.floats(-10, 10), no=st.floats(-10, 10))

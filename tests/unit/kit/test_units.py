@@ -344,6 +344,21 @@ def test_values_have_prefixes_as_people_say_them(value, unit, display, digits, t
     assert units.format_prefixed(value, declared, digits) == text
 
 
+@pytest.mark.parametrize(
+    ("value", "like", "text"),
+    [
+        (0.99, 1.02, "0.990 C"),
+        (1.05, -0.98, "1050 mC"),
+        (0.0, 2e-3, "0 mC"),
+        (2e-3, 0.0, "2.00 mC"),
+        (2e-3, math.inf, "2.00 mC"),
+        (2e-3, 0.99996, "0.00200 C"),
+    ],
+)
+def test_values_beside_each_other_have_one_prefix(value, like, text):
+    assert units.write_prefixed(value, "C", 3, like) == text
+
+
 @given(st.floats(1e-12, 1e12), st.sampled_from(["V", "ohm", "N*s/m", "m/C"]))
 def test_a_value_with_a_prefix_reads_back_to_its_digits(value, unit):
     number, _, shown = units.format_prefixed(value, Parameter(0.0, unit)).partition(" ")

@@ -12,7 +12,7 @@ import control
 import numpy as np
 import pytest
 
-from fmus import component
+from fmus import COMPONENTS, component
 from fmus.kit import Component, Input, Output, Parameter, State, UserError
 from fmus.kit.integrate import Integrator
 from orchestration.linear.model import w_plane
@@ -24,15 +24,6 @@ from tests.contract.subjects import SUBJECTS
 
 S = 2j * np.pi * np.logspace(-4, 2, 25)
 R1, R2, C, ALPHA, K1, B1, K2, B2 = 0.43, 2.35, 2.70, 6.8e-5, 6300.0, 1.7e6, 1.0e4, 2.0e6
-NAMES = (
-    "ppy_actuator",
-    "ppy_actuator_length_driven",
-    "galvanostat",
-    "voice_coil_dma",
-    "degradation_estimator",
-    "foot",
-    "foot_dynamic",
-)
 WITHIN_LIMITS = {"voice_coil_dma": {"voltage_command_start": 0.5}}
 
 
@@ -79,7 +70,7 @@ def signals_after(cls, point, columns, values, period):
     return np.array([*after, *outputs], dtype=float)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", COMPONENTS)
 def test_every_component_is_linearised_as_central_differences_of_it_are(name):
     subject, point = started(name)
     layout = subject.graph.layout

@@ -38,4 +38,4 @@ def test_the_longest_bar_is_as_wide_as_the_page():
     ],
 )
 def test_a_unit_that_both_ends_have_is_told_once(low, high, text):
-    assert elements.format_range(low, high) == text
+    assert elements.format_ends(low, high) == text

@@ -214,3 +214,12 @@ def test_the_part_of_the_record_is_drawn_in_which_the_effect_does_most():
     ticks = [float(word) for word in words_of(text.split('<div class="x">')[1]).split()[:-2]]
     assert 35.0 <= ticks[0] < 45.0
     assert panel.title == "law [V]"
+
+
+@pytest.mark.parametrize(
+    ("largest", "title", "shown"),
+    [(0.8, "charge [C]", 0.8), (0.05, "charge [mC]", 50.0), (1200.0, "charge [kC]", 1.2)],
+)
+def test_an_axis_has_a_prefix_but_for_tenths_of_a_unit(largest, title, shown):
+    axis, (values,) = Quantity("charge", "C").scaled(np.array([0.0, -largest]))
+    assert (axis, values[1]) == (title, pytest.approx(-shown))

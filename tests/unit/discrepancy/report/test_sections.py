@@ -50,7 +50,8 @@ def test_evidence_is_told_once_for_every_effect(results, made):
     title = "Strain that levels off at large charge strain_saturation"
     assert f"{title} Elongation that levels off" in text
     assumed = "elongation is proportional to charge, and the load does not change the voltage"
-    known = rf"the model assumes that {assumed} \(assumption 5\) {step.gain:.1f} .*? named"
+    where = r"\(assumption 5 of its documentation\)"
+    known = rf"the model assumes that {assumed} {where} {step.gain:.1f} .*? named"
     assert re.search(known, text)
     fitted = {e.effect_name for e, _ in (*step.rejected, *diagnosis.selection.rejected)}
     evidence = text.split("Evidence: what was tried")[1].split(" Parameters ")[0]

@@ -95,5 +95,7 @@ def test_a_parameter_has_its_interval_beside_it():
     resistance = Plain.declared["R"]
     text = format_estimated(Estimate(13e-3, 1.0, (12.4e-3, 13.6e-3), "ohm"), resistance)
     assert text == "13.0 mΩ (95 %: 12.4 … 13.6 mΩ)"
+    around_one = format_estimated(Estimate(1.02, 1.0, (0.99, 1.05), "ohm"), resistance)
+    assert around_one == "1.02 Ω (95 %: 0.990 … 1.05 Ω)"
     falling = with_interval(0.5, (-math.inf, 0.6), lambda v, digits: write_prefixed(v, "V", digits))
     assert falling == "500 mV (95 %: below 600 mV)"

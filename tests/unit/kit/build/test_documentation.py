@@ -66,19 +66,22 @@ README = """# A pump
 """
 
 
+OF = "of its documentation"
+
+
 def relaxing(number):
     return make_effect("Warm", {}, id="warm", assumption=number)
 
 
 def test_an_assumption_is_the_first_sentence_of_the_readme_on_it(tmp_path, monkeypatch):
     monkeypatch.setattr(documentation, "_folder", lambda cls: tmp_path)
-    assert relaxed_assumption(Thermostat, relaxing(1)) == ("", "assumption 1")  # no README
+    assert relaxed_assumption(Thermostat, relaxing(1)) == ("", f"assumption 1 {OF}")  # no README
     (tmp_path / "README.md").write_text(README, encoding="utf-8")
     words = "the model assumes that losses are those of fig. 5-6, and R_l is 0.5 of them"
-    assert relaxed_assumption(Thermostat, relaxing(1)) == (words, "assumption 1")
-    cold = ("the model assumes that it is cold", "assumption 2")
+    assert relaxed_assumption(Thermostat, relaxing(1)) == (words, f"assumption 1 {OF}")
+    cold = ("the model assumes that it is cold", f"assumption 2 {OF}")
     assert relaxed_assumption(Thermostat, relaxing(2)) == cold
-    assert relaxed_assumption(Thermostat, relaxing(3)) == ("", "assumption 3")
+    assert relaxed_assumption(Thermostat, relaxing(3)) == ("", f"assumption 3 {OF}")
     said = relaxed_assumption(Thermostat, relaxing("friction is viscous"))
     assert said == ("the model assumes that friction is viscous", "")
 

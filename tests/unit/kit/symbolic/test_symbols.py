@@ -10,55 +10,10 @@ import re
 import numpy as np
 import pytest
 
-from fmus.kit import (
-    Constant,
-    absolute,
-    arccos,
-    arctan2,
-    clip,
-    cos,
-    exp,
-    floor,
-    hypot,
-    log,
-    logical_and,
-    logical_not,
-    maximum,
-    minimum,
-    sign,
-    smooth_table,
-    sqrt,
-    table,
-    tanh,
-    units,
-    where,
-)
+from fmus.kit import Constant, functions, units
 from fmus.kit.symbolic.symbols import LawError, ScaleError, Symbol, ValueNeeded
 
-KIT = {
-    f.__name__: f
-    for f in (
-        absolute,
-        arccos,
-        arctan2,
-        clip,
-        cos,
-        exp,
-        floor,
-        hypot,
-        log,
-        logical_and,
-        logical_not,
-        maximum,
-        minimum,
-        sign,
-        smooth_table,
-        sqrt,
-        table,
-        tanh,
-        where,
-    )
-}
+KIT = vars(functions)
 UNITS = {"m": "m", "mm": "mm", "n": "N", "k": "N/m", "v": "m/s", "t": "s", "one": "1", "q": "A*h"}
 QUANTITIES = {name: units.registry().Quantity(0.5, units.parse(u)) for name, u in UNITS.items()}
 
@@ -103,6 +58,7 @@ def test_an_equation_of_different_kinds_is_refused():
         ("sqrt(m * m)", "m"),
         ("absolute(v) * t", "m"),
         ("clip(m, -1.0, m)", "m"),
+        ("outside(m, -m, 2.0 * m)", "m"),
         ("floor(m / m + 0.5)", "1"),
         ("sign(v) * m", "m"),
         ("where(logical_and(m > 0.0, logical_not(t > 1.0)), m, 0.0)", "m"),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from xml.etree import ElementTree
-
 import numpy as np
 import pytest
 import xarray
@@ -11,8 +9,7 @@ import xarray
 import orchestration as ppy
 from fmus.kit import Component, Output, Parameter, sin
 from tests.support.command import works
-from tests.support.hosts import build_one_state_fmu
-from tests.support.sensitivity_laws import Laws, swept
+from tests.support.sensitivity_laws import CALL, Laws, swept, words
 
 
 class Ishigami(Component):
@@ -107,40 +104,9 @@ def test_the_same_seed_comes_to_the_same_indices():
     assert not one.equals(other)
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("sensitivity")
-    build_one_state_fmu(folder)
-    return folder
-
-
-CALL = (
-    "sweep",
-    "one_state.fmu",
-    "--set",
-    "u=2",
-    "--stop",
-    "1s",
-    "--step",
-    "0.1s",
-    "--over",
-    "tau=0.5..2",
-)
-
-
-def words(picture):
-    """Return the texts of a picture, whose glyphs stand beside comments that have them."""
-    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    tree = ElementTree.parse(picture, parser)
-    return [
-        str(element.text).strip() for element in tree.iter() if element.tag is ElementTree.Comment
-    ]
-
-
 def test_indices_are_printed_written_and_drawn(folder):
     call = [
-        *CALL[:2],
-        *CALL[4:],
+        *CALL,
         "--over",
         "u=1..2",
         "--design",

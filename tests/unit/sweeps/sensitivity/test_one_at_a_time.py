@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from xml.etree import ElementTree
-
 import numpy as np
 import pytest
 import xarray
@@ -12,8 +10,7 @@ import orchestration as ppy
 from fmus.kit import UserError
 from orchestration.sweeps.sensitivity import one_at_a_time as tornado
 from tests.support.command import PNG, works
-from tests.support.hosts import build_one_state_fmu
-from tests.support.sensitivity_laws import Laws, swept
+from tests.support.sensitivity_laws import CALL, Laws, swept, words
 
 
 def test_a_tornado_is_that_of_the_closed_form():
@@ -53,39 +50,10 @@ def test_what_moves_most_stands_first():
     )
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("sensitivity")
-    build_one_state_fmu(folder)
-    return folder
-
-
-CALL = (
-    "sweep",
-    "one_state.fmu",
-    "--set",
-    "u=2",
-    "--stop",
-    "1s",
-    "--step",
-    "0.1s",
-    "--over",
-    "tau=0.5..2",
-)
-
-
-def words(picture):
-    """Return the texts of a picture, whose glyphs stand beside comments that have them."""
-    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    tree = ElementTree.parse(picture, parser)
-    return [
-        str(element.text).strip() for element in tree.iter() if element.tag is ElementTree.Comment
-    ]
-
-
 def test_a_tornado_is_printed_written_and_drawn(folder):
     """``x(1) = u (1 - exp(-1 / tau))``."""
-    call = [*CALL, "--over", "u=1..3", "--design", "tornado", "--keep", "last", "--set", "tau=1"]
+    call = [*CALL, "--over", "u=1..3", "--design", "tornado", "--keep", "last"]
+    call += ["--set", "u=2", "--set", "tau=1"]
     said = works(*call, "--out", "t.nc", "--plot", "t.svg", cwd=folder)
     works(*call, "--plot", "t.png", cwd=folder)
     assert (folder / "t.png").read_bytes().startswith(PNG)

@@ -7,54 +7,18 @@ import pytest
 from scipy.stats import norm
 
 import orchestration as ppy
-from fmus.kit import Component, Input, Output, Parameter, UserError
-from orchestration.identify.uncertainty.estimate import Estimate, joint_distribution
+from fmus.kit import Parameter, UserError
+from orchestration.identify.uncertainty.estimate import joint_distribution
 from orchestration.sweeps.sensitivity import prediction_bands as bands
 from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_pythonfmu
-
-HALF = float(norm.ppf(0.975))
-
-
-TIME = 0.1 * np.arange(101)
+from tests.support.line import TIME, Line, estimates
 
 
-class Line(Component):
-    """An offset, which may have either sign, and a gain, which may not."""
-
-    name = "line_of_bands"
-    offset = Parameter(1.0, "V", doc="offset")
-    gain = Parameter(2.0, "ohm", min=0.0, doc="gain")
-    u = Input("A", start=0.0, doc="current")
-
-    @Output("V", nominal=1.0)
-    def y(self):
-        """Return a value that is linear in both parameters."""
-        return self.offset + self.gain * self.u
-
-
-class Straight(Component):
-    """A law that is linear in both parameters."""
+class Straight(Line):
+    """The line with a gain of either sign, so that no band is cut."""
 
     name = "straight_of_bands"
-    offset = Parameter(1.0, "V", doc="offset")
     gain = Parameter(2.0, "ohm", doc="gain")
-    u = Input("A", start=0.0, doc="current")
-
-    @Output("V", nominal=1.0)
-    def y(self):
-        """Return a value that is linear in both parameters."""
-        return self.offset + self.gain * self.u
-
-
-def estimates(**of):
-    """Return estimates by value and standard error, in the logarithm for names in capitals."""
-    made = {}
-    for name, (value, error) in of.items():
-        ends = (value - HALF * error, value + HALF * error)
-        if name.isupper():
-            ends = (value * np.exp(-HALF * error), value * np.exp(HALF * error))
-        made[name] = Estimate(value, value, ends, "1")
-    return made
 
 
 def test_bands_of_a_linear_law_are_gaussian():

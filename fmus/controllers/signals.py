@@ -1,0 +1,34 @@
+"""Declarations that controllers of a displacement by a current have in common."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..kit import Discrete, Parameter
+
+
+def largest_current(doc: str = "largest current in either direction") -> Any:
+    """Declare the limit of the current in A, that of the galvanostat in thesis table 2-2."""
+    return Parameter(1.3, "A", min=1e-9, max=1e6, source="thesis table 2-2 (HA-151)", doc=doc)
+
+
+def sampled_length(update: str, doc: str, output: bool = False) -> Any:
+    """Declare a length in m that is kept from sample to sample.
+
+    Parameters
+    ----------
+    update : str
+        Law of its value after a sample.
+    doc : str
+    output : bool
+        Whether it is an output, too.
+    """
+    return Discrete(
+        "m",
+        update=update,
+        period="sample_period",
+        nominal=1e-4,
+        display="mm",
+        output=output,
+        doc=doc,
+    )
