@@ -282,11 +282,12 @@ def illustrations() -> tuple[Illustration, ...]:
         ),
         Illustration(
             "Section 6.2: work loops that are tracked",
-            "The thesis leaves open how feedback and feedforward would follow a wanted loop. Here"
-            " an actuator whose strain lags and saturates, of which no controller knows, follows"
-            " one within the limits of its current and voltage: without current, with feedback, with"
-            " the feedforward of the nominal model, with both, and with a feedforward that learns"
-            " from cycle to cycle. `ppy run work_loop` gives the figures.",
+            "The thesis leaves open how feedback and feedforward would follow a wanted loop."
+            " Here an actuator whose strain lags and saturates, of which no controller knows,"
+            " follows one within the limits of its current and voltage: without current, with"
+            " feedback, with the feedforward of the nominal model, with both, and with a"
+            " feedforward that learns from cycle to cycle. `ppy run work_loop` gives the"
+            " figures.",
             _tracked_loops,
         ),
     )
