@@ -17,8 +17,10 @@ from fmus import component
 from fmus.kit import Component, UserError, clip, suggestion
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
+from fmus.kit.units import convert
 from orchestration import master
 from orchestration.experiment import execution
+from orchestration.experiment.model import UNITS_OF_LOOP
 from orchestration.experiment.reading import read
 from orchestration.reporting import pictures
 
@@ -328,19 +330,27 @@ def tracked_loops(data: xarray.Dataset, table: WorkLoopTable) -> dict[str, Track
         the reference is taken from the first.
     """
     time = data.time.values
-    phases = np.arange(round(table.period / data.attrs["step"])) * data.attrs["step"]
+    count = round(table.period / data.attrs["step"])
+    phases = table.period * np.arange(count) / count
     force, reference = (
-        np.interp(phases, time, data[name].values) for name in (table.force, table.reference)
+        np.interp(phases, time, _of_loop(data, table, key)) for key in ("force", "reference")
     )
     loop = WorkLoop(force, reference, table.period)
     variants = {
         v.attrs["variant"]: f"{v.attrs['variant']}." for v in data.values() if "variant" in v.attrs
     }
-    names = (table.length, table.current, table.voltage)
+    keys = ("length", "current", "voltage")
     return {
-        variant: TrackedLoop(loop, time, *(data[f"{before}{name}"].values for name in names))
+        variant: TrackedLoop(loop, time, *(_of_loop(data, table, key, before) for key in keys))
         for variant, before in (variants or {"run": ""}).items()
     }
+
+
+def _of_loop(data: xarray.Dataset, table: WorkLoopTable, key: str, before: str = "") -> Array:
+    """Return the signal of a key of the table, by the prefix of a variant, in SI."""
+    array = data[before + getattr(table, key)]
+    values: Array = convert(array.values, array.units, UNITS_OF_LOOP[key])
+    return values
 
 
 def figures(loops: Mapping[str, TrackedLoop]) -> dict[str, Any]:
@@ -372,11 +382,11 @@ def picture(
     for mode, tracked in loops.items():
         last = tracked.time >= tracked.time[-1] - tracked.loop.period
         force = tracked.loop.force_at(tracked.time[last])
-        axes["loop"].plot(1e3 * tracked.length[last], force, label=mode)
+        axes["loop"].plot(1e3 * tracked.length[last], force, label=pictures.plain(mode))
         _draw_cycles([axes[name] for name in ("error", "work", "energy")], tracked.cycles())
     axes["loop"].set_xlabel("length [mm]")
     axes["loop"].legend(fontsize=8)
-    axes["error"].set_yscale("log")
+    pictures.logarithmic_values(axes["error"])
     pictures.label(axes["loop"], "force", "N")
     pictures.label(axes["error"], "error, rms", "um")
     pictures.label(axes["work"], "work taken up", "uJ")
@@ -403,4 +413,4 @@ def _draw_cycles(axes: Sequence[Any], cycles: Sequence[Cycle]) -> None:
     axes[2].plot(numbers, [cycle.electrical_energy for cycle in cycles], "o-")
     for axis in axes:
         axis.set_xlabel("cycle")
-        axis.set_xticks(numbers)
+        pictures.whole_numbers(axis)
