@@ -215,6 +215,9 @@ class LinearModel(Displayable):
         yield f"{self.name} {self.point.words}, {time}, by {self.method}"
         if self.loop:
             yield f"loop transfer function, cut at {self.loop}: {_margin_words(self.margins())}"
+        for one in self.further:
+            margins = f": {_margin_words(one.margins())}" if one.loop else ""
+            yield f"also {one.point.words}{margins}"
         table = plain_table(
             None, "signal", "is", "operating point", "unit", right=["operating point"]
         )
