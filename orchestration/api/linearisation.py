@@ -202,7 +202,7 @@ def _cases(
 ) -> list[dict[str, float]]:
     """Return the values of parameters that make a band."""
     over = options["over"] or {}
-    count = options["samples"] or _DRAWS
+    count = _DRAWS if options["samples"] is None else options["samples"]
     seed = options["seed"]
     if options["fitted"] is not None:
         if over:

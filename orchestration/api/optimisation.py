@@ -77,7 +77,7 @@ def optimise(
     if len({one.name for one in objectives}) < len(objectives):
         raise UserError(f"{objectives[0].name} is named by both objectives")
     starts = options["starts"]
-    if starts & (starts - 1):
+    if starts < 1 or starts & (starts - 1):
         raise UserError(f"{option('starts', starts)}: a power of 2, such as 256")
     ranges = _ranges(subject, over)
     points = _points(subject.cls, options)

@@ -68,7 +68,7 @@ class WorkLoop:
     Raises
     ------
     UserError
-        If force and length do not have a value each at every phase, or there is no period.
+        If force and length do not have a finite value each at every phase, or there is no period.
     """
 
     force: Array
@@ -81,8 +81,12 @@ class WorkLoop:
                 f"force has the shape {np.shape(self.force)}, length {np.shape(self.length)}:"
                 " a value of each at every phase is needed"
             )
-        if not self.period > 0.0:
-            raise UserError(f"period = {self.period:g} s: must be above 0")
+        if not np.size(self.force) or not np.isfinite([self.force, self.length]).all():
+            raise UserError("force and length: finite values are needed, and one at least")
+        if not 0.0 < self.period < np.inf:
+            raise UserError(f"period = {self.period:g} s: must be above 0, and finite")
+        for name in ("force", "length"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
 
     @classmethod
     def ellipse(
@@ -268,7 +272,26 @@ def planned_current(
     -------
     time, current : ndarray, shape (n,)
         In s and A, a fortieth of a period apart; each is held to the next.
+
+    Raises
+    ------
+    UserError
+        If the model is no actuator by its parameters, or a limit or the number of cycles is not
+        above zero.
     """
+    for name, value in {
+        "cycles": cycles,
+        "current_limit": current_limit,
+        "voltage_limit": voltage_limit,
+    }.items():
+        if not value > 0:
+            raise UserError(f"{name} = {value:g}: must be above 0")
+    shared = ("R1", "R2", "C", "alpha")
+    lacking = {*shared} - {one.name for one in model.layout.parameters}
+    if lacking:
+        raise UserError(
+            f"{model.name}: no actuator, as it has no parameter {', '.join(sorted(lacking))}"
+        )
     period = loop.period / _POINTS
     # a cycle more than is wanted, as errors are smoothed over an end that has no error behind it
     time: Array = period * np.arange((cycles + 1) * _POINTS + 1, dtype=np.float64)
@@ -277,7 +300,7 @@ def planned_current(
     given = dict(parameters or {})
     films: Any = model(**given)
     inverse: Any = component("feedforward")(
-        **{name: getattr(films, name) for name in ("R1", "R2", "C", "alpha")},
+        **{name: getattr(films, name) for name in shared},
         sample_period=period,
         current_limit=current_limit,
         voltage_limit=voltage_limit,

@@ -309,10 +309,12 @@ def w_plane(sampled: control.StateSpace) -> control.StateSpace:
     Raises
     ------
     UserError
-        If it has a pole at z = -1, which is at infinity there.
+        If it has a pole at z = -1, which is at infinity there, or is not sampled.
     """
     import control
 
+    if not sampled.dt:
+        raise UserError("a continuous system has no w-plane; it is that of a sampled one")
     n = sampled.nstates
     beside = np.eye(n) + sampled.A
     if n and np.linalg.cond(beside) > 1.0 / np.finfo(float).eps:

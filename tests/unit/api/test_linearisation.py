@@ -12,7 +12,7 @@ import pytest
 
 import orchestration as ppy
 from fmus import component, effects
-from fmus.kit import stack
+from fmus.kit import UserError, stack
 from orchestration.system import library, ssp
 
 R1, R2, C, ALPHA = 0.43, 2.35, 2.70, 6.8e-5
@@ -170,3 +170,8 @@ def test_a_system_with_an_fmu_without_equations_is_refused(lag):
 def test_a_cut_has_its_own_signals():
     with pytest.raises(ppy.UserError, match=r"cut='bench\.tension' has its own input and output"):
         ppy.linearise("dma_bench", cut="bench.tension", inputs="current")
+
+
+def test_no_values_are_no_band():
+    with pytest.raises(UserError, match="needs samples=, from 1 to"):
+        ppy.linearise("ppy_actuator", over={"k1": "4e3..8e3"}, samples=0)

@@ -51,6 +51,7 @@ def test_a_component_without_states_is_one_point_in_time():
         ({"tau": "1..2"}, {}, "0 objectives"),
         ({"tau": "1..2"}, {"maximise": ["x", "x"], "minimise": "x"}, "3 objectives"),
         ({"tau": "1..2"}, {"maximise": "x", "minimise": "x"}, "x is named by both objectives"),
+        ({"tau": "1..2"}, {"maximise": "x", "starts": 0}, "starts=0: a power of 2"),
         ({"tau": "1..2"}, {"maximise": "x", "starts": 17}, "starts=17: a power of 2, such as 256"),
         ({"tau": "1..2"}, {"maximise": "y"}, "no output named 'y'"),
         ({"tau": "1..2"}, {"maximise": "x", "settings": {"tau": 1.0}}, "set to one value besides"),

@@ -141,6 +141,22 @@ def test_errors_of_users_are_a_line():
         WorkLoop(np.zeros(2), np.zeros(3))
     with pytest.raises(UserError, match=r"period = 0 s: must be above 0"):
         WorkLoop(np.zeros(2), np.zeros(2), 0.0)
+    for values in ([], [0.0, np.nan]):
+        with pytest.raises(UserError, match="force and length: finite values are needed"):
+            WorkLoop(np.array(values), np.array(values))
+    with pytest.raises(UserError, match="period = inf s: must be above 0, and finite"):
+        WorkLoop(np.zeros(2), np.zeros(2), np.inf)
+    for name, value in {"cycles": 0, "current_limit": -1.0, "voltage_limit": np.nan}.items():
+        with pytest.raises(UserError, match=f"{name} = {value:g}: must be above 0"):
+            planned_current(ACTUATOR, LOOP, **{name: value})
+    with pytest.raises(
+        UserError, match="pid: no actuator, as it has no parameter C, R1, R2, alpha"
+    ):
+        planned_current(component("pid"), LOOP)
+
+
+def test_a_loop_may_be_a_list():
+    assert WorkLoop([1.0, 3.0], [0.0, 1.0], 2.0).force_at(np.array([0.5])) == pytest.approx(2.0)
 
 
 # --- as an experiment

@@ -74,6 +74,11 @@ def test_the_w_plane_is_tustins_rule_backwards():
         w_plane(model([[-1.0]], [[1.0]], [[1.0]], [[0.0]], 0.1).part())
 
 
+def test_a_continuous_system_has_no_w_plane():
+    with pytest.raises(UserError, match="a continuous system has no w-plane"):
+        w_plane(third_order(2.0).state_space)
+
+
 def test_responses_poles_and_zeros():
     # (s + 3) / (s + 1), as -1 x + 2 u and x + u
     lead = model([[-1.0]], [[2.0]], [[1.0]], [[1.0]])
