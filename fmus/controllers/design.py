@@ -26,6 +26,7 @@ NOISES = (3e-6, 1e-3)  # m, V
 
 # T_d / T_i, the largest for which the zeros of the PID controller are real, and T_d / T_f
 _DERIVATIVE_SHARE = 0.25
+_LARGEST_MARGIN = 180.0  # degrees, beyond which a margin is one to the other side
 _FILTERING = 5.0
 
 _STATES = ("charge", "kelvin_elongation", "maxwell_elongation")
@@ -200,11 +201,17 @@ def pid_gains(response: complex, crossover: float, phase_margin: float) -> dict[
     Raises
     ------
     UserError
-        If the crossover is not above zero, or no PID controller turns the phase there by as much as
-        is needed.
+        If the crossover is not above zero, the margin is none, there is no response, or no PID
+        controller turns the phase there by as much as is needed.
     """
     if not crossover > 0.0:
         raise UserError(f"crossover {crossover:g} Hz: a frequency above 0 Hz")
+    if not 0.0 < phase_margin < _LARGEST_MARGIN:
+        raise UserError(
+            f"phase margin {phase_margin:g} degrees: above 0 and below {_LARGEST_MARGIN:g}"
+        )
+    if not 0.0 < abs(response) < np.inf:
+        raise UserError(f"response {response:g}: a finite one that is not zero")
     needed = np.exp(1j * np.radians(phase_margin - 180.0)) / response
     angle = float(np.angle(needed))
     if not np.cos(angle) > 0.0:

@@ -146,5 +146,5 @@ class LearningController(Component):
 
     @Output("A")
     def command(self) -> Any:
-        """Current for the actuator, held between sample instants."""
+        """Current for the actuator: what is learnt is held, the feedback passes between samples."""
         return self.issued_current()

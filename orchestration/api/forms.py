@@ -138,6 +138,8 @@ def _read_settings(texts: Sequence[str], flag: str) -> dict[str, str]:
         name, equals, value = text.partition("=")
         if not equals:
             raise UserError(f"{flag} {text!r}: write name=value or name=value[unit]")
+        if name.strip() in settings:
+            raise UserError(f"{flag} {text}: {name.strip()} has a value already")
         settings[name.strip()] = value.strip()
     return settings
 

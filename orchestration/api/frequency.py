@@ -14,7 +14,11 @@ from orchestration.api.records import Data, matching_record
 from orchestration.api.simulation import as_measured, values_of
 from orchestration.fmu import Model, built, simulate
 from orchestration.fmu.isolation import limits_of
-from orchestration.identify.spectral import FrequencyResponse, estimate_responses
+from orchestration.identify.spectral import (
+    FrequencyResponse,
+    estimate_responses,
+    parts_of_ratio,
+)
 from orchestration.records import Record, read_columns
 from orchestration.reporting import option
 
@@ -68,7 +72,7 @@ def frequency_response(
     driving = options["inputs"]
     if model is None:
         _refuse_without_model(options)
-        inputs = driving or [ratio.partition("/")[2].strip() for ratio in of]
+        inputs = driving or [parts_of_ratio(ratio)[1] for ratio in of]
         plain = _of_columns(record, of, inputs)
         _check_inputs(inputs, plain.signals)
         return estimate_responses(plain, inputs, of, period=period, band=options["band"])

@@ -120,6 +120,10 @@ def _of_equations(
     known = numeric(settings) | constants
     step = _step(options) or 0.0
     times = [seconds(time) for time in options["at"]] or [0.0]
+    if driven and points is not None and max(times) > points[-1]:
+        raise UserError(
+            f"{option('at', f'{max(times):g}')}: the inputs that vary end at {points[-1]:g} s"
+        )
     request = _trim_request(subject, model, options)
 
     def at(time: float, changed: Mapping[str, float]) -> LinearModel:
@@ -202,7 +206,7 @@ def _cases(
 ) -> list[dict[str, float]]:
     """Return the values of parameters that make a band."""
     over = options["over"] or {}
-    count = options["samples"] or _DRAWS
+    count = _DRAWS if options["samples"] is None else options["samples"]
     seed = options["seed"]
     if options["fitted"] is not None:
         if over:
@@ -210,6 +214,11 @@ def _cases(
         drawn = read_fitted(Path(options["fitted"]), model).draws(count, seed)
         return [dict(zip(drawn, row, strict=True)) for row in zip(*drawn.values(), strict=True)]
     if not over:
+        if options["samples"] is not None:
+            raise UserError(
+                f"{option('samples', count)}: nothing is drawn without {option('over')} or"
+                f" {option('fitted')}"
+            )
         return []
     ranges = [
         read_range(f"{name}={values}", model)

@@ -74,6 +74,11 @@ def optimise(
             f"{len(objectives)} objectives: {option('maximise')} and {option('minimise')} name one"
             " or two"
         )
+    if len({one.name for one in objectives}) < len(objectives):
+        raise UserError(f"{objectives[0].name} is named by both objectives")
+    starts = options["starts"]
+    if starts < 1 or starts & (starts - 1):
+        raise UserError(f"{option('starts', starts)}: a power of 2, such as 256")
     ranges = _ranges(subject, over)
     points = _points(subject.cls, options)
     settings = values_of(subject, options["settings"])
@@ -84,9 +89,7 @@ def optimise(
     driven = inputs_over(subject, {**held, **(inputs or {})}, points)
     numbers = {name: float(value) for name, value in settings.items()}
     search = Objectives(subject.cls, ranges, objectives, points, driven, numbers)
-    return pareto_front(
-        search, options["levels"], options["starts"], options["seed"], options["progress"]
-    )
+    return pareto_front(search, options["levels"], starts, options["seed"], options["progress"])
 
 
 def _ranges(subject: Model, over: Mapping[str, str]) -> list[Range]:

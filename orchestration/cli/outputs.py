@@ -55,7 +55,8 @@ class Outputs(NamedTuple):
         """
         named: list[tuple[str, Path]] = []
         for option, path in self.writes.items():
-            if path is None or path == STANDARD_OUTPUT:
+            endings = self.endings.get(option, JSON)
+            if path is None or (path == STANDARD_OUTPUT and endings == JSON):
                 continue
             if _exists(option, path) and path.is_dir():
                 raise UserError(f"{option} {path}: this is a folder; name a file in it")

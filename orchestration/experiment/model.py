@@ -87,6 +87,10 @@ class Master(ValueTable):
         return self.method != "fused" and not set(self._set()) - {"extrapolation"}
 
 
+UNITS_OF_LOOP = {"force": "N", "reference": "m", "length": "m", "current": "A", "voltage": "V"}
+"""What the figures of a work loop are computed in, by the key of its table."""
+
+
 class WorkLoopTable(ValueTable):
     """Signals of a work loop, which is drawn as a loop, with figures of each cycle."""
 
@@ -138,6 +142,8 @@ class Experiment(ValueTable):
 
     @model_validator(mode="after")
     def _shown_with_variants(self) -> Experiment:
+        if "" in self.variants:
+            raise ValueError("variants: every variant needs a name")
         driven = ["time", *self.inputs]
         if self.variants and self.over not in driven:
             raise ValueError(

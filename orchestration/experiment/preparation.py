@@ -11,8 +11,14 @@ import numpy as np
 
 from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
-from fmus.kit.units import format_range, format_value
-from orchestration.experiment.model import Experiment, Master, NoiseTable, WorkLoopTable
+from fmus.kit.units import convert, format_range, format_value
+from orchestration.experiment.model import (
+    UNITS_OF_LOOP,
+    Experiment,
+    Master,
+    NoiseTable,
+    WorkLoopTable,
+)
 from orchestration.experiment.stimulus import Place
 from orchestration.experiment.subjects import Subject, known
 from orchestration.fmu import LimitOutputs, Signal, Value, check_type, is_text, read_setting
@@ -20,6 +26,7 @@ from orchestration.fmu import simulation as simulate
 from orchestration.system import checking
 
 _NOISE = 1  # parts the random numbers of a signal's noise from those of a stimulus
+_STEPS_OF_LOOP = 3  # in a period, as fewer points enclose no area
 _SAME = 1e-3  # share of its range by which a reference may differ from cycle to cycle
 _IMBALANCE = "Energy that the coupling made since the start, an error of co-simulation"
 
@@ -124,7 +131,8 @@ def prepare(
         shown = {name: on.inputs[name] for name in inputs} | recorded
         known(experiment.over, shown, "over: nothing recorded", where)
     if experiment.work_loop:
-        _check_work_loop(experiment.work_loop, time, inputs, recorded, where)
+        signals = {name: on.inputs[name] for name in inputs} | recorded
+        _check_work_loop(experiment.work_loop, time, inputs, signals, where)
     return Preparation(experiment, on, time, settings, inputs, noise, record)
 
 
@@ -132,12 +140,18 @@ def _check_work_loop(
     table: WorkLoopTable,
     time: Array,
     inputs: Mapping[str, Array],
-    recorded: Mapping[str, Signal],
+    signals: Mapping[str, Signal],
     where: str,
 ) -> None:
-    """Refuse a table whose signals are not there, or whose reference is another in every cycle."""
+    """Refuse a table whose signals are not there or others, or whose reference is no loop."""
     for key in ("length", "current", "voltage"):
-        known(getattr(table, key), recorded, f"work_loop.{key}: no output recorded", where)
+        known(getattr(table, key), signals, f"work_loop.{key}: no output recorded", where)
+    step = time[1] - time[0]
+    if table.period < _STEPS_OF_LOOP * step:
+        raise UserError(
+            f"{where}: work_loop.period = {table.period:g} s: must be at least"
+            f" {_STEPS_OF_LOOP} steps of {step:g} s"
+        )
     later = time[time >= time[0] + table.period]
     for key in ("force", "reference"):
         name = getattr(table, key)
@@ -151,6 +165,9 @@ def _check_work_loop(
                 f"{where}: work_loop.period = {table.period:g} s: {name} is not the same again"
                 " after that time, as a loop has to be"
             )
+    for key, unit in UNITS_OF_LOOP.items():
+        name = getattr(table, key)
+        convert(0.0, signals[name].unit, unit, f"{where}: work_loop.{key}: {name}")
 
 
 def _recorded_outputs(experiment: Experiment, on: Subject, where: str) -> list[str]:

@@ -90,7 +90,7 @@ def _draw_signal(panel: Axes, across: Array, signal: xarray.DataArray, over: str
         values,
         color=None if variant else pictures.MODEL,
         drawstyle="steps-post" if held else "default",
-        label=variant,
+        label=variant and pictures.plain(variant),
     )
     if variant:
         panel.legend(fontsize=8)

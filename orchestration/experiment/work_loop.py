@@ -17,8 +17,10 @@ from fmus import component
 from fmus.kit import Component, UserError, suggestion
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
+from fmus.kit.units import convert
 from orchestration import master
 from orchestration.experiment import execution
+from orchestration.experiment.model import UNITS_OF_LOOP
 from orchestration.experiment.reading import read
 from orchestration.reporting import pictures
 
@@ -66,7 +68,7 @@ class WorkLoop:
     Raises
     ------
     UserError
-        If force and length do not have a value each at every phase, or there is no period.
+        If force and length do not have a finite value each at every phase, or there is no period.
     """
 
     force: Array
@@ -79,8 +81,12 @@ class WorkLoop:
                 f"force has the shape {np.shape(self.force)}, length {np.shape(self.length)}:"
                 " a value of each at every phase is needed"
             )
-        if not self.period > 0.0:
-            raise UserError(f"period = {self.period:g} s: must be above 0")
+        if not np.size(self.force) or not np.isfinite([self.force, self.length]).all():
+            raise UserError("force and length: finite values are needed, and one at least")
+        if not 0.0 < self.period < np.inf:
+            raise UserError(f"period = {self.period:g} s: must be above 0, and finite")
+        for name in ("force", "length"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
 
     @classmethod
     def ellipse(
@@ -266,7 +272,26 @@ def planned_current(
     -------
     time, current : ndarray, shape (n,)
         In s and A, a fortieth of a period apart; each is held to the next.
+
+    Raises
+    ------
+    UserError
+        If the model is no actuator by its parameters, or a limit or the number of cycles is not
+        above zero.
     """
+    for name, value in {
+        "cycles": cycles,
+        "current_limit": current_limit,
+        "voltage_limit": voltage_limit,
+    }.items():
+        if not value > 0:
+            raise UserError(f"{name} = {value:g}: must be above 0")
+    shared = ("R1", "R2", "C", "alpha")
+    lacking = {*shared} - {one.name for one in model.layout.parameters}
+    if lacking:
+        raise UserError(
+            f"{model.name}: no actuator, as it has no parameter {', '.join(sorted(lacking))}"
+        )
     period = loop.period / _POINTS
     # a cycle more than is wanted, as errors are smoothed over an end that has no error behind it
     time: Array = period * np.arange((cycles + 1) * _POINTS + 1, dtype=np.float64)
@@ -275,7 +300,7 @@ def planned_current(
     given = dict(parameters or {})
     films: Any = model(**given)
     inverse: Any = component("feedforward")(
-        **{name: getattr(films, name) for name in ("R1", "R2", "C", "alpha")},
+        **{name: getattr(films, name) for name in shared},
         sample_period=period,
         current_limit=current_limit,
         voltage_limit=voltage_limit,
@@ -327,19 +352,27 @@ def tracked_loops(data: xarray.Dataset, table: WorkLoopTable) -> dict[str, Track
         the reference is taken from the first.
     """
     time = data.time.values
-    phases = np.arange(round(table.period / data.attrs["step"])) * data.attrs["step"]
+    count = round(table.period / data.attrs["step"])
+    phases = table.period * np.arange(count) / count
     force, reference = (
-        np.interp(phases, time, data[name].values) for name in (table.force, table.reference)
+        np.interp(phases, time, _of_loop(data, table, key)) for key in ("force", "reference")
     )
     loop = WorkLoop(force, reference, table.period)
     variants = {
         v.attrs["variant"]: f"{v.attrs['variant']}." for v in data.values() if "variant" in v.attrs
     }
-    names = (table.length, table.current, table.voltage)
+    keys = ("length", "current", "voltage")
     return {
-        variant: TrackedLoop(loop, time, *(data[f"{before}{name}"].values for name in names))
+        variant: TrackedLoop(loop, time, *(_of_loop(data, table, key, before) for key in keys))
         for variant, before in (variants or {"run": ""}).items()
     }
+
+
+def _of_loop(data: xarray.Dataset, table: WorkLoopTable, key: str, before: str = "") -> Array:
+    """Return the signal of a key of the table, by the prefix of a variant, in SI."""
+    array = data[before + getattr(table, key)]
+    values: Array = convert(array.values, array.units, UNITS_OF_LOOP[key])
+    return values
 
 
 def figures(loops: Mapping[str, TrackedLoop]) -> dict[str, Any]:
@@ -371,26 +404,16 @@ def picture(
     for mode, tracked in loops.items():
         last = tracked.time >= tracked.time[-1] - tracked.loop.period
         force = tracked.loop.force_at(tracked.time[last])
-        axes["loop"].plot(1e3 * tracked.length[last], force, label=mode)
+        axes["loop"].plot(1e3 * tracked.length[last], force, label=pictures.plain(mode))
         _draw_cycles([axes[name] for name in ("error", "work", "energy")], tracked.cycles())
     axes["loop"].set_xlabel("length [mm]")
     axes["loop"].legend(fontsize=8)
-    _scale_error(axes["error"])
+    pictures.logarithmic_values(axes["error"])
     pictures.label(axes["loop"], "force", "N")
     pictures.label(axes["error"], "error, rms", "um")
     pictures.label(axes["work"], "work taken up", "uJ")
     pictures.label(axes["energy"], "electrical energy", "J")
     return figure
-
-
-def _scale_error(axis: Axes) -> None:
-    """Give an axis of errors a logarithmic scale, whose ticks are numbers also within a decade."""
-    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
-
-    axis.set_yscale("log")
-    axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _draw_thesis_loop(axis: Axes) -> None:
@@ -412,4 +435,4 @@ def _draw_cycles(axes: Sequence[Any], cycles: Sequence[Cycle]) -> None:
     axes[2].plot(numbers, [cycle.electrical_energy for cycle in cycles], "o-")
     for axis in axes:
         axis.set_xlabel("cycle")
-        axis.set_xticks(numbers)
+        pictures.whole_numbers(axis)

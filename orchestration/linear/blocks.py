@@ -172,13 +172,13 @@ class LinearBlocks:
                 known = (*self.inputs, *self.states, *self.discretes)
                 raise UserError(
                     f"{option('inputs', [name])}: no input or state of this name"
-                    f"{suggestion(name, known)}; there are {_listed(known)}"
+                    f"{suggestion(name, known) or f'; there are {_listed(known)}'}"
                 )
         for name in outputs:
             if name not in self.signals:
                 raise UserError(
                     f"{option('outputs', [name])}: no signal of this name"
-                    f"{suggestion(name, self.signals)}; there are {_listed(self.signals)}"
+                    f"{suggestion(name, self.signals) or f'; there are {_listed(self.signals)}'}"
                 )
         on_path = self._on_path(inputs, outputs)
         dropped = {n for n in (*self.states, *self.discretes) if n not in on_path}

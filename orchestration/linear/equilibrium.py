@@ -208,6 +208,7 @@ def _laws(
     return rows, laws
 
 
+@np.errstate(over="ignore")  # a residual without bounds is no equilibrium, which is told
 def _solve(equations: _Equations) -> tuple[Array, Array]:
     """Solve by Gauss-Newton with steps of least norm; return the unknowns and the residual.
 

@@ -41,6 +41,11 @@ class SineSweep:
         Time of the operating point, s, from which on there is a sine.
     settling : float
         Time of the sine before it is evaluated, s, at least; it covers twelve cycles, too.
+
+    Raises
+    ------
+    UserError
+        If frequencies, amplitude, period or step are not above zero, or there is no frequency.
     """
 
     frequencies: Array
@@ -49,6 +54,12 @@ class SineSweep:
     step: float
     at: float = 0.0
     settling: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("frequencies", "amplitude", "period", "step"):
+            values = np.asarray(getattr(self, name), dtype=float)
+            if not values.size or not np.all((values > 0.0) & np.isfinite(values)):
+                raise UserError(f"{name} = {getattr(self, name)}: finite, and above 0")
 
 
 def sine_sweep(

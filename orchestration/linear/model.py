@@ -215,6 +215,9 @@ class LinearModel(Displayable):
         yield f"{self.name} {self.point.words}, {time}, by {self.method}"
         if self.loop:
             yield f"loop transfer function, cut at {self.loop}: {_margin_words(self.margins())}"
+        for one in self.further:
+            margins = f": {_margin_words(one.margins())}" if one.loop else ""
+            yield f"also {one.point.words}{margins}"
         table = plain_table(
             None, "signal", "is", "operating point", "unit", right=["operating point"]
         )
@@ -306,10 +309,12 @@ def w_plane(sampled: control.StateSpace) -> control.StateSpace:
     Raises
     ------
     UserError
-        If it has a pole at z = -1, which is at infinity there.
+        If it has a pole at z = -1, which is at infinity there, or is not sampled.
     """
     import control
 
+    if not sampled.dt:
+        raise UserError("a continuous system has no w-plane; it is that of a sampled one")
     n = sampled.nstates
     beside = np.eye(n) + sampled.A
     if n and np.linalg.cond(beside) > 1.0 / np.finfo(float).eps:

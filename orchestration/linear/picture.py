@@ -96,7 +96,9 @@ def _draw_band(model: LinearModel, frequencies: Array, gain: Axes, phase: Axes, 
 
 def _label(model: LinearModel, gain: Axes, phase: Axes, step: Axes, plane: Axes) -> None:
     units = model.units.get(model.outputs[0], "1"), model.units.get(model.inputs[0], "1")
-    pictures.label(gain, "gain", "dB" if units[0] == units[1] else f"dB re {units[0]}/({units[1]})")
+    below = units[1] if units[1].isalpha() else f"({units[1]})"
+    quotient = f"{units[0]}/{below}"
+    pictures.label(gain, "gain", "dB" if units[0] == units[1] else f"dB re {quotient}")
     pictures.label(phase, "phase", "deg")
     closed = ", loop closed" if model.loop else ""
     pictures.label(step, f"{model.outputs[0]}\nafter a step{closed}", units[0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 FORMATS = (".png", ".svg", ".pdf")
 MEASURED, MODEL, FITTED = "#8a97a3", "#0b6aa2", "#d1495b"
+_LINE = 26  # characters that go beside a panel of the usual height
 _STYLE = {
     "axes.grid": True,
     "grid.color": "#e3e8ec",
@@ -83,13 +85,19 @@ def mosaic(rows: Sequence[Sequence[str]], title: str) -> tuple[ShownFigure, dict
 
 def _entitle(figure: Figure, title: str) -> None:
     # a file name may hold bytes that no font can draw
-    text = title.encode(errors="backslashreplace").decode()
+    text = plain(title.encode(errors="backslashreplace").decode())
     figure.suptitle(text, x=0.01, ha="left", fontweight="bold")
 
 
+def plain(text: str) -> str:
+    """Return a text of the user's as it is drawn to the letter, where $ begins a formula."""
+    return text.replace("$", r"\$")
+
+
 def label(axis: Axes, name: str, unit: str) -> None:
-    """Name the vertical axis with its unit."""
-    text = name.replace("_", " ")
+    """Name the vertical axis with its unit, in lines that a panel has room for."""
+    lines = [line for part in name.splitlines() for line in wrap(part.replace("_", " "), _LINE)]
+    text = plain("\n".join(lines))
     axis.set_ylabel(text if unit == "1" else f"{text}\n[{unit}]")
 
 
@@ -98,6 +106,22 @@ def logarithmic(axes: list[Axes], time: Array) -> None:
     steps = np.diff(time)
     if len(steps) and steps.max() > 1000.0 * steps.min():
         axes[-1].set_xscale("log")
+
+
+def logarithmic_values(axis: Axes) -> None:
+    """Make the vertical axis logarithmic, with its values written out."""
+    from matplotlib.ticker import LogFormatter
+
+    axis.set_yscale("log")
+    axis.yaxis.set_major_formatter(LogFormatter())
+    axis.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(1.5, 0.8)))
+
+
+def whole_numbers(axis: Axes) -> None:
+    """Mark the horizontal axis at whole numbers only, at as many as it has room for."""
+    from matplotlib.ticker import MaxNLocator
+
+    axis.xaxis.set_major_locator(MaxNLocator("auto", integer=True))
 
 
 def picture_format(path: Path) -> str:

@@ -35,6 +35,8 @@ def linearise(options: LineariseCommand) -> None:
         {"--json": options["json"], "--mat": options["mat"], "--plot": options["plot"]},
         {"--json": JSON, "--mat": _MAT, "--plot": pictures.FORMATS},
     ).check()
+    if options["mapping"] and options["input_file"] is None:
+        raise UserError("--map renames the columns of a record; give the record with --input")
     chosen = only(LineariseKeywords, options)
     chosen["over"] = ranges_of(options["over"]) or None
     with progress() as tell:

@@ -468,8 +468,8 @@ class BesideOption(TypedDict, total=False):
     model: Annotated[
         str | None,
         Option(
-            "Shown beside the record: a component (see ppy list), path/to/file.py:Class, or an .fmu"
-            " file.",
+            "Shown beside the record: a component (see ppy list), path/to/file.py:Class, an .fmu"
+            " file, or a system: its name or .ssp file.",
             metavar="MODEL",
             complete="component",
         ),

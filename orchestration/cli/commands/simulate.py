@@ -23,8 +23,10 @@ _SYSTEMS = (".ssp", ".ssd")  # as in system.ssp, which takes half a second to lo
 @command(SimulateCommand)
 def simulate(options: SimulateCommand) -> None:
     """Simulate a component, any FMU, or a system of FMUs."""
+    from fmus import MODELS
     from orchestration.cli.models import model_file
     from orchestration.reporting import pictures
+    from orchestration.system import NAMES
 
     if options["mapping"] and options["input_file"] is None:
         raise UserError("--map renames the columns of a record; give the record with --input")
@@ -33,7 +35,8 @@ def simulate(options: SimulateCommand) -> None:
         {"--out": options["out"], "--plot": options["plot"]},
         {"--out": SIGNALS, "--plot": pictures.FORMATS},
     ).check()
-    if Path(options["model"]).suffix.lower() in _SYSTEMS:
+    name = options["model"]
+    if Path(name).suffix.lower() in _SYSTEMS or (name in NAMES and name not in MODELS):
         _simulate_system(options)
     else:
         _simulate_model(options)

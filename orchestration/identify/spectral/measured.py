@@ -140,11 +140,19 @@ def _ratios(
     return [_ratio(record, inputs, varying, text) for text in of]
 
 
-def _ratio(record: Record, inputs: Sequence[str], varying: Sequence[str], text: str) -> Ratio:
-    written = option("of", text)
+def parts_of_ratio(text: str) -> tuple[str, str]:
+    """Return the two signals of a ratio, such as ``voltage/current``; UserError if it is none."""
     above, slash, below = (part.strip() for part in text.partition("/"))
     if not (slash and above and below) or above == below:
-        raise UserError(f"{written}: write a ratio of two signals, such as voltage/current")
+        raise UserError(
+            f"{option('of', text)}: write a ratio of two signals, such as voltage/current"
+        )
+    return above, below
+
+
+def _ratio(record: Record, inputs: Sequence[str], varying: Sequence[str], text: str) -> Ratio:
+    written = option("of", text)
+    above, below = parts_of_ratio(text)
     for name in (above, below):
         if name not in record.signals:
             raise UserError(

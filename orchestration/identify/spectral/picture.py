@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SINGLE = 60  # lines up to which each is drawn by itself
-_MARGIN = 1.5  # factor beyond the magnitudes that are seen
+_MARGIN = 1.5  # factor beyond the frequencies, and magnitudes that are seen
 _MODEL: dict[str, Any] = {"color": pictures.MODEL, "lw": 1.2, "label": "model"}
 _RECORD: dict[str, Any] = {"color": pictures.FITTED, "label": "record, 95 %"}
 
@@ -53,6 +53,8 @@ def draw(responses: Sequence[Response], title: str) -> Figure:
 def _over_frequency(axis: Axes, frequency: Any, interval: Interval, drawn: Mask) -> None:
     """Draw a quantity with its interval: line by line if they are few, else as a band."""
     axis.set_xscale("log")
+    # before anything is drawn, as a single frequency makes no scale of itself
+    axis.set_xlim(frequency.min() / _MARGIN, frequency.max() * _MARGIN)
     value, low, high = (np.where(drawn, ends, np.nan) for ends in interval)
     if frequency.size <= _SINGLE:
         ends = [value - low, high - value]
@@ -74,9 +76,7 @@ def _bode_axes(above: Axes, below: Axes, response: Response) -> None:
     pictures.label(above, "magnitude", response.unit)
     pictures.label(below, "phase", "deg")
     below.set_xlabel("frequency [Hz]")
-    above.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1
-    )
+    above.legend(fontsize=8)
 
 
 def _nyquist(axis: Axes, response: Response) -> None:
@@ -103,6 +103,7 @@ def _nyquist(axis: Axes, response: Response) -> None:
     if response.model is not None:
         axis.plot(response.model.real, response.model.imag, ".-", ms=3, **_MODEL)
     axis.margins(0.2)
+    axis.locator_params(axis="x", nbins=5)
     parts = ("storage", "loss") if response.is_stiffness else ("real part", "imaginary part")
     unit = "" if response.unit == "1" else f" [{response.unit}]"
     axis.set_xlabel(f"{parts[0]}{unit}")

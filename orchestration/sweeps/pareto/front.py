@@ -130,7 +130,8 @@ class Front(Displayable):
         name, *others = self.objectives
         shown = list(self.parameters)[: 6 - len(others)]
         figure, axes = pictures.panels(len(others) + len(shown), self.model, name)
-        axes[-1].set_xlabel(f"{name} [{self.objectives[name]}]".removesuffix(" [1]"))
+        below = f"{name.replace('_', ' ')} [{self.objectives[name]}]".removesuffix(" [1]")
+        axes[-1].set_xlabel(below)
         for axis, other in zip(axes, others, strict=False):
             axis.plot(*self.values.T, ".-", color=pictures.MODEL, label="front")
             axis.plot(*self.nominal, "x", color=pictures.FITTED, label="as it is")

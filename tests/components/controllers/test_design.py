@@ -73,3 +73,9 @@ def test_a_phase_that_no_pid_turns_is_refused_in_a_line():
     assert "\n" not in str(caught.value)
     with pytest.raises(UserError, match="above 0 Hz"):
         pid_gains(behind, 0.0, 60.0)
+    for margin in (0.0, 200.0, np.nan):
+        with pytest.raises(UserError, match=f"phase margin {margin:g} degrees: above 0 and below"):
+            pid_gains(behind, 1.0, margin)
+    for nothing in (0j, complex(np.nan)):
+        with pytest.raises(UserError, match="a finite one that is not zero"):
+            pid_gains(nothing, 1.0, 60.0)

@@ -9,6 +9,7 @@ from orchestration.api.declaration import (
     options_of,
 )
 from orchestration.api.forms import (
+    SETTINGS,
     comma_list,
     given_names,
     names_among,
@@ -106,3 +107,8 @@ def test_names_are_those_that_are_known():
     assert form.read("wet, dry", "--require") == ["wet", "dry"]
     with pytest.raises(UserError, match="--require damp: there are dry, wet"):
         form.read("wet,damp", "--require")
+
+
+def test_a_setting_is_given_once():
+    with pytest.raises(UserError, match="--set R1=2: R1 has a value already"):
+        SETTINGS.read(["R1=1", "C=3", "R1=2"], "--set")

@@ -86,6 +86,7 @@ def test_a_record_that_was_read_is_taken_with_its_units(file):
     [
         ({}, "name ratios of columns, such as voltage/current, or a model with model="),
         ({"of": "voltage/curent"}, "no column 'curent'"),
+        ({"of": "voltage"}, "of=.*voltage.*: write a ratio of two signals"),
         ({"of": "voltage/current", "settings": {"R1": 1.0}}, "settings=: there is no model"),
         ({"of": "voltage/current", "mapping": {"a": "b"}}, "mapping=: there is no model"),
         ({"of": "voltage/current", "band": "2Hz..1Hz"}, "the first frequency must be below"),

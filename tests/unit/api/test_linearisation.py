@@ -12,7 +12,7 @@ import pytest
 
 import orchestration as ppy
 from fmus import component, effects
-from fmus.kit import stack
+from fmus.kit import UserError, stack
 from orchestration.system import library, ssp
 
 R1, R2, C, ALPHA = 0.43, 2.35, 2.70, 6.8e-5
@@ -170,3 +170,21 @@ def test_a_system_with_an_fmu_without_equations_is_refused(lag):
 def test_a_cut_has_its_own_signals():
     with pytest.raises(ppy.UserError, match=r"cut='bench\.tension' has its own input and output"):
         ppy.linearise("dma_bench", cut="bench.tension", inputs="current")
+
+
+def test_no_values_are_no_band():
+    with pytest.raises(UserError, match="needs samples=, from 1 to"):
+        ppy.linearise("ppy_actuator", over={"k1": "4e3..8e3"}, samples=0)
+
+
+def test_values_are_drawn_of_something():
+    with pytest.raises(UserError, match="samples=5: nothing is drawn without over= or fitted="):
+        ppy.linearise("ppy_actuator", samples=5)
+
+
+def test_an_operating_point_lies_within_what_drives():
+    time = np.arange(11.0)
+    driven = {"current": 0.1 * time}
+    assert ppy.linearise("ppy_actuator", driven, time=time, at=10.0).point.time == 10.0
+    with pytest.raises(UserError, match="at='11': the inputs that vary end at 10 s"):
+        ppy.linearise("ppy_actuator", driven, time=time, at=[2.0, 11.0])

@@ -97,6 +97,8 @@ def test_a_file_in_the_place_of_a_folder(folder):
 
 def test_standard_output_is_no_file(folder):
     Outputs({"the record": Path("-")}, {"--json": STANDARD_OUTPUT}, {"--json": (".json",)}).check()
+    with pytest.raises(UserError, match=r"--mat -: its name must end in \.mat, not 'nothing'"):
+        Outputs({}, {"--mat": STANDARD_OUTPUT}, {"--mat": (".mat",)}).check()
 
 
 def test_formats_of_signals_are_those_that_are_written():

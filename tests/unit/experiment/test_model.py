@@ -53,6 +53,11 @@ FUSED = 'system = "dma_bench"\nmaster = {method = "fused"'
             ["extrapolation", "a fused system has none"],
         ),
         (
+            "[inputs]",
+            '[variants]\n"" = {R1 = 0.5}\n[inputs]',
+            ["variants: every variant needs a name"],
+        ),
+        (
             'component = "ppy_actuator"',
             f'runtime = "python"\n{FUSED}}}',
             ["runtime = 'python'", "compiled"],

@@ -4,12 +4,14 @@ import json
 
 import numpy as np
 import pytest
+import xarray
 
 from fmus import component, effects
 from fmus.kit import UserError, stack
 from fmus.kit.record import CompiledModel
 from orchestration.experiment import result_page
 from orchestration.experiment.execution import run
+from orchestration.experiment.model import WorkLoopTable
 from orchestration.experiment.reading import read
 from orchestration.experiment.work_loop import (
     MODES,
@@ -139,6 +141,22 @@ def test_errors_of_users_are_a_line():
         WorkLoop(np.zeros(2), np.zeros(3))
     with pytest.raises(UserError, match=r"period = 0 s: must be above 0"):
         WorkLoop(np.zeros(2), np.zeros(2), 0.0)
+    for values in ([], [0.0, np.nan]):
+        with pytest.raises(UserError, match="force and length: finite values are needed"):
+            WorkLoop(np.array(values), np.array(values))
+    with pytest.raises(UserError, match="period = inf s: must be above 0, and finite"):
+        WorkLoop(np.zeros(2), np.zeros(2), np.inf)
+    for name, value in {"cycles": 0, "current_limit": -1.0, "voltage_limit": np.nan}.items():
+        with pytest.raises(UserError, match=f"{name} = {value:g}: must be above 0"):
+            planned_current(ACTUATOR, LOOP, **{name: value})
+    with pytest.raises(
+        UserError, match="pid: no actuator, as it has no parameter C, R1, R2, alpha"
+    ):
+        planned_current(component("pid"), LOOP)
+
+
+def test_a_loop_may_be_a_list():
+    assert WorkLoop([1.0, 3.0], [0.0, 1.0], 2.0).force_at(np.array([0.5])) == pytest.approx(2.0)
 
 
 # --- as an experiment
@@ -213,11 +231,38 @@ def test_the_page_of_the_experiment_has_its_cycles_and_loops(made, tmp_path):
             r"work_loop.force: no input driven named 'fource' \(did you mean force\?",
         ),
         ("period='7 s'", "work_loop.period = 7 s: force is not the same again after that time"),
+        ("period='1 ms'", "work_loop.period = 0.001 s: must be at least 3 steps of 0.01 s"),
+        ("force='reference'", "work_loop.force: reference: unit 'm' cannot be converted to 'N'"),
+        (
+            "current='actuator.voltage'",
+            "work_loop.current: actuator.voltage: unit 'V' cannot be converted to 'A'",
+        ),
     ],
 )
 def test_a_table_that_does_not_fit_is_refused_before_the_run(setting, message):
     with pytest.raises(UserError, match=message):
         run(read("work_loop", [f"work_loop.{setting}"]))
+
+
+def test_a_length_that_is_the_reference_has_no_error_where_the_period_is_no_multiple_of_the_step():
+    """In millimetres, to be read in metres; straight lines between samples leave 1e-4."""
+    time = 0.07 * np.arange(429)
+    reference = np.sin(2.0 * np.pi * time / 10.0)  # mm
+    held = {"force": ("N", reference), "reference": ("mm", reference), "length": ("mm", reference)}
+    held |= {"current": ("A", 0.0 * time), "voltage": ("V", 0.0 * time)}
+    variables = {name: ("time", values, {"units": unit}) for name, (unit, values) in held.items()}
+    data = xarray.Dataset(variables, {"time": time}, {"step": 0.07})
+    table = WorkLoopTable(period=10.0, **{name: name for name in held})
+    assert errors(tracked_loops(data, table)["run"]) == pytest.approx(0.0, abs=4e-7)
+
+
+def test_many_cycles_are_marked_as_far_as_they_can_be_read(tracked):
+    many = TrackedLoop(LOOP, np.arange(0.0, 1001.0, 0.5), *np.ones((3, 2002)))
+    axes = {axis.get_ylabel(): axis for axis in picture({"$\\bad{$": many}).axes}
+    ticks = axes["electrical energy\n[J]"].get_xticks()
+    assert len(ticks) < 15
+    assert np.array_equal(ticks, np.round(ticks))
+    assert "log" in axes["error, rms\n[um]"].get_yscale()
 
 
 def test_part_of_a_cycle_is_no_loop():

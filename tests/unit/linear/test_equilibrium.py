@@ -111,6 +111,7 @@ def test_a_position_that_nothing_determines_stays_where_it_started():
             [],
             "for each of these a state or an output is fixed, here 0",
         ),
+        ({"displacement": 1e300}, ["current"], [], "displacement = 1e.300 cannot be met"),
         ({"charge": 1.0}, ["k1"], [], "no equilibrium found"),
         ({"kelvin_elongation": 0.0}, ["k1"], [], "does not determine k1"),
         ({"forse": 1.0}, [], [], "'forse', which is no input, state or output.*force"),

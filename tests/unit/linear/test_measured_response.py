@@ -52,6 +52,23 @@ def test_it_is_about_the_operating_point(system):
     np.testing.assert_allclose(found["lag.bent"], 3.0 * exact(frequencies, 0.1), rtol=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("frequencies", np.array([0.5, 0.0])),
+        ("frequencies", np.array([np.nan])),
+        ("frequencies", np.array([])),
+        ("amplitude", 0.0),
+        ("period", -1.0),
+        ("step", np.inf),
+    ],
+)
+def test_a_sweep_of_nothing_is_refused(name, value):
+    given = {"frequencies": np.array([1.0]), "amplitude": 0.1, "period": 0.1, "step": 0.1}
+    with pytest.raises(UserError, match=rf"{name} = .*: finite, and above 0"):
+        SineSweep(**given | {name: value})
+
+
 def test_a_frequency_that_is_too_high_for_the_hold_is_refused(system):
     with pytest.raises(UserError, match=r"3 Hz: a sine that is held for 0\.1 s .* up to 2\.5 Hz"):
         sine_sweep(system, "u", ["lag.x"], SineSweep(np.array([3.0]), 0.1, 0.1, 0.1))

@@ -6,6 +6,7 @@ Oracles: transfer functions on paper, scipy's discretisation and reader of MATLA
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -73,6 +74,11 @@ def test_the_w_plane_is_tustins_rule_backwards():
         w_plane(model([[-1.0]], [[1.0]], [[1.0]], [[0.0]], 0.1).part())
 
 
+def test_a_continuous_system_has_no_w_plane():
+    with pytest.raises(UserError, match="a continuous system has no w-plane"):
+        w_plane(third_order(2.0).state_space)
+
+
 def test_responses_poles_and_zeros():
     # (s + 3) / (s + 1), as -1 x + 2 u and x + u
     lead = model([[-1.0]], [[2.0]], [[1.0]], [[1.0]])
@@ -131,4 +137,8 @@ def test_the_text_tells_margins_poles_and_the_operating_point():
     assert "m at 1 s, continuous, by paper" in text
     assert "-2" in text
     assert "gain margin without limit" in str(model([[0.0]], [[1.0]], [[1.0]], [[0.0]], loop="y"))
+    later = replace(third_order(4.0), point=OperatingPoint(3.0, {}, {}, {}, {}))
+    text = str(replace(third_order(2.0), further=(later,)))
+    assert "also at 3 s: phase margin" in text
+    assert "gain margin 1.5 at 0.2251 Hz" in text
     assert repr(third_order(2.0)) == "<LinearModel m at 1 s: a.u -> y>"

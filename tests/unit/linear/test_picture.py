@@ -45,7 +45,7 @@ def test_operating_points_and_the_band_of_values():
     time, response = step.lines[0].get_data()
     np.testing.assert_allclose(response, 1.0 - np.exp(-time), atol=1e-6)
     assert plane.lines[0].get_xdata().tolist() == [-1.0]
-    assert "dB re V/(A)" in gain.get_ylabel()
+    assert "[dB re V/A]" in gain.get_ylabel()
     assert phase.get_xlabel() == "frequency [Hz]"
 
 

@@ -35,6 +35,32 @@ def test_an_axis_has_the_unit_of_its_signal(drawn):
     assert (upper.get_ylabel(), lower.get_ylabel()) == ("motor voltage\n[V]", "life used")
 
 
+def test_a_name_stays_beside_its_panel(drawn):
+    figure, (upper, lower) = drawn
+    pictures.label(upper, "imbalance actuator.displacement <-> stand.tension", "J")
+    pictures.label(lower, "displacement_measured_at_the_end", "m")
+    figure.draw_without_rendering()
+    above, below = (axis.yaxis.label.get_window_extent() for axis in (upper, lower))
+    assert above.y0 > below.y1
+    assert above.x0 > 0.0
+
+
+def test_a_dollar_is_a_dollar(drawn, tmp_path):
+    figure, (upper, _) = pictures.panels(2, "$\\nosuch{$")
+    pictures.label(upper, "$\\nosuch{$", "1")
+    assert pictures.plain("5 $") == "5 \\$"
+    pictures.save(figure, tmp_path / "drawn.svg")
+
+
+def test_a_logarithm_has_its_values_written_out(drawn):
+    figure, (upper, _) = drawn
+    upper.plot([0.0, 1.0], [2.0, 60.0])
+    pictures.logarithmic_values(upper)
+    figure.draw_without_rendering()
+    labels = upper.yaxis.get_ticklabels(which="both")
+    assert {"10"} < {label.get_text() for label in labels} - {""} < {str(n) for n in range(101)}
+
+
 @pytest.mark.parametrize(
     ("time", "scale"),
     [(np.geomspace(1.0, 1e4, 50), "log"), (np.arange(1.0, 50.0), "linear"), ([3.0], "linear")],

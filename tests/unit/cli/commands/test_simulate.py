@@ -98,3 +98,10 @@ def test_simulate_a_part_of_a_record(record, tmp_path):
     assert "121 points from 0 s to 120 s" in works(
         "simulate", "ppy_actuator", "--input", record, "--stop", 120, "--step", 1, cwd=tmp_path
     )
+
+
+def test_a_system_is_simulated_by_its_name(tmp_path):
+    """Where a component has the name, it is that."""
+    arguments = ["--set", "force_reference=1N", "--stop", "0.1s"]
+    assert "bench.force_measured" in works("simulate", "dma_bench", *arguments, cwd=tmp_path)
+    assert "stand." not in works("simulate", "isotonic_stand", "--stop", "1s", cwd=tmp_path)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,17 @@ def test_a_response_is_drawn_over_frequency_and_in_the_plane(count):
     assert model.get_ydata() == pytest.approx(np.degrees(np.angle(one.values)))
     assert plane.lines[0].get_ydata() == pytest.approx(one.values.imag)
     assert magnitude.get_legend() is not None
+
+
+def test_one_frequency_is_in_the_middle_of_its_axis_and_numbers_have_room():
+    """Warnings are errors here: an axis of no width gives one."""
+    figure = draw([response(1, model=False, unit="m/N")], "run.csv")
+    _, plane, phase = figure.axes
+    low, high = phase.get_xlim()
+    assert np.sqrt(low * high) == pytest.approx(0.01)
+    figure.draw_without_rendering()
+    shown = [label.get_window_extent() for label in plane.get_xticklabels() if label.get_text()]
+    assert all(a.x1 < b.x0 for a, b in pairwise(shown))
 
 
 def test_regions_are_circles_of_their_size_and_what_is_lost_in_noise_has_none():
