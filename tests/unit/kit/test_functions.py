@@ -196,8 +196,9 @@ def test_clip_stays_inside(x, low, high):
     assert alike(symbolic(lambda v: clip(v, low, high), x), value)
 
 
-@given(x=reals, low=st.floats(-10, 0), high=st.floats(0, 10))
+@given(x=reals.filter(lambda x: not math.isnan(x)), low=st.floats(-10, 0), high=st.floats(0, 10))
 def test_outside_is_what_clip_takes_away(x, low, high):
+    """Of numbers: what is none has no side, and FMUs refuse it."""
     value = outside(x, low, high)
     assert alike(value, x - clip(x, low, high))
     assert alike(on_array(lambda v: outside(v, low, high), x), value)
