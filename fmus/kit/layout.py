@@ -25,7 +25,7 @@ from .errors import DeclarationError, UserError, suggestion
 
 _TYPES = ("real", "integer", "boolean")
 APART = "_apart"  # declarations of a class body that have left it already
-_LONGEST_TEXT = 511  # bytes, of fmi2/engine.h
+_LONGEST_TEXT = 511  # bytes, of fmi/engine.h
 LONGEST_SHIFT = 2  # parameters, of fmi2/any_model.h
 
 

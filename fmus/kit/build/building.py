@@ -90,9 +90,9 @@ def plan_build(cls: type[Component], runtime: str) -> BuildPlan:
         return {"modelDescription.xml": describe(cls, graph, can, version(), guid)}
 
     guid = archive.identity(
-        contents | c_sources(graph, engine, archive.NO_GUID) | described(archive.NO_GUID)
+        contents | c_sources(graph, engine, archive.NO_GUID, 2) | described(archive.NO_GUID)
     )
-    sources = c_sources(graph, engine, guid)
+    sources = c_sources(graph, engine, guid, 2)
     contents |= described(guid)
     if native:
         contents |= {f"sources/{name}": text for name, text in sources.items()}

@@ -80,9 +80,9 @@ def host_platform() -> str:
     return name
 
 
-def fmi_headers() -> Path:
-    """Return the folder of the headers of FMI 2.0.1, as the standard has them."""
-    return Path(__file__).parents[1] / "fmi2" / "standard"
+def fmi_headers(version: int) -> Path:
+    """Return the folder of the headers of FMI 2.0 or 3.0, as the standard has them."""
+    return Path(__file__).parents[1] / "fmi" / f"fmi{version}" / "standard"
 
 
 @dataclass(frozen=True)
