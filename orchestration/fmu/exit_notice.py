@@ -45,7 +45,8 @@ def _start_watch() -> bool:
     watch = load_exit_watch()
     if watch is None:
         return False
-    for memory in (_open_count, _notice):  # it is read after Python has ended, and freed its objects
+    # the watch reads them after Python has ended and freed its objects
+    for memory in (_open_count, _notice):
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(memory))
     watch(ctypes.byref(_open_count), _notice)
     atexit.register(_stop_watch)  # an exit by Python is not one by an FMU

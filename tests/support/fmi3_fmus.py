@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
+import functools
+import shutil
 import subprocess
 import tempfile
 import zipfile
@@ -10,6 +13,7 @@ from pathlib import Path
 
 import fmpy
 
+from tests.support.archive import edited
 from tests.support.hosts import HEADERS, TESTS, compiler
 
 FRAME = TESTS / "c" / "fmi3"
@@ -180,7 +184,8 @@ def _types() -> str:
 """
 
 
-def _wide(count: int) -> str:
+def wide_body(count: int) -> str:
+    """The variables and the structure of an FMU with arrays of many elements."""
     return f"""
   <ModelVariables>
     {_TIME}
@@ -235,4 +240,25 @@ def build(name: str, folder: Path, *flags: str, body: str | None = None) -> Path
 
 def build_wide(count: int, folder: Path) -> Path:
     """Compile an FMU whose input and output are arrays of many elements."""
-    return build("wide", folder, f"-DN={count}", body=_wide(count))
+    return build("wide", folder, f"-DN={count}", body=wide_body(count))
+
+
+@functools.cache
+def foreign(name: str) -> Path:
+    """One of the models as an FMU, compiled once a process."""
+    folder = Path(tempfile.mkdtemp(prefix="foreign3_"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return build(name, folder)
+
+
+def changed(name: str, folder: Path, old: str, new: str) -> Path:
+    """One of the models with a text of its description replaced, which must be there."""
+    text = description(name)
+    assert old in text
+
+    def edit(member: str, contents: bytes) -> tuple[str, bytes]:
+        is_description = member == "modelDescription.xml"
+        return member, text.replace(old, new).encode() if is_description else contents
+
+    path: Path = edited(foreign(name), folder / "changed.fmu", edit)
+    return path

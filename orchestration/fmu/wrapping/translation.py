@@ -39,8 +39,21 @@ _PARAMETERS = ("parameter", "calculatedParameter", "structuralParameter")
 _MOST_ELEMENTS = 200_000  # of all variables
 _MOST_DEPENDENCIES = 1_000_000  # beyond these an unknown may depend on all, which FMI 2.0 assumes
 
-_OF_MODEL = ("modelName", "description", "author", "version", "copyright", "license")
-_OF_MODEL += ("generationTool", "generationDateAndTime", "variableNamingConvention")
+_OF_MODEL = {
+    name: name
+    for name in (
+        "modelName",
+        "description",
+        "author",
+        "version",
+        "copyright",
+        "license",
+        "generationTool",
+        "generationDateAndTime",
+        "variableNamingConvention",
+    )
+}
+_OF_DISPLAY_UNIT = {name: name for name in ("name", "factor", "offset")}
 _OF_INTERFACE = {
     "modelIdentifier": "modelIdentifier",
     "needsExecutionTool": "needsExecutionTool",
@@ -72,7 +85,7 @@ class TableRow(NamedTuple):
 
     type: int
     reference: int
-    count: int
+    elements: int
 
 
 @dataclass(frozen=True)
@@ -197,7 +210,7 @@ class _Translator:
 
     def translated(self) -> Translation:
         root = Element("fmiModelDescription", fmiVersion="2.0")
-        self._copy(self._root, root, {name: name for name in _OF_MODEL})
+        self._copy(self._root, root, _OF_MODEL)
         root.set("guid", self._root.get("instantiationToken", ""))
         indicators = sum(
             variable.count for variable, _ in self._unknowns("EventIndicator") if variable
@@ -274,9 +287,8 @@ class _Translator:
             texts *= variable.count
         if texts and len(texts) != variable.count:
             name = variable.attributes.get("name", "")
-            raise self._fail(
-                name, f"has {len(texts)} start values; expected 1 or {variable.count}"
-            )
+            expected = "1" if variable.count == 1 else f"1 or {variable.count}"
+            raise self._fail(name, f"has {len(texts)} start values; expected {expected}")
         return texts
 
     def _unknowns(self, tag: str) -> Iterator[tuple[_Variable | None, Element]]:
@@ -313,8 +325,7 @@ class _Translator:
             own.extend(unit.findall("BaseUnit"))
             for display in unit.iterfind("DisplayUnit"):
                 if (unit.get("name"), display.get("name")) not in self._inverse_units:
-                    names = ("name", "factor", "offset")
-                    self._copy(display, SubElement(own, "DisplayUnit"), dict(zip(names, names)))
+                    self._copy(display, SubElement(own, "DisplayUnit"), _OF_DISPLAY_UNIT)
 
     def _add_enumerations(self, root: Element) -> None:
         enumerations = [node for node in self._types.values() if node.tag == "EnumerationType"]

@@ -58,7 +58,7 @@ def wrap(folder: Path, root: Element, label: str) -> None:
         with scratch.written(folder):
             binaries.mkdir(exist_ok=True)
             shutil.copyfile(wrapper, binaries / name)
-            table = _table(translation, str(own), f"{resources}{os.sep}" if resources.is_dir() else "")
+            table = _table(translation, own, resources)
             (binaries / f"{identifier}.table").write_bytes(table)
 
 
@@ -73,8 +73,9 @@ def _library() -> Path:
     return cached_library(sources, _UNIT, target, _LIBRARIES.get(target, ()))
 
 
-def _table(translation: Translation, library: str, resources: str) -> bytes:
+def _table(translation: Translation, library: Path, resources: Path) -> bytes:
     """Return the table that the wrapper reads when it is instantiated."""
-    lines = [library, resources, str(len(translation.table))]
-    lines += [f"{row.type} {row.reference} {row.count}" for row in translation.table]
+    place = f"{resources}{os.sep}" if resources.is_dir() else ""
+    lines = [str(library), place, str(len(translation.table))]
+    lines += [f"{row.type} {row.reference} {row.elements}" for row in translation.table]
     return os.fsencode("\n".join([*lines, ""]))
