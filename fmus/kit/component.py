@@ -29,7 +29,7 @@ class Engine:
     folder : str
         Package with the C files of the native build.
     sources : tuple of str
-        C files, which implement the engine of ``fmi2/engine.h``.
+        C files, which implement the engine of ``fmi/engine.h``.
     headers : tuple of str
     libraries : Mapping of str to tuple of str
         Names for ``-l`` by FMI platform.

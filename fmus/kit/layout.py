@@ -26,7 +26,7 @@ from .ports import DOMAINS, Port
 
 _TYPES = ("real", "integer", "boolean")
 APART = "_apart"  # declarations of a class body that have left it already
-_LONGEST_TEXT = 511  # bytes, of fmi2/engine.h
+_LONGEST_TEXT = 511  # bytes, of fmi/engine.h
 LONGEST_SHIFT = 2  # parameters, of fmi2/any_model.h
 
 

@@ -17,7 +17,7 @@ from .component import Component
 from .errors import UserError
 from .integrate import Integrator
 
-# positions of the internals, in the order of fmi2/engine.h
+# positions of the internals, in the order of fmi/engine.h
 _HINT = 0
 _START_TIME = 1
 _TOLERANCE = 2
@@ -47,7 +47,7 @@ class Slave:
     memory : memoryview
         Doubles in the order of :class:`fmus.kit.layout.Layout`, then derivatives, then the
         internals ``hint, start time, tolerance, parameters changed`` and a counter for each sampled
-        group (``fmi2/engine.h``).
+        group (``fmi/engine.h``).
     texts : memoryview
         Text parameters, of which laws know nothing.
     """

@@ -19,8 +19,8 @@ from .link import FAREWELL, NEVER, Link, LinkError, describe_latch
 from .protocol import LOCKSTEP
 from .proxy import AGE, CONNECTED, FAIL, HOLD, LOST, REFUSED, STALE
 
-_TEXT_SIZE = 512  # bytes, of fmi2/engine.h
-_START_TIME = 1  # among the internals, of fmi2/engine.h
+_TEXT_SIZE = 512  # bytes, of fmi/engine.h
+_START_TIME = 1  # among the internals, of fmi/engine.h
 # share of the rig's watchdog time after which held commands are sent again during a long step
 _AWAKE = 0.25
 _ROUNDING = 1e-6  # s
@@ -35,7 +35,7 @@ class ProxySlave:
         The proxy.
     memory : memoryview
         Doubles in the order of :class:`fmus.kit.layout.Layout`, then the internals
-        (``fmi2/engine.h``).
+        (``fmi/engine.h``).
     texts : memoryview
         Text parameters, 512 bytes each.
     """

@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "bench-records.md"
 CODE = (
     "orchestration/discrepancy/systems",
-    "fmus/kit/fmi2",
+    "fmus/kit/fmi",
     "fmus/voice_coil_dma",
     "fmus/ppy_actuator",
     "studies/benches",

@@ -37,7 +37,7 @@ DIAGNOSIS = (
     "orchestration/discrepancy/data",
     "orchestration/discrepancy/candidates/scales.py",
     "fmus/kit/symbolic/families.py",
-    "fmus/kit/fmi2",
+    "fmus/kit/fmi",
 )
 
 

@@ -247,7 +247,7 @@ def test_library_whose_standard_library_is_broken_is_refused_as_often_as_asked(
 )
 def test_older_python_is_refused_before_it_is_asked_for_anything_else(fmu, tmp_path, version):
     # Every other function of this library ends the host.
-    text = (Path(__file__).parents[2] / "fmus" / "kit" / "fmi2" / "python.h").read_text()
+    text = (Path(__file__).parents[2] / "fmus" / "kit" / "fmi" / "python.h").read_text()
     functions = set(re.findall(r"^    X\(.*?, (\w+),", text, re.M))
     assert "Py_IsInitialized" in functions
     source = tmp_path / "old.c"

@@ -92,7 +92,7 @@ def python_package(cls: type[Component]) -> dict[str, bytes]:
 def _entry(cls: type[Component], places: dict[type[Component], tuple[str, str]], slave: str) -> str:
     """Write the module that makes the component's class again and offers ``create``.
 
-    It is called by ``fmi2/python.c``.
+    It is called by ``fmi/python.c``.
 
     Parameters
     ----------

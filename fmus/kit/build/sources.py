@@ -1,4 +1,4 @@
-"""The C sources of an FMU: the front-end and an engine of ``fmi2``, the model, FMI's headers."""
+"""The C sources of an FMU: the front-end and an engine of ``fmi``, the model, FMI's headers."""
 
 from __future__ import annotations
 
@@ -11,10 +11,27 @@ from fmus.kit.build import toolchain
 from fmus.kit.component import Component
 from fmus.kit.symbolic import Graph, codegen
 
-FOLDER = Path(__file__).parents[1] / "fmi2"
+FOLDER = Path(__file__).parents[1] / "fmi"
 UNIT = "all.c"  # includes every other
-_FRONT_END = ("instance.c", "evaluate.c", "lifecycle.c", "access.c", "snapshot.c", "step.c")
-_HEADERS = ("any_model.h", "engine.h", "instance.h", "evaluate.h")
+_FRONT_END = (
+    "instance.c",
+    "evaluate.c",
+    "lifecycle.c",
+    "values.c",
+    "derivatives.c",
+    "snapshot.c",
+    "step.c",
+)
+_HEADERS = (
+    "any_model.h",
+    "engine.h",
+    "instance.h",
+    "evaluate.h",
+    "lifecycle.h",
+    "values.h",
+    "derivatives.h",
+    "step.h",
+)
 _RECORD_MODEL = (
     "engine.h",
     "any_model.h",
@@ -32,12 +49,39 @@ _RECORD_ENGINE = (
     "exponential.c",
     "record.c",
 )
-_FMI_HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
+
+
+@dataclass(frozen=True)
+class _Version:
+    """The files of a version of FMI, in its folder: the standard's headers are in ``standard``.
+
+    Attributes
+    ----------
+    standard : tuple of str
+        Headers.
+    front_end : tuple of str
+        Sources of every build.
+    exchange : tuple of str
+        Sources of a build that offers model exchange.
+    """
+
+    standard: tuple[str, ...]
+    front_end: tuple[str, ...]
+    exchange: tuple[str, ...]
+
+
+_VERSIONS = {
+    2: _Version(
+        ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
+        ("common.c", "co_simulation.c"),
+        ("model_exchange.c",),
+    ),
+}
 
 
 @dataclass(frozen=True)
 class EngineSources:
-    """The files of an engine (``fmi2/engine.h``) and the libraries it is linked with.
+    """The files of an engine (``fmi/engine.h``) and the libraries it is linked with.
 
     Attributes
     ----------
@@ -61,8 +105,10 @@ def _unix(library: str) -> dict[str, tuple[str, ...]]:
 
 
 _NATIVE = EngineSources(
-    tuple(FOLDER / name for name in ("native.h", "this_model.h")),
-    tuple(FOLDER / name for name in ("native.c", "integrate.c", "hosted.c", "exchange.c")),
+    tuple(FOLDER / name for name in ("native.h", "this_model.h", "exchange.h")),
+    tuple(
+        FOLDER / name for name in ("native.c", "integrate.c", "hosted.c", "exchange.c", "events.c")
+    ),
     ("laws.c",),
     _unix("m"),
 )
@@ -95,7 +141,7 @@ def engine_sources(cls: type[Component], runtime: str) -> EngineSources:
     return EngineSources(headers, sources, (), own.libraries)
 
 
-def c_sources(graph: Graph, engine: EngineSources, guid: str) -> dict[str, bytes]:
+def c_sources(graph: Graph, engine: EngineSources, guid: str, fmi: int) -> dict[str, bytes]:
     """Write every C file of a build, and the headers it needs.
 
     Parameters
@@ -104,28 +150,36 @@ def c_sources(graph: Graph, engine: EngineSources, guid: str) -> dict[str, bytes
         The traced component.
     engine : EngineSources
     guid : str
+    fmi : {2, 3}
+        Version of FMI.
 
     Returns
     -------
     dict of str to bytes
         Name to contents, :data:`UNIT` among them.
     """
-    generate = codegen.native_sources if "laws.c" in engine.generated else codegen.lawless_sources
+    has_laws = "laws.c" in engine.generated
+    generate = codegen.native_sources if has_laws else codegen.lawless_sources
     generated = {name: text.encode() for name, text in generate(graph, guid).items()}
-    own = (*(FOLDER / name for name in (*_HEADERS, *_FRONT_END)), *engine.headers, *engine.sources)
+    version = _VERSIONS[fmi]
+    of_version = (*version.front_end, *(version.exchange if has_laws else ()))
+    headers = (*(FOLDER / name for name in _HEADERS), *engine.headers)
+    folder = FOLDER / f"fmi{fmi}"
+    own = (
+        *headers,
+        *(toolchain.fmi_headers(fmi) / name for name in version.standard),
+        *(folder / name for name in ("host.h", *of_version)),
+        *(FOLDER / name for name in _FRONT_END),
+        *engine.sources,
+    )
     sources = {path.name: path.read_bytes() for path in own}
     # an engine may have to define feature macros of the system before the first header is read
-    sources[UNIT] = unit(*(path.name for path in engine.sources), *_FRONT_END, *engine.generated)
-    return sources | _fmi_headers() | generated
-
-
-def _fmi_headers() -> dict[str, bytes]:
-    """Return the headers of FMI 2.0 by name."""
-    return {name: (toolchain.fmi_headers() / name).read_bytes() for name in _FMI_HEADERS}
+    parts = (*(path.name for path in engine.sources), *_FRONT_END, *of_version, *engine.generated)
+    return sources | {UNIT: unit(*parts)} | generated
 
 
 def record_engine_sources() -> dict[str, bytes]:
-    """Return every C file of the library that runs any model over records (``fmi2/record.c``).
+    """Return every C file of the library that runs any model over records (``fmi/record.c``).
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """Simulation of a component over a whole record as compiled C, with exact sensitivities.
 
 This is the fast path for fitting: the same laws, tables and integrator as in the native FMU
-(``fmi2/record.c`` in place of the FMI front-end), compiled once for this machine and kept in the
+(``fmi/record.c`` in place of the FMI front-end), compiled once for this machine and kept in the
 user's cache folder. The integrator is in a library that all models share. A component that is
 stiff over the record has an integrator of its own (``fmi2/exponential.c``). Without a C compiler
 CasADi interprets the laws instead.

@@ -1,6 +1,6 @@
 """Simulation over a whole record without a C compiler: CasADi interprets the laws.
 
-The integrators are in Python. The operations and their order are those of ``fmi2/record.c``, at a
+The integrators are in Python. The operations and their order are those of ``fmi/record.c``, at a
 hundredth of its speed.
 """
 

@@ -1,6 +1,6 @@
 """Compiled libraries that run a component over whole records: the native engine without FMI.
 
-The engine (``fmi2/record.c``) is compiled once for a machine; of a model only its laws are.
+The engine (``fmi/record.c``) is compiled once for a machine; of a model only its laws are.
 """
 
 from __future__ import annotations

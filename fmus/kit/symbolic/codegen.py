@@ -1,7 +1,7 @@
 """Generation of C source for one component: its tables and its laws.
 
 The tables are ``model.h`` and ``tables.h``, the laws ``laws.c``, from the CasADi graph. The
-contents of each file are specified at the top of ``fmi2/engine.h``.
+contents of each file are specified at the top of ``fmi/engine.h``.
 """
 
 from __future__ import annotations

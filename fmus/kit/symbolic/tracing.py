@@ -78,7 +78,7 @@ class Graph:
         return switches([self.rates, self.outputs], self.arguments, moving)
 
     def functions(self, tangent: bool = True) -> list[ca.Function]:
-        """Make the CasADi functions that the native engine calls (``fmi2/engine.h``).
+        """Make the CasADi functions that the native engine calls (``fmi/engine.h``).
 
         Parameters
         ----------

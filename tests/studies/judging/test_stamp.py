@@ -96,8 +96,8 @@ def test_a_diagnosis_is_made_of_what_decides_it(code):
     deciding = (
         "fmus/kit/arms.py",
         "fmus/kit/curves.py",
-        "fmus/kit/fmi2/integrate.c",
-        "fmus/kit/fmi2/exponential.c",
+        "fmus/kit/fmi/integrate.c",
+        "fmus/kit/fmi/exponential.c",
         "orchestration/discrepancy/candidates/scales.py",
         "orchestration/discrepancy/data/dataset.py",
         "orchestration/discrepancy/selection/block_cross_validation.py",

@@ -20,7 +20,7 @@ from tests.support.pace import slow_but
 
 
 def slave(cls, start_time=0.0, **values):
-    """Return an instance and its memory, filled as the C front-end does (``fmi2/engine.h``)."""
+    """Return an instance and its memory, filled as the C front-end does (``fmi/engine.h``)."""
     layout = cls.layout
     memory = array("d", [0.0] * (len(layout.names) + 4 + len(layout.sampled)))
     known = {v.name: v.start for v in (*layout.parameters, *layout.inputs)} | values

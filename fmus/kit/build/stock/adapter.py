@@ -1,7 +1,7 @@
 """The adapter that makes a component a slave of pythonfmu; it travels in a stock archive.
 
 It serves pythonfmu as the front-end in C serves the Python build, over the same memory
-(``fmi2/engine.h``) and the same :class:`fmus.kit.slave.Slave`, so that both compute the same.
+(``fmi/engine.h``) and the same :class:`fmus.kit.slave.Slave`, so that both compute the same.
 pythonfmu reports whatever it raises as Fatal.
 """
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 kept: list[dict[str, Any]] = []
 _KINDS = {"real": Real, "integer": Integer, "boolean": Boolean}
-# positions of the internals, behind the variables, in the order of fmi2/engine.h
+# positions of the internals, behind the variables, in the order of fmi/engine.h
 _START_TIME = 1
 _TOLERANCE = 2
 _PARAMETERS_CHANGED = 3
@@ -62,7 +62,7 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
         self._register_variables()
 
     def _new_memory(self) -> array[float]:
-        """Return the memory of a new instance, in the order of ``fmi2/engine.h``."""
+        """Return the memory of a new instance, in the order of ``fmi/engine.h``."""
         layout = self.model.layout
         defaults = [float(v.start) for v in (*layout.parameters, *layout.inputs)]
         computed = [0.0] * (self.size - self.first_state)

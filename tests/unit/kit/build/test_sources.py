@@ -40,13 +40,13 @@ def included(sources: Mapping[str, bytes], name: str) -> set[str]:
 @pytest.mark.parametrize("runtime", ["native", "python"])
 @pytest.mark.parametrize("cls", [Thermostat, component("rig_proxy")], ids=lambda c: c.name)
 def test_a_build_has_all_that_is_included_and_nothing_else(cls, runtime):
-    sources = c_sources(trace(cls), engine_sources(cls, runtime), "{guid}")
+    sources = c_sources(trace(cls), engine_sources(cls, runtime), "{guid}", 2)
     assert included(sources, UNIT) | {UNIT} == set(sources)
 
 
 def test_only_the_native_build_has_laws():
     native, python = (
-        c_sources(trace(Divider), engine_sources(Divider, runtime), "{guid}")
+        c_sources(trace(Divider), engine_sources(Divider, runtime), "{guid}", 2)
         for runtime in ("native", "python")
     )
     assert "laws.c" in native
@@ -91,7 +91,7 @@ def test_one_unit_includes_files_in_order():
 
 def test_any_byte_of_any_source_changes_the_key():
     target = toolchain.host_platform()
-    sources = c_sources(trace(Divider), engine_sources(Divider, "native"), "{guid}")
+    sources = c_sources(trace(Divider), engine_sources(Divider, "native"), "{guid}", 2)
     keys = {library_key(sources, ("m",), target), library_key(sources, (), target)}
     keys |= {
         library_key(sources | {name: text + b" "}, ("m",), target) for name, text in sources.items()

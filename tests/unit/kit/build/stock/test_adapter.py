@@ -98,7 +98,7 @@ def test_a_restored_state_takes_the_same_steps(one):
 @pytest.mark.parametrize(("wanted", "used"), [(1e-9, 1e-9), (1e-30, 1e-12), (1.0, Lag.tolerance)])
 def test_a_host_can_ask_for_more_accuracy_and_not_for_less(one, wanted, used):
     one.slave.setup_experiment(0.0, None, wanted)
-    assert one.slave.memory[one.slave.size + 2] == used  # fmi2/engine.h: internal number 2
+    assert one.slave.memory[one.slave.size + 2] == used  # fmi/engine.h: internal number 2
 
 
 @pytest.mark.parametrize(("name", "value"), [("u", math.nan), ("tau", 3.0)])

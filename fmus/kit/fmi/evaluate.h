@@ -8,7 +8,7 @@
 static bool all_finite(const Instance *instance, int first, int end);
 
 /* Brings outputs or derivatives up to date and checks that they are finite. */
-static fmi2Status refresh_outputs(Instance *instance);
-static fmi2Status refresh_derivatives(Instance *instance);
+static Status refresh_outputs(Instance *instance);
+static Status refresh_derivatives(Instance *instance);
 
 #endif

@@ -3,11 +3,9 @@
 #define INSTANCE_H
 
 #include "engine.h"
-#include "fmi2Functions.h"
+#include "host.h"
 
-#define EXPORT FMI2_Export
-
-/* Modes of the state machines of FMI 2.0, of co-simulation and of model exchange; bits, so that a set is a sum. */
+/* Modes of the state machines of FMI, of co-simulation and of model exchange; bits, so that a set is a sum. */
 enum {
     INSTANTIATED = 1,
     INITIALIZATION = 2,
@@ -33,22 +31,30 @@ typedef struct {
     double memory[MEMORY_SIZE];
 } State;
 
+/* Who integrates the states: the instance, in co-simulation, or the host, in model exchange. */
+typedef enum { INSTANCE_INTEGRATES, HOST_INTEGRATES } Integrator;
+
 typedef struct {
     State now;
     State before; /* the state to return to when a step fails */
     Engine *engine;
     TextValue texts[MODEL_TEXTS + 1];
-    fmi2Type type; /* who integrates: the FMU, or the host */
+    Integrator integrator;
     char *name;
-    fmi2CallbackFunctions host;
+    Host host;
     bool logging;
 } Instance;
 
+/* Whether the host enters event mode: in model exchange it always does. */
+static inline bool handles_events(const Instance *instance) {
+    return instance->integrator == HOST_INTEGRATES || host_handles_events(&instance->host);
+}
+
 /* Gives one line to the logger of the host, if there is one, in a form that every logger can take. */
-static void deliver(const fmi2CallbackFunctions *host, const char *name, fmi2Status status, const char *text);
+static void deliver(const Host *host, const char *name, Status status, const char *text);
 
 /* Reports one line through the logger of the host and returns `status`. Warnings need logging to be on. */
-static fmi2Status report(const Instance *instance, fmi2Status status, const char *format, ...);
+static Status report(const Instance *instance, Status status, const char *format, ...);
 
 /* Whether `function` may be called now; reports it if not. False for a NULL instance. */
 static bool allowed(const Instance *instance, int modes, const char *function);
@@ -57,6 +63,6 @@ static bool allowed(const Instance *instance, int modes, const char *function);
 static void touch(Instance *instance, bool parameters);
 
 /* Puts the instance back to `before` and, for good, into the mode FAILED. */
-static fmi2Status fail(Instance *instance);
+static Status fail(Instance *instance);
 
 #endif

@@ -1,4 +1,4 @@
-/* FMI 2.0: saving, restoring and serializing the complete state of an instance. */
+/* Saving, restoring and serializing the complete state of an instance. */
 #include "instance.h"
 
 #include <stdint.h>
@@ -32,14 +32,14 @@ static Snapshot header(const State *state) {
 }
 
 /* Puts a copy where the host wants it, in the snapshot it already has if it has one. */
-static fmi2Status store(const Instance *instance, const char *function, fmi2FMUstate *target,
+static Status store(const Instance *instance, const char *function, FMI(FMUState) *target,
                         const Snapshot *snapshot) {
     if (*target == NULL)
         *target = malloc(sizeof *snapshot);
     if (*target == NULL)
-        return report(instance, fmi2Error, "%s: out of memory", function);
+        return report(instance, FMI(Error), "%s: out of memory", function);
     memcpy(*target, snapshot, sizeof *snapshot);
-    return fmi2OK;
+    return FMI(OK);
 }
 
 /* Whether the state can be saved, and `function` may be called now; reports it if not. */
@@ -47,95 +47,95 @@ static bool possible(const Instance *instance, const char *function) {
     if (!allowed(instance, ANY_MODE, function))
         return false;
     if (!model_restorable)
-        report(instance, fmi2Error, "%s is not supported by %s: not all of its state is its own", function, model_name);
+        report(instance, FMI(Error), "%s is not supported by %s: not all of its state is its own", function, model_name);
     return model_restorable;
 }
 
-static fmi2Status missing(const Instance *instance, const char *function) {
-    return report(instance, fmi2Error, "%s: a pointer is NULL", function);
+static Status missing(const Instance *instance, const char *function) {
+    return report(instance, FMI(Error), "%s: a pointer is NULL", function);
 }
 
-EXPORT fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
+EXPORT Status FMI(GetFMUState)(void *c, FMI(FMUState) *state) {
     Instance *instance = c;
     Snapshot snapshot;
-    if (!possible(instance, "fmi2GetFMUstate"))
-        return fmi2Error;
+    if (!possible(instance, __func__))
+        return FMI(Error);
     if (state == NULL)
-        return missing(instance, "fmi2GetFMUstate");
+        return missing(instance, __func__);
     snapshot = header(&instance->now);
-    return store(instance, "fmi2GetFMUstate", state, &snapshot);
+    return store(instance, __func__, state, &snapshot);
 }
 
-EXPORT fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
+EXPORT Status FMI(SetFMUState)(void *c, FMI(FMUState) state) {
     Instance *instance = c;
     const Snapshot *snapshot = state;
     int other;
-    if (!possible(instance, "fmi2SetFMUstate"))
-        return fmi2Error;
+    if (!possible(instance, __func__))
+        return FMI(Error);
     if (state == NULL)
-        return missing(instance, "fmi2SetFMUstate");
+        return missing(instance, __func__);
     if (snapshot->magic != snapshot_magic || snapshot->model != hash(HASH_START, model_guid, strlen(model_guid)))
-        return report(instance, fmi2Error, "fmi2SetFMUstate: the state does not belong to this build of %s",
+        return report(instance, FMI(Error), "%s: the state does not belong to this build of %s", __func__,
                       model_name);
-    other = instance->type == fmi2ModelExchange ? STEP_COMPLETE : EVENT | CONTINUOUS;
+    other = instance->integrator == HOST_INTEGRATES ? STEP_COMPLETE : CONTINUOUS | (handles_events(instance) ? 0 : EVENT);
     if (((int)snapshot->state.mode & other) != 0)
-        return report(instance, fmi2Error, "fmi2SetFMUstate: the state is of an instance of %s",
-                      instance->type == fmi2ModelExchange ? "co-simulation" : "model exchange");
+        return report(instance, FMI(Error), "%s: the state is of an instance of %s", __func__,
+                      instance->integrator == HOST_INTEGRATES ? "co-simulation" : "model exchange");
     instance->now = snapshot->state;
-    return fmi2OK;
+    return FMI(OK);
 }
 
-EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) {
+EXPORT Status FMI(FreeFMUState)(void *c, FMI(FMUState) *state) {
     Instance *instance = c;
-    if (!allowed(instance, ANY_MODE, "fmi2FreeFMUstate"))
-        return fmi2Error;
+    if (!allowed(instance, ANY_MODE, __func__))
+        return FMI(Error);
     if (state == NULL)
-        return fmi2OK;
+        return FMI(OK);
     free(*state);
     *state = NULL;
-    return fmi2OK;
+    return FMI(OK);
 }
 
-EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size) {
+EXPORT Status FMI(SerializedFMUStateSize)(void *c, FMI(FMUState) state, size_t *size) {
     Instance *instance = c;
-    if (!possible(instance, "fmi2SerializedFMUstateSize"))
-        return fmi2Error;
+    if (!possible(instance, __func__))
+        return FMI(Error);
     if (state == NULL || size == NULL)
-        return missing(instance, "fmi2SerializedFMUstateSize");
+        return missing(instance, __func__);
     *size = sizeof(Snapshot);
-    return fmi2OK;
+    return FMI(OK);
 }
 
-EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
+EXPORT Status FMI(SerializeFMUState)(void *c, FMI(FMUState) state, FMI(Byte) bytes[], size_t size) {
     Instance *instance = c;
-    if (!possible(instance, "fmi2SerializeFMUstate"))
-        return fmi2Error;
+    if (!possible(instance, __func__))
+        return FMI(Error);
     if (state == NULL || bytes == NULL)
-        return missing(instance, "fmi2SerializeFMUstate");
+        return missing(instance, __func__);
     if (size < sizeof(Snapshot))
-        return report(instance, fmi2Error, "fmi2SerializeFMUstate: %zu bytes are not enough, it takes %zu", size,
+        return report(instance, FMI(Error), "%s: %zu bytes are not enough, it takes %zu", __func__, size,
                       sizeof(Snapshot));
     memcpy(bytes, state, sizeof(Snapshot));
-    return fmi2OK;
+    return FMI(OK);
 }
 
-EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
+EXPORT Status FMI(DeserializeFMUState)(void *c, const FMI(Byte) bytes[], size_t size, FMI(FMUState) *state) {
     Instance *instance = c;
     Snapshot snapshot, expected;
-    if (!possible(instance, "fmi2DeSerializeFMUstate"))
-        return fmi2Error;
+    if (!possible(instance, __func__))
+        return FMI(Error);
     if (bytes == NULL || state == NULL)
-        return missing(instance, "fmi2DeSerializeFMUstate");
+        return missing(instance, __func__);
     if (size != sizeof snapshot)
-        return report(instance, fmi2Error, "fmi2DeSerializeFMUstate: %zu bytes are not a state of %s, which has %zu",
+        return report(instance, FMI(Error), "%s: %zu bytes are not a state of %s, which has %zu", __func__,
                       size, model_name, sizeof snapshot);
     memcpy(&snapshot, bytes, sizeof snapshot);
     expected = header(&snapshot.state);
     if (snapshot.nothing != expected.nothing || snapshot.magic != expected.magic || snapshot.model != expected.model ||
         snapshot.size != expected.size)
-        return report(instance, fmi2Error, "fmi2DeSerializeFMUstate: the bytes are not a state of this build of %s",
+        return report(instance, FMI(Error), "%s: the bytes are not a state of this build of %s", __func__,
                       model_name);
     if (snapshot.checksum != expected.checksum)
-        return report(instance, fmi2Error, "fmi2DeSerializeFMUstate: the bytes were altered since they were written");
-    return store(instance, "fmi2DeSerializeFMUstate", state, &snapshot);
+        return report(instance, FMI(Error), "%s: the bytes were altered since they were written", __func__);
+    return store(instance, __func__, state, &snapshot);
 }

@@ -4,8 +4,8 @@
 #include <math.h>
 
 /* A host that integrates can try a shorter step. */
-static fmi2Status refused(const Instance *instance) {
-    return instance->now.mode == CONTINUOUS ? fmi2Discard : fmi2Error;
+static Status refused(const Instance *instance) {
+    return instance->now.mode == CONTINUOUS ? FMI(Discard) : FMI(Error);
 }
 
 bool all_finite(const Instance *instance, int first, int end) {
@@ -18,7 +18,7 @@ bool all_finite(const Instance *instance, int first, int end) {
     return true;
 }
 
-static fmi2Status evaluation_failed(const Instance *instance, const char *message) {
+static Status evaluation_failed(const Instance *instance, const char *message) {
     return report(instance, refused(instance), "evaluation at t = %.10g s failed: %s", instance->now.time, message);
 }
 
@@ -27,28 +27,28 @@ static bool outlives_its_run(const Instance *instance) {
     return !model_restorable && ((int)instance->now.mode & (FAILED | TERMINATED)) != 0;
 }
 
-fmi2Status refresh_outputs(Instance *instance) {
+Status refresh_outputs(Instance *instance) {
     Message message;
     message[0] = 0; /* not = "", which would clear all of it at every step */
     if (instance->now.outputs_outdated == 0.0 && !outlives_its_run(instance))
-        return fmi2OK;
+        return FMI(OK);
     if (!engine_evaluate(instance->engine, instance->now.time, message))
         return evaluation_failed(instance, message);
     if (!all_finite(instance, FIRST_OUTPUT, FIRST_DERIVATIVE))
         return refused(instance);
     instance->now.outputs_outdated = 0.0;
-    return fmi2OK;
+    return FMI(OK);
 }
 
-fmi2Status refresh_derivatives(Instance *instance) {
+Status refresh_derivatives(Instance *instance) {
     Message message;
     message[0] = 0;
     if (instance->now.derivatives_outdated == 0.0)
-        return fmi2OK;
+        return FMI(OK);
     if (!engine_differentiate(instance->engine, instance->now.time, message))
         return evaluation_failed(instance, message);
     if (!all_finite(instance, FIRST_DERIVATIVE, MODEL_VARIABLES))
         return refused(instance);
     instance->now.derivatives_outdated = 0.0;
-    return fmi2OK;
+    return FMI(OK);
 }

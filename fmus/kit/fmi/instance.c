@@ -29,14 +29,13 @@ static int character_length(const char *text) {
     return length;
 }
 
-/* Loggers read the message as a printf format, some without arguments: doubling each % suits both kinds. */
-void deliver(const fmi2CallbackFunctions *host, const char *name, fmi2Status status, const char *text) {
+void deliver(const Host *host, const char *name, Status status, const char *text) {
     char line[2 * MESSAGE_SIZE], *end = line;
-    if (host->logger == NULL)
+    if (!host_listens(host))
         return;
     while (*text != '\0') {
         int length = character_length(text);
-        if (*text == '%')
+        if (*text == '%' && host_reads_formats)
             *end++ = '%';
         *end = length == 0 ? '?' : (unsigned char)*text < ' ' ? ' ' : *text;
         for (int i = 1; i < length; i++)
@@ -45,13 +44,13 @@ void deliver(const fmi2CallbackFunctions *host, const char *name, fmi2Status sta
         text += length == 0 ? 1 : length;
     }
     *end = '\0';
-    host->logger(host->componentEnvironment, name, status, categories[status], line);
+    host_log(host, name, status, categories[status], line);
 }
 
-fmi2Status report(const Instance *instance, fmi2Status status, const char *format, ...) {
+Status report(const Instance *instance, Status status, const char *format, ...) {
     Message text;
     va_list arguments;
-    if (status < fmi2Discard && !instance->logging)
+    if (status < FMI(Discard) && !instance->logging)
         return status;
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
@@ -65,7 +64,7 @@ bool allowed(const Instance *instance, int modes, const char *function) {
         return false;
     if (((int)instance->now.mode & modes) != 0)
         return true;
-    report(instance, fmi2Error, "%s is not allowed %s", function, mode_name((int)instance->now.mode));
+    report(instance, FMI(Error), "%s is not allowed %s", function, mode_name((int)instance->now.mode));
     return false;
 }
 
@@ -80,9 +79,9 @@ void touch(Instance *instance, bool parameters) {
             memory[FIRST_STATE + i] = memory[model_start_of[i]];
 }
 
-fmi2Status fail(Instance *instance) {
+Status fail(Instance *instance) {
     instance->now = instance->before;
     instance->now.mode = FAILED;
     instance->now.memory[MEMORY_PARAMETERS_CHANGED] = 1.0;
-    return fmi2Error;
+    return FMI(Error);
 }

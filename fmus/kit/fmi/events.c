@@ -1,0 +1,48 @@
+/* Event mode: samples are time events. */
+#include "evaluate.h"
+#include "exchange.h"
+#include "native.h"
+
+#include <math.h>
+
+static bool enters_events(const Instance *instance, int modes, const char *function) {
+    if (!allowed(instance, modes, function))
+        return false;
+    if (!handles_events(instance))
+        report(instance, FMI(Error), "%s: this instance of %s was made for co-simulation" WITHOUT_EVENTS, function,
+               model_name);
+    return handles_events(instance);
+}
+
+EXPORT Status FMI(EnterEventMode)(void *c) {
+    Instance *instance = c;
+    if (!enters_events(instance, RUNNING, __func__))
+        return FMI(Error);
+    instance->now.mode = EVENT;
+    return FMI(OK);
+}
+
+static double next_sample(const Engine *engine) {
+    double next = INFINITY;
+    for (int i = 0; i < MODEL_GROUPS; i++)
+        next = fmin(next, sample_instant(engine, i));
+    return next;
+}
+
+Status update_discretes(Instance *instance, const char *function, double *next) {
+    Message message = "";
+    double target;
+    if (!enters_events(instance, EVENT, function))
+        return FMI(Error);
+    instance->before = instance->now;
+    instance->engine->sloped = false;
+    if (!sample(instance->engine, instance->now.time, instance->now.time, &target, message)) {
+        report(instance, FMI(Error), "event at %.10g s failed: %s", instance->now.time, message);
+        return fail(instance);
+    }
+    touch(instance, false);
+    if (!all_finite(instance, FIRST_DISCRETE, FIRST_OUTPUT))
+        return fail(instance);
+    *next = next_sample(instance->engine);
+    return FMI(OK);
+}

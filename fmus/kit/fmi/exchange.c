@@ -1,0 +1,123 @@
+/* Model exchange: the host integrates the states; samples are time events, switches of laws have indicators. */
+#include "exchange.h"
+#include "evaluate.h"
+#include "native.h"
+
+#include <math.h>
+#include <string.h>
+
+static Law indicators;
+
+static bool host_integrates(const Instance *instance, int modes, const char *function) {
+    if (!allowed(instance, modes, function))
+        return false;
+    if (instance->integrator != HOST_INTEGRATES)
+        report(instance, FMI(Error), "%s: this instance of %s was made for co-simulation", function, model_name);
+    return instance->integrator == HOST_INTEGRATES;
+}
+
+/* Whether the host passed an array of the size that there is. */
+static bool sized(const Instance *instance, const char *function, const double *values, size_t n, size_t size) {
+    if (n != size)
+        report(instance, FMI(Error), "%s: an array of %zu elements, but there are %zu", function, n, size);
+    else if (n > 0 && values == NULL)
+        report(instance, FMI(Error), "%s: an array is NULL though it should have %zu elements", function, n);
+    else
+        return true;
+    return false;
+}
+
+/* ---- time and states ---------------------------------------------------------------------------- */
+
+EXPORT Status FMI(SetTime)(void *c, double time) {
+    Instance *instance = c;
+    if (!host_integrates(instance, EVENT | CONTINUOUS, __func__))
+        return FMI(Error);
+    if (!isfinite(time))
+        return report(instance, FMI(Error), "%s: %g is not a finite number", __func__, time);
+    instance->now.time = time;
+    touch(instance, false);
+    return FMI(OK);
+}
+
+EXPORT Status FMI(SetContinuousStates)(void *c, const double x[], size_t n) {
+    Instance *instance = c;
+    if (!host_integrates(instance, EVENT | CONTINUOUS, __func__) || !sized(instance, __func__, x, n, MODEL_STATES))
+        return FMI(Error);
+    for (size_t i = 0; i < n; i++)
+        if (!isfinite(x[i])) /* a trial of the host's solver, which can try a shorter step */
+            return report(instance, FMI(Discard), "%s: '%s' = %g is not a finite number", __func__,
+                          model_variables[FIRST_STATE + i].name, x[i]);
+    if (n > 0)
+        memcpy(instance->now.memory + FIRST_STATE, x, n * sizeof *x);
+    touch(instance, false);
+    return FMI(OK);
+}
+
+EXPORT Status FMI(GetContinuousStates)(void *c, double x[], size_t n) {
+    Instance *instance = c;
+    if (!host_integrates(instance, READABLE, __func__) || !sized(instance, __func__, x, n, MODEL_STATES))
+        return FMI(Error);
+    if (n > 0)
+        memcpy(x, instance->now.memory + FIRST_STATE, n * sizeof *x);
+    return FMI(OK);
+}
+
+EXPORT Status FMI(GetNominalsOfContinuousStates)(void *c, double nominal[], size_t n) {
+    Instance *instance = c;
+    if (!host_integrates(instance, ANY_MODE, __func__) || !sized(instance, __func__, nominal, n, MODEL_STATES))
+        return FMI(Error);
+    for (size_t i = 0; i < n; i++)
+        nominal[i] = model_variables[FIRST_STATE + i].nominal;
+    return FMI(OK);
+}
+
+EXPORT Status FMI(GetContinuousStateDerivatives)(void *c, double rate[], size_t n) {
+    Instance *instance = c;
+    Status status;
+    if (!host_integrates(instance, READABLE, __func__) || !sized(instance, __func__, rate, n, MODEL_STATES))
+        return FMI(Error);
+    status = refresh_derivatives(instance);
+    if (status == FMI(OK) && n > 0)
+        memcpy(rate, instance->now.memory + FIRST_DERIVATIVE, n * sizeof *rate);
+    return status;
+}
+
+/* ---- events ------------------------------------------------------------------------------------- */
+
+bool indicate(Instance *instance, double z[]) {
+    Engine *engine = instance->engine;
+    engine->sloped = false;
+    bind(engine, instance->now.time, engine->memory + FIRST_STATE);
+    engine->res[0] = z;
+    return call(engine, indicators);
+}
+
+EXPORT Status FMI(GetEventIndicators)(void *c, double z[], size_t n) {
+    Instance *instance = c;
+    if (!host_integrates(instance, READABLE, __func__) || !sized(instance, __func__, z, n, MODEL_INDICATORS))
+        return FMI(Error);
+    if (n > 0 && !indicate(instance, z))
+        return report(instance, FMI(Error), "%s: the law could not be evaluated", __func__);
+    return FMI(OK);
+}
+
+EXPORT Status FMI(EnterContinuousTimeMode)(void *c) {
+    Instance *instance = c;
+    if (!host_integrates(instance, EVENT, __func__))
+        return FMI(Error);
+    instance->now.mode = CONTINUOUS;
+    return FMI(OK);
+}
+
+EXPORT Status FMI(CompletedIntegratorStep)(void *c, FMI(Boolean) no_set_state, FMI(Boolean) *event,
+                                              FMI(Boolean) *terminate) {
+    Instance *instance = c;
+    (void)no_set_state;
+    if (!host_integrates(instance, CONTINUOUS, __func__))
+        return FMI(Error);
+    if (event == NULL || terminate == NULL)
+        return report(instance, FMI(Error), "%s: a pointer is NULL", __func__);
+    *event = *terminate = false;
+    return FMI(OK);
+}
