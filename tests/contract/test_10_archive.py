@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import re
 import struct
@@ -10,6 +11,7 @@ import sys
 import zipfile
 from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import urljoin, urlsplit
 from xml.etree import ElementTree
 
 import numpy as np
@@ -174,21 +176,53 @@ def test_cross_check_files_are_beside_the_model(folder, name):
         assert np.all(np.diff(table[:, 0]) >= 0.0)
 
 
-def test_layered_standard_files(files, folder, name):
-    manifest = ElementTree.fromstring(files[f"{REFERENCES}/fmi-ls-manifest.xml"])
-    namespace = "{http://fmi-standard.org/fmi-ls-manifest}"
-    assert manifest.attrib[f"{namespace}fmi-ls-name"] == "org.fmi-standard.fmi-ls-ref"
-    assert manifest.attrib[f"{namespace}fmi-ls-version"]
-    assert manifest.attrib[f"{namespace}fmi-ls-description"]
-    (experiment,) = ElementTree.fromstring(files[f"{REFERENCES}/experiments.xml"]).iter(
-        "Experiment"
-    )
+def test_experiment_of_the_reference_result(files, folder, name):
+    root = ElementTree.fromstring(files[f"{REFERENCES}/{name}.exp"])
+    assert root.attrib["name"] == name
+    (experiment,) = root.iter("Experiment")
     assert experiment.attrib["stopTime"] == options(folder, name)["StopTime"]
     assert experiment.attrib["stepSize"] == options(folder, name)["StepSize"]
     sources = [e.attrib["source"] for e in experiment]
     assert sources == [f"{name}_in.csv", f"{name}_ref.csv"]
     for source in sources:
         assert files[f"{REFERENCES}/{source}"] == (folder / "reference" / source).read_bytes()
+
+
+# those of the draft of the layered standard that is current (1.0.0-alpha.1), with sub-roles
+ROLES = re.compile(
+    "document|requirement|specification|model|parameter|system|testcase|"
+    "experiment(/(smoke-test|validation|uncertainty-analysis))?|result|method|rationale|report|"
+    "request|delivery|configuration|signature|serialized-state(/.*)?|meta-data|other"
+)
+
+
+def test_manifest_of_related_files(files, name):
+    manifest = ElementTree.fromstring(files[f"{REFERENCES}/fmi-ls-manifest.xml"])
+    namespace = "{http://fmi-standard.org/fmi-ls-manifest}"
+    assert manifest.tag == "fmiReferences"
+    assert manifest.attrib == {
+        f"{namespace}fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
+        f"{namespace}fmi-ls-version": "1.0.0-alpha.1",
+        f"{namespace}fmi-ls-description": (
+            "Layered Standard providing information on related files included in an FMU."
+        ),
+    }
+    roles = {}
+    for related in manifest:
+        assert related.tag == "Related"
+        assert ROLES.fullmatch(related.attrib["role"])
+        assert related.attrib["description"]
+        path = urlsplit(urljoin(f"file:///{REFERENCES}/", related.attrib["source"])).path[1:]
+        assert related.attrib["checksumType"] == "SHA3-256"
+        assert related.attrib["checksum"] == hashlib.sha3_256(files[path]).hexdigest()
+        roles[path] = related.attrib["role"]
+    presets = {n: "parameter" for n in files if n.startswith("resources/presets/")}
+    assert roles == presets | {
+        "documentation/index.html": "document",
+        f"{REFERENCES}/{name}.exp": "experiment/validation",
+        f"{REFERENCES}/{name}_in.csv": "testcase",
+        f"{REFERENCES}/{name}_ref.csv": "result",
+    }
 
 
 @each_component

@@ -104,6 +104,7 @@ def build(
     runtime: str,
     platforms: Sequence[str] | None = None,
     progress: Callable[[str], None] = lambda text: None,
+    failed: Callable[[str, UserError], None] | None = None,
 ) -> bytes:
     """Build an FMU.
 
@@ -118,6 +119,8 @@ def build(
         FMI platforms; default is every one that a compiler here, or pythonfmu, can serve.
     progress : callable
         Called with a short message at each step.
+    failed : callable, optional
+        Called with each platform that cannot be served, and why; the archive then has the others.
 
     Returns
     -------
@@ -127,7 +130,8 @@ def build(
     Raises
     ------
     UserError
-        If no compiler is there, or pythonfmu is not, or a platform cannot be served.
+        If no compiler is there, or pythonfmu is not; if a platform cannot be served and nobody is
+        told that it failed, or none can be served.
     """
     _check(runtime, (*RUNTIMES, STOCK))
     if runtime == STOCK:
@@ -135,7 +139,7 @@ def build(
 
         return stock_archive(cls, version(), platforms, progress)
     targets = platforms or toolchain.available_platforms()
-    return _packed(plan_build(cls, runtime), targets, progress)
+    return _packed(plan_build(cls, runtime), targets, progress, failed)
 
 
 def build_cached(cls: type[Component], runtime: str) -> Path:
@@ -172,14 +176,30 @@ def _check(runtime: str, known: Sequence[str]) -> None:
         raise UserError(f"unknown runtime {runtime!r}; there are: {', '.join(known)}")
 
 
-def _packed(planned: BuildPlan, platforms: Sequence[str], progress: Callable[[str], None]) -> bytes:
-    """Compile the binaries of a plan, and pack the archive."""
+def _packed(
+    planned: BuildPlan,
+    platforms: Sequence[str],
+    progress: Callable[[str], None],
+    failed: Callable[[str, UserError], None] | None = None,
+) -> bytes:
+    """Compile the binaries of a plan, and pack the archive; see :func:`build`."""
+    binaries: dict[str, bytes] = {}
+    for target in platforms:
+        try:
+            binaries |= _binary(planned, target, progress)
+        except UserError as error:
+            is_last_hope = target == platforms[-1] and not binaries
+            if failed is None or is_last_hope:
+                raise
+            failed(target, error)
+    return archive.pack(planned.files | binaries)
+
+
+def _binary(planned: BuildPlan, target: str, progress: Callable[[str], None]) -> dict[str, bytes]:
+    """Compile the binary of a plan for a platform; return its path in the archive with it."""
     from fmus.kit.build.sources import compiled
 
-    binaries = {}
-    for target in platforms:
-        compiler = toolchain.find_compiler(target).label
-        progress(f"{planned.name}: {planned.runtime} for {target}, with {compiler}")
-        path = f"binaries/{target}/{planned.name}{toolchain.EXTENSIONS[target]}"
-        binaries[path] = compiled(planned.sources, planned.libraries.get(target, ()), target)
-    return archive.pack(planned.files | binaries)
+    compiler = toolchain.find_compiler(target).label
+    progress(f"{planned.name}: {planned.runtime} for {target}, with {compiler}")
+    path = f"binaries/{target}/{planned.name}{toolchain.EXTENSIONS[target]}"
+    return {path: compiled(planned.sources, planned.libraries.get(target, ()), target)}

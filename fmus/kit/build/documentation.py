@@ -6,9 +6,11 @@ The page is ``documentation/index.html``; it needs nothing from elsewhere.
 from __future__ import annotations
 
 import html
+import posixpath
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from hashlib import sha3_256
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -19,6 +21,7 @@ from fmus.kit.titles import within_sentence
 from fmus.kit.units import format_range, format_value
 
 _LICENCES = Path(__file__).parent / "licences"
+_REFERENCES = "extra/org.fmi-standard.fmi-ls-ref"
 # a full stop before a capital letter, the next item or the end of the list, not one of "fig. 2"
 _END_OF_SENTENCE = r"\.(?=\s+(?:[A-Z`]|\d+\. )|\s*\n\n|\s*\Z)"
 STYLE = """
@@ -56,7 +59,8 @@ def documents(cls: type[Component]) -> dict[str, bytes]:
     declared = {p.name: p for p in cls.layout.parameters}
     for name, preset in cls.presets.items():
         files[f"resources/presets/{name}.ssv"] = to_ssv(name, preset.values, declared, preset.doc)
-    return files | _reference(cls, folder / "reference")
+    files |= _reference(cls, folder / "reference")
+    return files | {f"{_REFERENCES}/fmi-ls-manifest.xml": _manifest(files)}
 
 
 def relaxed_assumption(cls: type[Component], effect: type[Effect]) -> tuple[str, str]:
@@ -97,7 +101,7 @@ def _folder(cls: type[Component]) -> Path:
 
 
 def _reference(cls: type[Component], folder: Path) -> dict[str, bytes]:
-    """Pack the reference result in the form of FMI-LS-REF 1.0.0-alpha.1.
+    """Pack the reference result: an experiment of MA-HS-Experiments with its inputs and outputs.
 
     A component with effects has none.
     """
@@ -105,16 +109,6 @@ def _reference(cls: type[Component], folder: Path) -> dict[str, bytes]:
     results = folder / f"{cls.name}_ref.csv"
     if not results.exists():
         return {}
-    place = "extra/org.fmi-standard.fmi-ls-ref"
-    manifest = Element(
-        "fmiReferences",
-        {
-            "xmlns:fmi-ls": "http://fmi-standard.org/fmi-ls-manifest",
-            "fmi-ls:fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
-            "fmi-ls:fmi-ls-version": "1.0.0-alpha.1",
-            "fmi-ls:fmi-ls-description": "files related to this FMU",
-        },
-    )
     options = (folder / f"{cls.name}_ref.opt").read_text(encoding="utf-8")
     experiments = Element("Experiments", name=cls.name)
     experiment = SubElement(
@@ -128,14 +122,60 @@ def _reference(cls: type[Component], folder: Path) -> dict[str, bytes]:
     )
     SubElement(experiment, "Stimuli", source=stimuli.name, type="text/csv")
     SubElement(experiment, "References", source=results.name, type="text/csv")
-    for element in (manifest, experiments):
-        indent(element)
     return {
-        f"{place}/fmi-ls-manifest.xml": tostring(manifest, encoding="utf-8", xml_declaration=True),
-        f"{place}/experiments.xml": tostring(experiments, encoding="utf-8", xml_declaration=True),
-        f"{place}/{stimuli.name}": stimuli.read_bytes(),
-        f"{place}/{results.name}": results.read_bytes(),
+        f"{_REFERENCES}/{cls.name}.exp": _xml(experiments),
+        f"{_REFERENCES}/{stimuli.name}": stimuli.read_bytes(),
+        f"{_REFERENCES}/{results.name}": results.read_bytes(),
     }
+
+
+# by the end of a name: MIME type, role and description in the manifest of FMI-LS-REF
+_RELATED = {
+    ".html": ("text/html", "document", "equations, assumptions, sources and variables"),
+    ".ssv": ("application/x-ssp-parameter-set", "parameter", "a set of parameters"),
+    ".exp": (
+        "application/x-ma-hs-experiments",
+        "experiment/validation",
+        "a run whose results are known independently of this FMU",
+    ),
+    "_in.csv": ("text/csv", "testcase", "inputs of that run"),
+    "_ref.csv": ("text/csv", "result", "results of that run"),
+}
+
+
+def _manifest(files: Mapping[str, bytes]) -> bytes:
+    """Write the manifest of FMI-LS-REF 1.0.0-alpha.1 for files, by path in the archive."""
+    manifest = Element(
+        "fmiReferences",
+        {
+            "xmlns:fmi-ls": "http://fmi-standard.org/fmi-ls-manifest",
+            "fmi-ls:fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
+            "fmi-ls:fmi-ls-version": "1.0.0-alpha.1",
+            "fmi-ls:fmi-ls-description": (
+                "Layered Standard providing information on related files included in an FMU."
+            ),
+        },
+    )
+    for ending, (kind, role, description) in _RELATED.items():
+        for path in sorted(path for path in files if path.endswith(ending)):
+            SubElement(
+                manifest,
+                "Related",
+                type=kind,
+                source=posixpath.relpath(path, _REFERENCES),
+                role=role,
+                description=description,
+                checksum=sha3_256(files[path]).hexdigest(),
+                checksumType="SHA3-256",
+            )
+    return _xml(manifest)
+
+
+def _xml(root: Element) -> bytes:
+    """Write a document, indented."""
+    indent(root)
+    text: bytes = tostring(root, encoding="utf-8", xml_declaration=True)
+    return text
 
 
 def _option(text: str, key: str) -> str:

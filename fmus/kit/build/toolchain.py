@@ -49,7 +49,11 @@ FLAGS = (
     "-s",
     "-g0",
 )
-_LIMIT = 300.0  # s for a library, for all its targets together; the largest takes some seconds
+# s for a library, for all its targets together. The largest takes some seconds; the first one of a
+# platform minutes, for zig then makes the C library of that platform, and keeps it.
+_LIMIT = 300.0
+_FIRST_LIMIT = 1800.0
+_served: set[str] = set()  # platforms for which this process has compiled with zig
 
 
 def host_platform() -> str:
@@ -234,31 +238,37 @@ def compile_library(
     ------
     UserError
         If there is no compiler, or it fails (with its first error line), or takes longer than
-        `_LIMIT`.
+        `_LIMIT`, with zig for the first library of a platform `_FIRST_LIMIT`.
     """
     compiler = find_compiler(target)
-    until = time.monotonic() + _LIMIT
+    is_first = compiler.targets and target not in _served
+    limit = _FIRST_LIMIT if is_first else _LIMIT
+    until = time.monotonic() + limit
     built = []
     for options in compiler.options(target, libraries):
         with scratch.folder("compiled") as folder:
             output = folder / "library"
             # libraries last: a linker takes from them the symbols that are still missing
             paths = [*(f"-I{place}" for place in include), *map(str, sources), "-o", str(output)]
-            _compile(compiler, [*compiler.command, *paths, *options], target, until)
+            command = [*compiler.command, *paths, *options]
+            try:
+                _compile(compiler, command, target, until - time.monotonic())
+            except subprocess.TimeoutExpired as error:
+                raise UserError(
+                    f"{compiler.label} failed for {target}: not done after {limit:g} s, and ended;"
+                    " try again with less beside it"
+                ) from error
             with scratch.written(folder):
                 built.append(output.read_bytes())
+    _served.add(target)
     return built[0] if len(built) == 1 else _universal(built)
 
 
-def _compile(compiler: Compiler, command: Sequence[str], target: str, until: float) -> None:
-    """Run a compiler; UserError if it fails, or is not done at a time of the monotonic clock."""
+def _compile(compiler: Compiler, command: Sequence[str], target: str, limit: float) -> None:
+    """Run a compiler; UserError if it fails, TimeoutExpired if it takes more than `limit` s."""
     failure = f"{compiler.label} failed for {target}"
     try:
-        done = run_program(command, until - time.monotonic())
-    except subprocess.TimeoutExpired as error:
-        raise UserError(
-            f"{failure}: not done after {_LIMIT:g} s, and ended; try again with less beside it"
-        ) from error
+        done = run_program(command, limit)
     except OSError as error:
         raise UserError(
             f"{failure}: {compiler.command[0]} cannot be started ({error.strerror})"

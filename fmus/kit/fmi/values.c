@@ -104,13 +104,14 @@ Status get_texts(Instance *instance, const char *function, const Reference vr[],
 
 static bool settable(const Instance *instance, const char *function, const Variable *variable, double value) {
     bool started = ((int)instance->now.mode & BEFORE_START) == 0;
+    bool changes = value != instance->now.memory[variable - model_variables];
     bool integrated = variable->role == ROLE_STATE && ((int)instance->now.mode & (EVENT | CONTINUOUS)) != 0;
     if (variable->role > ROLE_INPUT && !integrated) /* hosts that integrate may set states one by one */
         report(instance, FMI(Error), "%s: '%s' is calculated and cannot be set", function, variable->name);
     else if (variable->role == ROLE_PARAMETER && started)
         report(instance, FMI(Error), "%s: parameter '%s' cannot be set after initialization", function, variable->name);
-    else if (variable->type != TYPE_REAL && instance->now.mode == CONTINUOUS)
-        report(instance, FMI(Error), "%s: '%s' is discrete and can be set in event mode only", function, variable->name);
+    else if (variable->type != TYPE_REAL && changes && instance->now.mode == CONTINUOUS)
+        report(instance, FMI(Error), "%s: '%s' is discrete and can change in event mode only", function, variable->name);
     else if (!isfinite(value))
         report(instance, FMI(Error), "%s: '%s' = %g is not a finite number", function, variable->name, value);
     else if (variable->type == TYPE_BOOLEAN && value != 0.0 && value != 1.0)

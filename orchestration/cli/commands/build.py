@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+import typer
 
 from fmus.kit import UserError
 from orchestration.cli.command import command
@@ -20,7 +23,8 @@ def build(options: BuildCommand) -> None:
     """Build FMUs: OUT/python/NAME.fmu and OUT/native/NAME.fmu.
 
     With --set, NAME ends in _set and the values are the FMU's defaults. With --runtime pythonfmu it
-    is OUT/pythonfmu/NAME.fmu, for users of that; what it cannot promise is said.
+    is OUT/pythonfmu/NAME.fmu, for users of that; what it cannot promise is said. Of --platforms all
+    one that fails is told and left out, and the exit status is 1.
     """
     from fmus import COMPONENTS, MODELS
     from fmus.kit import build as kit
@@ -45,14 +49,24 @@ def build(options: BuildCommand) -> None:
         folders={"--out": folder},
     ).check()
     targets = platform_list(options["platforms"])
+    failures: list[str] = []
+
+    def failed(path: Path, platform: str, error: UserError) -> None:
+        failures.append(platform)
+        note(f"{path} is without {platform}: {error}")
+
     with progress() as tell:
         tell(f"building {len(work)} FMUs")
         for k, (cls, kind, path) in enumerate(work):
-            files.write(path, kit.build(cls, kind, targets, partial(tell.done, k, len(work))))
+            keep = partial(failed, path) if targets is None else None
+            done = partial(tell.done, k, len(work))
+            files.write(path, kit.build(cls, kind, targets, done, keep))
             screen.print(str(path))
     if runtime == kit.STOCK:
         for limit in LIMITS:
             note(f"{kit.STOCK} promises less: {limit}")
+    if failures:
+        raise typer.Exit(1)
 
 
 def _component(name: str, options: BuildCommand) -> type[Component]:

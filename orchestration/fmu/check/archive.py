@@ -110,7 +110,8 @@ def _documents(archive: Archive) -> Iterator[Finding]:
         yield Finding(10, "note", "no icon (model.png)")
     if not any(name.startswith("documentation/licenses/") for name in names):
         yield Finding(10, "warning", "no licence (documentation/licenses/)")
-    if not any(name.startswith("extra/org.fmi-standard.fmi-ls-ref/") for name in names):
+    references = [n for n in names if n.startswith("extra/org.fmi-standard.fmi-ls-ref/")]
+    if all(name.endswith("/fmi-ls-manifest.xml") for name in references):
         yield Finding(10, "note", "no reference result (extra/org.fmi-standard.fmi-ls-ref/)")
     documents = names & {
         "documentation/externalDependencies.txt",

@@ -19,7 +19,9 @@ EXPORT fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *event) {
     /* of a host that comes late, as those of fixed steps do: what it has missed is sampled now, one after the other */
     event->newDiscreteStatesNeeded = next <= instance->now.time ? fmi2True : fmi2False;
     event->terminateSimulation = fmi2False;
-    event->nominalsOfContinuousStatesChanged = fmi2False;
+    /* Rates jump at every event: at a sample, where a law switches, where the host's input does. Some hosts restart their
+       solvers only if told that values or nominals have changed; to read the nominals again costs nothing. */
+    event->nominalsOfContinuousStatesChanged = fmi2True;
     event->valuesOfContinuousStatesChanged = fmi2False; /* a sample changes what is sampled, never a state */
     return fmi2OK;
 }

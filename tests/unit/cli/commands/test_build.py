@@ -78,7 +78,7 @@ def test_build_for_some_platforms_and_for_all(tmp_path, monkeypatch):
 
     asked = []
     monkeypatch.setattr(
-        kit, "build", lambda cls, kind, platforms, progress: asked.append(platforms) or b""
+        kit, "build", lambda cls, kind, platforms, progress, failed: asked.append(platforms) or b""
     )
     for given in (["--platforms", "linux64, win64"], ["--platforms", "all"], []):
         assert (
@@ -86,3 +86,22 @@ def test_build_for_some_platforms_and_for_all(tmp_path, monkeypatch):
             == 0
         )
     assert asked == [["linux64", "win64"], None, [host_platform()]]
+
+
+def test_of_all_platforms_one_that_fails_is_named_and_the_rest_is_written(tmp_path, monkeypatch):
+    from fmus.kit import UserError
+    from fmus.kit.build import toolchain
+
+    def compile_library(sources, include, target, *, libraries=()):
+        if target == "win64":
+            raise UserError("zig failed for win64: not done after 1800 s, and ended")
+        return b"library"
+
+    monkeypatch.setenv("PPY_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(toolchain, "compile_library", compile_library)
+    done = here("build", "galvanostat", "--runtime", "native", "--platforms", "all", cwd=tmp_path)
+    path = Path("fmu/native/galvanostat.fmu")
+    assert done.returncode == 1
+    assert done.stdout.split() == [str(path)]
+    assert f"noted: {path} is without win64: zig failed for win64: not done after" in done.stderr
+    assert platforms_of(tmp_path / path) == ["aarch64-linux", "darwin64", "linux64"]

@@ -1,4 +1,5 @@
 import io
+import zipfile
 
 import fmpy
 import pytest
@@ -27,6 +28,51 @@ def test_builds_are_reproducible(runtime, tmp_path, monkeypatch):
     other = build.build(cls, runtime, [toolchain.host_platform()])
     guids = {fmpy.read_model_description(io.BytesIO(b)).guid for b in (first, other)}
     assert len(guids) == 2
+
+
+@pytest.fixture
+def compiled_but_for(monkeypatch, tmp_path):
+    """Compilers that make nothing of note, and fail for some platforms."""
+
+    def fail_for(*platforms):
+        def compile_library(sources, include, target, *, libraries=()):
+            if target in platforms:
+                raise UserError(f"zig failed for {target}: error: no room")
+            return target.encode()
+
+        monkeypatch.setenv("PPY_CACHE", str(tmp_path / "cache"))
+        monkeypatch.setattr(toolchain, "compile_library", compile_library)
+
+    return fail_for
+
+
+def test_a_platform_that_fails_is_told_and_the_others_are_kept(compiled_but_for):
+    compiled_but_for("win64")
+    failures = {}
+    wanted = ["linux64", "win64", "darwin64"]
+    cls = fmus.component("galvanostat")
+    contents = build.build(cls, "native", wanted, failed=failures.__setitem__)
+    assert {name: str(error) for name, error in failures.items()} == {
+        "win64": "zig failed for win64: error: no room"
+    }
+    with zipfile.ZipFile(io.BytesIO(contents)) as archive:
+        made = {name for name in archive.namelist() if name.startswith("binaries/")}
+    assert made == {"binaries/linux64/galvanostat.so", "binaries/darwin64/galvanostat.dylib"}
+    with pytest.raises(UserError, match="zig failed for win64: error: no room"):
+        build.build(cls, "native", wanted)
+
+
+def test_where_every_platform_fails_nothing_is_made(compiled_but_for):
+    compiled_but_for("linux64", "win64")
+    told = []
+    with pytest.raises(UserError, match="zig failed for win64"):
+        build.build(
+            fmus.component("galvanostat"),
+            "native",
+            ["linux64", "win64"],
+            failed=lambda platform, error: told.append(platform),
+        )
+    assert told == ["linux64"]
 
 
 def test_unknown_runtime_is_refused():
