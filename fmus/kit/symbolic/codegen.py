@@ -145,9 +145,7 @@ def _clock(clock: Clock, index: Mapping[str, int]) -> str:
     return f"{{{_c_double(seconds)}, {at}, {{{', '.join(map(str, shifts))}}}}}"
 
 
-def native_sources(
-    graph: Graph, guid: str, hosted: bool = True, fmi: int = 2
-) -> dict[str, str]:
+def native_sources(graph: Graph, guid: str, hosted: bool = True, fmi: int = 2) -> dict[str, str]:
     """Write every generated file of the native build.
 
     Parameters

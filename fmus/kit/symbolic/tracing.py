@@ -62,6 +62,11 @@ class Graph:
         """Arguments shared by every generated function."""
         return [self.time, self.parameters, self.inputs, self.states, self.discretes]
 
+    @property
+    def continuous(self) -> ca.SX:
+        """What outputs, derivatives and event indicators depend on between events."""
+        return ca.vertcat(self.inputs, self.states)
+
     @cached_property
     def start(self) -> tuple[ca.SX, ca.SX]:
         """Start parameters of the states and of the discrete states."""
@@ -129,7 +134,10 @@ class Graph:
         moving = ca.vertcat(self.time, self.states)
         rate = ca.jtimes(self.outputs, moving, ca.vertcat(1.0, self.rates))
         laws = ca.vertcat(self.rates, self.outputs)
-        weights = [ca.SX.sym("wrates", self.rates.numel()), ca.SX.sym("woutputs", laws.numel() - self.rates.numel())]
+        weights = [
+            ca.SX.sym("wrates", self.rates.numel()),
+            ca.SX.sym("woutputs", laws.numel() - self.rates.numel()),
+        ]
         known = ca.vertcat(*arguments[1:])
         adjoint = ca.densify(ca.jtimes(laws, known, ca.vertcat(*weights), True))
         ends = np.cumsum([0, *(group.numel() for group in arguments[1:])]).tolist()
@@ -293,7 +301,7 @@ def dependencies(layout: Layout, graph: Graph) -> dict[str, dict[int, list[int]]
         """Return the knowns of each row, both numbered from a first value reference on."""
         return {first + i: [known + k for k in row] for i, row in enumerate(rows)}
 
-    knowns = ca.vertcat(graph.inputs, graph.states)
+    knowns = graph.continuous
     outputs = shifted(first_output, graph.depends(graph.outputs, knowns), first_input)
     # A continuous state is its own known; a discrete one depends on nothing until the next sample
     # instant.

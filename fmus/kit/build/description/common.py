@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import math
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
@@ -17,6 +18,7 @@ from fmus.kit.declare import (
     OutputDeclaration,
     ParameterDeclaration,
     StateDeclaration,
+    TextDeclaration,
     summary,
 )
 from fmus.kit.errors import UserError
@@ -63,7 +65,6 @@ CATEGORIES = {
 }
 
 
-
 @dataclass(frozen=True)
 class Capabilities:
     """The capabilities of a build, for the elements ``CoSimulation`` and ``ModelExchange``.
@@ -85,7 +86,6 @@ class Capabilities:
     directional_derivatives: bool
     model_exchange: bool = False
     sources: tuple[str, ...] = ()
-
 
 
 def generation_date() -> str:
@@ -156,7 +156,6 @@ def number(value: float) -> str:
     return repr(float(value)).removesuffix(".0")
 
 
-
 def typed_reals(layout: Layout) -> dict[str, Declaration]:
     """Return a real variable of each type: those of one quantity in one display unit share theirs.
 
@@ -174,15 +173,18 @@ def typed_reals(layout: Layout) -> dict[str, Declaration]:
     return {name: first[name] for name in sorted(first)}
 
 
-def define_units(root: Element, layout: Layout) -> None:
+def define_units(root: Element, layout: Layout, others: Iterable[str] = ()) -> None:
     """Append the units and the display units of real variables.
 
     Parameters
     ----------
     root : Element
     layout : Layout
+    others : iterable of str
+        Further units.
     """
-    displays: dict[str, set[str]] = {unit: set() for _, unit in layout.derivatives}
+    of_derivatives = [unit for _, unit in layout.derivatives]
+    displays: dict[str, set[str]] = {unit: set() for unit in (*of_derivatives, *others)}
     for variable in layout.variables:
         if variable.type == "real":
             own = displays.setdefault(variable.unit, set())
@@ -271,7 +273,6 @@ def unit_attributes(variable: Declaration) -> dict[str, str]:
     return attributes
 
 
-
 _KINDS = {
     ParameterDeclaration: {"causality": "parameter", "variability": "fixed", "initial": "exact"},
     InputDeclaration: {"causality": "input", "variability": "continuous"},
@@ -283,7 +284,6 @@ _KINDS = {
     StateDeclaration: {"causality": "local", "variability": "continuous", "initial": "calculated"},
     DiscreteDeclaration: {"causality": "local", "variability": "discrete", "initial": "calculated"},
 }
-
 
 
 def written(value: float, kind: str) -> str:
@@ -401,9 +401,7 @@ def text_attributes(reference: int, parameter: TextDeclaration) -> dict[str, str
     }
 
 
-def model_description(
-    cls: type[Component], version: str, identity: dict[str, str]
-) -> Element:
+def model_description(cls: type[Component], version: str, identity: dict[str, str]) -> Element:
     """Make the root of a model description.
 
     Parameters

@@ -6,14 +6,14 @@ from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit.build.description import common
 from fmus.kit.build.parameters import serialized
-from fmus.kit.build.provenance import annotate
+from fmus.kit.build.provenance import annotate_fmi2
 from fmus.kit.component import Component
 from fmus.kit.layout import Layout
 from fmus.kit.symbolic import Graph, dependencies
 from fmus.kit.units import to_modelica
 
 
-def describe(
+def describe_fmi2(
     cls: type[Component], graph: Graph, can: common.Capabilities, version: str, guid: str
 ) -> bytes:
     """Write ``modelDescription.xml`` of FMI 2.0.
@@ -45,7 +45,7 @@ def describe(
             node = SubElement(definitions, "SimpleType", name=name)
             SubElement(node, "Real", common.type_attributes(variable))
     common.append_experiment(root, cls)
-    annotate(root, cls)
+    annotate_fmi2(root, cls)
     _variables(root, cls.layout)
     _structure(root, cls.layout, graph)
     return serialized(root)
@@ -81,17 +81,13 @@ def _variables(root: Element, layout: Layout) -> None:
     """Append an element for each variable, in the order of value references."""
     parent = SubElement(root, "ModelVariables")
     for reference, variable in enumerate(layout.variables):
-        node = SubElement(
-            parent, "ScalarVariable", common.variable_attributes(reference, variable)
-        )
+        node = SubElement(parent, "ScalarVariable", common.variable_attributes(reference, variable))
         SubElement(node, variable.type.capitalize(), common.value_attributes(variable))
     first_state = len(layout.parameters) + len(layout.inputs)
     for index, (name, unit) in enumerate(layout.derivatives):
         description = f"time derivative of {layout.states[index].name}"
         reference = len(layout.variables) + index
-        node = SubElement(
-            parent, "ScalarVariable", common.calculated(name, reference, description)
-        )
+        node = SubElement(parent, "ScalarVariable", common.calculated(name, reference, description))
         SubElement(node, "Real", unit=to_modelica(unit), derivative=str(first_state + index + 1))
     for reference, parameter in enumerate(layout.texts, len(layout.names)):
         node = SubElement(parent, "ScalarVariable", common.text_attributes(reference, parameter))
