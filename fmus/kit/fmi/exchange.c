@@ -8,7 +8,7 @@
 
 static Law indicators;
 
-static bool host_integrates(const Instance *instance, int modes, const char *function) {
+bool host_integrates(const Instance *instance, int modes, const char *function) {
     if (!allowed(instance, modes, function))
         return false;
     if (instance->integrator != HOST_INTEGRATES)

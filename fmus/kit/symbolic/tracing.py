@@ -7,6 +7,7 @@ exact sensitivities and linearisation are derived from these.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -60,6 +61,11 @@ class Graph:
     def arguments(self) -> list[ca.SX]:
         """Arguments shared by every generated function."""
         return [self.time, self.parameters, self.inputs, self.states, self.discretes]
+
+    @property
+    def continuous(self) -> ca.SX:
+        """What outputs, derivatives and event indicators depend on between events."""
+        return ca.vertcat(self.inputs, self.states)
 
     @cached_property
     def start(self) -> tuple[ca.SX, ca.SX]:
@@ -115,6 +121,31 @@ class Graph:
             tangents = ca.cse([ca.densify(ca.jtimes(e, known, seed)) for e in (rates, outputs)])
             functions.append(ca.Function("tangent", [*arguments, *seeds], tangents))
         return functions
+
+    def functions_of_fmi_3(self) -> list[ca.Function]:
+        """Make the CasADi functions that FMI 3.0 needs in addition (``fmi/engine.h``).
+
+        Returns
+        -------
+        list of casadi.Function
+            Time derivatives of the outputs, the inputs being held; adjoint derivatives.
+        """
+        arguments = self.arguments
+        moving = ca.vertcat(self.time, self.states)
+        rate = ca.jtimes(self.outputs, moving, ca.vertcat(1.0, self.rates))
+        laws = ca.vertcat(self.rates, self.outputs)
+        weights = [
+            ca.SX.sym("wrates", self.rates.numel()),
+            ca.SX.sym("woutputs", laws.numel() - self.rates.numel()),
+        ]
+        known = ca.vertcat(*arguments[1:])
+        adjoint = ca.densify(ca.jtimes(laws, known, ca.vertcat(*weights), True))
+        ends = np.cumsum([0, *(group.numel() for group in arguments[1:])]).tolist()
+        parts = ca.cse([adjoint[a:b] for a, b in itertools.pairwise(ends)])
+        return [
+            ca.Function("output_rates", arguments, ca.cse([ca.densify(rate)])),
+            ca.Function("adjoint", [*arguments, *weights], parts),
+        ]
 
     def depends(self, expressions: ca.SX, symbols: ca.SX) -> list[list[int]]:
         """Return the sparsity of expressions.
@@ -270,7 +301,7 @@ def dependencies(layout: Layout, graph: Graph) -> dict[str, dict[int, list[int]]
         """Return the knowns of each row, both numbered from a first value reference on."""
         return {first + i: [known + k for k in row] for i, row in enumerate(rows)}
 
-    knowns = ca.vertcat(graph.inputs, graph.states)
+    knowns = graph.continuous
     outputs = shifted(first_output, graph.depends(graph.outputs, knowns), first_input)
     # A continuous state is its own known; a discrete one depends on nothing until the next sample
     # instant.
