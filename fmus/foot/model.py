@@ -6,7 +6,7 @@ with a leg that moves and a ground in ``free.py``.
 
 from __future__ import annotations
 
-from ..kit import Input
+from ..kit import Input, Port
 from .dynamic import FootDynamic
 from .free import FootFree
 from .statics import FootStatics
@@ -14,10 +14,18 @@ from .statics import FootStatics
 __all__ = ["Foot", "FootDynamic", "FootFree"]
 
 
+def _joint(name: str) -> Port:
+    """Return the port of a joint, which whatever gives its angle holds against its torque."""
+    angle = f"{name}_angle"
+    torque = f"{name}_torque"
+    return Port(name, "rotational", angle, torque, (name,), delivers=True, rate=f"{name}_rate")
+
+
 class Foot(FootStatics):
     """Foot whose joint angles are given (thesis eqs. 5.2-5.10, antagonists in parallel)."""
 
     name = "foot"
+    ports = (*FootStatics.ports, *map(_joint, ("ankle", "tm", "mtp")))
     experiment = (1.0, 0.01)
 
     ankle_angle = Input(

@@ -21,6 +21,7 @@ from ..kit import (
     Input,
     Output,
     Parameter,
+    Port,
     Preset,
     State,
     clip,
@@ -40,6 +41,7 @@ class IsotonicStand(Component):
 
     name = "isotonic_stand"
     experiment = (60.0, 0.1)
+    ports = (Port("core", "translational", "displacement", "tension", ("flange",), delivers=True),)
 
     gravity = Parameter(
         9.80665, "m/s^2", min=0.1, max=100.0, source="standard gravity", doc="gravity (g)"

@@ -70,6 +70,7 @@ from .functions import (
     where,
 )
 from .layout import Layout, law_of
+from .ports import DOMAINS, Domain, Port
 from .sharing import shared
 from .titles import (
     capitalised,
@@ -92,6 +93,7 @@ if TYPE_CHECKING:
     from .slave import describe_error
 
 __all__ = [
+    "DOMAINS",
     "MEASUREMENTS",
     "MEMORIES",
     "SHAPES",
@@ -101,6 +103,7 @@ __all__ = [
     "DeclarationError",
     "Discrete",
     "DiscreteDeclaration",
+    "Domain",
     "Effect",
     "EffectNames",
     "Engine",
@@ -112,6 +115,7 @@ __all__ = [
     "OutputDeclaration",
     "Parameter",
     "ParameterDeclaration",
+    "Port",
     "Preset",
     "Sampling",
     "SignalTerm",

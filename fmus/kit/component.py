@@ -10,6 +10,7 @@ from zlib import crc32
 from .declare import Declaration, OutputDeclaration, Preset, name_declaration
 from .errors import UserError, suggestion
 from .layout import APART, Layout, arrange, check, check_laws, extract
+from .ports import Port
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,8 @@ class Component:
         Computes it in place of laws; None where it has laws.
     limits : Mapping of str to str
         Laws that limit another one, each with the law that it is where the limit is not reached.
+    ports : tuple of Port
+        Pairs of variables through which it exchanges power with others.
     unchecked : tuple of str
         Laws that compute with bare numbers, so that their units are not checked.
     declared : dict of str to Declaration
@@ -106,6 +109,7 @@ class Component:
     presets: ClassVar[Mapping[str, Preset]] = {}
     engine: ClassVar[Engine | None] = None
     limits: ClassVar[Mapping[str, str]] = {}
+    ports: ClassVar[tuple[Port, ...]] = ()
     unchecked: ClassVar[tuple[str, ...]] = ()
     declared: ClassVar[dict[str, Declaration]] = {}
     layout: ClassVar[Layout]

@@ -22,6 +22,7 @@ from .declare import (
     make_start_parameter,
 )
 from .errors import DeclarationError, UserError, suggestion
+from .ports import DOMAINS, Port
 
 _TYPES = ("real", "integer", "boolean")
 APART = "_apart"  # declarations of a class body that have left it already
@@ -246,8 +247,8 @@ def check(owner: Any, layout: Layout) -> None:
     Parameters
     ----------
     owner : type
-        The class; methods that its declarations name must be there unless it is abstract, without a
-        ``name``.
+        The class; methods that its declarations name must be there, and its ports fit, unless it is
+        abstract, without a ``name``.
     layout : Layout
 
     Raises
@@ -258,6 +259,8 @@ def check(owner: Any, layout: Layout) -> None:
     _check_variables(owner, layout)
     if owner.name:
         _check_references(owner, layout)
+        for port in owner.ports:
+            _check_port(owner, layout, port)
 
 
 def _check_variables(owner: Any, layout: Layout) -> None:
@@ -321,7 +324,7 @@ def _check_type_and_start(owner: Any, v: Declaration) -> None:
 
 
 def _check_references(owner: Any, layout: Layout) -> None:
-    """Check the methods, parameters and sample periods that declarations and presets name."""
+    """Check the methods, parameters and sample periods that a class names."""
     if not _is_name(owner.name):
         raise UserError(
             f"{owner.__module__}.{owner.__qualname__}: name {owner.name!r} must be an ASCII"
@@ -351,6 +354,33 @@ def _check_references(owner: Any, layout: Layout) -> None:
                 " of seconds"
             )
             raise _mistake(owner, discrete, reason)
+
+
+def _check_port(owner: Any, layout: Layout, port: Port) -> None:
+    """Check the domain, the variables and the connectors of a port."""
+    place = f"{owner.__module__}.{owner.__qualname__}: port {port.name!r}"
+    if port.domain not in DOMAINS:
+        raise UserError(f"{place} is {port.domain!r}{suggestion(port.domain, DOMAINS)}")
+    if len(port.connectors) not in (1, 2):
+        raise UserError(f"{place} has {len(port.connectors)} connectors; it may have one or two")
+    domain = DOMAINS[port.domain]
+    wanted = {port.potential: domain.potential, port.flow: domain.flow}
+    if port.rate:
+        wanted[port.rate] = f"{domain.potential}/s"
+    known = {v.name: v for v in (*layout.inputs, *layout.shown)}
+    for name, unit in wanted.items():
+        if name not in known:
+            raise UserError(
+                f"{place} has {name!r}, which is no input or output{suggestion(name, known)}"
+            )
+        if known[name].unit != unit:
+            raise UserError(f"{place} has {name!r} in {known[name].unit}; it must be in {unit}")
+    for connector in port.connectors:
+        if not _is_name(connector) or connector in layout.names:
+            raise UserError(
+                f"{place} has a connector {connector!r}; it must be an ASCII identifier and no"
+                " variable"
+            )
 
 
 def _check_method(owner: Any, variable: Declaration, kind: str, name: str) -> None:

@@ -12,10 +12,14 @@ laid over an output without changing the physics.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
-from ..kit import Component, Input, Output, Parameter, Preset, State, maximum
+from ..kit import Component, Input, Output, Parameter, Port, Preset, State, maximum
 
+_CIRCUIT = Port("circuit", "electrical", "voltage", "current", ("p", "n"))
+_CHAIN = Port("chain", "translational", "displacement", "force", ("flange_b", "flange_a"))
+_CHAIN_AT_LENGTH = replace(_CHAIN, potential="length_change", flow="tension")
 _TABLE = "thesis table 3-1, mean of three 12-layer data sets"
 _FIGURE = "thesis fig. 3-9, 12-layer actuator 106, in N/m and N*s/m (errata 1)"
 
@@ -420,15 +424,18 @@ class PpyActuator(Watched, ForceDriven, CurrentDriven):
     """
 
     name = "ppy_actuator"
+    ports = (_CIRCUIT, _CHAIN)
 
 
 class PpyActuatorVoltageDriven(Watched, ForceDriven, VoltageDriven):
     """Voltage-driven actuator: voltage and load in, current and displacement out."""
 
     name = "ppy_actuator_voltage_driven"
+    ports = (_CIRCUIT, _CHAIN)
 
 
 class PpyActuatorLengthDriven(Watched, LengthDriven, CurrentDriven):
     """Length-driven actuator: the same laws with current and length in, tension and voltage out."""
 
     name = "ppy_actuator_length_driven"
+    ports = (_CIRCUIT, _CHAIN_AT_LENGTH)

@@ -34,6 +34,7 @@ RUNTIME_MODULES = (
     "inputs",
     "integrate",
     "layout",
+    "ports",
     "sampling",
     "sensors",
     "sharing",

@@ -14,8 +14,7 @@ static bool known(const Instance *instance, Role role) {
 /* A state may be an output; it follows its own seed, and a discrete one nothing until its next sample instant. */
 static bool unknown(Role role) { return role >= ROLE_STATE; }
 
-/* Whether all of a request can be answered now; reports it if not. */
-static bool answerable(const Instance *instance, const Partials *of, const void *seeds, const void *results) {
+bool answerable(const Instance *instance, const Partials *of, const void *seeds, const void *results) {
     const char *function = of->function;
     if (!allowed(instance, READABLE, function))
         return false;
@@ -41,9 +40,8 @@ static bool answerable(const Instance *instance, const Partials *of, const void 
     return true;
 }
 
-/* Adds the seeds of some variables to those that are there. */
-static bool add_seeds(const Instance *instance, const char *function, const Reference vr[], size_t n,
-                      const double seeds[], double seed[]) {
+bool add_seeds(const Instance *instance, const char *function, const Reference vr[], size_t n, const double seeds[],
+               double seed[]) {
     for (size_t i = 0; i < n; i++) {
         if (!isfinite(seeds[i])) {
             report(instance, FMI(Error), "%s: the seed %g of '%s' is not a finite number", function, seeds[i],
@@ -52,6 +50,17 @@ static bool add_seeds(const Instance *instance, const char *function, const Refe
         }
         seed[vr[i]] += seeds[i];
     }
+    return true;
+}
+
+bool derivatives_finite(const Instance *instance, const char *function, const Reference vr[], size_t n,
+                        const double results[]) {
+    for (size_t i = 0; i < n; i++)
+        if (!isfinite(results[i])) {
+            report(instance, FMI(Error), "%s: the derivative of '%s' is not a finite number", function,
+                   model_variables[vr[i]].name);
+            return false;
+        }
     return true;
 }
 
@@ -72,9 +81,6 @@ Status directional(Instance *instance, const Partials *of, const double seeds[],
         results[i] = role == ROLE_DERIVATIVE ? result[index - FIRST_DERIVATIVE]
                      : role == ROLE_OUTPUT   ? result[MODEL_STATES + index - FIRST_OUTPUT]
                                              : seed[index];
-        if (!isfinite(results[i]))
-            return report(instance, FMI(Error), "%s: the derivative of '%s' is not a finite number", of->function,
-                          model_variables[index].name);
     }
-    return FMI(OK);
+    return derivatives_finite(instance, of->function, of->unknowns, of->n_unknowns, results) ? FMI(OK) : FMI(Error);
 }
