@@ -18,6 +18,7 @@ from fmpy.validation import validate_fmu
 
 import fmus
 from fmus import component
+from tests.support.exchange import both_ways, distance
 from tests.support.stimuli import STIMULI
 
 SAMPLED = [name for name in STIMULI if component(name).layout.sampled]
@@ -77,6 +78,21 @@ def test_co_simulation_gives_the_bits_of_fmi_2(fmu, name):
     assert of_2.dtype.names == of_3.dtype.names
     assert of_2.tobytes() == of_3.tobytes()
     assert max(np.ptp(of_3[output].astype(float)) for output in of_3.dtype.names[1:]) > 0.0
+
+
+@pytest.mark.filterwarnings("ignore:.*missing input")
+@pytest.mark.parametrize("name", STIMULI)
+def test_cvode_computes_what_co_simulation_of_fmi_2_does(fmu, name):
+    moved = 0
+    for output, (found, expected) in both_ways(
+        *(fmu(name, "native", 3), fmu(name, "native")),
+        *STIMULI[name],
+        solver="CVode",
+        relative_tolerance=1e-9,
+    ).items():
+        assert distance(found, expected) <= 5e-6, output
+        moved += np.ptp(expected) > 0.0
+    assert moved, "nothing moved"
 
 
 @pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])

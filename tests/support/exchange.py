@@ -11,7 +11,9 @@ from orchestration.fmu.simulation import simulate_instance
 HELD = 10  # communication steps
 
 
-def both_ways(exchanged_fmu, stepped_fmu, stop, step, stimuli, refined=1, **options):
+def both_ways(
+    exchanged_fmu, stepped_fmu, stop, step, stimuli, refined=1, start_values=None, **options
+):
     """Results of model exchange in fmpy and of co-simulation in our master, where no input
     jumps: of one FMU that offers both, or of two builds.
     """
@@ -38,9 +40,10 @@ def both_ways(exchanged_fmu, stepped_fmu, stop, step, stimuli, refined=1, **opti
         input=table,
         record_events=False,
         fmi_type="ModelExchange",
+        start_values=start_values or {},
         **options,
     )[::refined]
-    with Fmu(stepped_fmu, {}) as one:
+    with Fmu(stepped_fmu, start_values or {}) as one:
         one.start(0.0)
         stepped = simulate_instance(
             one, time, {k: v[np.arange(time.size) // HELD] for k, v in held.items()}, outputs

@@ -209,7 +209,8 @@ def lawless_sources(graph: Graph, guid: str) -> dict[str, str]:
         ``model.h`` and ``tables.h``.
     """
     files = tables(graph, guid)
-    files["model.h"] += "#endif\n"  # of the include guard, which is open for sizes of laws
+    # the include guard is open for sizes of laws
+    files["model.h"] += "#define MODEL_INDICATORS 0\n#endif\n"
     return files
 
 

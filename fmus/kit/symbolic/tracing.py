@@ -8,7 +8,6 @@ exact sensitivities and linearisation are derived from these.
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,6 +20,7 @@ from fmus.kit.component import Component
 from fmus.kit.declare import Declaration
 from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
+from fmus.kit.symbolic.switching import event_indicators
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ class Graph:
     @cached_property
     def indicators(self) -> ca.SX:
         """Event indicators: expressions that change their sign where rates or outputs switch."""
-        moving = [self.time, self.inputs, self.states]
-        return switches([self.rates, self.outputs], self.arguments, moving)
+        moving = (0, 2, 3)  # time, inputs and states
+        return event_indicators([self.rates, self.outputs], self.arguments, self.layout, moving)
 
     def functions(self, tangent: bool = True) -> list[ca.Function]:
         """Make the CasADi functions that the native engine calls (``fmi/engine.h``).
@@ -326,62 +326,3 @@ def dependencies(layout: Layout, graph: Graph) -> dict[str, dict[int, list[int]]
         if not discrete.output:
             del initial[first_discrete + i]
     return {"Outputs": outputs, "Derivatives": derivatives, "InitialUnknowns": initial}
-
-
-_COMPARED = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX}
-_AT_ZERO = {ca.OP_FABS, ca.OP_SIGN}
-
-
-def switches(laws: Sequence[ca.SX], arguments: Sequence[ca.SX], moving: Sequence[ca.SX]) -> ca.SX:
-    """Make functions that change their sign where laws switch from one expression to another.
-
-    Laws switch at comparisons, the smaller and the larger of two values, magnitudes and signs.
-    Places that depend on parameters and discrete states only are omitted, and so is rounding: a
-    converter steps at every count of its signal, and no solver should stop there.
-
-    Parameters
-    ----------
-    laws : sequence of casadi.SX
-    arguments : sequence of casadi.SX
-        All symbols of the laws.
-    moving : sequence of casadi.SX
-        Those of them that change between events.
-
-    Returns
-    -------
-    casadi.SX
-        A column, one function for each place.
-    """
-    function = ca.Function("laws", list(arguments), ca.cse([ca.densify(law) for law in laws]))
-    registers: list[Any] = [None] * function.sz_w()  # an instruction reads some and writes one
-    places: dict[frozenset[int], ca.SX] = {}
-    for k in range(function.n_instructions()):
-        operation = function.instruction_id(k)
-        inputs = function.instruction_input(k)
-        outputs = function.instruction_output(k)
-        if operation == ca.OP_INPUT:
-            argument, element = inputs
-            registers[outputs[0]] = arguments[argument].nz[element]
-        elif operation == ca.OP_CONST:
-            registers[outputs[0]] = ca.SX(function.instruction_constant(k))
-        elif operation != ca.OP_OUTPUT:
-            operands = [registers[i] for i in inputs]
-            place = _place(operation, operands)
-            if place is not None:
-                # the magnitude of a value that is compared with zero switches at the same place
-                key = frozenset(o.element_hash() for o in operands if not o.is_zero())
-                places.setdefault(key, place)
-            apply = ca.SX.unary if len(operands) == 1 else ca.SX.binary
-            registers[outputs[0]] = apply(operation, *operands)
-    variables = ca.vertcat(*moving)
-    return _column([place for place in places.values() if ca.depends_on(place, variables)])
-
-
-def _place(operation: int, operands: list[ca.SX]) -> ca.SX | None:
-    """Return the expression that is zero where an operation switches; None if it never does."""
-    is_bounded = not any(o.is_constant() and math.isinf(float(o)) for o in operands)
-    if operation in _COMPARED and is_bounded:
-        return operands[0] - operands[1]
-    if operation in _AT_ZERO:
-        return operands[0]
-    return None
