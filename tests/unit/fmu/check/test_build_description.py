@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from orchestration.fmu.check import check_fmu
 from tests.support.archive import contents
 from tests.support.fmi3_fmus import foreign
-from tests.support.fmu_faults import Change, check_that_fault_is_found
+from tests.support.fmu_faults import Change, check_that_fault_is_found, lines, packed
 
 FILE = "sources/buildDescription.xml"
 GOOD = (
