@@ -20,6 +20,8 @@ from fmus.kit.component import Component
 from fmus.kit.declare import Declaration
 from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
+from fmus.kit.symbolic.calls import Calls
+from fmus.kit.symbolic.instructions import apply_to_symbols, carry_out
 
 
 @dataclass(frozen=True)
@@ -200,8 +202,35 @@ def trace(cls: type[Component]) -> Graph:
     -------
     Graph
     """
+    return _traced(cls, cls())
+
+
+def trace_with_laws(cls: type[Component]) -> tuple[Graph, dict[str, ca.SX]]:
+    """Trace a component with what each of its laws gives on the way.
+
+    Parameters
+    ----------
+    cls : type[Component]
+
+    Returns
+    -------
+    graph : Graph
+    laws : dict of str to casadi.SX
+        By name, for laws without arguments that give one number.
+    """
+    calls = Calls(cls, ())
+    graph = _traced(cls, calls.one)
+    laws = {}
+    for name, values in calls.values.items():
+        given = [value for value in values if isinstance(value, ca.SX)]
+        if len(given) == len(values) and given[0].is_scalar():
+            laws[name] = given[0]
+    return graph, laws
+
+
+def _traced(cls: type[Component], component: Component) -> Graph:
+    """Return the graph of a component, whose variables become symbols."""
     layout = cls.layout
-    component = cls()
     component.time = ca.SX.sym("time")
     parameters = _set_symbols(component, layout.parameters)
     inputs = _set_symbols(component, layout.inputs)
@@ -322,26 +351,17 @@ def switches(laws: Sequence[ca.SX], arguments: Sequence[ca.SX], moving: Sequence
         A column, one function for each place.
     """
     function = ca.Function("laws", list(arguments), ca.cse([ca.densify(law) for law in laws]))
-    registers: list[Any] = [None] * function.sz_w()  # an instruction reads some and writes one
     places: dict[frozenset[int], ca.SX] = {}
-    for k in range(function.n_instructions()):
-        operation = function.instruction_id(k)
-        inputs = function.instruction_input(k)
-        outputs = function.instruction_output(k)
-        if operation == ca.OP_INPUT:
-            argument, element = inputs
-            registers[outputs[0]] = arguments[argument].nz[element]
-        elif operation == ca.OP_CONST:
-            registers[outputs[0]] = ca.SX(function.instruction_constant(k))
-        elif operation != ca.OP_OUTPUT:
-            operands = [registers[i] for i in inputs]
-            place = _place(operation, operands)
-            if place is not None:
-                # the magnitude of a value that is compared with zero switches at the same place
-                key = frozenset(o.element_hash() for o in operands if not o.is_zero())
-                places.setdefault(key, place)
-            apply = ca.SX.unary if len(operands) == 1 else ca.SX.binary
-            registers[outputs[0]] = apply(operation, *operands)
+
+    def apply(operation: int, operands: list[ca.SX]) -> ca.SX:
+        place = _place(operation, operands)
+        if place is not None:
+            # the magnitude of a value that is compared with zero switches at the same place
+            key = frozenset(o.element_hash() for o in operands if not o.is_zero())
+            places.setdefault(key, place)
+        return apply_to_symbols(operation, operands)
+
+    carry_out(function, [ca.vertsplit(a) for a in arguments], ca.SX, apply)
     variables = ca.vertcat(*moving)
     return _column([place for place in places.values() if ca.depends_on(place, variables)])
 

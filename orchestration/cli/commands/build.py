@@ -25,6 +25,8 @@ def build(options: BuildCommand) -> None:
     With --set, NAME ends in _set and the values are the FMU's defaults. With --runtime pythonfmu it
     is OUT/pythonfmu/NAME.fmu, for users of that; what it cannot promise is said. Of --platforms all
     one that fails is told and left out, and the exit status is 1.
+
+    ppy export modelica writes components in the Modelica language.
     """
     from fmus import COMPONENTS, MODELS
     from fmus.kit import build as kit
