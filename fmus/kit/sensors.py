@@ -220,8 +220,9 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
     every period into a shift register and interpolated linearly at the time that lies the delay
     ago, the present value being the newest point. That is exact for a ramp, for a smooth signal it
     errs by at most an eighth of the period squared times the second derivative, and a jump becomes
-    a slope over one period. Before the start the output is taken to be a line, given by two states;
-    they start at 0, which is at rest at the value at the start.
+    a slope over one period. Each place of the register is a corner of the output, at which solvers
+    of hosts are told to stop: it has an event indicator. Before the start the output is taken to be
+    a line, given by two states; they start at 0, which is at rest at the value at the start.
     """
     delay = f"{quantity.name}_delay"
     period = quantity.sampling.delay_period

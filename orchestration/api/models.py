@@ -33,7 +33,8 @@ def build(model: type[Component] | str, path: str | Path, **options: Unpack[Buil
     Raises
     ------
     UserError
-        If there is no such model, effect, runtime or compiler, or the file cannot be written.
+        If there is no such model, effect, runtime, version or compiler, or the file cannot be
+        written.
 
     Examples
     --------
@@ -43,7 +44,7 @@ def build(model: type[Component] | str, path: str | Path, **options: Unpack[Buil
     """
     cls = find_class(model, options["effects"]) if isinstance(model, str) else model
     platforms = options["platforms"] or [host_platform()]
-    files.write(Path(path), kit.build(cls, options["runtime"], platforms))
+    files.write(Path(path), kit.build(cls, options["runtime"], platforms, fmi=options["fmi"]))
     return Path(path)
 
 

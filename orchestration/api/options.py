@@ -324,6 +324,7 @@ class BuildKeywords(TypedDict, total=False):
     platforms: Annotated[
         Sequence[str] | None, Option(doc="FMI platforms; default this machine's.", form=NAMES)
     ]
+    fmi: Annotated[int, Option(doc="Version of FMI, 2 or 3; 3 is native.", default=2)]
 
 
 # --- compare and fit -----------------------------------------------------------------------------

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import io
+import re
 import zipfile
+from functools import cached_property
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError
 from fmus.kit.storage import scratch
 from orchestration.fmu.bounded import FILE, TEXT, UNREADABLE, check_size, open_zip, parse_xml
+from orchestration.fmu.wrapping import translate, wrap
 
 _DESCRIPTION = "modelDescription.xml"
 _VARIABLES = "ModelVariables"
@@ -26,7 +31,8 @@ class Archive:
     Raises
     ------
     UserError
-        If the file is missing, no zip archive, no FMU, not of FMI 2.0, or beyond the bounds.
+        If the file is missing, no zip archive, no FMU, neither of FMI 2.0 nor 3.0, or beyond the
+        bounds.
 
     Attributes
     ----------
@@ -34,7 +40,9 @@ class Archive:
     names : list of str
         Its files, without folders.
     description : Element
-        Root of ``modelDescription.xml``.
+        Root of ``modelDescription.xml``, as it is in the archive.
+    version : {2, 3}
+        Of FMI.
     """
 
     def __init__(self, path: Path):
@@ -67,12 +75,28 @@ class Archive:
             raise UserError(
                 f"{self.path}: {_DESCRIPTION} is a {root.tag!r}, expected 'fmiModelDescription'"
             )
-        version = root.get("fmiVersion")
-        if version != "2.0":
+        version = root.get("fmiVersion", "")
+        if version != "2.0" and not re.fullmatch(r"3\.0(\.\d+)?", version):
             raise UserError(
-                f"{self.path}: FMI version {version or 'not stated'}; this program knows FMI 2.0"
+                f"{self.path}: FMI version {version[:40] or 'not stated'}; this program knows FMI"
+                " 2.0 and 3.0"
             )
+        self.version = int(version[0])
         return root
+
+    @cached_property
+    def as_fmi2(self) -> Element:
+        """The model description in terms of FMI 2.0; UserError if it makes no sense."""
+        if self.version == 2:
+            return self.description
+        return translate(self.description, str(self.path)).root
+
+    @property
+    def host_platform(self) -> str:
+        """Name of the folder in ``binaries/`` for this machine."""
+        import fmpy
+
+        return str(fmpy.platform if self.version == 2 else fmpy.platform_tuple)
 
     def __enter__(self) -> Archive:
         return self
@@ -115,6 +139,25 @@ class Archive:
             if element.tag in ("CoSimulation", "ModelExchange")
         ]
 
+    def check_interfaces(self) -> None:
+        """Refuse an FMU that offers nothing that can be run here; UserError says what it offers."""
+        where = f"{self.path}: {_DESCRIPTION}"
+        if not self.interfaces():
+            if self.description.find("ScheduledExecution") is not None:
+                raise UserError(
+                    f"{self.path}: an FMU for scheduled execution only; this program runs"
+                    " co-simulation"
+                )
+            raise UserError(f"{where} has neither an element CoSimulation nor ModelExchange")
+        variables = self.description.find(_VARIABLES)
+        if variables is None:
+            raise UserError(f"{where} has no element {_VARIABLES}")
+        clocks = [node.get("name", "") for node in variables.iterfind("Clock")]
+        if clocks:
+            raise UserError(
+                f"{self.path}: an FMU with clocks, such as {clocks[0]}; this program ticks none"
+            )
+
 
 def read_description(path: Path) -> Any:
     """Read the model description of an FMU that is to be run.
@@ -136,14 +179,10 @@ def read_description(path: Path) -> Any:
     import fmpy
 
     with Archive(path) as archive:  # the outer form only: `ppy check` judges what is in it
-        if not archive.interfaces():
-            raise UserError(
-                f"{path}: {_DESCRIPTION} has neither an element CoSimulation nor ModelExchange"
-            )
-        if archive.description.find(_VARIABLES) is None:
-            raise UserError(f"{path}: {_DESCRIPTION} has no element {_VARIABLES}")
+        archive.check_interfaces()
+        source = str(path) if archive.version == 2 else _packed(archive.as_fmi2)
     try:
-        description = fmpy.read_model_description(str(path), validate=False)
+        description = fmpy.read_model_description(source, validate=False)
     except Exception as error:
         raise UserError(f"{path}: {_DESCRIPTION} cannot be read ({first_line(error)})") from error
     if description.coSimulation is None:
@@ -151,8 +190,19 @@ def read_description(path: Path) -> Any:
     return description
 
 
+def _packed(description: Element) -> io.BytesIO:
+    """Return an archive with a model description, in memory."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr(_DESCRIPTION, ElementTree.tostring(description))
+    packed.seek(0)
+    return packed
+
+
 def unpack(path: Path) -> str:
     """Unzip an FMU, without sources and documentation, into a new folder of `scratch`.
+
+    One of FMI 3.0 is wrapped, so that its library is one of FMI 2.0.
 
     Returns
     -------
@@ -167,15 +217,18 @@ def unpack(path: Path) -> str:
     import fmpy
 
     with Archive(path) as archive:
-        if fmpy.platform not in archive.platforms:
+        platform = archive.host_platform
+        if platform not in archive.platforms:
             available = ", ".join(archive.platforms) or "none"
-            raise UserError(f"{path}: no binary for {fmpy.platform}; it has {available}")
+            raise UserError(f"{path}: no binary for {platform}; it has {available}")
     folder = scratch.make("fmu")
     try:
-        fmpy.extract(str(path), str(folder), include=lambda name: _is_needed(name, fmpy.platform))
+        fmpy.extract(str(path), str(folder), include=lambda name: _is_needed(name, platform))
+        if archive.version == 3:
+            wrap(folder, archive.description, str(path))
     except BaseException as error:
         scratch.remove(folder)
-        if not isinstance(error, Exception):
+        if not isinstance(error, Exception) or isinstance(error, UserError):
             raise
         if isinstance(error, OSError) and error.errno in scratch.NO_ROOM:
             raise scratch.no_room(folder.parent, error) from error

@@ -45,6 +45,9 @@ def _start_watch() -> bool:
     watch = load_exit_watch()
     if watch is None:
         return False
+    # the watch reads them after Python has ended and freed its objects
+    for memory in (_open_count, _notice):
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(memory))
     watch(ctypes.byref(_open_count), _notice)
     atexit.register(_stop_watch)  # an exit by Python is not one by an FMU
     return True

@@ -392,7 +392,7 @@ def name_and_provenance(path: Path) -> tuple[str, Provenance | None]:
         If it cannot be read.
     """
     with Archive(path) as archive:
-        return archive.description.get("modelName", ""), read_provenance(archive.description)
+        return archive.description.get("modelName", ""), read_provenance(archive.as_fmi2)
 
 
 def restore_class(

@@ -10,8 +10,6 @@ from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
-import fmpy
-
 from fmus.kit import UserError, suggestion, units
 from orchestration.fmu import Archive, Model, Signal, find_model
 from orchestration.fmu.signal import check_value
@@ -261,11 +259,11 @@ def warnings(system: System) -> list[str]:
     lines = []
     for member in system.members:
         with Archive(member.fmu) as archive:
-            if fmpy.platform not in archive.platforms:
+            if archive.host_platform not in archive.platforms:
                 available = ", ".join(archive.platforms) or "none"
                 lines.append(
-                    f"{member.name}: {member.fmu.name} has no binary for {fmpy.platform}; it has"
-                    f" {available}"
+                    f"{member.name}: {member.fmu.name} has no binary for {archive.host_platform};"
+                    f" it has {available}"
                 )
     for connection in system.connections:
         source = connection.source

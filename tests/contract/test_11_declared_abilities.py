@@ -7,10 +7,15 @@ import zipfile
 from collections.abc import Sequence
 from xml.etree import ElementTree
 
+import fmpy
 import numpy as np
 import pytest
+from fmpy.fmi3 import FMU3Model
 from scipy.linalg import expm
 
+from fmus.kit import Component, Input, Output, Parameter, State, absolute, hypot, sqrt
+from fmus.kit.build.building import build
+from fmus.kit.build.toolchain import host_platform
 from tests.contract import oracle
 from tests.contract.models import Oscillator, Sampler
 from tests.contract.raw import ERROR, OK, Instance, doubles, instance, integers
@@ -153,6 +158,99 @@ def test_asking_for_derivatives_changes_nothing(native, subject):
     before = native.serialize(native.save())
     native.tangent([subject.output], [subject.first], [1.0])
     assert native.serialize(native.save()) == before
+
+
+class Cusps(Component):
+    """Laws whose differentiation has 0 times infinity at zero, or a root of a negative number."""
+
+    name = "cusps"
+
+    head = Parameter(0.0, "1", min=0, max=9, doc="level from which it flows")
+    u = Input("1", doc="first input")
+    v = Input("1", doc="second input")
+    x = State("1", rate="flow", start=0.0, output=True, doc="what has flown")
+
+    def flow(self):
+        return self.head * sqrt(self.head) - self.x * sqrt(self.x)
+
+    @Output("1")
+    def size(self):
+        """Length of both inputs."""
+        return hypot(self.u, self.v)
+
+    @Output("1")
+    def spread(self):
+        """Root of the mean square."""
+        return sqrt(self.u * self.u) + 3.0 * self.v
+
+    @Output("1")
+    def broken(self):
+        """No number on either side."""
+        return sqrt(-absolute(self.u))
+
+
+@pytest.fixture
+def cusps(built):
+    with instance(built(Cusps, "native")) as one:
+        yield one
+
+
+def test_what_differentiation_gives_no_number_for_is_a_difference(cusps):
+    """Against the limits of the difference quotient: of x^1.5 from the right, of |u| from both."""
+    cusps.initialize()
+    before = cusps.everything()
+    near = {"abs": 2e-4, "rel": 1e-6}
+    assert cusps.tangent(["der(x)"], ["x"], [1.0]) == pytest.approx([0.0], **near)
+    assert cusps.tangent(["der(x)"], ["x"], [-1e6]) == pytest.approx([0.0], abs=2e2)
+    assert cusps.tangent(
+        ["spread", "size", "x"], ["u", "v", "x"], [2.0, 4.0, 5.0]
+    ) == pytest.approx([12.0, 0.0, 5.0], **near)
+    assert cusps.tangent(["spread"], ["u", "v"], [0.0, 0.0]) == [0.0]
+    assert cusps.everything() == before
+    cusps.set({"u": 3.0, "v": 4.0})
+    assert cusps.tangent(["size", "spread"], ["u", "v"], [1.0, 0.5]) == pytest.approx(
+        [1.0, 2.5], rel=1e-14
+    )
+
+
+def test_a_difference_stays_in_the_range_of_a_parameter(cusps):
+    """Half a power beyond zero would be a number, and is outside."""
+    cusps.do("fmi2SetupExperiment", 0, 0.0, 0.0, 0, 0.0)
+    cusps.do("fmi2EnterInitializationMode")
+    assert cusps.tangent(["der(x)"], ["head"], [1.0]) == pytest.approx([0.0], abs=2e-4)
+
+
+def test_adjoint_derivatives_have_numbers_there_too(tmp_path):
+    path = tmp_path / "cusps.fmu"
+    path.write_bytes(build(Cusps, "native", [host_platform()], fmi=3))
+    folder = fmpy.extract(str(path), str(tmp_path / "unzipped"))
+    described = fmpy.read_model_description(folder)
+    vr = {v.name: v.valueReference for v in described.modelVariables}
+    one = FMU3Model(
+        guid=described.guid, unzipDirectory=folder, modelIdentifier="cusps", instanceName="one"
+    )
+    one.instantiate()
+    one.enterInitializationMode()
+    one.exitInitializationMode()
+    for unknowns, weights, expected in (
+        (("der(x)", "size"), [1.0, 1.0], [0.0, 0.0]),
+        (("spread", "size"), [2.0, 1.0], [0.0, 6.0]),
+    ):
+        knowns = ("x", "u") if unknowns[0] == "der(x)" else ("u", "v")
+        found = one.getAdjointDerivative(
+            [vr[name] for name in unknowns], [vr[name] for name in knowns], weights
+        )
+        assert found == pytest.approx(expected, abs=2e-4)
+    one.freeInstance()
+
+
+def test_a_derivative_that_is_not_there_is_an_error(cusps):
+    cusps.initialize()
+    vr, seed, result = cusps.references(["broken"]), doubles(1.0), doubles(0.0)
+    cusps.set({"u": 1.0})
+    function = "fmi2GetDirectionalDerivative"
+    assert cusps.call(function, vr, 1, cusps.references(["u"]), 1, seed, result) == ERROR
+    assert cusps.messages == [f"{function}: the derivative of 'broken' is not a finite number"]
 
 
 # --- interpolation of inputs

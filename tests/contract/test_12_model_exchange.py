@@ -7,6 +7,7 @@ import math
 import re
 from ctypes import byref, c_double, c_int
 
+import numpy as np
 import pytest
 
 from fmus import component
@@ -80,6 +81,23 @@ class Clocked(Component):
     def twice(self):
         """Twice the time."""
         return 2.0 * self.time + 0.0 * self.x
+
+
+class Rooted(Component):
+    """What the root of an input is beyond one."""
+
+    name = "rooted"
+
+    u = Input("1", start=4.0, doc="whose root is taken")
+    x = State("1", rate="beyond", doc="integral of what is beyond one")
+
+    def beyond(self):
+        return maximum(sqrt(self.u) - 1.0, 0.0)
+
+    @Output("1")
+    def twice(self):
+        """Twice the integral."""
+        return 2.0 * self.x
 
 
 class _Event(ctypes.Structure):
@@ -250,6 +268,78 @@ def test_indicators_change_sign_where_laws_switch_and_there_only(exchanged):
         ]
         before = signs
     assert places == pytest.approx([0.0, 1.0, 2.0], abs=1e-9)
+
+
+NEAR = 1e-10  # to zero an indicator comes no nearer
+
+
+def indicators(one):
+    """Those of `Kinks`: of the edge, of zero and of the level."""
+    return one.array("GetEventIndicators", 3)
+
+
+def test_an_indicator_at_zero_keeps_the_sign_of_the_latest_event(exchanged):
+    one = exchanged(Kinks).initialize({"edge": 1.0})
+    one.event()
+    one.at(0.0, 1.5, 0.0, 0.0)  # beyond the edge and zero, below the level
+    one.do("fmi2EnterContinuousTimeMode")
+    begun = np.sign(indicators(one))
+    for place in (1.0, 0.0, 2.0):
+        for deviation in (0.0, 2e-11, -2e-11):
+            one.at(0.0, place + deviation, 0.0, 0.0)
+            z = np.array(indicators(one))
+            (at,) = np.flatnonzero(np.abs(z) == NEAR)
+            assert np.sign(z[at]) == begun[at]
+    # beyond the place it has the other sign, and after an event keeps that
+    one.at(0.0, 2.0 + 1e-6, 0.0, 0.0)
+    assert np.prod(indicators(one)) * np.prod(begun) < 0.0
+    one.do("fmi2EnterEventMode")
+    one.event()
+    one.do("fmi2EnterContinuousTimeMode")
+    one.at(0.0, 2.0, 0.0, 0.0)
+    assert np.prod(indicators(one)) * np.prod(begun) < 0.0
+
+
+def test_what_is_at_zero_from_the_start_is_above_it(exchanged):
+    one = exchanged(Kinks).initialize({"ramp_start": 0.0})
+    assert NEAR in indicators(one)
+    one.event()
+    one.do("fmi2EnterContinuousTimeMode")
+    assert NEAR in indicators(one)
+
+
+def test_the_sign_at_zero_is_part_of_the_state(exchanged):
+    one = exchanged(Kinks).initialize({"ramp_start": -1.0})
+    one.event()
+    one.do("fmi2EnterContinuousTimeMode")
+    state = one.save()
+    one.at(0.0, 0.0, 0.0, 0.0)
+    below = indicators(one)
+    one.at(0.0, 0.5, 0.0, 0.0)
+    one.do("fmi2EnterEventMode")
+    one.do("fmi2EnterContinuousTimeMode")
+    one.at(0.0, 0.0, 0.0, 0.0)
+    assert indicators(one) == [NEAR if z == -NEAR else z for z in below] != below
+    one.restore(state)
+    one.at(0.0, 0.0, 0.0, 0.0)
+    assert indicators(one) == below
+    one.forget(state)
+    one.do("fmi2Reset")
+    one.initialize({"ramp_start": 0.0})
+    assert NEAR in indicators(one)
+
+
+def test_an_indicator_that_is_no_number_has_no_side(exchanged):
+    """As of the root of a negative trial: it is passed on, and what was known is not lost."""
+    one = exchanged(Rooted).initialize({"u": 2.0})
+    one.event()
+    one.do("fmi2EnterContinuousTimeMode")
+    (before,) = one.array("GetEventIndicators", 1)
+    assert before > NEAR
+    one.set({"u": -1.0})
+    assert math.isnan(one.array("GetEventIndicators", 1)[0])
+    one.set({"u": 1.0})
+    assert one.array("GetEventIndicators", 1) == [NEAR]
 
 
 def test_a_state_is_saved_and_restored_in_the_middle_and_is_not_of_the_other_kind(built, exchanged):

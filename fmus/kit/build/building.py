@@ -6,6 +6,7 @@ import importlib.metadata
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fmus.kit.build import archive, toolchain
 from fmus.kit.build.documentation import documents
@@ -13,6 +14,9 @@ from fmus.kit.build.package import python_package
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
 from fmus.kit.storage import cache
+
+if TYPE_CHECKING:
+    from fmus.kit.build.sources import EngineSources
 
 RUNTIMES = ("python", "native")  # behind our front-end
 STOCK = "pythonfmu"  # for users of pythonfmu; it fulfils less of the contract, see `stock.LIMITS`
@@ -29,7 +33,10 @@ class BuildPlan:
 
     Attributes
     ----------
-    name, runtime, guid : str
+    name, runtime : str
+    fmi : int
+        Version of FMI.
+    guid : str
     files : dict of str to bytes
         Path in the archive to contents.
     sources : dict of str to bytes
@@ -40,13 +47,14 @@ class BuildPlan:
 
     name: str
     runtime: str
+    fmi: int
     guid: str
     files: dict[str, bytes]
     sources: dict[str, bytes]
     libraries: Mapping[str, tuple[str, ...]]
 
 
-def plan_build(cls: type[Component], runtime: str) -> BuildPlan:
+def plan_build(cls: type[Component], runtime: str, fmi: int = 2) -> BuildPlan:
     """Plan the contents of an FMU, and derive its GUID from them.
 
     Parameters
@@ -55,6 +63,8 @@ def plan_build(cls: type[Component], runtime: str) -> BuildPlan:
         A component, possibly with effects stacked on it.
     runtime : {"python", "native"}
         Laws interpreted by Python, or compiled from C.
+    fmi : {2, 3}
+        Version of FMI: 2.0 or 3.0.
 
     Returns
     -------
@@ -63,22 +73,26 @@ def plan_build(cls: type[Component], runtime: str) -> BuildPlan:
     Raises
     ------
     UserError
-        If there is no such runtime.
+        If there is no such runtime or version, or 3.0 is asked of a build without laws in C.
     """
     # CasADi takes a tenth of a second to load, and other parts of this package do not need it
-    from fmus.kit.build.description import Capabilities, describe
+    from fmus.kit.build import description
     from fmus.kit.build.sources import UNIT, c_sources, engine_sources
     from fmus.kit.symbolic import trace
 
     _check(runtime, RUNTIMES)
+    _check_version(cls, runtime, fmi)
     graph = trace(cls)
     native = runtime == "native"
     compiled_laws = native and cls.engine is None
     engine = engine_sources(cls, runtime)
     contents = documents(cls)
+    describe = description.describe_fmi3 if fmi == 3 else description.describe_fmi2
+    if fmi == 3:
+        contents |= _of_fmi3(cls, contents.pop("model.png", None), engine)
     if not native:
         contents |= python_package(cls)
-    can = Capabilities(
+    can = description.Capabilities(
         needs_execution_tool=not native,
         interpolates_inputs=compiled_laws,
         directional_derivatives=compiled_laws,
@@ -90,13 +104,26 @@ def plan_build(cls: type[Component], runtime: str) -> BuildPlan:
         return {"modelDescription.xml": describe(cls, graph, can, version(), guid)}
 
     guid = archive.identity(
-        contents | c_sources(graph, engine, archive.NO_GUID, 2) | described(archive.NO_GUID)
+        contents | c_sources(graph, engine, archive.NO_GUID, fmi) | described(archive.NO_GUID)
     )
-    sources = c_sources(graph, engine, guid, 2)
+    sources = c_sources(graph, engine, guid, fmi)
     contents |= described(guid)
     if native:
         contents |= {f"sources/{name}": text for name, text in sources.items()}
-    return BuildPlan(cls.name, runtime, guid, contents, sources, engine.libraries)
+    return BuildPlan(cls.name, runtime, fmi, guid, contents, sources, engine.libraries)
+
+
+def _of_fmi3(cls: type[Component], icon: bytes | None, engine: EngineSources) -> dict[str, bytes]:
+    """Return the files that FMI 3.0 has beside the model description."""
+    from fmus.kit.build import description
+    from fmus.kit.build.sources import UNIT
+
+    how = description.build_description(cls, UNIT, engine.libraries)
+    files = {
+        "sources/buildDescription.xml": how,
+        "terminalsAndIcons/terminalsAndIcons.xml": description.terminals(cls),
+    }
+    return files | ({} if icon is None else {"terminalsAndIcons/icon.png": icon})
 
 
 def build(
@@ -105,6 +132,7 @@ def build(
     platforms: Sequence[str] | None = None,
     progress: Callable[[str], None] = lambda text: None,
     failed: Callable[[str, UserError], None] | None = None,
+    fmi: int = 2,
 ) -> bytes:
     """Build an FMU.
 
@@ -121,6 +149,8 @@ def build(
         Called with a short message at each step.
     failed : callable, optional
         Called with each platform that cannot be served, and why; the archive then has the others.
+    fmi : {2, 3}
+        Version of FMI; see :func:`plan_build`.
 
     Returns
     -------
@@ -135,19 +165,20 @@ def build(
     """
     _check(runtime, (*RUNTIMES, STOCK))
     if runtime == STOCK:
+        _check_version(cls, runtime, fmi)
         from fmus.kit.build.stock import stock_archive
 
         return stock_archive(cls, version(), platforms, progress)
     targets = platforms or toolchain.available_platforms()
-    return _packed(plan_build(cls, runtime), targets, progress, failed)
+    return _packed(plan_build(cls, runtime, fmi), targets, progress, failed)
 
 
-def build_cached(cls: type[Component], runtime: str) -> Path:
+def build_cached(cls: type[Component], runtime: str, fmi: int = 2) -> Path:
     """Return the path of a component's FMU for this machine, building it unless the cache has it.
 
     Parameters
     ----------
-    cls, runtime
+    cls, runtime, fmi
         See :func:`plan_build`.
 
     Returns
@@ -163,7 +194,7 @@ def build_cached(cls: type[Component], runtime: str) -> Path:
     """
     from fmus.kit.build.sources import library_key
 
-    planned = plan_build(cls, runtime)
+    planned = plan_build(cls, runtime, fmi)
     target = toolchain.host_platform()
     key = library_key(planned.sources, planned.libraries.get(target, ()), target)
     name = f"{planned.guid.strip('{}')}-{key}/{cls.name}.fmu"
@@ -174,6 +205,16 @@ def _check(runtime: str, known: Sequence[str]) -> None:
     """Check that there is such a runtime."""
     if runtime not in known:
         raise UserError(f"unknown runtime {runtime!r}; there are: {', '.join(known)}")
+
+
+def _check_version(cls: type[Component], runtime: str, fmi: int) -> None:
+    """Check that there is such a version of FMI, and that such a build can have it."""
+    if fmi not in (2, 3):
+        raise UserError(f"unknown version {fmi} of FMI; there are: 2, 3")
+    if fmi == 3 and runtime != "native":
+        raise UserError(f"{cls.name}: FMI 3.0 is built native, not {runtime}")
+    if fmi == 3 and cls.engine is not None:
+        raise UserError(f"{cls.name} has no laws, which a build of FMI 3.0 needs; build FMI 2.0")
 
 
 def _packed(
@@ -201,5 +242,7 @@ def _binary(planned: BuildPlan, target: str, progress: Callable[[str], None]) ->
 
     compiler = toolchain.find_compiler(target).label
     progress(f"{planned.name}: {planned.runtime} for {target}, with {compiler}")
-    path = f"binaries/{target}/{planned.name}{toolchain.EXTENSIONS[target]}"
-    return {path: compiled(planned.sources, planned.libraries.get(target, ()), target)}
+    library = compiled(planned.sources, planned.libraries.get(target, ()), target)
+    folders = toolchain.FOLDERS_OF_FMI_3[target] if planned.fmi == 3 else (target,)
+    name = f"{planned.name}{toolchain.EXTENSIONS[target]}"
+    return {f"binaries/{folder}/{name}": library for folder in folders}

@@ -2,7 +2,8 @@
 
 From it the class of the FMU can be made again. Only a component that effects or other values were
 laid over (:func:`fmus.kit.stack`) has it; the values themselves are the start values of the FMU's
-parameters. It stands in ``VendorAnnotations`` (FMI 2.0.4, section 2.2.6)::
+parameters. It stands in ``VendorAnnotations`` (FMI 2.0.4, section 2.2.6), in FMI 3.0 in an
+``Annotation`` of the type ``ppy-rig``::
 
     <Tool name="ppy-rig">
       <MadeFrom component="ppy_actuator">
@@ -68,8 +69,8 @@ class Provenance:
         return self.component or f"{self.file}:{self.cls}"
 
 
-def annotate(root: Element, cls: type[Component]) -> None:
-    """Append the provenance of a stacked component to a model description.
+def annotate_fmi2(root: Element, cls: type[Component]) -> None:
+    """Append the provenance of a stacked component to a model description of FMI 2.0.
 
     Nothing is appended for another component, or for a class that no file gives by name.
 
@@ -79,18 +80,40 @@ def annotate(root: Element, cls: type[Component]) -> None:
         ``fmiModelDescription``, complete up to ``DefaultExperiment``.
     cls : type[Component]
     """
+    made_from = _made_from(cls)
+    if made_from is not None:
+        SubElement(SubElement(root, "VendorAnnotations"), "Tool", name=_TOOL).append(made_from)
+
+
+def annotate_fmi3(root: Element, cls: type[Component]) -> None:
+    """Append the provenance of a stacked component to a model description of FMI 3.0.
+
+    Parameters
+    ----------
+    root : Element
+        ``fmiModelDescription``, complete up to ``ModelStructure``.
+    cls : type[Component]
+        See :func:`annotate_fmi2`.
+    """
+    made_from = _made_from(cls)
+    if made_from is not None:
+        SubElement(SubElement(root, "Annotations"), "Annotation", type=_TOOL).append(made_from)
+
+
+def _made_from(cls: type[Component]) -> Element | None:
+    """Return the element that says what a stacked component was made from."""
     if cls is unstack(cls)[0]:
-        return
+        return None
     base, effects = unstack(cls)
     origin = _origin(base)
     if origin is None:
-        return
-    tool = SubElement(SubElement(root, "VendorAnnotations"), "Tool", name=_TOOL)
-    made_from = SubElement(tool, "MadeFrom", origin)
+        return None
+    made_from = Element("MadeFrom", origin)
     for effect in effects:
         SubElement(made_from, "Effect", {"name": effect_name(effect)} | _sampling_of(effect))
     for remark in cls.remark.splitlines():
         SubElement(made_from, "Remark").text = remark
+    return made_from
 
 
 def _sampling_of(effect: type[Effect]) -> dict[str, str]:
@@ -131,7 +154,9 @@ def read_provenance(root: Element) -> Provenance | None:
     Provenance or None
         None for an FMU without one.
     """
-    element = root.find(f"VendorAnnotations/Tool[@name='{_TOOL}']/MadeFrom")
+    fmi2 = root.find(f"VendorAnnotations/Tool[@name='{_TOOL}']/MadeFrom")
+    fmi3 = root.find(f"Annotations/Annotation[@type='{_TOOL}']/MadeFrom")
+    element = fmi3 if fmi2 is None else fmi2
     if element is None:
         return None
     effects = {effect.get("name", ""): effect.attrib for effect in element.iterfind("Effect")}

@@ -53,19 +53,20 @@ _RECORD_ENGINE = (
 
 @dataclass(frozen=True)
 class _Version:
-    """The files of a version of FMI, in its folder: the standard's headers are in ``standard``.
+    """The files of a version of FMI, in its folder.
 
     Attributes
     ----------
     standard : tuple of str
-        Headers.
-    front_end : tuple of str
-        Sources of every build.
+        Headers of the standard, in ``standard``.
+    headers, front_end : tuple of str
+        Headers and sources of every build.
     exchange : tuple of str
         Sources of a build that offers model exchange.
     """
 
     standard: tuple[str, ...]
+    headers: tuple[str, ...]
     front_end: tuple[str, ...]
     exchange: tuple[str, ...]
 
@@ -73,8 +74,15 @@ class _Version:
 _VERSIONS = {
     2: _Version(
         ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
+        ("host.h",),
         ("common.c", "co_simulation.c"),
         ("model_exchange.c",),
+    ),
+    3: _Version(
+        ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
+        ("host.h", "variables.h", "extra_laws.h"),
+        ("common.c", "access.c", "partials.c", "co_simulation.c", "unused.c"),
+        ("model_exchange.c", "extra_laws.c"),
     ),
 }
 
@@ -159,8 +167,11 @@ def c_sources(graph: Graph, engine: EngineSources, guid: str, fmi: int) -> dict[
         Name to contents, :data:`UNIT` among them.
     """
     has_laws = "laws.c" in engine.generated
-    generate = codegen.native_sources if has_laws else codegen.lawless_sources
-    generated = {name: text.encode() for name, text in generate(graph, guid).items()}
+    if has_laws:
+        texts = codegen.native_sources(graph, guid, fmi=fmi)
+    else:
+        texts = codegen.lawless_sources(graph, guid)
+    generated = {name: text.encode() for name, text in texts.items()}
     version = _VERSIONS[fmi]
     of_version = (*version.front_end, *(version.exchange if has_laws else ()))
     headers = (*(FOLDER / name for name in _HEADERS), *engine.headers)
@@ -168,7 +179,7 @@ def c_sources(graph: Graph, engine: EngineSources, guid: str, fmi: int) -> dict[
     own = (
         *headers,
         *(toolchain.fmi_headers(fmi) / name for name in version.standard),
-        *(folder / name for name in ("host.h", *of_version)),
+        *(folder / name for name in (*version.headers, *of_version)),
         *(FOLDER / name for name in _FRONT_END),
         *engine.sources,
     )

@@ -35,6 +35,13 @@ ZIG_TARGETS = {
     "aarch64-linux": ("aarch64-linux-gnu.2.17",),
 }
 EXTENSIONS = {"linux64": ".so", "win64": ".dll", "darwin64": ".dylib", "aarch64-linux": ".so"}
+# FMI 3.0 has a folder for each architecture (section 2.5.1.4.1); that of macOS is for both
+FOLDERS_OF_FMI_3 = {
+    "linux64": ("x86_64-linux",),
+    "win64": ("x86_64-windows",),
+    "darwin64": ("x86_64-darwin", "aarch64-darwin"),
+    "aarch64-linux": ("aarch64-linux",),
+}
 _HOSTS = {"Linux": "linux64", "Windows": "win64", "Darwin": "darwin64"}
 INSTALL_HINT = "pip install 'ppy-rig[native]' brings one (zig), for every platform"
 

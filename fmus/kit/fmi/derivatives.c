@@ -3,7 +3,9 @@
 #include "evaluate.h"
 #include "values.h"
 
+#include <float.h>
 #include <math.h>
+#include <string.h>
 
 /* A parameter is known only during initialization, where states and discretes follow their start parameters. */
 static bool known(const Instance *instance, Role role) {
@@ -14,8 +16,7 @@ static bool known(const Instance *instance, Role role) {
 /* A state may be an output; it follows its own seed, and a discrete one nothing until its next sample instant. */
 static bool unknown(Role role) { return role >= ROLE_STATE; }
 
-/* Whether all of a request can be answered now; reports it if not. */
-static bool answerable(const Instance *instance, const Partials *of, const void *seeds, const void *results) {
+bool answerable(const Instance *instance, const Partials *of, const void *seeds, const void *results) {
     const char *function = of->function;
     if (!allowed(instance, READABLE, function))
         return false;
@@ -41,9 +42,8 @@ static bool answerable(const Instance *instance, const Partials *of, const void 
     return true;
 }
 
-/* Adds the seeds of some variables to those that are there. */
-static bool add_seeds(const Instance *instance, const char *function, const Reference vr[], size_t n,
-                      const double seeds[], double seed[]) {
+bool add_seeds(const Instance *instance, const char *function, const Reference vr[], size_t n, const double seeds[],
+               double seed[]) {
     for (size_t i = 0; i < n; i++) {
         if (!isfinite(seeds[i])) {
             report(instance, FMI(Error), "%s: the seed %g of '%s' is not a finite number", function, seeds[i],
@@ -55,8 +55,77 @@ static bool add_seeds(const Instance *instance, const char *function, const Refe
     return true;
 }
 
+bool derivatives_finite(const Instance *instance, const char *function, const Reference vr[], size_t n,
+                        const double results[]) {
+    for (size_t i = 0; i < n; i++)
+        if (!isfinite(results[i])) {
+            report(instance, FMI(Error), "%s: the derivative of '%s' is not a finite number", function,
+                   model_variables[vr[i]].name);
+            return false;
+        }
+    return true;
+}
+
+/* ---- rates and outputs in a direction ----------------------------------------------------------- */
+
+enum { LAWS = MODEL_STATES + MODEL_OUTPUTS };
+
+/* Rates and outputs at `step` in a direction. False outside of the range of a variable, and where there are none. */
+static bool beside(Instance *instance, const double *seed, double step, double *values) {
+    double *memory = instance->now.memory, kept[MEMORY_SIZE];
+    Message ignored;
+    bool good = true;
+    memcpy(kept, memory, sizeof kept);
+    for (int i = 0; i < FIRST_OUTPUT; i++) {
+        memory[i] += step * seed[i];
+        good &= seed[i] == 0.0 ||
+                (memory[i] >= model_variables[i].minimum && memory[i] <= model_variables[i].maximum);
+    }
+    good = good && engine_differentiate(instance->engine, instance->now.time, ignored) &&
+           engine_evaluate(instance->engine, instance->now.time, ignored);
+    memcpy(values, memory + FIRST_DERIVATIVE, MODEL_STATES * sizeof *values);
+    memcpy(values + MODEL_STATES, memory + FIRST_OUTPUT, MODEL_OUTPUTS * sizeof *values);
+    memcpy(memory, kept, sizeof kept);
+    return good;
+}
+
+/* A step in a direction that is small for each variable. */
+static double small_step(const double *memory, const double *seed) {
+    double step = INFINITY;
+    for (int i = 0; i < FIRST_OUTPUT; i++)
+        step = fmin(step, fmax(fabs(memory[i]), model_variables[i].nominal) / fabs(seed[i]));
+    return sqrt(DBL_EPSILON) * step;
+}
+
+/* Replaces what is no number: by a difference to both sides, at the border of the domain to one. */
+static void difference(Instance *instance, const double *seed, double *result) {
+    double here[LAWS + 1], above[LAWS + 1], below[LAWS + 1];
+    double step = small_step(instance->now.memory, seed);
+    bool upward = beside(instance, seed, step, above), downward = beside(instance, seed, -step, below);
+    if (!beside(instance, seed, 0.0, here))
+        return;
+    for (int i = 0; i < LAWS; i++) {
+        bool up = upward && isfinite(above[i]), down = downward && isfinite(below[i]);
+        if (isinf(step)) /* no direction */
+            result[i] = 0.0;
+        else if (!isfinite(result[i]) && (up || down))
+            result[i] = ((up ? above : here)[i] - (down ? below : here)[i]) / (step * (up + down));
+    }
+}
+
+bool along(Instance *instance, const double *seed, double *result, Message message) {
+    bool numbers = true;
+    if (!engine_tangent(instance->engine, instance->now.time, seed, result, message))
+        return false;
+    for (int i = 0; i < LAWS; i++)
+        numbers &= isfinite(result[i]) != 0;
+    if (!numbers)
+        difference(instance, seed, result);
+    return true;
+}
+
 Status directional(Instance *instance, const Partials *of, const double seeds[], double results[]) {
-    double seed[MODEL_VARIABLES + 1] = {0.0}, result[MODEL_STATES + MODEL_OUTPUTS + 1] = {0.0};
+    double seed[MODEL_VARIABLES + 1] = {0.0}, result[LAWS + 1] = {0.0};
     Message message = "";
     if (!answerable(instance, of, seeds, results) ||
         !add_seeds(instance, of->function, of->knowns, of->n_knowns, seeds, seed))
@@ -64,7 +133,7 @@ Status directional(Instance *instance, const Partials *of, const double seeds[],
     if (instance->now.mode == INITIALIZATION)
         for (int i = 0; i < MODEL_STATES + MODEL_DISCRETES; i++)
             seed[FIRST_STATE + i] = seed[model_start_of[i]];
-    if (!engine_tangent(instance->engine, instance->now.time, seed, result, message))
+    if (!along(instance, seed, result, message))
         return report(instance, FMI(Error), "%s: %s", of->function, message);
     for (size_t i = 0; i < of->n_unknowns; i++) {
         int index = (int)of->unknowns[i];
@@ -72,9 +141,6 @@ Status directional(Instance *instance, const Partials *of, const double seeds[],
         results[i] = role == ROLE_DERIVATIVE ? result[index - FIRST_DERIVATIVE]
                      : role == ROLE_OUTPUT   ? result[MODEL_STATES + index - FIRST_OUTPUT]
                                              : seed[index];
-        if (!isfinite(results[i]))
-            return report(instance, FMI(Error), "%s: the derivative of '%s' is not a finite number", of->function,
-                          model_variables[index].name);
     }
-    return FMI(OK);
+    return derivatives_finite(instance, of->function, of->unknowns, of->n_unknowns, results) ? FMI(OK) : FMI(Error);
 }

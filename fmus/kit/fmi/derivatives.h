@@ -13,6 +13,21 @@ typedef struct {
     size_t n_knowns;
 } Partials;
 
+/* Whether all of a request can be answered now; reports it if not. */
+static bool answerable(const Instance *instance, const Partials *of, const void *seeds, const void *results);
+
+/* Adds seeds of some variables to those that are there. False, with a report, if one is not finite. */
+static bool add_seeds(const Instance *instance, const char *function, const Reference vr[], size_t n,
+                      const double seeds[], double seed[]);
+
+/* Whether the derivatives of a request are finite; reports the first that is not. */
+static bool derivatives_finite(const Instance *instance, const char *function, const Reference vr[], size_t n,
+                               const double results[]);
+
+/* Rates and outputs in a direction [parameters | inputs | states | discretes]: by automatic differentiation, and by a
+   difference where that gives no number, as 0 times infinity. */
+static bool along(Instance *instance, const double *seed, double *result, Message message);
+
 /* `seeds` is a direction of the knowns, `results` what the unknowns do in it. */
 static Status directional(Instance *instance, const Partials *of, const double seeds[], double results[]);
 

@@ -16,7 +16,7 @@
  * model.h, sizes known at compile time (macros; laws sizes only with the native engine):
  *     MODEL_PARAMETERS MODEL_INPUTS MODEL_STATES MODEL_DISCRETES MODEL_OUTPUTS MODEL_GROUPS MODEL_TEXTS
  *     LAWS_SZ_ARG LAWS_SZ_RES LAWS_SZ_IW LAWS_SZ_W      maxima over all functions of laws.c
- *     MODEL_INDICATORS     event indicators; with the native engine only
+ *     MODEL_INDICATORS     event indicators, none but with the native engine
  *     LAWS_UPDATES(X)      expands to  X(update_0) X(update_1) ...  and to nothing without groups
  * tables.h, read below, static constants:
  *     char model_name[], model_guid[]

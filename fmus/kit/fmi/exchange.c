@@ -8,7 +8,7 @@
 
 static Law indicators;
 
-static bool host_integrates(const Instance *instance, int modes, const char *function) {
+bool host_integrates(const Instance *instance, int modes, const char *function) {
     if (!allowed(instance, modes, function))
         return false;
     if (instance->integrator != HOST_INTEGRATES)
@@ -85,12 +85,30 @@ EXPORT Status FMI(GetContinuousStateDerivatives)(void *c, double rate[], size_t 
 
 /* ---- events ------------------------------------------------------------------------------------- */
 
+/* Indicators are of order one, so this is near to zero. Where a law rests at a switch, as a current at its limit, solvers
+   would find roots without end: an indicator that near has the sign it had at the latest event. */
+static const double near_zero = 1e-10;
+
+static void keep_off_zero(Instance *instance, double z[]) {
+    double *sides = instance->now.sides;
+    for (int i = 0; i < MODEL_INDICATORS; i++) {
+        double size = fabs(z[i]); /* a NaN is on no side */
+        if (size >= near_zero && instance->now.mode != CONTINUOUS)
+            sides[i] = copysign(1.0, z[i]);
+        else if (size < near_zero)
+            z[i] = copysign(near_zero, sides[i]);
+    }
+}
+
 bool indicate(Instance *instance, double z[]) {
     Engine *engine = instance->engine;
     engine->sloped = false;
     bind(engine, instance->now.time, engine->memory + FIRST_STATE);
     engine->res[0] = z;
-    return call(engine, indicators);
+    if (!call(engine, indicators))
+        return false;
+    keep_off_zero(instance, z);
+    return true;
 }
 
 EXPORT Status FMI(GetEventIndicators)(void *c, double z[], size_t n) {
@@ -104,8 +122,10 @@ EXPORT Status FMI(GetEventIndicators)(void *c, double z[], size_t n) {
 
 EXPORT Status FMI(EnterContinuousTimeMode)(void *c) {
     Instance *instance = c;
+    double z[MODEL_INDICATORS + 1];
     if (!host_integrates(instance, EVENT, __func__))
         return FMI(Error);
+    indicate(instance, z); /* for the sides */
     instance->now.mode = CONTINUOUS;
     return FMI(OK);
 }

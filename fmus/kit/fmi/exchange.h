@@ -4,6 +4,9 @@
 
 #include "instance.h"
 
+/* Whether a function of model exchange may be called now; reports it if not. */
+static bool host_integrates(const Instance *instance, int modes, const char *function);
+
 /* Calculates the event indicators. False if the law could not be evaluated. */
 static bool indicate(Instance *instance, double z[]);
 

@@ -28,6 +28,7 @@ typedef struct {
     double derivatives_outdated; /* the same; few hosts ever read them */
     double time;
     double stop_time; /* +infinity when the host defined none */
+    double sides[MODEL_INDICATORS + 1]; /* signs of the event indicators at the latest event; 0.0 where not known */
     double memory[MEMORY_SIZE];
 } State;
 

@@ -69,14 +69,17 @@ double sample_instant(const Engine *engine, int group) {
     return first + memory[model->counters + group] * period_of(engine, group);
 }
 
+double sample_slack(const Engine *engine, int group, double end) {
+    return 1e-9 * period_of(engine, group) + 1e-15 * fabs(end);
+}
+
 bool sample(Engine *engine, double time, double end, double *target, Message message) {
     const Model *model = model_of(engine);
     double *counters = engine->memory + model->counters;
     *target = end;
     for (int i = 0; i < model->groups; i++) {
         double next = sample_instant(engine, i);
-        /* Times this close are the same instant: hosts round, and late in a simulation more than a share of the period. */
-        double slack = 1e-9 * period_of(engine, i) + 1e-15 * fabs(end);
+        double slack = sample_slack(engine, i, end);
         if (next <= time + slack) {
             if (!update(engine, i, time))
                 return law_failed(message, "update");

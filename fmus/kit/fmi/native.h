@@ -64,6 +64,9 @@ static bool sample(Engine *engine, double time, double end, double *target, Mess
 static double period_of(const Engine *engine, int group);
 static double sample_instant(const Engine *engine, int group);
 
+/* Times this close are the same instant: hosts round, and late in a simulation more than a share of the period. */
+static double sample_slack(const Engine *engine, int group, double end);
+
 /* Integrates the states from `time` to `target`, all else being held. */
 static bool integrate(Engine *engine, double time, double target, Message message);
 

@@ -17,9 +17,14 @@ bool valid(const Instance *instance, const char *function, Type type, const Refe
                    model_texts[vr[i] - MODEL_VARIABLES].name);
             return false;
         }
-        if (vr[i] >= MODEL_VARIABLES) {
+        if (vr[i] >= MODEL_VARIABLES + MODEL_TEXTS + OWN_REFERENCES) {
             report(instance, FMI(Error), "%s: value reference %u does not exist; the last one is %d", function, vr[i],
-                   MODEL_VARIABLES + MODEL_TEXTS - 1);
+                   MODEL_VARIABLES + MODEL_TEXTS + OWN_REFERENCES - 1);
+            return false;
+        }
+        if (vr[i] >= MODEL_VARIABLES) {
+            report(instance, FMI(Error), "%s: value reference %u, of the time or of an event indicator, is not taken",
+                   function, vr[i]);
             return false;
         }
         if (model_variables[vr[i]].type != type) {

@@ -145,7 +145,7 @@ def _clock(clock: Clock, index: Mapping[str, int]) -> str:
     return f"{{{_c_double(seconds)}, {at}, {{{', '.join(map(str, shifts))}}}}}"
 
 
-def native_sources(graph: Graph, guid: str, hosted: bool = True) -> dict[str, str]:
+def native_sources(graph: Graph, guid: str, hosted: bool = True, fmi: int = 2) -> dict[str, str]:
     """Write every generated file of the native build.
 
     Parameters
@@ -156,6 +156,8 @@ def native_sources(graph: Graph, guid: str, hosted: bool = True) -> dict[str, st
     hosted : bool
         Whether there will be an FMU, whose host may ask for directional derivatives and event
         indicators. Without it the laws take less of a compiler: they need all of their arrays.
+    fmi : {2, 3}
+        Version of FMI that such a host has.
 
     Returns
     -------
@@ -165,6 +167,8 @@ def native_sources(graph: Graph, guid: str, hosted: bool = True) -> dict[str, st
     functions = graph.functions(hosted)
     if hosted:
         functions.append(ca.Function("indicators", graph.arguments, ca.cse([graph.indicators])))
+    if fmi == 3:
+        functions += graph.functions_of_fmi_3()
     sizes = {
         "ARG": max(f.sz_arg() for f in functions),
         "RES": max(f.sz_res() for f in functions),
@@ -205,7 +209,8 @@ def lawless_sources(graph: Graph, guid: str) -> dict[str, str]:
         ``model.h`` and ``tables.h``.
     """
     files = tables(graph, guid)
-    files["model.h"] += "#endif\n"  # of the include guard, which is open for sizes of laws
+    # the include guard is open for sizes of laws
+    files["model.h"] += "#define MODEL_INDICATORS 0\n#endif\n"
     return files
 
 

@@ -7,7 +7,7 @@ exact sensitivities and linearisation are derived from these.
 
 from __future__ import annotations
 
-import math
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,7 +21,7 @@ from fmus.kit.declare import Declaration
 from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
 from fmus.kit.symbolic.calls import Calls
-from fmus.kit.symbolic.instructions import apply_to_symbols, carry_out
+from fmus.kit.symbolic.switching import event_indicators
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,11 @@ class Graph:
         """Arguments shared by every generated function."""
         return [self.time, self.parameters, self.inputs, self.states, self.discretes]
 
+    @property
+    def continuous(self) -> ca.SX:
+        """What outputs, derivatives and event indicators depend on between events."""
+        return ca.vertcat(self.inputs, self.states)
+
     @cached_property
     def start(self) -> tuple[ca.SX, ca.SX]:
         """Start parameters of the states and of the discrete states."""
@@ -76,8 +81,8 @@ class Graph:
     @cached_property
     def indicators(self) -> ca.SX:
         """Event indicators: expressions that change their sign where rates or outputs switch."""
-        moving = [self.time, self.inputs, self.states]
-        return switches([self.rates, self.outputs], self.arguments, moving)
+        moving = (0, 2, 3)  # time, inputs and states
+        return event_indicators([self.rates, self.outputs], self.arguments, self.layout, moving)
 
     def functions(self, tangent: bool = True) -> list[ca.Function]:
         """Make the CasADi functions that the native engine calls (``fmi/engine.h``).
@@ -117,6 +122,31 @@ class Graph:
             tangents = ca.cse([ca.densify(ca.jtimes(e, known, seed)) for e in (rates, outputs)])
             functions.append(ca.Function("tangent", [*arguments, *seeds], tangents))
         return functions
+
+    def functions_of_fmi_3(self) -> list[ca.Function]:
+        """Make the CasADi functions that FMI 3.0 needs in addition (``fmi/engine.h``).
+
+        Returns
+        -------
+        list of casadi.Function
+            Time derivatives of the outputs, the inputs being held; adjoint derivatives.
+        """
+        arguments = self.arguments
+        moving = ca.vertcat(self.time, self.states)
+        rate = ca.jtimes(self.outputs, moving, ca.vertcat(1.0, self.rates))
+        laws = ca.vertcat(self.rates, self.outputs)
+        weights = [
+            ca.SX.sym("wrates", self.rates.numel()),
+            ca.SX.sym("woutputs", laws.numel() - self.rates.numel()),
+        ]
+        known = ca.vertcat(*arguments[1:])
+        adjoint = ca.densify(ca.jtimes(laws, known, ca.vertcat(*weights), True))
+        ends = np.cumsum([0, *(group.numel() for group in arguments[1:])]).tolist()
+        parts = ca.cse([adjoint[a:b] for a, b in itertools.pairwise(ends)])
+        return [
+            ca.Function("output_rates", arguments, ca.cse([ca.densify(rate)])),
+            ca.Function("adjoint", [*arguments, *weights], parts),
+        ]
 
     def depends(self, expressions: ca.SX, symbols: ca.SX) -> list[list[int]]:
         """Return the sparsity of expressions.
@@ -299,7 +329,7 @@ def dependencies(layout: Layout, graph: Graph) -> dict[str, dict[int, list[int]]
         """Return the knowns of each row, both numbered from a first value reference on."""
         return {first + i: [known + k for k in row] for i, row in enumerate(rows)}
 
-    knowns = ca.vertcat(graph.inputs, graph.states)
+    knowns = graph.continuous
     outputs = shifted(first_output, graph.depends(graph.outputs, knowns), first_input)
     # A continuous state is its own known; a discrete one depends on nothing until the next sample
     # instant.
@@ -324,53 +354,3 @@ def dependencies(layout: Layout, graph: Graph) -> dict[str, dict[int, list[int]]
         if not discrete.output:
             del initial[first_discrete + i]
     return {"Outputs": outputs, "Derivatives": derivatives, "InitialUnknowns": initial}
-
-
-_COMPARED = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX}
-_AT_ZERO = {ca.OP_FABS, ca.OP_SIGN}
-
-
-def switches(laws: Sequence[ca.SX], arguments: Sequence[ca.SX], moving: Sequence[ca.SX]) -> ca.SX:
-    """Make functions that change their sign where laws switch from one expression to another.
-
-    Laws switch at comparisons, the smaller and the larger of two values, magnitudes and signs.
-    Places that depend on parameters and discrete states only are omitted, and so is rounding: a
-    converter steps at every count of its signal, and no solver should stop there.
-
-    Parameters
-    ----------
-    laws : sequence of casadi.SX
-    arguments : sequence of casadi.SX
-        All symbols of the laws.
-    moving : sequence of casadi.SX
-        Those of them that change between events.
-
-    Returns
-    -------
-    casadi.SX
-        A column, one function for each place.
-    """
-    function = ca.Function("laws", list(arguments), ca.cse([ca.densify(law) for law in laws]))
-    places: dict[frozenset[int], ca.SX] = {}
-
-    def apply(operation: int, operands: list[ca.SX]) -> ca.SX:
-        place = _place(operation, operands)
-        if place is not None:
-            # the magnitude of a value that is compared with zero switches at the same place
-            key = frozenset(o.element_hash() for o in operands if not o.is_zero())
-            places.setdefault(key, place)
-        return apply_to_symbols(operation, operands)
-
-    carry_out(function, [ca.vertsplit(a) for a in arguments], ca.SX, apply)
-    variables = ca.vertcat(*moving)
-    return _column([place for place in places.values() if ca.depends_on(place, variables)])
-
-
-def _place(operation: int, operands: list[ca.SX]) -> ca.SX | None:
-    """Return the expression that is zero where an operation switches; None if it never does."""
-    is_bounded = not any(o.is_constant() and math.isinf(float(o)) for o in operands)
-    if operation in _COMPARED and is_bounded:
-        return operands[0] - operands[1]
-    if operation in _AT_ZERO:
-        return operands[0]
-    return None

@@ -24,7 +24,8 @@ def build(options: BuildCommand) -> None:
 
     With --set, NAME ends in _set and the values are the FMU's defaults. With --runtime pythonfmu it
     is OUT/pythonfmu/NAME.fmu, for users of that; what it cannot promise is said. Of --platforms all
-    one that fails is told and left out, and the exit status is 1.
+    one that fails is told and left out, and the exit status is 1. With --fmi 3 it is
+    OUT/fmi3/NAME.fmu, of every component that has laws.
 
     ppy export modelica writes components in the Modelica language.
     """
@@ -37,14 +38,21 @@ def build(options: BuildCommand) -> None:
     from orchestration.reporting import out as screen
 
     names = options["names"] or []
-    runtime = options["runtime"]
+    fmi = int(options["fmi"])
+    runtime = "native" if fmi == 3 and options["runtime"] == "both" else options["runtime"]
     folder = options["out"]
     if (options["laid_over"] or options["settings"]) and not names:
         raise UserError("--with and --set are about one model; name it")
     known = COMPONENTS if runtime == kit.STOCK else MODELS
     classes = [_component(name, options) for name in names or known]
+    if fmi == 3 and not names:
+        classes = [cls for cls in classes if cls.engine is None]
     runtimes = kit.RUNTIMES if runtime == "both" else (runtime,)
-    work = [(cls, kind, folder / kind / f"{cls.name}.fmu") for cls in classes for kind in runtimes]
+    work = [
+        (cls, kind, folder / ("fmi3" if fmi == 3 else kind) / f"{cls.name}.fmu")
+        for cls in classes
+        for kind in runtimes
+    ]
     Outputs(
         {f"the model {name}": model_file(name) for name in names},
         {f"{cls.name} ({kind})": path for cls, kind, path in work},
@@ -62,7 +70,7 @@ def build(options: BuildCommand) -> None:
         for k, (cls, kind, path) in enumerate(work):
             keep = partial(failed, path) if targets is None else None
             done = partial(tell.done, k, len(work))
-            files.write(path, kit.build(cls, kind, targets, done, keep))
+            files.write(path, kit.build(cls, kind, targets, done, keep, fmi))
             screen.print(str(path))
     if runtime == kit.STOCK:
         for limit in LIMITS:

@@ -101,6 +101,14 @@ class BuildOptions(TypedDict, total=False):
             choices=("python", "native", "both", "pythonfmu"),
         ),
     ]
+    fmi: Annotated[
+        str,
+        Option(
+            "Version of FMI; 3 is native and goes to OUT/fmi3/NAME.fmu.",
+            default="2",
+            choices=("2", "3"),
+        ),
+    ]
     out: Annotated[Path, Option("Folder that gets RUNTIME/NAME.fmu.", default=Path("fmu"))]
 
 

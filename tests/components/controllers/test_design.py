@@ -7,7 +7,7 @@ import pytest
 from fmus.controllers.design import gains, pid_gains, state_feedback
 from fmus.controllers.state_feedback import GAINS
 from fmus.kit import UserError, stack
-from fmus.kit.build.description import summary
+from fmus.kit.declare import summary
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
 from tests.support.displacement_loop import drive

@@ -13,6 +13,7 @@ from fmus.kit.build.toolchain import host_platform
 from orchestration.fmu.archive import read_description
 from orchestration.fmu.instance import Fmu
 from tests.support.archive import edited
+from tests.support.fmi3_fmus import foreign
 
 
 @pytest.mark.parametrize(
@@ -23,8 +24,8 @@ from tests.support.archive import edited
             "a zip archive but not an FMU",
         ),
         (
-            lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="3.0"')),
-            "FMI version 3.0; this program knows",
+            lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="3.1"')),
+            "FMI version 3.1; this program knows FMI 2.0 and 3.0$",
         ),
         (
             lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="1.0"')),
@@ -76,3 +77,33 @@ def test_binaries_that_cannot_be_run_are_refused(fmu, tmp_path, scratch, edit, m
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)
     assert list(scratch.iterdir()) == []
+
+
+CLOCK = (
+    b'<Clock name="tick" valueReference="99" causality="input" intervalVariability="triggered"/>'
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (b"CoSimulation", b"ScheduledExecution", "for scheduled execution only; this program runs"),
+        (b"</ModelVariables>", CLOCK + b"</ModelVariables>", "with clocks, such as tick; this"),
+        (b"<CoSimulation", b"<Other", "for model exchange only"),
+        (b'"3.0"', b'"3.0-beta.2"', r"FMI version 3\.0-beta\.2; this program knows FMI 2\.0 and 3"),
+        (b'start="0.5"', b'start="0.5 1"', "tau: has 2 start values; expected 1$"),
+        (b"<ModelVariables>", b"", r"modelDescription\.xml cannot be read: it is not well-formed"),
+    ],
+)
+def test_descriptions_of_fmi_3_that_cannot_be_run_are_refused(tmp_path, old, new, message):
+    def edit(name, contents):
+        changed = contents.replace(old, new)
+        if new == b"ScheduledExecution":
+            changed = changed.replace(b"ModelExchange", b"Other")
+        return name, changed if name.endswith(".xml") else contents
+
+    path = edited(foreign("lag"), tmp_path / "other.fmu", edit)
+    with pytest.raises(UserError, match=message) as caught:
+        read_description(path)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)

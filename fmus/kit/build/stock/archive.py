@@ -83,7 +83,7 @@ def stock_archive(
         If pythonfmu is not installed or fails, has no binary for a platform, or the component
         computes elsewhere.
     """
-    from fmus.kit.build.description import Capabilities, describe
+    from fmus.kit.build.description import Capabilities, describe_fmi2
     from fmus.kit.symbolic import trace
 
     if importlib.util.find_spec("pythonfmu") is None:
@@ -111,7 +111,7 @@ def stock_archive(
     )
 
     def described(guid: str) -> dict[str, bytes]:
-        return {"modelDescription.xml": describe(cls, trace(cls), can, version, guid)}
+        return {"modelDescription.xml": describe_fmi2(cls, trace(cls), can, version, guid)}
 
     return archive.pack(
         contents | described(archive.identity(contents | described(archive.NO_GUID)))

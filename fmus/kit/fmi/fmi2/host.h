@@ -18,6 +18,9 @@
 #define fmi2DeserializeFMUState fmi2DeSerializeFMUstate
 #define fmi2GetContinuousStateDerivatives fmi2GetDerivatives
 
+/* Value references beyond those of engine.h. */
+enum { OWN_REFERENCES = 0 };
+
 /* by Type */
 static const char *const type_names[] = {"Real", "Integer", "Boolean"};
 

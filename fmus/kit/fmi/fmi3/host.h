@@ -8,6 +8,9 @@
 #define FMI(name) fmi3##name
 #define EXPORT FMI3_Export
 
+/* Value references beyond those of engine.h: of the time, and of the event indicators. */
+enum { OWN_REFERENCES = 1 + MODEL_INDICATORS };
+
 /* by Type */
 static const char *const type_names[] = {"Float64", "Int32", "Boolean"};
 

@@ -114,7 +114,7 @@ def test_cut_off_archive_is_refused(fmu, tmp_path, share):
         (b"\xff\xfe\x00", "cannot be read"),
         (b'<?xml version="1.0" encoding="nonsense"?><a/>', "cannot be read"),
         (b"<SystemStructure/>", "'SystemStructure', expected 'fmiModelDescription'"),
-        (b'<fmiModelDescription fmiVersion="3.0"/>', "FMI version 3.0"),
+        (b'<fmiModelDescription fmiVersion="1.0"/>', "FMI version 1.0"),
         (b"<fmiModelDescription/>", "FMI version not stated"),
     ],
 )

@@ -5,7 +5,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from fmus.kit import stack
-from fmus.kit.build.provenance import Provenance, annotate, read_provenance
+from fmus.kit.build.provenance import Provenance, annotate_fmi2, read_provenance
 from fmus.kit.sampling import Sampling
 from fmus.kit.sensors import sensor_lag
 from fmus.ppy_actuator.effects import EFFECTS
@@ -15,7 +15,7 @@ from tests.support import kit_samples
 
 def annotated(cls):
     root = Element("fmiModelDescription")
-    annotate(root, cls)
+    annotate_fmi2(root, cls)
     return root
 
 

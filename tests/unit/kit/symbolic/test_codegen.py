@@ -69,6 +69,7 @@ def test_tables_carry_start_values_ranges_and_groups():
         "OUTPUTS": "2",
         "GROUPS": "2",
         "TEXTS": "0",
+        "INDICATORS": "0",
     }
     body = files["tables.h"]
     assert '{"stages", "1", ROLE_PARAMETER, TYPE_INTEGER, 2.0, 1.0, 5.0, 1.0},' in body

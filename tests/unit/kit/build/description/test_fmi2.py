@@ -1,5 +1,4 @@
 import io
-import re
 from functools import cache
 from pathlib import Path
 
@@ -8,18 +7,16 @@ import lxml.etree
 import pytest
 from fmpy.validation import validate_fmu
 
-import fmus
-from fmus.kit import Component, Effect, Output, Parameter, UserError, stack
-from fmus.kit.build import archive, version
-from fmus.kit.build.description import CATEGORIES, Capabilities, describe
+from fmus.kit import Component, Output, Parameter
+from fmus.kit.build import archive
+from fmus.kit.build.description import CATEGORIES, Capabilities, describe_fmi2
 from fmus.kit.build.documentation import page
 from fmus.kit.symbolic import codegen
 from fmus.kit.symbolic.tracing import trace
-from fmus.ppy_actuator.effects import EFFECTS
 from tests.support.kit_models import GUID, every_model, telling_models
-from tests.support.kit_samples import Divider, Thermostat
+from tests.support.kit_samples import Thermostat
 
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[5]
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi2" / "fmi2ModelDescription.xsd"
 CAN = Capabilities(
     needs_execution_tool=False,
@@ -33,7 +30,7 @@ traced = cache(trace)
 
 
 def description(cls, can=CAN):
-    return describe(cls, traced(cls), can, "1.2.3", GUID)
+    return describe_fmi2(cls, traced(cls), can, "1.2.3", GUID)
 
 
 def read(cls):
@@ -163,53 +160,6 @@ def test_header_and_experiment():
     ]
     root = lxml.etree.fromstring(description(Thermostat))
     assert {c.get("name") for c in root.iter("Category")} == set(CATEGORIES)
-
-
-def test_author_copyright_and_licence_are_the_components_own():
-    def origin(cls):
-        root = lxml.etree.fromstring(description(cls))
-        return root.get("author"), root.get("copyright"), root.get("license")
-
-    class Signed(Divider):
-        author = "A. Person"
-        copyright = "Copyright (c) A. Person"
-
-    ours = fmus.component("ppy_actuator")
-    (holder,) = re.findall("^Copyright.*$", (ROOT / "LICENSE").read_text(encoding="utf-8"), re.M)
-    project = ("the ppy-rig project", holder, "BSD-3-Clause")
-    assert origin(ours) == origin(stack(ours, *EFFECTS.values())) == project
-    assert origin(Divider) == (None, None, None)
-    assert origin(Signed) == ("A. Person", "Copyright (c) A. Person", None)
-
-    class Own(Effect):
-        id = "own"
-
-    assert origin(stack(ours, Own)) == (None, None, None)
-
-
-def test_date_is_that_of_the_version(monkeypatch):
-    monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
-    (date,) = re.findall(
-        rf"^## \[{re.escape(version())}\] - (\S+)$",
-        (ROOT / "CHANGELOG.md").read_text("utf-8"),
-        re.M,
-    )
-    assert read(Divider).generationDateAndTime == f"{date}T00:00:00Z"
-
-
-def test_date_is_that_of_the_environment(monkeypatch):
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1000000000")  # as `date -u -d @1000000000` has it
-    assert read(Divider).generationDateAndTime == "2001-09-09T01:46:40Z"
-
-
-@pytest.mark.parametrize("given", ["now", "-1", "1.5", "253402300800", "9" * 4000, "٣"])
-def test_date_that_is_none_is_refused(monkeypatch, given):
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", given)
-    with pytest.raises(
-        UserError,
-        match=r"^SOURCE_DATE_EPOCH = '.*': seconds since 1970 are wanted.* to 253402300799$",
-    ):
-        description(Divider)
 
 
 def test_one_unit_that_is_written_in_two_ways_is_defined_once():

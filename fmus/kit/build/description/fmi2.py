@@ -1,0 +1,105 @@
+"""``modelDescription.xml`` of FMI 2.0 in full, from a component's declarations and its graph."""
+
+from __future__ import annotations
+
+from xml.etree.ElementTree import Element, SubElement
+
+from fmus.kit.build.description import common
+from fmus.kit.build.parameters import serialized
+from fmus.kit.build.provenance import annotate_fmi2
+from fmus.kit.component import Component
+from fmus.kit.layout import Layout
+from fmus.kit.symbolic import Graph, dependencies
+from fmus.kit.units import to_modelica
+
+
+def describe_fmi2(
+    cls: type[Component], graph: Graph, can: common.Capabilities, version: str, guid: str
+) -> bytes:
+    """Write ``modelDescription.xml`` of FMI 2.0.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    graph : Graph
+        The traced component; its sparsity gives the dependencies.
+    can : Capabilities
+    version : str
+        Version of this package.
+    guid : str
+
+    Returns
+    -------
+    bytes
+        UTF-8 XML.
+    """
+    root = common.model_description(cls, version, {"fmiVersion": "2.0", "guid": guid})
+    if can.model_exchange:
+        root.set("numberOfEventIndicators", str(graph.indicators.numel()))
+    _interfaces(root, cls, can)
+    common.define_units(root, cls.layout)
+    types = common.typed_reals(cls.layout)
+    if types:
+        definitions = SubElement(root, "TypeDefinitions")
+        for name, variable in types.items():
+            node = SubElement(definitions, "SimpleType", name=name)
+            SubElement(node, "Real", common.type_attributes(variable))
+    common.append_experiment(root, cls)
+    annotate_fmi2(root, cls)
+    _variables(root, cls.layout)
+    _structure(root, cls.layout, graph)
+    return serialized(root)
+
+
+def _interfaces(root: Element, cls: type[Component], can: common.Capabilities) -> None:
+    """Append an element for each interface that the FMU has."""
+    of_both = {
+        "modelIdentifier": cls.name,
+        "needsExecutionTool": common.flag(can.needs_execution_tool),
+        "canNotUseMemoryManagementFunctions": "true",
+        "canGetAndSetFMUstate": common.flag(cls.engine is None),
+        "canSerializeFMUstate": common.flag(cls.engine is None),
+        "providesDirectionalDerivative": common.flag(can.directional_derivatives),
+    }
+    own = {
+        "CoSimulation": {
+            "canHandleVariableCommunicationStepSize": "true",
+            "canInterpolateInputs": common.flag(can.interpolates_inputs),
+        }
+    }
+    if can.model_exchange:  # it comes first in the schema
+        own = {"ModelExchange": {"completedIntegratorStepNotNeeded": "true"}} | own
+    for name, attributes in own.items():
+        interface = SubElement(root, name, of_both | attributes)
+        if can.sources:
+            files = SubElement(interface, "SourceFiles")
+            for source in can.sources:
+                SubElement(files, "File", name=source)
+
+
+def _variables(root: Element, layout: Layout) -> None:
+    """Append an element for each variable, in the order of value references."""
+    parent = SubElement(root, "ModelVariables")
+    for reference, variable in enumerate(layout.variables):
+        node = SubElement(parent, "ScalarVariable", common.variable_attributes(reference, variable))
+        SubElement(node, variable.type.capitalize(), common.value_attributes(variable))
+    first_state = len(layout.parameters) + len(layout.inputs)
+    for index, (name, unit) in enumerate(layout.derivatives):
+        description = f"time derivative of {layout.states[index].name}"
+        reference = len(layout.variables) + index
+        node = SubElement(parent, "ScalarVariable", common.calculated(name, reference, description))
+        SubElement(node, "Real", unit=to_modelica(unit), derivative=str(first_state + index + 1))
+    for reference, parameter in enumerate(layout.texts, len(layout.names)):
+        node = SubElement(parent, "ScalarVariable", common.text_attributes(reference, parameter))
+        SubElement(node, "String", start=parameter.start)
+
+
+def _structure(root: Element, layout: Layout, graph: Graph) -> None:
+    """Append the dependencies of outputs, derivatives and initial unknowns."""
+    parent = SubElement(root, "ModelStructure")
+    for title, unknowns in dependencies(layout, graph).items():
+        if unknowns:
+            node = SubElement(parent, title)
+            for reference in sorted(unknowns):
+                known = " ".join(str(k + 1) for k in unknowns[reference])
+                SubElement(node, "Unknown", index=str(reference + 1), dependencies=known)

@@ -1,0 +1,174 @@
+"""``modelDescription.xml`` and ``buildDescription.xml`` of FMI 3.0."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from xml.etree.ElementTree import Element, SubElement
+
+from fmus.kit.build.description import common
+from fmus.kit.build.parameters import serialized
+from fmus.kit.build.provenance import annotate_fmi3
+from fmus.kit.build.toolchain import FOLDERS_OF_FMI_3
+from fmus.kit.component import Component
+from fmus.kit.layout import Layout
+from fmus.kit.symbolic import Graph, dependencies
+from fmus.kit.units import to_modelica
+
+_TYPES = {"real": "Float64", "integer": "Int32", "boolean": "Boolean"}
+# by the names that FMI 2.0 has for the elements around them
+_UNKNOWNS = {
+    "Outputs": "Output",
+    "Derivatives": "ContinuousStateDerivative",
+    "InitialUnknowns": "InitialUnknown",
+}
+
+
+def describe_fmi3(
+    cls: type[Component], graph: Graph, can: common.Capabilities, version: str, guid: str
+) -> bytes:
+    """Write ``modelDescription.xml`` of FMI 3.0.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    graph : Graph
+        The traced component; its sparsity gives the dependencies.
+    can : Capabilities
+    version : str
+        Version of this package.
+    guid : str
+        Instantiation token.
+
+    Returns
+    -------
+    bytes
+        UTF-8 XML.
+    """
+    identity = {"fmiVersion": "3.0", "instantiationToken": guid}
+    root = common.model_description(cls, version, identity)
+    layout = cls.layout
+    _interfaces(root, cls, can)
+    common.define_units(root, layout, ["s"])
+    types = common.typed_reals(layout)
+    if types:
+        definitions = SubElement(root, "TypeDefinitions")
+        for name, variable in types.items():
+            SubElement(
+                definitions, "Float64Type", {"name": name} | common.type_attributes(variable)
+            )
+    common.append_experiment(root, cls)
+    indicators = graph.indicators.numel() if can.model_exchange else 0
+    _variables(root, layout, indicators)
+    _structure(root, layout, graph, indicators)
+    annotate_fmi3(root, cls)
+    return serialized(root)
+
+
+def build_description(
+    cls: type[Component], unit: str, libraries: Mapping[str, Iterable[str]]
+) -> bytes:
+    """Write ``buildDescription.xml``: how the sources are compiled.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    unit : str
+        Source file that includes every other.
+    libraries : Mapping of str to iterable of str
+        Libraries of the system that it is linked with, by platform as FMI 2.0 names it.
+
+    Returns
+    -------
+    bytes
+        UTF-8 XML.
+    """
+    root = Element("fmiBuildDescription", fmiVersion="3.0")
+    for target, folders in FOLDERS_OF_FMI_3.items():
+        for folder in folders:
+            configuration = SubElement(
+                root, "BuildConfiguration", modelIdentifier=cls.name, platform=folder
+            )
+            files = SubElement(configuration, "SourceFileSet", language="C99")
+            SubElement(files, "SourceFile", name=unit)
+            for library in libraries.get(target, ()):
+                SubElement(configuration, "Library", name=library, external="true")
+    return serialized(root)
+
+
+def _interfaces(root: Element, cls: type[Component], can: common.Capabilities) -> None:
+    """Append an element for each interface that the FMU has."""
+    has_samples = common.flag(bool(cls.layout.sampled))
+    of_both = {
+        "modelIdentifier": cls.name,
+        "needsExecutionTool": common.flag(can.needs_execution_tool),
+        "canGetAndSetFMUState": common.flag(cls.engine is None),
+        "canSerializeFMUState": common.flag(cls.engine is None),
+        "providesDirectionalDerivatives": common.flag(can.directional_derivatives),
+        "providesAdjointDerivatives": common.flag(can.directional_derivatives),
+    }
+    if can.model_exchange:
+        SubElement(root, "ModelExchange", of_both | {"needsCompletedIntegratorStep": "false"})
+    own = {
+        "canHandleVariableCommunicationStepSize": "true",
+        "maxOutputDerivativeOrder": "1" if can.directional_derivatives else "0",
+        "hasEventMode": has_samples,
+        "mightReturnEarlyFromDoStep": has_samples,
+    }
+    SubElement(root, "CoSimulation", of_both | own)
+
+
+def _variables(root: Element, layout: Layout, indicators: int) -> None:
+    """Append an element for each variable, in the order of value references."""
+    parent = SubElement(root, "ModelVariables")
+    for reference, variable in enumerate(layout.variables):
+        attributes = common.variable_attributes(reference, variable)
+        SubElement(parent, _TYPES[variable.type], attributes | common.value_attributes(variable))
+    first_state = len(layout.parameters) + len(layout.inputs)
+    for index, (name, unit) in enumerate(layout.derivatives):
+        description = f"time derivative of {layout.states[index].name}"
+        attributes = common.calculated(name, len(layout.variables) + index, description)
+        own = {"unit": to_modelica(unit), "derivative": str(first_state + index)}
+        SubElement(parent, "Float64", attributes | own)
+    for reference, parameter in enumerate(layout.texts, len(layout.names)):
+        node = SubElement(parent, "String", common.text_attributes(reference, parameter))
+        SubElement(node, "Start", value=parameter.start)
+    time = _first_own(layout)
+    SubElement(
+        parent,
+        "Float64",
+        name="time",
+        valueReference=str(time),
+        description="simulation time",
+        causality="independent",
+        variability="continuous",
+        unit="s",
+    )
+    for index in range(indicators):
+        description = "changes its sign where a law switches"
+        attributes = common.calculated(f"indicator[{index + 1}]", time + 1 + index, description)
+        SubElement(parent, "Float64", attributes)
+
+
+def _first_own(layout: Layout) -> int:
+    """Return the value reference of the time, which event indicators follow."""
+    return len(layout.names) + len(layout.texts)
+
+
+def _structure(root: Element, layout: Layout, graph: Graph, indicators: int) -> None:
+    """Append the dependencies of outputs, derivatives, initial unknowns and event indicators."""
+    parent = SubElement(root, "ModelStructure")
+    for title, unknowns in dependencies(layout, graph).items():
+        for reference in sorted(unknowns):
+            _unknown(parent, _UNKNOWNS[title], reference, unknowns[reference])
+    if indicators == 0:
+        return
+    first_input = len(layout.parameters)
+    first = _first_own(layout) + 1
+    for index, known in enumerate(graph.depends(graph.indicators, graph.continuous)):
+        _unknown(parent, "EventIndicator", first + index, [first_input + k for k in known])
+
+
+def _unknown(parent: Element, kind: str, reference: int, known: Iterable[int]) -> None:
+    """Append an unknown of the model structure."""
+    dependencies_of = " ".join(map(str, known))
+    SubElement(parent, kind, valueReference=str(reference), dependencies=dependencies_of)

@@ -1,0 +1,151 @@
+/* FMI 3.0: reading and writing of variables, all of which are scalars. */
+#include "exchange.h"
+#include "values.h"
+#include "variables.h"
+
+/* Whether the host passed as many values as there are variables. */
+static bool counted(const Instance *instance, const char *function, size_t n, size_t n_values) {
+    if (instance != NULL && n != n_values)
+        report(instance, fmi3Error, "%s: %zu values for %zu variables, which are scalars", function, n_values, n);
+    return n == n_values;
+}
+
+/* ---- numbers ------------------------------------------------------------------------------------ */
+
+/* A variable of this version only: the time, or an event indicator. */
+static fmi3Status get_own(Instance *instance, const char *function, Reference vr, double *value) {
+    double indicators[MODEL_INDICATORS + 1];
+    if (!allowed(instance, READABLE, function))
+        return fmi3Error;
+    if (vr == TIME) {
+        *value = instance->now.time;
+        return fmi3OK;
+    }
+    if (!indicate(instance, indicators))
+        return report(instance, fmi3Error, "%s: the law of event indicators could not be evaluated", function);
+    *value = indicators[vr - FIRST_INDICATOR];
+    return fmi3OK;
+}
+
+EXPORT fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 value[],
+                                 size_t n_values) {
+    fmi3Status status = fmi3OK;
+    if (!counted(c, __func__, n, n_values))
+        return fmi3Error;
+    if (n == 0 || vr == NULL || value == NULL)
+        return get_reals(c, __func__, vr, n, value);
+    for (size_t i = 0; i < n && status == fmi3OK; i++)
+        status = is_own(vr[i]) ? get_own(c, __func__, vr[i], value + i)
+                                                      : get_reals(c, __func__, vr + i, 1, value + i);
+    return status;
+}
+
+EXPORT fmi3Status fmi3GetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Int32 value[],
+                               size_t n_values) {
+    return counted(c, __func__, n, n_values) ? get_integers(c, __func__, vr, n, value) : fmi3Error;
+}
+
+EXPORT fmi3Status fmi3GetBoolean(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Boolean value[],
+                                 size_t n_values) {
+    Instance *instance = c;
+    fmi3Status status = counted(c, __func__, n, n_values) ? readable(c, __func__, TYPE_BOOLEAN, vr, n, value) : fmi3Error;
+    for (size_t i = 0; i < n && status == fmi3OK; i++)
+        value[i] = instance->now.memory[vr[i]] != 0.0;
+    return status;
+}
+
+static double float64(const void *values, size_t i) { return ((const fmi3Float64 *)values)[i]; }
+
+static double int32(const void *values, size_t i) { return ((const fmi3Int32 *)values)[i]; }
+
+static double boolean(const void *values, size_t i) { return ((const fmi3Boolean *)values)[i]; }
+
+EXPORT fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 value[],
+                                 size_t n_values) {
+    return counted(c, __func__, n, n_values) ? set_numbers(c, __func__, TYPE_REAL, vr, n, value, float64) : fmi3Error;
+}
+
+EXPORT fmi3Status fmi3SetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Int32 value[],
+                               size_t n_values) {
+    return counted(c, __func__, n, n_values) ? set_numbers(c, __func__, TYPE_INTEGER, vr, n, value, int32) : fmi3Error;
+}
+
+EXPORT fmi3Status fmi3SetBoolean(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Boolean value[],
+                                 size_t n_values) {
+    return counted(c, __func__, n, n_values) ? set_numbers(c, __func__, TYPE_BOOLEAN, vr, n, value, boolean)
+                                             : fmi3Error;
+}
+
+/* ---- texts -------------------------------------------------------------------------------------- */
+
+EXPORT fmi3Status fmi3GetString(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3String value[],
+                                size_t n_values) {
+    return counted(c, __func__, n, n_values) ? get_texts(c, __func__, vr, n, value) : fmi3Error;
+}
+
+EXPORT fmi3Status fmi3SetString(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3String value[],
+                                size_t n_values) {
+    return counted(c, __func__, n, n_values) ? set_texts(c, __func__, vr, n, value) : fmi3Error;
+}
+
+/* ---- types that no variable has ----------------------------------------------------------------- */
+
+static fmi3Status absent(const Instance *instance, const char *function, const fmi3ValueReference vr[], size_t n) {
+    if (!allowed(instance, ANY_MODE, function))
+        return fmi3Error;
+    if (n == 0)
+        return fmi3OK;
+    if (vr == NULL)
+        return report(instance, fmi3Error, "%s: an array is NULL though it should have %zu elements", function, n);
+    return report(instance, fmi3Error, "%s: value reference %u is of another type; %s has no variable of this one",
+                  function, vr[0], model_name);
+}
+
+#define ABSENT(type)                                                                                                    \
+    EXPORT fmi3Status fmi3Get##type(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3##type value[],        \
+                                    size_t n_values) {                                                                  \
+        (void)value;                                                                                                    \
+        (void)n_values;                                                                                                 \
+        return absent(c, __func__, vr, n);                                                                              \
+    }                                                                                                                   \
+    EXPORT fmi3Status fmi3Set##type(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3##type value[],  \
+                                    size_t n_values) {                                                                  \
+        (void)value;                                                                                                    \
+        (void)n_values;                                                                                                 \
+        return absent(c, __func__, vr, n);                                                                              \
+    }
+ABSENT(Float32)
+ABSENT(Int8)
+ABSENT(UInt8)
+ABSENT(Int16)
+ABSENT(UInt16)
+ABSENT(UInt32)
+ABSENT(Int64)
+ABSENT(UInt64)
+#undef ABSENT
+
+EXPORT fmi3Status fmi3GetBinary(fmi3Instance c, const fmi3ValueReference vr[], size_t n, size_t sizes[],
+                                fmi3Binary value[], size_t n_values) {
+    (void)sizes;
+    (void)value;
+    (void)n_values;
+    return absent(c, __func__, vr, n);
+}
+
+EXPORT fmi3Status fmi3SetBinary(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const size_t sizes[],
+                                const fmi3Binary value[], size_t n_values) {
+    (void)sizes;
+    (void)value;
+    (void)n_values;
+    return absent(c, __func__, vr, n);
+}
+
+EXPORT fmi3Status fmi3GetClock(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Clock value[]) {
+    (void)value;
+    return absent(c, __func__, vr, n);
+}
+
+EXPORT fmi3Status fmi3SetClock(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Clock value[]) {
+    (void)value;
+    return absent(c, __func__, vr, n);
+}

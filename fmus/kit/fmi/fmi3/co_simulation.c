@@ -1,0 +1,89 @@
+/* FMI 3.0 co-simulation: the step in time, which may end early, at a sample. */
+#include "evaluate.h"
+#include "native.h"
+#include "extra_laws.h"
+#include "step.h"
+#include "values.h"
+
+#include <math.h>
+
+/* The first sample after the beginning of a step that is before its end; else that end. */
+static double first_sample(const Engine *engine, double time, double end) {
+    double first = end;
+    for (int i = 0; i < MODEL_GROUPS; i++) {
+        double instant = sample_instant(engine, i), slack = sample_slack(engine, i, end);
+        if (instant <= time + slack) /* the step begins with this one */
+            instant += period_of(engine, i);
+        if (instant < end - slack)
+            first = fmin(first, instant);
+    }
+    return first;
+}
+
+static bool sample_due(const Engine *engine, double time) {
+    for (int i = 0; i < MODEL_GROUPS; i++)
+        if (sample_instant(engine, i) <= time + sample_slack(engine, i, time))
+            return true;
+    return false;
+}
+
+EXPORT fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 step, fmi3Boolean no_set_state,
+                             fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last) {
+    Instance *instance = c;
+    double end = time + step, stop = end;
+    fmi3Status status;
+    (void)no_set_state;
+    if (!allowed(instance, STEP_COMPLETE, __func__))
+        return fmi3Error;
+    if (event == NULL || terminate == NULL || early == NULL || last == NULL)
+        return report(instance, fmi3Error, "%s: a pointer is NULL", __func__);
+    *event = *terminate = *early = false;
+    *last = instance->now.time;
+    if (!step_valid(instance, __func__, time, step))
+        return fmi3Error;
+    if (instance->host.event_mode && instance->host.early_return)
+        stop = first_sample(instance->engine, time, end);
+    status = advance(instance, time, stop < end ? stop - time : step);
+    *last = instance->now.time;
+    *early = status == fmi3OK && stop < end;
+    *event = status == fmi3OK && instance->host.event_mode && sample_due(instance->engine, *last);
+    return status;
+}
+
+EXPORT fmi3Status fmi3EnterStepMode(fmi3Instance c) {
+    Instance *instance = c;
+    if (!allowed(instance, EVENT, __func__))
+        return fmi3Error;
+    if (instance->integrator == HOST_INTEGRATES)
+        return report(instance, fmi3Error, "%s: this instance of %s was made for model exchange", __func__, model_name);
+    instance->now.mode = STEP_COMPLETE;
+    return fmi3OK;
+}
+
+/* Time derivatives of outputs, the inputs being held. */
+EXPORT fmi3Status fmi3GetOutputDerivatives(fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+                                           const fmi3Int32 orders[], fmi3Float64 value[], size_t n_values) {
+    Instance *instance = c;
+    double rate[MODEL_OUTPUTS + 1];
+    if (!allowed(instance, STEP_COMPLETE | FAILED | TERMINATED, __func__) ||
+        !valid(instance, __func__, TYPE_REAL, vr, n, value))
+        return fmi3Error;
+    if (n != n_values || (n > 0 && orders == NULL))
+        return report(instance, fmi3Error, "%s: an order and a value are needed for each of %zu variables", __func__, n);
+    if (n > 0 && !differentiate_outputs(instance, rate))
+        return report(instance, fmi3Error, "%s: the law could not be evaluated", __func__);
+    for (size_t i = 0; i < n; i++) {
+        const Variable *variable = &model_variables[vr[i]];
+        if (variable->role != ROLE_OUTPUT)
+            return report(instance, fmi3Error, "%s: '%s' is not a continuous output", __func__, variable->name);
+        if (orders[i] != 1)
+            return report(instance, fmi3Error, "%s: order %d of '%s' is not supported, only order 1", __func__,
+                          (int)orders[i], variable->name);
+        if (!isfinite(rate[vr[i] - FIRST_OUTPUT]))
+            return report(instance, fmi3Error, "%s: the time derivative of '%s' is not a finite number", __func__,
+                          variable->name);
+    }
+    for (size_t i = 0; i < n; i++)
+        value[i] = rate[vr[i] - FIRST_OUTPUT];
+    return fmi3OK;
+}

@@ -1,0 +1,3 @@
+from .translation import Translation as Translation
+from .translation import translate as translate
+from .wrapping import wrap as wrap

@@ -1,0 +1,3 @@
+#include "table.c" /* first: it needs features of the system's headers */
+#include "values.c"
+#include "wrapper.c"

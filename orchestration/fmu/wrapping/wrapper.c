@@ -1,0 +1,314 @@
+/* The functions of FMI 2.0, carried out by an FMU of FMI 3.0; see `wrapper.h`. */
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "wrapper.h"
+
+/* ---- messages ------------------------------------------------------------------------------------ */
+
+void tell(const component *c, fmi2Status status, const char *format, ...) {
+    char message[1024];
+    va_list arguments;
+    if (!c->callbacks || !c->callbacks->logger) return;
+    va_start(arguments, format);
+    vsnprintf(message, sizeof message, format, arguments);
+    va_end(arguments);
+    c->callbacks->logger(c->callbacks->componentEnvironment, c->name, status, "wrapper", "%s", message);
+}
+
+fmi2Status lacking(const component *c, const char *function) {
+    tell(c, fmi2Error, "its library lacks the function %s", function);
+    return fmi2Error;
+}
+
+/* Progress reports are dropped here: an FMU may send one at every call. */
+static void pass_on(fmi3InstanceEnvironment environment, fmi3Status status, fmi3String category, fmi3String message) {
+    component *c = environment;
+    if (status != fmi3OK && c->callbacks->logger)
+        c->callbacks->logger(c->callbacks->componentEnvironment, c->name, (fmi2Status)status, category, "%s",
+                             message ? message : "");
+}
+
+FMI2_Export const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
+
+FMI2_Export const char *fmi2GetVersion(void) { return fmi2Version; }
+
+FMI2_Export fmi2Status fmi2SetDebugLogging(fmi2Component p, fmi2Boolean on, size_t n, const fmi2String categories[]) {
+    component *c = p;
+    return CALL(c, SetDebugLogging, on != 0, n, categories);
+}
+
+/* ---- life ---------------------------------------------------------------------------------------- */
+
+static char *copied(const char *text) {
+    char *copy = malloc(strlen(text) + 1);
+    return copy ? strcpy(copy, text) : NULL;
+}
+
+/* Messages are asked for, since FMI 3.0 has no reasons of failures without them. Events inside of a step are the FMU's
+ * own affair, as in FMI 2.0: inputs jump at communication points, and no event mode tells it so. */
+static void instantiate(component *c, fmi2Type kind, fmi2String token, fmi2Boolean visible) {
+    const char *resources = c->resources[0] ? c->resources : NULL;
+    if (kind == fmi2CoSimulation && c->call.InstantiateCoSimulation)
+        c->instance = c->call.InstantiateCoSimulation(c->name, token, resources, visible != 0, fmi3True, fmi3False,
+                                                      fmi3False, NULL, 0, c, pass_on, NULL);
+    else if (kind == fmi2ModelExchange && c->call.InstantiateModelExchange)
+        c->instance = c->call.InstantiateModelExchange(c->name, token, resources, visible != 0, fmi3True, c, pass_on);
+    else
+        lacking(c, kind == fmi2CoSimulation ? "fmi3InstantiateCoSimulation" : "fmi3InstantiateModelExchange");
+}
+
+FMI2_Export fmi2Component fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2String token, fmi2String location,
+                                          const fmi2CallbackFunctions *callbacks, fmi2Boolean visible,
+                                          fmi2Boolean logging) {
+    (void)location;
+    (void)logging;
+    component *c = calloc(1, sizeof *c);
+    if (!c) return NULL;
+    c->callbacks = callbacks;
+    c->name = copied(name ? name : "");
+    if (c->name && load(c)) instantiate(c, kind, token, visible);
+    if (c->instance) return c;
+    unload(c);
+    return NULL;
+}
+
+FMI2_Export void fmi2FreeInstance(fmi2Component p) {
+    component *c = p;
+    if (!c) return;
+    if (c->call.FreeInstance) c->call.FreeInstance(c->instance);
+    unload(c);
+}
+
+FMI2_Export fmi2Status fmi2SetupExperiment(fmi2Component p, fmi2Boolean tolerance_defined, fmi2Real tolerance,
+                                           fmi2Real start, fmi2Boolean stop_defined, fmi2Real stop) {
+    component *c = p;
+    c->tolerance_defined = tolerance_defined;
+    c->tolerance = tolerance;
+    c->start = start;
+    c->stop_defined = stop_defined;
+    c->stop = stop;
+    return fmi2OK;
+}
+
+FMI2_Export fmi2Status fmi2EnterInitializationMode(fmi2Component p) {
+    component *c = p;
+    c->reached = c->start;
+    c->terminated = 0;
+    return CALL(c, EnterInitializationMode, c->tolerance_defined != 0, c->tolerance, c->start, c->stop_defined != 0,
+                c->stop);
+}
+
+FMI2_Export fmi2Status fmi2ExitInitializationMode(fmi2Component p) {
+    component *c = p;
+    return CALL_PLAIN(c, ExitInitializationMode);
+}
+
+FMI2_Export fmi2Status fmi2Terminate(fmi2Component p) {
+    component *c = p;
+    return CALL_PLAIN(c, Terminate);
+}
+
+FMI2_Export fmi2Status fmi2Reset(fmi2Component p) {
+    component *c = p;
+    return CALL_PLAIN(c, Reset);
+}
+
+/* ---- states -------------------------------------------------------------------------------------- */
+
+FMI2_Export fmi2Status fmi2GetFMUstate(fmi2Component p, fmi2FMUstate *state) {
+    component *c = p;
+    return CALL(c, GetFMUState, state);
+}
+
+FMI2_Export fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate state) {
+    component *c = p;
+    return CALL(c, SetFMUState, state);
+}
+
+FMI2_Export fmi2Status fmi2FreeFMUstate(fmi2Component p, fmi2FMUstate *state) {
+    component *c = p;
+    return CALL(c, FreeFMUState, state);
+}
+
+FMI2_Export fmi2Status fmi2SerializedFMUstateSize(fmi2Component p, fmi2FMUstate state, size_t *size) {
+    component *c = p;
+    return CALL(c, SerializedFMUStateSize, state, size);
+}
+
+FMI2_Export fmi2Status fmi2SerializeFMUstate(fmi2Component p, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
+    component *c = p;
+    return CALL(c, SerializeFMUState, state, (fmi3Byte *)bytes, size);
+}
+
+FMI2_Export fmi2Status fmi2DeSerializeFMUstate(fmi2Component p, const fmi2Byte bytes[], size_t size,
+                                               fmi2FMUstate *state) {
+    component *c = p;
+    return CALL(c, DeserializeFMUState, (const fmi3Byte *)bytes, size, state);
+}
+
+/* ---- co-simulation ------------------------------------------------------------------------------- */
+
+/* One call of the FMU: it gets to c->reached, which may be short of the end. */
+static fmi2Status advance(component *c, double size, double end, fmi2Boolean no_state_set_before, int *events) {
+    fmi3Boolean event = fmi3False, terminate = fmi3False, early = fmi3False;
+    double start = c->reached, last = start;
+    fmi2Status status = CALL(c, DoStep, start, size, no_state_set_before != 0, &event, &terminate, &early, &last);
+    *events |= event;
+    c->terminated = terminate;
+    c->reached = status > fmi2Warning || terminate || early ? last : end;
+    return status;
+}
+
+/* A step from which the FMU returns early goes on, to its end. */
+FMI2_Export fmi2Status fmi2DoStep(fmi2Component p, fmi2Real start, fmi2Real size, fmi2Boolean no_state_set_before) {
+    component *c = p;
+    fmi2Status worst = fmi2OK;
+    double end = start + size;
+    int events = 0;
+    c->reached = start;
+    do {
+        double before = c->reached;
+        fmi2Status status = advance(c, before == start ? size : end - before, end, no_state_set_before, &events);
+        if (status > fmi2Warning) return status;
+        if (status > worst) worst = status;
+        if (c->terminated) {
+            tell(c, fmi2Discard, "it asks to end the simulation at %.10g s", c->reached);
+            return fmi2Discard;
+        }
+        if (c->reached < end && !(c->reached > before)) {
+            tell(c, fmi2Error, "it returned early from a step at %.10g s, and got no further", before);
+            return fmi2Error;
+        }
+    } while (c->reached < end);
+    if (events) {
+        tell(c, fmi2Warning, "it asked for event mode, which it was told is not used");
+        worst = fmi2Warning;
+    }
+    return worst;
+}
+
+FMI2_Export fmi2Status fmi2CancelStep(fmi2Component c) {
+    (void)c;
+    return fmi2Error;
+}
+
+FMI2_Export fmi2Status fmi2SetRealInputDerivatives(fmi2Component p, const fmi2ValueReference r[], size_t n,
+                                                   const fmi2Integer orders[], const fmi2Real values[]) {
+    (void)r, (void)n, (void)orders, (void)values;
+    tell(p, fmi2Error, "FMI 3.0 has no derivatives of inputs");
+    return fmi2Error;
+}
+
+FMI2_Export fmi2Status fmi2GetRealOutputDerivatives(fmi2Component p, const fmi2ValueReference r[], size_t n,
+                                                    const fmi2Integer orders[], fmi2Real values[]) {
+    component *c = p;
+    for (size_t i = 0; i < n; i++) {
+        const variable *v = r[i] < c->element_count ? &c->variables[c->owners[r[i]]] : NULL;
+        if (!v || v->count > 1) {
+            tell(c, fmi2Error, "derivatives of outputs are read of scalars only");
+            return fmi2Error;
+        }
+        fmi3Int32 order = orders[i];
+        fmi2Status status = CALL(c, GetOutputDerivatives, &v->reference, 1, &order, &values[i], 1);
+        if (status > fmi2Warning) return status;
+    }
+    return fmi2OK;
+}
+
+FMI2_Export fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value) {
+    (void)c, (void)kind, (void)value;
+    return fmi2Discard;
+}
+
+FMI2_Export fmi2Status fmi2GetRealStatus(fmi2Component p, const fmi2StatusKind kind, fmi2Real *value) {
+    const component *c = p;
+    if (kind != fmi2LastSuccessfulTime) return fmi2Discard;
+    *value = c->reached;
+    return fmi2OK;
+}
+
+FMI2_Export fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value) {
+    (void)c, (void)kind, (void)value;
+    return fmi2Discard;
+}
+
+FMI2_Export fmi2Status fmi2GetBooleanStatus(fmi2Component p, const fmi2StatusKind kind, fmi2Boolean *value) {
+    const component *c = p;
+    if (kind != fmi2Terminated) return fmi2Discard;
+    *value = c->terminated;
+    return fmi2OK;
+}
+
+FMI2_Export fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value) {
+    (void)c, (void)kind, (void)value;
+    return fmi2Discard;
+}
+
+/* ---- model exchange ------------------------------------------------------------------------------ */
+
+FMI2_Export fmi2Status fmi2EnterEventMode(fmi2Component p) {
+    component *c = p;
+    return CALL_PLAIN(c, EnterEventMode);
+}
+
+FMI2_Export fmi2Status fmi2NewDiscreteStates(fmi2Component p, fmi2EventInfo *info) {
+    component *c = p;
+    fmi3Boolean again = fmi3False, terminate = fmi3False, nominals = fmi3False, values = fmi3False, next = fmi3False;
+    double time = 0.0;
+    fmi2Status status = CALL(c, UpdateDiscreteStates, &again, &terminate, &nominals, &values, &next, &time);
+    info->newDiscreteStatesNeeded = again;
+    info->terminateSimulation = terminate;
+    info->nominalsOfContinuousStatesChanged = nominals;
+    info->valuesOfContinuousStatesChanged = values;
+    info->nextEventTimeDefined = next;
+    info->nextEventTime = time;
+    return status;
+}
+
+FMI2_Export fmi2Status fmi2EnterContinuousTimeMode(fmi2Component p) {
+    component *c = p;
+    return CALL_PLAIN(c, EnterContinuousTimeMode);
+}
+
+FMI2_Export fmi2Status fmi2CompletedIntegratorStep(fmi2Component p, fmi2Boolean no_state_set_before,
+                                                   fmi2Boolean *enter_event_mode, fmi2Boolean *terminate) {
+    component *c = p;
+    fmi3Boolean events = fmi3False, ends = fmi3False;
+    fmi2Status status = CALL(c, CompletedIntegratorStep, no_state_set_before != 0, &events, &ends);
+    *enter_event_mode = events;
+    *terminate = ends;
+    return status;
+}
+
+FMI2_Export fmi2Status fmi2SetTime(fmi2Component p, fmi2Real time) {
+    component *c = p;
+    return CALL(c, SetTime, time);
+}
+
+FMI2_Export fmi2Status fmi2SetContinuousStates(fmi2Component p, const fmi2Real states[], size_t n) {
+    component *c = p;
+    return CALL(c, SetContinuousStates, states, n);
+}
+
+FMI2_Export fmi2Status fmi2GetDerivatives(fmi2Component p, fmi2Real derivatives[], size_t n) {
+    component *c = p;
+    return CALL(c, GetContinuousStateDerivatives, derivatives, n);
+}
+
+FMI2_Export fmi2Status fmi2GetEventIndicators(fmi2Component p, fmi2Real indicators[], size_t n) {
+    component *c = p;
+    return CALL(c, GetEventIndicators, indicators, n);
+}
+
+FMI2_Export fmi2Status fmi2GetContinuousStates(fmi2Component p, fmi2Real states[], size_t n) {
+    component *c = p;
+    return CALL(c, GetContinuousStates, states, n);
+}
+
+FMI2_Export fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component p, fmi2Real nominals[], size_t n) {
+    component *c = p;
+    return CALL(c, GetNominalsOfContinuousStates, nominals, n);
+}

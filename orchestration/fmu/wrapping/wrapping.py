@@ -1,0 +1,81 @@
+"""The library that wraps an FMU of FMI 3.0, put beside it in the folder where it is unpacked."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import fmpy
+
+from fmus.kit import UserError
+from fmus.kit.build import cached_library, toolchain
+from fmus.kit.storage import scratch
+from orchestration.fmu.wrapping.translation import Translation, translate
+
+_SOURCES = ("all.c", "table.c", "values.c", "wrapper.c", "wrapper.h")
+_UNIT = "all.c"
+_LIBRARIES = {"linux64": ("dl",)}
+
+
+def wrap(folder: Path, root: Element, label: str) -> None:
+    """Wrap an unpacked FMU of FMI 3.0, so that it can be loaded as one of FMI 2.0.
+
+    Parameters
+    ----------
+    folder : Path
+        The unpacked FMU, to which the libraries of the wrapper and their tables are added.
+    root : Element
+        Its ``fmiModelDescription``.
+    label : str
+        Name of the FMU in messages.
+
+    Raises
+    ------
+    UserError
+        If its description cannot be translated, its library is missing, or the wrapper cannot be
+        compiled.
+    """
+    translation = translate(root, label)
+    try:
+        wrapper = _library()
+    except UserError as error:
+        raise UserError(f"{label}: an FMU of FMI 3.0 needs a C compiler here: {error}") from error
+    binaries = folder / "binaries" / fmpy.platform
+    resources = folder / "resources"
+    for node in translation.root:
+        identifier = node.get("modelIdentifier")
+        if identifier is None:
+            continue
+        if not re.fullmatch(r"\w+", identifier, re.ASCII):
+            raise UserError(f"{label}: modelIdentifier {identifier!r} is no identifier of C")
+        name = identifier + fmpy.sharedLibraryExtension
+        own = folder / "binaries" / fmpy.platform_tuple / name
+        if not own.is_file():
+            raise UserError(f"{label}: binaries/{fmpy.platform_tuple}/{name} is missing")
+        with scratch.written(folder):
+            binaries.mkdir(exist_ok=True)
+            shutil.copyfile(wrapper, binaries / name)
+            table = _table(translation, own, resources)
+            (binaries / f"{identifier}.table").write_bytes(table)
+
+
+def _library() -> Path:
+    """Return the compiled wrapper, from the cache if it is there."""
+    here = Path(__file__).parent
+    sources = {name: (here / name).read_bytes() for name in _SOURCES}
+    for version in (2, 3):
+        for header in sorted(toolchain.fmi_headers(version).glob("*.h")):
+            sources[header.name] = header.read_bytes()
+    target = toolchain.host_platform()
+    return cached_library(sources, _UNIT, target, _LIBRARIES.get(target, ()))
+
+
+def _table(translation: Translation, library: Path, resources: Path) -> bytes:
+    """Return the table that the wrapper reads when it is instantiated."""
+    place = f"{resources}{os.sep}" if resources.is_dir() else ""
+    lines = [str(library), place, str(len(translation.table))]
+    lines += [f"{row.type} {row.reference} {row.elements}" for row in translation.table]
+    return os.fsencode("\n".join([*lines, ""]))
