@@ -20,6 +20,7 @@ from fmus.kit.component import Component
 from fmus.kit.declare import Declaration
 from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
+from fmus.kit.symbolic.calls import Calls
 from fmus.kit.symbolic.switching import event_indicators
 
 
@@ -231,8 +232,35 @@ def trace(cls: type[Component]) -> Graph:
     -------
     Graph
     """
+    return _traced(cls, cls())
+
+
+def trace_with_laws(cls: type[Component]) -> tuple[Graph, dict[str, ca.SX]]:
+    """Trace a component with what each of its laws gives on the way.
+
+    Parameters
+    ----------
+    cls : type[Component]
+
+    Returns
+    -------
+    graph : Graph
+    laws : dict of str to casadi.SX
+        By name, for laws without arguments that give one number.
+    """
+    calls = Calls(cls, ())
+    graph = _traced(cls, calls.one)
+    laws = {}
+    for name, values in calls.values.items():
+        given = [value for value in values if isinstance(value, ca.SX)]
+        if len(given) == len(values) and given[0].is_scalar():
+            laws[name] = given[0]
+    return graph, laws
+
+
+def _traced(cls: type[Component], component: Component) -> Graph:
+    """Return the graph of a component, whose variables become symbols."""
     layout = cls.layout
-    component = cls()
     component.time = ca.SX.sym("time")
     parameters = _set_symbols(component, layout.parameters)
     inputs = _set_symbols(component, layout.inputs)
