@@ -30,6 +30,7 @@ from tests.support.modelica import (
     sources,
     write,
 )
+from tests.support.modelica_units import misfits
 from tests.support.pace import slow_but
 
 # pymoca 0.12 knows no sample; all others are rumoca's alone
@@ -142,6 +143,25 @@ def test_pymoca_flattens_it_into_as_many_equations_as_variables(name, files):
     given = [v for v in cls.layout.inputs if v.name not in at_ports]
     equations = sum(len(e.blocks[0]) if hasattr(e, "blocks") else 1 for e in flat.equations)
     assert equations == len(unknown) - len(given)
+
+
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_units_of_its_equations_fit(name, files):
+    """All but those of laws that are declared to compute with bare numbers."""
+    model = f"PpyRig.{class_name(name)}"
+    found, compared = misfits(flatten_by_pymoca(parse_by_pymoca(files), model))
+    assert len(found) == len(fmus.component(name).unchecked), found
+    assert compared > 5
+
+
+def test_a_unit_that_does_not_fit_is_seen(files):
+    path = "PpyRig/PpyActuator.mo"
+    wrong = files[path].replace('k1(unit="N/m"', 'k1(unit="N"')
+    assert wrong != files[path]
+    tree = parse_by_pymoca(files | {path: wrong})
+    found, _ = misfits(flatten_by_pymoca(tree, "PpyRig.PpyActuator"))
+    assert len(found) == 1, found
+    assert found[0].startswith("creep: ")  # creep + force / k1
 
 
 @pytest.mark.parametrize("name", COMPONENTS)
