@@ -23,12 +23,14 @@ from . import (
     stepping,
     stiff,
     sweeping,
+    versions,
 )
 from .tables import Topic
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"
 TOPICS: dict[str, Callable[[bool], Topic]] = {
     "step": stepping.measure,
+    "versions": versions.measure,
     "kernel": kernel.measure,
     "record": record.measure,
     "stiff": stiff.measure,
