@@ -88,15 +88,17 @@ def pytest_unconfigure() -> None:
 
 
 @pytest.fixture(scope="session")
-def fmu(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Path]:
-    """Path of a component's FMU for this platform, built once a session: ``fmu(name, runtime)``."""
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Path of a component's FMU for this platform, built once a session: ``fmu(name, runtime)``, of
+    FMI 3.0 ``fmu(name, runtime, 3)``.
+    """
     folder = tmp_path_factory.mktemp("fmus")
 
-    def path(name: str, runtime: str) -> Path:
-        file = folder / runtime / f"{name}.fmu"
+    def path(name: str, runtime: str, fmi: int = 2) -> Path:
+        file = folder / f"{runtime}-{fmi}" / f"{name}.fmu"
         if not file.exists():
             file.parent.mkdir(exist_ok=True)
-            file.write_bytes(build(component(name), runtime, [host_platform()]))
+            file.write_bytes(build(component(name), runtime, [host_platform()], fmi=fmi))
         return file
 
     return path

@@ -13,7 +13,7 @@ import casadi as ca
 import fmpy
 import numpy as np
 import pytest
-from fmpy import read_model_description, simulate_fmu
+from fmpy import simulate_fmu
 from scipy.linalg import expm
 
 import fmus
@@ -21,79 +21,8 @@ from fmus import component
 from fmus.kit import Component, Output, Parameter, State, maximum
 from fmus.kit.build.building import build
 from fmus.kit.build.toolchain import host_platform
-from orchestration.fmu.instance import Fmu
-from orchestration.fmu.simulation import simulate_instance
-
-HELD = 10  # communication steps
-# stop time and step, which meets no sample; mean, amplitude and angular frequency of what is fed
-STIMULI = {
-    "ppy_actuator": (20.0, 0.37, {"current": (0.0, 0.3, 0.9), "force": (0.5, 0.3, 0.5)}),
-    "ppy_actuator_length_driven": (
-        20.0,
-        0.37,
-        {"current": (0.0, 0.3, 0.9), "length_change": (5e-5, 1e-4, 0.5)},
-    ),
-    "ppy_actuator_voltage_driven": (
-        20.0,
-        0.37,
-        {"voltage": (0.0, 0.3, 0.9), "force": (0.5, 0.3, 0.5)},
-    ),
-    "galvanostat": (
-        0.5,
-        0.0017,
-        {"current_command": (0.0, 2.0, 30.0), "voltage": (0.0, 3.0, 40.0)},
-    ),
-    "voice_coil_dma": (
-        0.5,
-        0.0007,
-        {"force_reference": (1.0, 0.5, 20.0), "tension": (0.6, 0.3, 20.0)},
-    ),
-    "degradation_estimator": (5.0, 0.037, {"current": (0.0, 0.3, 0.9), "voltage": (0.0, 0.5, 0.8)}),
-    "foot": (
-        1.0,
-        0.013,
-        {
-            "an_tension": (10.0, 5.0, 3.0),
-            "ankle_angle": (0.0, 0.3, 2.0),
-            "mtp_angle": (0.1, 0.1, 4),
-        },
-    ),
-    "displacement_controller": (
-        2.0,
-        0.0037,
-        {"reference": (1e-5, 1e-5, 20.0), "voltage": (0.1, 0.8, 3.0), "current": (0.0, 0.3, 3.0)},
-    ),
-    "state_feedback": (
-        2.0,
-        0.0037,
-        {"reference": (1e-5, 1e-5, 20.0), "voltage": (0.1, 0.2, 3.0), "force": (0.1, 0.1, 3.0)},
-    ),
-    "feedforward": (
-        20.0,
-        0.037,
-        {"next_reference": (1e-4, 1e-5, 0.7), "next_force": (0.5, 0.1, 0.5)},
-    ),
-    "learning_controller": (
-        30.0,
-        0.037,
-        {"reference": (1e-5, 1e-5, 0.7), "displacement": (0.0, 1e-5, 0.5)},
-    ),
-    "impedance_controller": (
-        2.0,
-        0.0037,
-        {"length": (5e-4, 5e-4, 7.0), "rest_length": (1e-4, 1e-4, 3.0)},
-    ),
-    "adaptive_controller": (
-        5.0,
-        0.0037,
-        {"reference": (3e-5, 3e-5, 2.0), "displacement": (2e-5, 2e-5, 1.9)},
-    ),
-    "pid": (1.0, 0.0037, {"reference": (1.0, 0.5, 20.0), "measured": (0.8, 0.5, 7.0)}),
-    "foot_design": (1.0, 0.013, {"ankle_angle": (0.0, 0.3, 2.0), "mtp_angle": (0.1, 0.1, 4)}),
-    "foot_dynamic": (1.0, 0.013, {"an_tension": (20.0, 20.0, 3.0), "po_tension": (5.0, 5.0, 7.0)}),
-    "isotonic_stand": (2.0, 0.0137, {"mass": (0.1, 0.05, 3.0), "displacement": (1e-4, 1e-4, 5.0)}),
-    "foot_free": (0.3, 0.0047, {"an_tension": (2.0, 2.0, 3.0), "leg_force_y": (0.0, 0.5, 7.0)}),
-}
+from tests.support.exchange import both_ways, distance
+from tests.support.stimuli import STIMULI
 
 
 class Ramp(Component):
@@ -115,50 +44,6 @@ class Ramp(Component):
     def twice(self):
         """Twice the ramp"""
         return 2.0 * self.size
-
-
-def both_ways(path, stop, step, stimuli, refined=1, start_values=None, **options):
-    """Results of model exchange in fmpy and of co-simulation in our master, where no input
-    jumps.
-    """
-    time = np.arange(0.0, stop, step)
-    jumps = np.arange(0, time.size, HELD)
-    held = {
-        name: mean + size * np.sin(speed * time[jumps])
-        for name, (mean, size, speed) in stimuli.items()
-    }
-    table = np.zeros(2 * jumps.size, [("time", float), *((name, float) for name in stimuli)])
-    table["time"] = np.append(np.repeat(time[jumps], 2)[1:], stop + 1.0)
-    for name, values in held.items():
-        table[name] = np.repeat(values, 2)
-    outputs = [
-        v.name
-        for v in read_model_description(str(path)).modelVariables
-        if v.causality == "output" and v.type == "Real"
-    ]
-    exchanged = simulate_fmu(
-        str(path),
-        stop_time=time[-1],
-        output_interval=step / refined,
-        output=outputs,
-        input=table,
-        record_events=False,
-        fmi_type="ModelExchange",
-        start_values=start_values or {},
-        **options,
-    )[::refined]
-    with Fmu(path, start_values or {}) as one:
-        one.start(0.0)
-        stepped = simulate_instance(
-            one, time, {k: v[np.arange(time.size) // HELD] for k, v in held.items()}, outputs
-        )
-    keep = np.setdiff1d(np.arange(1, time.size), jumps)
-    np.testing.assert_allclose(exchanged["time"], time, rtol=0, atol=1e-9)
-    return {name: (exchanged[name][keep], stepped[name][keep]) for name in outputs}
-
-
-def distance(found, expected):
-    return np.abs(found - expected).max() / (np.abs(expected).max() or 1.0)
 
 
 def test_every_component_is_tried():
@@ -199,7 +84,10 @@ def test_cvode_computes_what_co_simulation_does(fmu, indicated, name, course, to
     }
     moved = 0
     for output, (found, expected) in both_ways(
-        fmu(name, "native"), stop, step, fed, solver="CVode", relative_tolerance=tolerance
+        *(fmu(name, "native"), fmu(name, "native")),
+        *(stop, step, fed),
+        solver="CVode",
+        relative_tolerance=tolerance,
     ).items():
         assert distance(found, expected) <= ALLOWED[name] * tolerance, output
         moved += np.ptp(expected) > 0.0
@@ -228,6 +116,7 @@ def test_an_instrument_rests_at_its_limit(fmu, indicated, start, fed, tolerance)
     constant = {name: (value, 0.0, 1.0) for name, value in fed.items()}
     found, expected = both_ways(
         fmu("galvanostat", "native"),
+        fmu("galvanostat", "native"),
         0.5,
         0.0017,
         constant,
@@ -246,6 +135,7 @@ def test_euler_comes_near_and_nearer_with_half_the_step(fmu):
     errors = [
         distance(
             *both_ways(
+                fmu("ppy_actuator", "native"),
                 fmu("ppy_actuator", "native"),
                 stop,
                 step,

@@ -16,7 +16,7 @@ static bool known(const Instance *instance, Role role) {
 /* A state may be an output; it follows its own seed, and a discrete one nothing until its next sample instant. */
 static bool unknown(Role role) { return role >= ROLE_STATE; }
 
-bool answerable(const Instance *instance, const Partials *of, const void *seeds, const void *results) {
+bool answerable(const Instance *instance, const Partials *of, const void *of_knowns, const void *of_unknowns) {
     const char *function = of->function;
     if (!allowed(instance, READABLE, function))
         return false;
@@ -24,8 +24,8 @@ bool answerable(const Instance *instance, const Partials *of, const void *seeds,
         report(instance, FMI(Error), "%s is not supported by this build of %s", function, model_name);
         return false;
     }
-    if (!valid(instance, function, TYPE_REAL, of->unknowns, of->n_unknowns, results) ||
-        !valid(instance, function, TYPE_REAL, of->knowns, of->n_knowns, seeds))
+    if (!valid(instance, function, TYPE_REAL, of->unknowns, of->n_unknowns, of_unknowns) ||
+        !valid(instance, function, TYPE_REAL, of->knowns, of->n_knowns, of_knowns))
         return false;
     for (size_t i = 0; i < of->n_unknowns; i++)
         if (!unknown(model_variables[of->unknowns[i]].role)) {

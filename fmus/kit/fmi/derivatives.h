@@ -13,8 +13,9 @@ typedef struct {
     size_t n_knowns;
 } Partials;
 
-/* Whether all of a request can be answered now; reports it if not. */
-static bool answerable(const Instance *instance, const Partials *of, const void *seeds, const void *results);
+/* Whether all of a request can be answered now, there being an array for the knowns and one for the unknowns; reports
+   it if not. */
+static bool answerable(const Instance *instance, const Partials *of, const void *of_knowns, const void *of_unknowns);
 
 /* Adds seeds of some variables to those that are there. False, with a report, if one is not finite. */
 static bool add_seeds(const Instance *instance, const char *function, const Reference vr[], size_t n,

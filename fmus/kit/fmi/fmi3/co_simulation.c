@@ -65,6 +65,7 @@ EXPORT fmi3Status fmi3GetOutputDerivatives(fmi3Instance c, const fmi3ValueRefere
                                            const fmi3Int32 orders[], fmi3Float64 value[], size_t n_values) {
     Instance *instance = c;
     double rate[MODEL_OUTPUTS + 1];
+    fmi3Status status;
     if (!allowed(instance, STEP_COMPLETE | FAILED | TERMINATED, __func__) ||
         !valid(instance, __func__, TYPE_REAL, vr, n, value))
         return fmi3Error;
@@ -72,18 +73,23 @@ EXPORT fmi3Status fmi3GetOutputDerivatives(fmi3Instance c, const fmi3ValueRefere
         return report(instance, fmi3Error, "%s: an order and a value are needed for each of %zu variables", __func__, n);
     if (n > 0 && !differentiate_outputs(instance, rate))
         return report(instance, fmi3Error, "%s: the law could not be evaluated", __func__);
+    status = n > 0 ? refresh_derivatives(instance) : fmi3OK;
+    if (status != fmi3OK)
+        return status;
     for (size_t i = 0; i < n; i++) {
         const Variable *variable = &model_variables[vr[i]];
-        if (variable->role != ROLE_OUTPUT)
+        if (variable->role != ROLE_OUTPUT && variable->role != ROLE_STATE)
             return report(instance, fmi3Error, "%s: '%s' is not a continuous output", __func__, variable->name);
         if (orders[i] != 1)
             return report(instance, fmi3Error, "%s: order %d of '%s' is not supported, only order 1", __func__,
                           (int)orders[i], variable->name);
-        if (!isfinite(rate[vr[i] - FIRST_OUTPUT]))
+        if (variable->role == ROLE_OUTPUT && !isfinite(rate[vr[i] - FIRST_OUTPUT]))
             return report(instance, fmi3Error, "%s: the time derivative of '%s' is not a finite number", __func__,
                           variable->name);
     }
     for (size_t i = 0; i < n; i++)
-        value[i] = rate[vr[i] - FIRST_OUTPUT];
+        value[i] = model_variables[vr[i]].role == ROLE_OUTPUT
+                       ? rate[vr[i] - FIRST_OUTPUT]
+                       : instance->now.memory[FIRST_DERIVATIVE + vr[i] - FIRST_STATE];
     return fmi3OK;
 }

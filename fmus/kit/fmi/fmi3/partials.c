@@ -44,7 +44,7 @@ EXPORT fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueRefere
     double seed[MODEL_VARIABLES + 1] = {0.0}, weights[MODEL_STATES + MODEL_OUTPUTS + 1] = {0.0};
     double result[FIRST_OUTPUT + 1] = {0.0};
     if (!counted_partials(c, __func__, n_unknowns, n_seeds, n_knowns, n_results) ||
-        !answerable(instance, &of, seeds, results) || !add_seeds(instance, __func__, unknowns, n_unknowns, seeds, seed))
+        !answerable(instance, &of, results, seeds) || !add_seeds(instance, __func__, unknowns, n_unknowns, seeds, seed))
         return fmi3Error;
     for (int i = 0; i < MODEL_STATES; i++)
         weights[i] = seed[FIRST_DERIVATIVE + i];

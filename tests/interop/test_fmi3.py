@@ -1,0 +1,328 @@
+"""Claims: the build of FMI 3.0 computes in fmpy what that of FMI 2.0 does, to the same bits in
+co-simulation; its solvers reach closed forms; its derivatives and its states are right.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import shutil
+import zipfile
+
+import numpy as np
+import pytest
+from fmpy import read_model_description, simulate_fmu
+from fmpy.build import build_platform_binary
+from fmpy.fmi3 import FMU3Model, FMU3Slave
+from fmpy.validation import validate_fmu
+
+import fmus
+from fmus import component
+from tests.support.exchange import both_ways, distance
+from tests.support.stimuli import STIMULI
+
+SAMPLED = [name for name in STIMULI if component(name).layout.sampled]
+
+
+def table_of(stop, step, stimuli):
+    """A sine for each input, at communication points."""
+    time = np.arange(0.0, stop, step)
+    table = np.zeros(time.size, [("time", float), *((name, float) for name in stimuli)])
+    table["time"] = time
+    for name, (mean, size, speed) in stimuli.items():
+        table[name] = mean + size * np.sin(speed * time)
+    return table
+
+
+def simulated(path, name, **options):
+    """Simulate a component over its stimuli by fmpy."""
+    stop, step, stimuli = STIMULI[name]
+    table = table_of(stop, step, stimuli)
+    return simulate_fmu(
+        str(path), stop_time=table["time"][-1], output_interval=step, input=table, **options
+    )
+
+
+@contextlib.contextmanager
+def opened(path, folder, exchange=False, **given):
+    """Open an instance in fmpy, before its initialization."""
+    description = read_model_description(str(path))
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(folder)
+    kind = FMU3Model if exchange else FMU3Slave
+    interface = description.modelExchange if exchange else description.coSimulation
+    one = kind(
+        guid=description.guid,
+        modelIdentifier=interface.modelIdentifier,
+        unzipDirectory=str(folder),
+        instanceName="one",
+    )
+    one.instantiate(**given)
+    try:
+        yield one, {v.name: v.valueReference for v in description.modelVariables}, description
+    finally:
+        one.freeInstance()
+
+
+def initialized(one):
+    one.enterInitializationMode()
+    one.exitInitializationMode()
+
+
+@pytest.mark.filterwarnings("ignore:.*missing input")
+@pytest.mark.parametrize("name", STIMULI)
+def test_co_simulation_gives_the_bits_of_fmi_2(fmu, name):
+    of_2, of_3 = (
+        simulated(fmu(name, "native", fmi), name, fmi_type="CoSimulation") for fmi in (2, 3)
+    )
+    assert of_2.dtype.names == of_3.dtype.names
+    assert of_2.tobytes() == of_3.tobytes()
+    assert max(np.ptp(of_3[output].astype(float)) for output in of_3.dtype.names[1:]) > 0.0
+
+
+@pytest.mark.filterwarnings("ignore:.*missing input")
+@pytest.mark.parametrize("name", STIMULI)
+def test_cvode_computes_what_co_simulation_of_fmi_2_does(fmu, name):
+    moved = 0
+    for output, (found, expected) in both_ways(
+        *(fmu(name, "native", 3), fmu(name, "native")),
+        *STIMULI[name],
+        solver="CVode",
+        relative_tolerance=1e-9,
+    ).items():
+        assert distance(found, expected) <= 5e-6, output
+        moved += np.ptp(expected) > 0.0
+    assert moved, "nothing moved"
+
+
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+def test_charge_and_displacement_follow_their_closed_forms(fmu, kind):
+    """Under constant current and load: eq. 3.9 for the charge, a Burgers body for the creep."""
+    current, force = 0.25, 0.4
+    found = simulate_fmu(
+        str(fmu("ppy_actuator", "native", 3)),
+        stop_time=30.0,
+        output_interval=0.5,
+        start_values={"current": current, "force": force},
+        output=["charge", "kelvin_elongation", "maxwell_elongation"],
+        fmi_type=kind,
+        relative_tolerance=1e-9,
+    )
+    p = {p.name: p.start for p in component("ppy_actuator").layout.parameters}
+    t = found["time"]
+    expected = {
+        "charge": p["R2"] * p["C"] * current * -np.expm1(-t / ((p["R1"] + p["R2"]) * p["C"])),
+        "kelvin_elongation": force / p["k2"] * -np.expm1(-t * p["k2"] / p["b2"]),
+        "maxwell_elongation": force / p["b1"] * t,
+    }
+    for output, values in expected.items():
+        np.testing.assert_allclose(found[output], values, rtol=0, atol=1e-6 * values.max())
+
+
+@pytest.mark.parametrize("name", SAMPLED)
+def test_a_host_that_handles_events_gets_what_one_without_does(fmu, name):
+    """In event mode, steps end early at samples; between them nothing else happens."""
+    stop, step, stimuli = STIMULI[name]
+    held = {key: mean for key, (mean, _, _) in stimuli.items()}
+    path = str(fmu(name, "native", 3))
+
+    def run(**options):
+        return simulate_fmu(
+            path,
+            stop_time=min(stop, 40 * step),
+            output_interval=step,
+            start_values=held,
+            fmi_type="CoSimulation",
+            record_events=False,
+            **options,
+        )
+
+    plain = run()[1:]  # the first row of one who handles events is after that at the start
+    handled = run(use_event_mode=True, early_return_allowed=True)
+    # of the rows at one time, the first is before the event
+    first = np.searchsorted(handled["time"], plain["time"] - 1e-9)
+    np.testing.assert_allclose(handled["time"][first], plain["time"], rtol=0, atol=1e-9)
+    for output in plain.dtype.names[1:]:
+        size = np.abs(plain[output].astype(float)).max() or 1.0
+        difference = np.abs(handled[output][first].astype(float) - plain[output].astype(float))
+        assert difference.max() <= 1e-6 * size, output
+
+
+def test_steps_end_early_at_samples_only_where_the_host_allows_it(fmu, tmp_path):
+    """The galvanostat converts every millisecond."""
+    path = fmu("galvanostat", "native", 3)
+    period = next(p.start for p in component("galvanostat").layout.parameters if "period" in p.name)
+    given = {"eventModeUsed": True, "earlyReturnAllowed": True}
+    with opened(path, tmp_path / "early", **given) as (one, _, _):
+        initialized(one)
+        one.updateDiscreteStates()
+        one.enterStepMode()
+        event, terminate, early, last = one.doStep(0.0, 2.5 * period)
+        assert (event, terminate, early) == (True, False, True)
+        assert last == pytest.approx(period, rel=1e-12)
+        one.enterEventMode()
+        needed, *_, defined, following = one.updateDiscreteStates()
+        assert not needed
+        assert defined
+        assert following == pytest.approx(2.0 * period, rel=1e-12)
+        one.enterStepMode()
+        event, _, early, last = one.doStep(last, 0.5 * period)
+        assert (event, early) == (False, False)
+        assert last == pytest.approx(1.5 * period, rel=1e-12)
+        event, _, early, last = one.doStep(last, 0.5 * period)
+        assert (event, early) == (True, False), "a sample at the very end is no early return"
+    with opened(path, tmp_path / "late", eventModeUsed=True) as (one, _, _):
+        initialized(one)
+        one.updateDiscreteStates()
+        one.enterStepMode()
+        event, _, early, last = one.doStep(0.0, 2.5 * period)
+        assert (event, early) == (False, False)
+        assert last == pytest.approx(2.5 * period, rel=1e-12)
+
+
+def moving_point(one, references, description, rng):
+    """Start an instance for model exchange at random values of inputs and states."""
+    initialized(one)
+    inputs = [
+        v.valueReference
+        for v in description.modelVariables
+        if v.causality == "input" and v.type == "Float64"
+    ]
+    one.setFloat64(inputs, rng.uniform(0.01, 0.1, len(inputs)))
+    states = [u.variable.derivative for u in description.derivatives]
+    nominals = np.array([float(state.nominal or 1.0) for state in states])
+    values = [state.valueReference for state in states]
+    start = np.array(one.getFloat64(values)) if values else np.zeros(0)
+    values_now = start + 1e-3 * nominals * rng.uniform(0.5, 1.0, len(states))
+    if values:
+        one.setFloat64(values, values_now)
+    unknowns = [
+        u.variable.valueReference
+        for u in (*description.outputs, *description.derivatives)
+        if u.variable.type == "Float64" and u.variable.variability == "continuous"
+    ]
+    return inputs + values, unknowns
+
+
+@pytest.mark.parametrize("name", fmus.COMPONENTS)
+def test_adjoint_and_directional_derivatives_are_one_matrix(fmu, tmp_path, name):
+    """Rows of the one are columns of the other, in event mode and during initialization."""
+    rng = np.random.default_rng(11)
+    with opened(fmu(name, "native", 3), tmp_path / name, exchange=True) as (one, names, described):
+        one.enterInitializationMode()
+        parameters = [
+            v.valueReference
+            for v in described.modelVariables
+            if v.causality == "parameter" and v.type == "Float64"
+        ]
+        outputs = [
+            u.variable.valueReference for u in described.outputs if u.variable.type == "Float64"
+        ]
+        compare(one, outputs, parameters)
+        one.exitInitializationMode()
+    with opened(fmu(name, "native", 3), tmp_path / "b", exchange=True) as (one, names, described):
+        knowns, unknowns = moving_point(one, names, described, rng)
+        compare(one, unknowns, knowns)
+
+
+def compare(one, unknowns, knowns):
+    forward = np.array([one.getDirectionalDerivative(unknowns, [k], [1.0]) for k in knowns]).T
+    backward = np.array(
+        [one.getAdjointDerivative([u], knowns, [1.0], len(knowns)) for u in unknowns]
+    )
+    if forward.size == 0:
+        return
+    size = np.abs(forward).max(axis=1, keepdims=True)
+    assert np.all(np.abs(forward - backward) <= 1e-12 * size)
+
+
+@pytest.mark.parametrize("name", ["ppy_actuator", "foot_dynamic", "isotonic_stand"])
+def test_directional_derivatives_are_differences(fmu, tmp_path, name):
+    rng = np.random.default_rng(5)
+    with opened(fmu(name, "native", 3), tmp_path / name, exchange=True) as (one, names, described):
+        knowns, unknowns = moving_point(one, names, described, rng)
+        at = np.array(one.getFloat64(knowns))
+        for k, value in zip(knowns, at, strict=True):
+            step = 1e-6 * max(abs(value), 1e-6)
+            ends = []
+            for sign in (1.0, -1.0):
+                one.setFloat64([k], [value + sign * step])
+                ends.append(np.array(one.getFloat64(unknowns)))
+            one.setFloat64([k], [value])
+            difference = (ends[0] - ends[1]) / (2.0 * step)
+            found = np.array(one.getDirectionalDerivative(unknowns, [k], [1.0]))
+            noise = 1e-15 * np.abs(ends[0]) / step
+            assert np.all(np.abs(found - difference) <= 1e-5 * np.abs(difference) + 10 * noise)
+
+
+def test_output_derivatives_are_differences_in_time(fmu, tmp_path):
+    outputs = ["charge", "displacement", "voltage"]
+    with opened(fmu("ppy_actuator", "native", 3), tmp_path) as (one, names, _):
+        one.enterInitializationMode()
+        one.setFloat64([names["current"], names["force"]], [0.25, 0.4])
+        one.exitInitializationMode()
+        vr = [names[output] for output in outputs]
+        one.doStep(0.0, 2.0)
+        rates = one.getOutputDerivatives(vr, [1] * len(vr))
+        before = np.array(one.getFloat64(vr))
+        one.doStep(2.0, 1e-4)
+        after = np.array(one.getFloat64(vr))
+    np.testing.assert_allclose(rates, (after - before) / 1e-4, rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["ppy_actuator", "voice_coil_dma"])
+def test_a_state_is_restored_and_survives_as_bytes(fmu, tmp_path, name):
+    with opened(fmu(name, "native", 3), tmp_path / "a") as (one, names, described):
+        vr = [names[u.variable.name] for u in described.outputs if u.variable.type == "Float64"]
+        initialized(one)
+        one.doStep(0.0, 0.0123)
+        state = one.getFMUState()
+        block = one.serializeFMUState(state)
+        one.doStep(0.0123, 0.01)
+        expected = one.getFloat64(vr)
+        for again in (state, one.deserializeFMUState(block)):
+            one.setFMUState(again)
+            one.doStep(0.0123, 0.01)
+            assert one.getFloat64(vr) == expected
+            one.freeFMUState(again)
+
+
+def test_time_and_indicators_are_variables(fmu, tmp_path):
+    with opened(fmu("galvanostat", "native", 3), tmp_path, exchange=True) as (
+        one,
+        names,
+        described,
+    ):
+        initialized(one)
+        one.setTime(0.25)
+        assert one.getFloat64([names["time"]]) == [0.25]
+        count = one.getNumberOfEventIndicators()
+        assert count == len(described.eventIndicators) > 0
+        listed = [u.variable.valueReference for u in described.eventIndicators]
+        values = np.empty(count)
+        one.getEventIndicators(values.ctypes.data_as(ctypes.POINTER(ctypes.c_double)), count)
+        assert one.getFloat64(listed) == list(values)
+
+
+def test_sources_are_built_by_fmpy(fmu, tmp_path):
+    """By CMake, from what ``buildDescription.xml`` says."""
+    if shutil.which("cmake") is None:
+        pytest.skip("no cmake here")
+    folder = tmp_path / "unpacked"
+    path = fmu("ppy_actuator", "native", 3)
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(folder)
+    shutil.rmtree(folder / "binaries")
+    (tmp_path / "build").mkdir()
+    build_platform_binary(folder, tmp_path / "build")
+    ours, theirs = (
+        simulate_fmu(str(one), stop_time=5.0, start_values={"current": 0.3, "force": 0.2})
+        for one in (path, folder)
+    )
+    for output in ours.dtype.names:
+        np.testing.assert_allclose(theirs[output], ours[output], rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", fmus.COMPONENTS)
+def test_fmpy_finds_no_problem_in_the_archive(fmu, name):
+    assert validate_fmu(str(fmu(name, "native", 3))) == []

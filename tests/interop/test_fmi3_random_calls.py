@@ -1,0 +1,84 @@
+"""Claims: no order of calls and no argument makes an FMU of FMI 3.0 crash, go beyond an array, leak
+or refuse without a message; many instances live side by side.
+
+By a program in C that the FMU is linked with, both under the sanitizers of addresses and of
+undefined behaviour.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import fmus
+from fmus.kit.build.building import plan_build
+from tests.support.pace import slow_but
+
+DRIVER = Path(__file__).parents[1] / "support" / "c" / "random_calls_fmi3.c"
+SANITIZED = (
+    "-g",
+    "-O1",
+    "-std=c11",
+    "-fsanitize=address,undefined",
+    "-fno-sanitize-recover=all",
+    "-fno-omit-frame-pointer",
+)
+# one with samples and integers, one with many states and a large body
+FAST = ("galvanostat", "foot_free")
+
+pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc brings the sanitizers")
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory):
+    """Compile the driver with a component; return the program and the token of the component."""
+
+    def compiled(name, *flags):
+        folder = tmp_path_factory.mktemp(name)
+        planned = plan_build(fmus.component(name), "native", 3)
+        for file, text in planned.sources.items():
+            (folder / file).write_bytes(text)
+        target = folder / "driver"
+        command = ["gcc", *flags, f"-I{folder}", str(DRIVER), str(folder / "all.c")]
+        subprocess.run([*command, "-lm", "-o", str(target)], check=True)
+        return target, planned.guid
+
+    return compiled
+
+
+def output_of(*command):
+    environment = os.environ | {"ASAN_OPTIONS": "detect_leaks=1"}
+    run = subprocess.run(
+        [str(part) for part in command],
+        capture_output=True,
+        text=True,
+        timeout=600,
+        env=environment,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr[-3000:]
+    return run.stdout
+
+
+@pytest.mark.parametrize("name", slow_but(fmus.COMPONENTS, *FAST))
+def test_no_order_of_calls_and_no_argument_does_harm(program, name):
+    driver, token = program(name, *SANITIZED)
+    for seed in range(4):
+        assert "errors" in output_of(driver, "calls", token, seed, 10_000)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", fmus.COMPONENTS)
+def test_180000_calls(program, name):
+    driver, token = program(name, *SANITIZED)
+    assert "errors" in output_of(driver, "calls", token, 36, 180_000)
+
+
+@pytest.mark.parametrize("name", slow_but(fmus.COMPONENTS, *FAST))
+def test_ten_thousand_instances_live_side_by_side(program, name):
+    driver, token = program(name, "-O1", "-std=c11")
+    assert output_of(driver, "instances", token, 10_000).startswith("10000 instances")
