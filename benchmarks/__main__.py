@@ -23,6 +23,7 @@ from . import (
     stepping,
     stiff,
     sweeping,
+    wrapping,
 )
 from .tables import Topic
 
@@ -38,6 +39,7 @@ TOPICS: dict[str, Callable[[bool], Topic]] = {
     "pacing": pacing.measure,
     "sweeps": sweeping.measure,
     "isolation": isolating.measure,
+    "fmi3": wrapping.measure,
     "diagnose": diagnosing.measure,
     "split": diagnosing_split.measure,
     "laws": mapping.measure,
