@@ -24,6 +24,7 @@ from . import (
     stiff,
     sweeping,
     versions,
+    wrapping,
 )
 from .tables import Topic
 
@@ -40,6 +41,7 @@ TOPICS: dict[str, Callable[[bool], Topic]] = {
     "pacing": pacing.measure,
     "sweeps": sweeping.measure,
     "isolation": isolating.measure,
+    "fmi3": wrapping.measure,
     "diagnose": diagnosing.measure,
     "split": diagnosing_split.measure,
     "laws": mapping.measure,

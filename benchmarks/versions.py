@@ -43,15 +43,13 @@ def measure(quick: bool = False) -> Topic:
             version: ctypes.CDLL(str(c_code.library(source, folder))).run_steps
             for version, source in LOOPS.items()
         }
-        for name, (fed, read, step) in COMPONENTS.items():
+        for name, course in COMPONENTS.items():
             with contextlib.ExitStack() as stack:
                 actions = {}
                 for version, run in loops.items():
                     path = build.build_cached(component(name), "native", version)
                     unpacked = stack.enter_context(hosts.extracted(path))
-                    actions[str(version)] = _stepping(
-                        unpacked, version, run, fed, read, step, steps
-                    )
+                    actions[str(version)] = _stepping(unpacked, version, run, course, steps)
                 times = take_turns(actions, rounds)
             rows.append(
                 [
@@ -82,9 +80,10 @@ def measure(quick: bool = False) -> Topic:
 
 
 def _stepping(
-    folder: Path, version: int, run: Any, fed: str, read: str, step: float, steps: int
+    folder: Path, version: int, run: Any, course: tuple[str, str, float], steps: int
 ) -> Callable[[], None]:
     """Start an instance; return a function that makes steps of it."""
+    fed, read, step = course
     description = fmpy.read_model_description(str(folder), validate=False)
     references = {v.name: v.valueReference for v in description.modelVariables}
     kind = FMU3Slave if version == 3 else FMU2Slave

@@ -62,3 +62,8 @@ class Port:
     connectors: tuple[str, ...]
     delivers: bool = False
     rate: str = ""
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The component's variables that belong to it."""
+        return tuple(filter(None, (self.potential, self.flow, self.rate)))

@@ -65,7 +65,8 @@ def check(path: str | Path) -> Findings:
     Raises
     ------
     UserError
-        If the file is missing, no zip archive, no FMU, or not of FMI 2.0.
+        If the file is missing, no zip archive, no FMU, or neither of FMI 2.0 nor
+        3.0.
 
     Examples
     --------

@@ -55,6 +55,7 @@ _GROUPS = {
         "info": ("Show a model's variables, units, ranges, effects, sources.", "info:info"),
         "new": ("Write a model, an effect or a rig's backend to start from.", "new:new"),
         "build": ("Build FMUs: OUT/python/NAME.fmu and OUT/native/NAME.fmu.", "build:build"),
+        "export": ("Write components as a package of Modelica.", "export:exports"),
         "check": ("Check FMUs: structure, units, documentation, binaries.", "check:check"),
     },
     "Systems, experiments, sweeps": {
@@ -74,7 +75,8 @@ _GROUPS = {
     },
 }
 _COMMANDS = {name: about for group in _GROUPS.values() for name, about in group.items()}
-_MODES = {"laws"}  # of another command, whose help names them; no room for them in the overview
+# named by the help of `diagnose` and of `build`; there is no room for them in the overview
+_MODES = {"laws", "export"}
 _OPTIONS = "-q|-v|--version|--install-completion"
 
 

@@ -45,6 +45,10 @@ EXAMPLES = {
         "ppy build ppy_actuator --set R1=0.61ohm --out with-r1",
         "ppy build ppy_actuator --runtime native --platforms linux64,win64",
     ),
+    "export modelica": (
+        "ppy export modelica",
+        "ppy export modelica ppy_actuator --with self_heating --out warm",
+    ),
     "check": (
         "ppy check fmu/native/ppy_actuator.fmu",
         "ppy check fmu/native/ppy_actuator.fmu --json findings.json",

@@ -33,7 +33,7 @@ class Member:
     name : str
         Its name in the system.
     fmu : Path
-        Any FMU file of FMI 2.0 for co-simulation.
+        Any FMU file of FMI 2.0 or 3.0 for co-simulation.
     parameters : Mapping of str to float or str
         Values of parameters, and of inputs that stay at a value, in the FMU's units; texts for
         strings.

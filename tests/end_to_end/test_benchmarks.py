@@ -32,6 +32,7 @@ from benchmarks import (
     stepping,
     sweeping,
     versions,
+    wrapping,
 )
 from benchmarks.tables import Table, Topic
 from benchmarks.timing import Times, pooled, take_turns
@@ -99,6 +100,13 @@ def test_isolation() -> None:
     (table,) = topic.tables
     assert list(rows(table)) == [stepping.NATIVE, stepping.YARDSTICK]
     assert str(topic).count("more a step (target 10") == 2
+
+
+@pytest.mark.slow
+def test_fmi3() -> None:
+    steps, arrays = wrapping.measure(quick=True).tables
+    assert list(rows(steps)) == list(wrapping.NAMES)
+    assert list(rows(arrays)) == ["1000", "10000"]
 
 
 @pytest.mark.slow

@@ -23,6 +23,7 @@ from tests.support.rig.small_rig import free_port
 QUICK = (
     "list",
     "info",
+    "export modelica",
     "system export",
     "system list",
     "system show",

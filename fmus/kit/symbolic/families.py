@@ -8,7 +8,7 @@ decide which shapes fit.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import isclose
 from typing import Any
@@ -25,6 +25,7 @@ from fmus.kit.declare import Declaration, ParameterDeclaration
 from fmus.kit.generic import force_offset
 from fmus.kit.inputs import INPUT_CURVES, INPUT_MEMORIES
 from fmus.kit.sampling import Sampling
+from fmus.kit.symbolic.calls import Calls
 from fmus.kit.symbolic.quantities import Quantity, Unit
 from fmus.kit.symbolic.tracing import trace
 
@@ -217,11 +218,11 @@ def list_laws(cls: type[Component]) -> list[LawOfModel]:
     rates = [state.rate for state in layout.states]
     outputs = [output.name for output in layout.measured_outputs]
     signals = [v.name for v in (*layout.inputs, *layout.states) if v.type == "real"]
-    calls = _Calls(cls, set(signals))
+    calls = Calls(cls, set(signals))
     for name in (*rates, *outputs):
         getattr(calls.one, name)()
     reads = calls.reads
-    units_of = _units(cls, reads)
+    units_of = units_of_laws(cls, reads)
     laws = []
     for name, read in reads.items():
         in_order = tuple(signal for signal in signals if signal in read)
@@ -465,63 +466,22 @@ def _written(unit: Unit) -> str:
     return next((known for known in _PREFERRED_UNITS if _same_dimension(known, in_bases)), in_bases)
 
 
-class _Calls:
-    """The calls of the laws of a component, in their order.
-
-    Parameters
-    ----------
-    cls : type[Component]
-    signals : set of str
-        Inputs and states that laws may read.
-
-    Attributes
-    ----------
-    one : Component
-        An instance whose laws are followed.
-    reads : dict of str to set of str
-        The signals that every law reads by itself.
-    values : dict of str to list
-        What every law gave where it takes no arguments.
-    """
-
-    def __init__(self, cls: type[Component], signals: set[str]):
-        self.reads: dict[str, set[str]] = {}
-        self.values: dict[str, list[Any]] = {}
-        self._running: list[str] = []
-
-        def get(one: Any, name: str) -> Any:
-            value = object.__getattribute__(one, name)
-            if name in signals:
-                if self._running:
-                    self.reads[self._running[-1]].add(name)
-                return value
-            is_law = callable(value) and not name.startswith("_") and not hasattr(Component, name)
-            return self._followed(name, value) if is_law else value
-
-        self.one = type(cls.__name__, (cls,), {"__getattribute__": get})()
-
-    def _followed(self, name: str, law: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a law whose calls are noted."""
-
-        def call(*arguments: Any) -> Any:
-            self._running.append(name)
-            self.reads.setdefault(name, set())
-            try:
-                value = law(*arguments)
-            finally:
-                self._running.pop()
-            if not arguments:
-                self.values.setdefault(name, []).append(value)
-            return value
-
-        return call
-
-
-def _units(cls: type[Component], laws: Iterable[str]) -> dict[str, str]:
+def units_of_laws(cls: type[Component], laws: Iterable[str]) -> dict[str, str]:
     """Return the unit of every law in which units fit together.
 
     Those of rates and outputs are declared. Of what these call, a law with a factor written into it
     may be in the unit that they show.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    laws : iterable of str
+        Laws without arguments, which call others.
+
+    Returns
+    -------
+    dict of str to str
+        By law, as people write them; empty where it is open.
     """
     layout = cls.layout
     declared = {v.name: Unit(units.powers_of_names(v.unit)) for v in layout.outputs}
@@ -529,7 +489,7 @@ def _units(cls: type[Component], laws: Iterable[str]) -> dict[str, str]:
         per_second = Counter(units.powers_of_names(state.unit))
         per_second.subtract(["s"])
         declared[state.rate] = Unit(per_second)
-    calls = _Calls(cls, set())
+    calls = Calls(cls, set())
     for v in (*layout.parameters, *layout.inputs, *layout.states, *layout.discretes):
         if v.type == "real":
             calls.one.__dict__[v.name] = Quantity(_size(v), units.powers_of_names(v.unit))

@@ -7,11 +7,12 @@ evaluations of the laws.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 
 from fmus.kit.declare import ParameterDeclaration, name_declaration
+from fmus.kit.symbolic.instructions import apply_to_symbols, carry_out
 from fmus.kit.symbolic.tracing import Graph
 
 _PARAMETERS = 1  # their place among the arguments of a graph
@@ -60,6 +61,10 @@ class _Expression(NamedTuple):
     is_fixed: bool
 
 
+def _constant(value: float) -> _Expression:
+    return _Expression(ca.SX(value), is_fixed=True)
+
+
 class _Replacing:
     """The laws of a graph, written anew with symbols for expressions of parameters only.
 
@@ -81,30 +86,17 @@ class _Replacing:
         )
 
     def rewritten_laws(self) -> list[ca.SX]:
-        """Return rates, outputs and updates with symbols in the place of what is hoisted.
-
-        CasADi has a function as a list of instructions, each of which reads registers and writes
-        one. They are carried out here in their order, on expressions.
-        """
+        """Return rates, outputs and updates with symbols in the place of what is hoisted."""
         laws = self._laws
+        arguments = [
+            [_Expression(symbol, is_fixed=k == _PARAMETERS) for symbol in ca.vertsplit(column)]
+            for k, column in enumerate(self._arguments)
+        ]
+        rewritten = carry_out(laws, arguments, _constant, self._applied)
         results = [ca.SX.ones(laws.sparsity_out(i)) for i in range(laws.n_out())]
-        registers: list[Any] = [None] * laws.sz_w()  # of _Expression
-        for k in range(laws.n_instructions()):
-            operation = laws.instruction_id(k)
-            inputs = laws.instruction_input(k)
-            outputs = laws.instruction_output(k)
-            if operation == ca.OP_INPUT:
-                argument, element = inputs
-                symbol = self._arguments[argument].nz[element]
-                registers[outputs[0]] = _Expression(symbol, is_fixed=argument == _PARAMETERS)
-            elif operation == ca.OP_CONST:
-                constant = ca.SX(laws.instruction_constant(k))
-                registers[outputs[0]] = _Expression(constant, is_fixed=True)
-            elif operation == ca.OP_OUTPUT:
-                result, element = outputs
-                results[result].nz[element] = self._symbol_if_fixed(registers[inputs[0]])
-            else:
-                registers[outputs[0]] = self._applied(operation, [registers[i] for i in inputs])
+        for result, elements in zip(results, rewritten, strict=True):
+            for k, element in enumerate(elements):
+                result.nz[k] = self._symbol_if_fixed(element)
         return results
 
     def _applied(self, operation: int, operands: list[_Expression]) -> _Expression:
@@ -117,8 +109,7 @@ class _Replacing:
             values = [operand.value for operand in operands]
         else:
             values = [self._symbol_if_fixed(operand) for operand in operands]
-        apply = ca.SX.unary if len(values) == 1 else ca.SX.binary
-        return _Expression(apply(operation, *values), is_fixed)
+        return _Expression(apply_to_symbols(operation, values), is_fixed)
 
     def _symbol_if_fixed(self, expression: _Expression) -> ca.SX:
         """Return what stands for an expression in a law that varies: a symbol if it is hoisted."""

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from fmus.kit.declare import Declaration, ParameterDeclaration
 from fmus.kit.layout import Layout
+from fmus.kit.symbolic.instructions import apply_to_symbols, carry_out
 
 _COMPARED = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX}
 _AT_ZERO = {ca.OP_FABS, ca.OP_SIGN}
@@ -91,29 +92,27 @@ def _places(
 ) -> list[ca.SX]:
     """Return an expression for each operation of the laws that switches, zero where it does."""
     function = ca.Function("laws", list(arguments), ca.cse([ca.densify(law) for law in laws]))
-    # an instruction reads some registers and writes one
-    registers: dict[int, _Term] = {}
     places: dict[frozenset[int], ca.SX] = {}
-    for k in range(function.n_instructions()):
-        operation = function.instruction_id(k)
-        inputs = function.instruction_input(k)
-        outputs = function.instruction_output(k)
-        if operation == ca.OP_INPUT:
-            argument, element = inputs
-            symbol = arguments[argument].nz[element]
-            registers[outputs[0]] = _Term(symbol, argument in moving, symbol)
-        elif operation == ca.OP_CONST:
-            number = ca.SX(function.instruction_constant(k))
-            registers[outputs[0]] = _Term(number, False, number)
-        elif operation != ca.OP_OUTPUT:
-            operands = [registers[i] for i in inputs]
-            place = _place(operation, operands)
-            if place is not None:
-                # the magnitude of a value that is compared with zero switches at the same place
-                key = frozenset(o.value.element_hash() for o in operands if not o.value.is_zero())
-                places.setdefault(key, place)
-            registers[outputs[0]] = _result(operation, operands)
+
+    def apply(operation: int, operands: list[_Term]) -> _Term:
+        place = _place(operation, operands)
+        if place is not None:
+            # the magnitude of a value that is compared with zero switches at the same place
+            key = frozenset(o.value.element_hash() for o in operands if not o.value.is_zero())
+            places.setdefault(key, place)
+        return _result(operation, operands)
+
+    terms = [
+        [_Term(symbol, k in moving, symbol) for symbol in ca.vertsplit(column)]
+        for k, column in enumerate(arguments)
+    ]
+    carry_out(function, terms, _constant, apply)
     return list(places.values())
+
+
+def _constant(value: float) -> _Term:
+    number = ca.SX(value)
+    return _Term(number, False, number)
 
 
 def _place(operation: int, operands: Sequence[_Term]) -> ca.SX | None:
@@ -138,8 +137,7 @@ def _result(operation: int, operands: Sequence[_Term]) -> _Term:
     if moves and operation in _ROUNDED:
         value = operands[0].value - _ROUNDED[operation]
         return _Term(value, moves, value)
-    apply = ca.SX.unary if len(operands) == 1 else ca.SX.binary
-    value = apply(operation, *(o.value for o in operands))
+    value = apply_to_symbols(operation, [o.value for o in operands])
     free = [o for o in operands if o.moves]
     is_bound = operation in _BOUNDS and len(free) == 1
     return _Term(value, moves, free[0].inner if is_bound else value)

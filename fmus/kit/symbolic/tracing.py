@@ -20,6 +20,7 @@ from fmus.kit.component import Component
 from fmus.kit.declare import Declaration
 from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
+from fmus.kit.symbolic.calls import Calls
 from fmus.kit.symbolic.switching import event_indicators
 
 
@@ -231,8 +232,35 @@ def trace(cls: type[Component]) -> Graph:
     -------
     Graph
     """
+    return _traced(cls, cls())
+
+
+def trace_with_laws(cls: type[Component]) -> tuple[Graph, dict[str, ca.SX]]:
+    """Trace a component with what each of its laws gives on the way.
+
+    Parameters
+    ----------
+    cls : type[Component]
+
+    Returns
+    -------
+    graph : Graph
+    laws : dict of str to casadi.SX
+        By name, for laws without arguments that give one number.
+    """
+    calls = Calls(cls, ())
+    graph = _traced(cls, calls.one)
+    laws = {}
+    for name, values in calls.values.items():
+        given = [value for value in values if isinstance(value, ca.SX)]
+        if len(given) == len(values) and given[0].is_scalar():
+            laws[name] = given[0]
+    return graph, laws
+
+
+def _traced(cls: type[Component], component: Component) -> Graph:
+    """Return the graph of a component, whose variables become symbols."""
     layout = cls.layout
-    component = cls()
     component.time = ca.SX.sym("time")
     parameters = _set_symbols(component, layout.parameters)
     inputs = _set_symbols(component, layout.inputs)
@@ -275,7 +303,9 @@ def _column(values: list[Any]) -> ca.SX:
     return ca.vertcat(ca.SX(0, 1), *values)
 
 
-def dependencies(layout: Layout, graph: Graph) -> dict[str, dict[int, list[int]]]:
+def dependencies(
+    layout: Layout, graph: Graph, states_known: bool = True
+) -> dict[str, dict[int, list[int]]]:
     """Return the dependencies of every unknown of ``ModelStructure``, by value reference.
 
     They are exact, because they are the sparsity of the traced laws.
@@ -284,6 +314,9 @@ def dependencies(layout: Layout, graph: Graph) -> dict[str, dict[int, list[int]]
     ----------
     layout : Layout
     graph : Graph
+    states_known : bool
+        Whether a host can set the continuous states, or ask for derivatives by them. Of a build
+        for which it cannot FMI has no derivatives, and no dependency on states.
 
     Returns
     -------
@@ -301,11 +334,13 @@ def dependencies(layout: Layout, graph: Graph) -> dict[str, dict[int, list[int]]
         """Return the knowns of each row, both numbered from a first value reference on."""
         return {first + i: [known + k for k in row] for i, row in enumerate(rows)}
 
-    knowns = graph.continuous
+    knowns = graph.continuous if states_known else graph.inputs
     outputs = shifted(first_output, graph.depends(graph.outputs, knowns), first_input)
     # A continuous state is its own known; a discrete one depends on nothing until the next sample
     # instant.
-    outputs |= {first_state + i: [first_state + i] for i, s in enumerate(layout.states) if s.output}
+    for index, state in enumerate(layout.states, first_state):
+        if state.output:
+            outputs[index] = [index] if states_known else []
     outputs |= {first_discrete + i: [] for i, d in enumerate(layout.discretes) if d.output}
     derivatives = shifted(first_derivative, graph.depends(graph.rates, knowns), first_input)
 
@@ -322,7 +357,11 @@ def dependencies(layout: Layout, graph: Graph) -> dict[str, dict[int, list[int]]
         initial |= shifted(first, graph.depends(at_start, given), 0)
     # FMI counts every continuous state among the initial unknowns, but a discrete one only if it is
     # an output.
-    for i, discrete in enumerate(layout.discretes):
-        if not discrete.output:
-            del initial[first_discrete + i]
+    unlisted = [first_discrete + i for i, d in enumerate(layout.discretes) if not d.output]
+    if not states_known:
+        unlisted += [first_state + i for i, s in enumerate(layout.states) if not s.output]
+        unlisted += derivatives
+        derivatives = {}
+    for index in unlisted:
+        del initial[index]
     return {"Outputs": outputs, "Derivatives": derivatives, "InitialUnknowns": initial}

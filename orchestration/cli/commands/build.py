@@ -26,6 +26,8 @@ def build(options: BuildCommand) -> None:
     is OUT/pythonfmu/NAME.fmu, for users of that; what it cannot promise is said. Of --platforms all
     one that fails is told and left out, and the exit status is 1. With --fmi 3 it is
     OUT/fmi3/NAME.fmu, of every component that has laws.
+
+    ppy export modelica writes components in the Modelica language.
     """
     from fmus import COMPONENTS, MODELS
     from fmus.kit import build as kit

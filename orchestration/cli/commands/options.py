@@ -116,6 +116,25 @@ class BuildCommand(LaidOverOption, SettingsOption, PlatformsOption, BuildOptions
     """Options of ``ppy build``."""
 
 
+class ExportOptions(TypedDict, total=False):
+    """The components that are written, and where they go."""
+
+    names: Annotated[
+        list[str] | None,
+        Option(
+            "Components, path/to/file.py:Class, or FMUs built from these; default all components.",
+            metavar="[MODEL]...",
+            complete="component",
+            argument=True,
+        ),
+    ]
+    out: Annotated[Path, Option("Folder that gets the package.", default=Path("modelica"))]
+
+
+class ExportModelicaCommand(LaidOverOption, ExportOptions, total=False):
+    """Options of ``ppy export modelica``."""
+
+
 class NewOptions(TypedDict, total=False):
     """What is written to start from, and where."""
 

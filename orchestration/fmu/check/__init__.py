@@ -1,4 +1,4 @@
-"""The static part of the FMU contract, checked on any FMI 2.0 FMU without running it."""
+"""The static part of the FMU contract, checked on any FMU without running it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from orchestration.fmu.check.archive import check_archive
 from orchestration.fmu.check.binaries import check_binaries
 from orchestration.fmu.check.description import check_description
 from orchestration.fmu.check.finding import SEVERITIES, Finding, Findings
+from orchestration.fmu.check.terminals import check_terminals
 
 __all__ = ["Finding", "Findings", "check_fmu"]
 
@@ -29,12 +30,13 @@ def check_fmu(path: Path) -> Findings:
     Raises
     ------
     UserError
-        If the file is missing, no zip archive, no FMU, or not of FMI 2.0.
+        If the file is missing, no zip archive, no FMU, or neither of FMI 2.0 nor 3.0.
     """
     with Archive(Path(path)) as archive:
         findings = [
-            *check_description(archive.path, archive.description),
+            *check_description(archive),
             *check_archive(archive),
+            *check_terminals(archive),
             *check_binaries(archive),
         ]
     return Findings(

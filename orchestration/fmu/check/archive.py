@@ -11,7 +11,9 @@ from collections.abc import Iterator
 from pathlib import PurePosixPath
 
 from orchestration.fmu.archive import Archive
+from orchestration.fmu.check.build_description import check_build_description
 from orchestration.fmu.check.finding import Finding, listed
+from orchestration.fmu.check.standards import STANDARDS
 
 
 def check_archive(archive: Archive) -> Iterator[Finding]:
@@ -55,17 +57,19 @@ def _form(archive: Archive) -> Iterator[Finding]:
 
 
 def _identity(archive: Archive) -> Iterator[Finding]:
-    guid = archive.description.get("guid", "")
+    attribute = STANDARDS[archive.version].token
+    word = attribute.replace("guid", "GUID")
+    guid = archive.description.get(attribute, "")
     if not guid.strip():
-        yield Finding(3, "error", "the GUID is empty")
+        yield Finding(3, "error", f"the {word} is empty")
     elif not re.fullmatch(r"\{?[0-9a-fA-F]{8}(-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}\}?", guid):
-        yield Finding(3, "note", f"the GUID {guid!r} has not the form of a UUID")
+        yield Finding(3, "note", f"the {word} {guid!r} has not the form of a UUID")
     elif uuid.UUID(guid).version in (1, 4, 6, 7):
         origin = "at random" if uuid.UUID(guid).version == 4 else "from the clock"
         yield Finding(
             3,
             "warning",
-            f"the GUID {guid} is made {origin}, not from the contents: no two builds agree",
+            f"the {word} {guid} is made {origin}, not from the contents: no two builds agree",
         )
     times = sorted({entry.date_time for entry in archive.entries()})
     made = archive.description.get("generationDateAndTime", "")
@@ -106,8 +110,9 @@ def _documents(archive: Archive) -> Iterator[Finding]:
     names = set(archive.names)
     if not names & {"documentation/index.html", "documentation/_main.html"}:
         yield Finding(10, "warning", "no documentation (documentation/index.html)")
-    if "model.png" not in names:
-        yield Finding(10, "note", "no icon (model.png)")
+    icons = STANDARDS[archive.version].icons
+    if not names & icons:
+        yield Finding(10, "note", f"no icon ({sorted(icons)[0]})")
     if not any(name.startswith("documentation/licenses/") for name in names):
         yield Finding(10, "warning", "no licence (documentation/licenses/)")
     references = [n for n in names if n.startswith("extra/org.fmi-standard.fmi-ls-ref/")]
@@ -134,6 +139,9 @@ def _documents(archive: Archive) -> Iterator[Finding]:
 
 
 def _sources(archive: Archive) -> Iterator[Finding]:
+    if archive.version == 3:
+        yield from check_build_description(archive)
+        return
     for element in archive.interfaces():
         files = [node.get("name", "") for node in element.iterfind("SourceFiles/File")]
         absent = [name for name in files if f"sources/{name}" not in archive.names]

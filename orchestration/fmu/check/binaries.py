@@ -3,48 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 from orchestration.fmu.archive import Archive
 from orchestration.fmu.check.finding import Finding, listed
 from orchestration.fmu.check.shared_library import Library, LibraryError, read_library
-
-
-class _Platform(NamedTuple):
-    format: str
-    machine: str
-    extension: str
-
-
-_PLATFORMS = {
-    "linux32": _Platform("ELF", "x86", ".so"),
-    "linux64": _Platform("ELF", "x86_64", ".so"),
-    "win32": _Platform("PE", "x86", ".dll"),
-    "win64": _Platform("PE", "x86_64", ".dll"),
-    "darwin32": _Platform("Mach-O", "x86", ".dylib"),
-    "darwin64": _Platform("Mach-O", "x86_64", ".dylib"),
-    # a platform tuple of FMI 3.0, as FMI 2.0.4 has it for other processors
-    "aarch64-linux": _Platform("ELF", "arm64", ".so"),
-}
-_EXPECTED = ("linux64", "win64", "darwin64")
-
-_COMMON = (
-    "GetTypesPlatform GetVersion SetDebugLogging Instantiate FreeInstance SetupExperiment"
-    " EnterInitializationMode ExitInitializationMode Terminate Reset GetReal GetInteger GetBoolean"
-    " GetString SetReal SetInteger SetBoolean SetString GetFMUstate SetFMUstate FreeFMUstate"
-    " SerializedFMUstateSize SerializeFMUstate DeSerializeFMUstate GetDirectionalDerivative"
-)
-_FUNCTIONS = {
-    "CoSimulation": (
-        f"{_COMMON} SetRealInputDerivatives GetRealOutputDerivatives DoStep CancelStep GetStatus "
-        "GetRealStatus GetIntegerStatus GetBooleanStatus GetStringStatus"
-    ),
-    "ModelExchange": (
-        f"{_COMMON} EnterEventMode NewDiscreteStates EnterContinuousTimeMode"
-        " CompletedIntegratorStep SetTime SetContinuousStates GetDerivatives GetEventIndicators"
-        " GetContinuousStates GetNominalsOfContinuousStates"
-    ),
-}
+from orchestration.fmu.check.standards import STANDARDS, Platform, Standard
 
 # Libraries that every system of a platform has. Those of the first group are not reported.
 _LIBC = {"libc.so.6", "libm.so.6"}
@@ -84,8 +47,9 @@ def check_binaries(archive: Archive) -> Iterator[Finding]:
     Finding
     """
     folders = archive.platforms
+    standard = STANDARDS[archive.version]
     if not folders:
-        compilable = any(
+        compilable = "sources/buildDescription.xml" in archive.names or any(
             element.find("SourceFiles") is not None for element in archive.interfaces()
         )
         yield Finding(
@@ -94,40 +58,56 @@ def check_binaries(archive: Archive) -> Iterator[Finding]:
             "no binaries" + (", only sources" if compilable else ""),
         )
         return
-    absent = [folder for folder in _EXPECTED if folder not in folders]
+    absent = [folder for folder in standard.expected if folder not in folders]
     if absent:
         yield Finding(10, "note", f"no binary for {listed(absent)}")
     for folder in folders:
-        if folder not in _PLATFORMS:
+        platform = standard.platform(folder)
+        if platform is None:
             yield Finding(
                 10,
                 "note",
-                f"binaries/{folder} is no platform of FMI 2.0; hosts will not look there",
+                f"binaries/{folder} is no platform of FMI {standard.version}; hosts will not look"
+                " there",
             )
             continue
-        for identifier, required in _required_functions(archive).items():
-            yield from _binary(archive, folder, identifier, required)
+        for identifier, required in _required_functions(archive, standard).items():
+            name = f"binaries/{folder}/{identifier}{platform.extension}"
+            if name in archive.names:
+                yield from _binary(archive, name, platform, standard, required)
+            else:
+                yield Finding(
+                    10, "error", f"{name} is missing; the model identifier is {identifier!r}"
+                )
 
 
-def _required_functions(archive: Archive) -> dict[str, set[str]]:
+def _required_functions(archive: Archive, standard: Standard) -> dict[str, set[str]]:
     """Return the FMI functions that a binary must export, by model identifier."""
     functions: dict[str, set[str]] = {}
-    for element in archive.interfaces():
-        identifier = element.get("modelIdentifier", "")
-        names = {"fmi2" + name for name in _FUNCTIONS[element.tag].split()}
-        functions.setdefault(identifier, set()).update(names)
+    for element in archive.description:
+        if element.tag in standard.functions:
+            identifier = element.get("modelIdentifier", "")
+            required = standard.required_functions(element.tag)
+            functions.setdefault(identifier, set()).update(required)
     return functions
 
 
 def _binary(
-    archive: Archive, folder: str, identifier: str, required: set[str]
+    archive: Archive, name: str, platform: Platform, standard: Standard, required: set[str]
 ) -> Iterator[Finding]:
-    """Check the binary of a model identifier for one platform."""
-    platform = _PLATFORMS[folder]
-    name = f"binaries/{folder}/{identifier}{platform.extension}"
-    if name not in archive.names:
-        yield Finding(10, "error", f"{name} is missing; the model identifier is {identifier!r}")
-        return
+    """Check a binary.
+
+    Parameters
+    ----------
+    archive : Archive
+    name : str
+        Of its file.
+    platform : Platform
+        That of its folder.
+    standard : Standard
+    required : set of str
+        Functions that it must export.
+    """
     contents = archive.read(name)
     if contents is None:
         return
@@ -139,19 +119,23 @@ def _binary(
     if library.format != platform.format:
         yield Finding(10, "error", f"{name} is {library.format}, expected {platform.format}")
         return
-    if platform.machine not in library.machines:
+    if platform.machine and platform.machine not in library.machines:
         yield Finding(
             10, "error", f"{name} is for {', '.join(library.machines)}, expected {platform.machine}"
         )
     lacking = sorted(required - library.exports)
     if lacking:
         yield Finding(
-            4, "error", f"{name} lacks {len(lacking)} functions of FMI 2.0: {listed(lacking)}"
+            4,
+            "error",
+            f"{name} lacks {len(lacking)} functions of FMI {standard.version}: {listed(lacking)}",
         )
     inside = {entry.rsplit("/", 1)[-1] for entry in archive.names}
-    yield from _needs(name, folder, library, inside)
+    yield from _needs(name, library, inside)
     if library.format == "ELF":
-        others = sorted(symbol for symbol in library.exports if not symbol.startswith("fmi2"))
+        others = sorted(
+            symbol for symbol in library.exports if not symbol.startswith(standard.prefix)
+        )
         if others:
             yield Finding(
                 6,
@@ -161,13 +145,13 @@ def _binary(
             )
 
 
-def _needs(name: str, folder: str, library: Library, inside: set[str]) -> Iterator[Finding]:
+def _needs(name: str, library: Library, inside: set[str]) -> Iterator[Finding]:
     """Report the libraries and symbols that a binary needs besides those of every system.
 
     Parameters
     ----------
-    name, folder : str
-        Of the binary, and of its platform.
+    name : str
+        Of the binary.
     library : Library
     inside : set of str
         Names of the files in the archive, without their folders.
@@ -177,7 +161,7 @@ def _needs(name: str, folder: str, library: Library, inside: set[str]) -> Iterat
     for needed in library.needs:
         if library.format == "ELF" and needed in _GLIBC:
             usual.append(needed)
-        elif not _is_basic(needed, library.format, folder):
+        elif not _is_basic(needed, library.format):
             in_archive = needed.rsplit("/", 1)[-1] in inside
             unusual.append(needed + (" (which is in the archive)" if in_archive else ""))
     if usual:
@@ -198,10 +182,10 @@ def _needs(name: str, folder: str, library: Library, inside: set[str]) -> Iterat
         )
 
 
-def _is_basic(needed: str, binary_format: str, folder: str) -> bool:
-    """Return whether every system of a platform has a library, so that it is not reported."""
+def _is_basic(needed: str, binary_format: str) -> bool:
+    """Return whether every system of a format has a library, so that it is not reported."""
     if binary_format == "ELF":
         return needed in _LIBC
-    if folder.startswith("win"):
+    if binary_format == "PE":
         return needed.lower() in _WINDOWS or needed.lower().startswith("api-ms-win-")
     return needed.startswith(("/usr/lib/", "/System/Library/"))

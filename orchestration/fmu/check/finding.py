@@ -26,7 +26,7 @@ class Finding:
     line : int
         Line of the FMU contract that it is about, 1 to 11.
     severity : {"error", "warning", "note"}
-        An error breaks FMI 2.0 or keeps hosts from loading the FMU; a warning breaks the contract
+        An error breaks FMI or keeps hosts from loading the FMU; a warning breaks the contract
         only; a note is worth knowing.
     message : str
         The fault, its place, and what is expected instead, in one line.
@@ -40,7 +40,7 @@ class Finding:
 class Findings(Displayable, list[Finding]):
     """The findings about an FMU: a list, which prints as a table.
 
-    Each has ``line`` (of the FMU contract, 1 to 11), ``severity`` (an ``error`` breaks FMI 2.0 or
+    Each has ``line`` (of the FMU contract, 1 to 11), ``severity`` (an ``error`` breaks FMI or
     keeps hosts from loading the FMU, a ``warning`` breaks the contract only, a ``note`` is worth
     knowing) and ``message``.
     """

@@ -151,6 +151,10 @@ void unload(component *c) {
     free(c->values);
     free(c->derivatives);
     free(c->row);
+    free(c->reading.elements);
+    free(c->reading.references);
+    free(c->writing.elements);
+    free(c->writing.references);
     free(c->name);
     free(c);
 }

@@ -31,7 +31,9 @@ _NUMBERS = (
     "Boolean",
     "String",
 )
-_SCALARS = {"Float32": "Real", "Float64": "Real", "Boolean": "Boolean", "String": "String"}
+_SCALARS = {"Float32": "Real", "Float64": "Real"}
+_SCALARS |= {kind: kind for kind in ("Boolean", "String", "Enumeration")}
+_COUNT = "1"  # the unit of wide integers
 _WIDE = ("UInt32", "Int64", "UInt64")  # beyond the integers of FMI 2.0
 _RANGES = {"Int8": (-128, 127), "UInt8": (0, 255), "Int16": (-(2**15), 2**15 - 1)}
 _RANGES |= {"UInt16": (0, 2**16 - 1)} | dict.fromkeys(("UInt32", "UInt64"), (0, 2**31 - 1))
@@ -164,16 +166,15 @@ class _Variable:
         return self.attributes.get("variability", usual)
 
     @property
-    def is_set(self) -> bool:
-        """Whether values are set from outside."""
-        return self.causality in ("parameter", "input")
+    def is_wide(self) -> bool:
+        """Whether its values may be beyond the integers of FMI 2.0; those that are set are not."""
+        is_set = self.causality in ("parameter", "input", "structuralParameter")
+        return self.kind in _WIDE and not is_set
 
     @property
     def scalar_type(self) -> str:
-        """Type of its elements in FMI 2.0: wide integers that are only read are exact as reals."""
-        if self.kind in _WIDE and not self.is_set:
-            return "Real"
-        return "Enumeration" if self.kind == "Enumeration" else _SCALARS.get(self.kind, "Integer")
+        """Type of its elements in FMI 2.0; wide integers are exact as reals up to 2**53."""
+        return "Real" if self.is_wide else _SCALARS.get(self.kind, "Integer")
 
     @property
     def elements(self) -> range:
@@ -242,10 +243,14 @@ class _Translator:
         return int(text)
 
     def _read_variables(self) -> None:
-        nodes = {
-            self._whole(node.get("valueReference"), node.get("name", ""), "valueReference"): node
-            for node in self._root.iterfind("ModelVariables/*")
-        }
+        nodes: dict[int, Element] = {}
+        for node in self._root.iterfind("ModelVariables/*"):
+            name = node.get("name", "")
+            reference = self._whole(node.get("valueReference"), name, "valueReference")
+            if reference in nodes:
+                other = nodes[reference].get("name", "")
+                raise self._fail(name, f"has the value reference {reference} of {other}")
+            nodes[reference] = node
         first = 0
         for reference, node in nodes.items():
             if _number_type(node.tag) not in _NUMBERS:
@@ -317,6 +322,11 @@ class _Translator:
 
     def _add_units(self, root: Element) -> None:
         units = self._root.findall("UnitDefinitions/Unit")
+        is_wide = any(variable.is_wide for variable in self._variables.values())
+        if is_wide and _COUNT not in {unit.get("name") for unit in units}:
+            count = Element("Unit", name=_COUNT)
+            SubElement(count, "BaseUnit")
+            units.append(count)
         if not units:
             return
         definitions = SubElement(root, "UnitDefinitions")
@@ -416,6 +426,8 @@ class _Translator:
                 attributes = {"min": str(low), "max": str(high)} | attributes
         if kind == "Enumeration":
             attributes["declaredType"] = given.get("declaredType", "")
+        if variable.is_wide:
+            attributes["unit"] = _COUNT
         if kind == "Real" and given.get("unbounded") in ("true", "1"):
             attributes["unbounded"] = "true"
         return attributes

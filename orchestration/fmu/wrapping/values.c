@@ -128,16 +128,35 @@ static int holds(type t, double number) {
     return number >= ranges[t].low && number <= ranges[t].high && number == (double)(long long)number;
 }
 
+static int is_same(const direct_call *d, const fmi2ValueReference elements[], size_t count) {
+    return count > 0 && d->count == count && !memcmp(d->elements, elements, count * sizeof *elements);
+}
+
+static void remember(component *c, direct_call *d, const fmi2ValueReference elements[], const selection *s) {
+    fmi2ValueReference *own = realloc(d->elements, s->given * sizeof *own);
+    if (own) d->elements = own;
+    fmi3ValueReference *references = realloc(d->references, s->variables * sizeof *references);
+    if (references) d->references = references;
+    d->count = own && references ? s->given : 0;
+    d->variables = s->variables;
+    if (!d->count) return;
+    memcpy(own, elements, s->given * sizeof *own);
+    memcpy(references, c->references, s->variables * sizeof *references);
+}
+
 static fmi2Status worse(fmi2Status a, fmi2Status b) { return a > b ? a : b; }
 
 /* Read numbers of any types. */
 static fmi2Status read_row(component *c, const fmi2ValueReference elements[], size_t count, double row[]) {
+    if (is_same(&c->reading, elements, count))
+        return CALL(c, GetFloat64, c->reading.references, c->reading.variables, row, count);
     unsigned types;
     fmi2Status status = find_types(c, elements, count, &types);
     for (type t = 0; t < TYPE_String && status <= fmi2Warning; t++) {
         if (!(types & 1u << t)) continue;
         selection s = select_type(c, t, elements, count);
         int direct = t == TYPE_Float64 && s.in_order && s.given == count;
+        if (direct) remember(c, &c->reading, elements, &s);
         status = worse(status, get(c, t, &s, direct ? row : c->values));
         if (direct || status > fmi2Warning) continue;
         for (size_t i = 0; i < count; i++)
@@ -148,12 +167,15 @@ static fmi2Status read_row(component *c, const fmi2ValueReference elements[], si
 
 /* Write numbers of any types; elements of a variable that are not given keep their values. */
 static fmi2Status write_row(component *c, const fmi2ValueReference elements[], size_t count, const double row[]) {
+    if (is_same(&c->writing, elements, count))
+        return CALL(c, SetFloat64, c->writing.references, c->writing.variables, row, count);
     unsigned types;
     fmi2Status status = find_types(c, elements, count, &types);
     for (type t = 0; t < TYPE_String && status <= fmi2Warning; t++) {
         if (!(types & 1u << t)) continue;
         selection s = select_type(c, t, elements, count);
         int direct = t == TYPE_Float64 && s.in_order && s.given == count;
+        if (direct) remember(c, &c->writing, elements, &s);
         if (!s.in_order) status = worse(status, get(c, t, &s, c->values));
         for (size_t i = 0; i < count && !direct && status <= fmi2Warning; i++) {
             if (owner(c, elements[i])->type != t) continue;

@@ -43,6 +43,13 @@ typedef struct {
     unsigned long selected; /* ... if this is the present selection */
 } variable;
 
+/* The last call that moved Float64 variables, whole and in their order, as most calls do: it is made again unseen. */
+typedef struct {
+    size_t count, variables; /* elements, 0 without such a call; variables */
+    fmi2ValueReference *elements;
+    fmi3ValueReference *references;
+} direct_call;
+
 typedef struct {
     functions call;
     fmi3Instance instance;
@@ -57,6 +64,7 @@ typedef struct {
     size_t *places, place_room;
     void *values, *derivatives;
     double *row;
+    direct_call reading, writing;
     /* what FMI 2.0 tells at one time and FMI 3.0 at another */
     const fmi2CallbackFunctions *callbacks;
     char *name;

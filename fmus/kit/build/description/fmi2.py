@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit.build.description import common
@@ -47,7 +48,8 @@ def describe_fmi2(
     common.append_experiment(root, cls)
     annotate_fmi2(root, cls)
     _variables(root, cls.layout)
-    _structure(root, cls.layout, graph)
+    structure = dependencies(cls.layout, graph, states_known=can.directional_derivatives)
+    _structure(root, structure)
     return serialized(root)
 
 
@@ -94,10 +96,10 @@ def _variables(root: Element, layout: Layout) -> None:
         SubElement(node, "String", start=parameter.start)
 
 
-def _structure(root: Element, layout: Layout, graph: Graph) -> None:
+def _structure(root: Element, structure: Mapping[str, Mapping[int, Sequence[int]]]) -> None:
     """Append the dependencies of outputs, derivatives and initial unknowns."""
     parent = SubElement(root, "ModelStructure")
-    for title, unknowns in dependencies(layout, graph).items():
+    for title, unknowns in structure.items():
         if unknowns:
             node = SubElement(parent, title)
             for reference in sorted(unknowns):

@@ -299,8 +299,8 @@ fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance p, size_t *n) {
 }
 
 fmi3Status fmi3GetEventIndicators(fmi3Instance p, fmi3Float64 indicators[], size_t n) {
-    (void)p, (void)indicators;
-    return n ? fmi3Error : fmi3OK;
+    (void)indicators;
+    return n ? complain(p, "there are no event indicators") : fmi3OK;
 }
 
 fmi3Status fmi3CompletedIntegratorStep(fmi3Instance p, fmi3Boolean no_state, fmi3Boolean *events,

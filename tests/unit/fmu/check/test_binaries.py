@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import re
 import struct
 
 import pytest
 
-from tests.support import hosts
 from tests.support.archive import LINUX_BINARY, on_linux
 from tests.support.fmu_faults import Change, check_that_fault_is_found, drop, put
 
@@ -67,14 +65,3 @@ FAULTS: dict[str, tuple[Change, str]] = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_fault_is_found(fmu, tmp_path, fault):
     check_that_fault_is_found(fmu("ppy_actuator", "native"), tmp_path, *FAULTS[fault])
-
-
-def test_required_functions_are_those_of_the_headers():
-    from orchestration.fmu.check.binaries import _FUNCTIONS
-
-    header = (hosts.HEADERS / "fmi2Functions.h").read_text(encoding="utf-8")
-    declared = set(re.findall(r"^#define (fmi2\w+)\s+fmi2FullName\(", header, re.M))
-    assert {f"fmi2{name}" for names in _FUNCTIONS.values() for name in names.split()} == declared
-    assert (
-        len(_FUNCTIONS["CoSimulation"].split()) == 34
-    )  # as counted in FMI 2.0.4, chapters 2.1 and 4.2

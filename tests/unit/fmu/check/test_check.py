@@ -10,7 +10,16 @@ from fmus.kit.errors import UserError
 from orchestration.fmu.check import check_fmu
 from tests.support import hosts
 from tests.support.archive import contents, flipped
-from tests.support.fmu_faults import lines, packed
+from tests.support.fmi3_fmus import foreign
+from tests.support.fmu_faults import (
+    Change,
+    check_that_fault_is_found,
+    lines,
+    packed,
+    pattern,
+    put,
+    text,
+)
 
 # --- ours and stock
 # -------------------------------------------------------------------------------------------------
@@ -142,3 +151,75 @@ def test_only_the_fault_is_found(fmu, tmp_path):
         b'start="0.43"', b'start="-1"'
     )
     assert len(lines(check_fmu(packed(tmp_path, files)), "error", "warning")) == 1
+
+
+# --- FMI 3.0
+
+
+@pytest.mark.parametrize("name", ["lag", "arrays", "sawtooth", "types"])
+def test_good_fmus_of_fmi_3_have_no_errors(name):
+    found = check_fmu(foreign(name))
+    assert [finding.message for finding in found if finding.severity == "error"] == []
+    assert any(finding.message.startswith("no binary for") for finding in found)
+
+
+FAULTS_OF_FMI_3: dict[str, tuple[Change, str]] = {
+    "schema": (text("<ModelStructure>", "<Odd/><ModelStructure>"), r"1 error: .*Odd"),
+    "same reference": (
+        text('valueReference="7"', 'valueReference="10"'),
+        r'1 error: Variable "k" .* has the same value reference as variable "u"',
+    ),
+    "no start": (text(' start="0"', ""), r'1 error: Variable "u" .* has no start value'),
+    "no initial unknown": (
+        text('<InitialUnknown valueReference="13" dependencies="10 12"/>', ""),
+        r"1 error: ModelStructure/InitialUnknowns",
+    ),
+    "no dependencies": (
+        text(
+            '<Output valueReference="11" dependencies="12" dependenciesKind="constant"/>',
+            '<Output valueReference="11"/>',
+        ),
+        r"1 warning: ModelStructure/Output: no dependencies.* for y, also_y",
+    ),
+    "start values": (text('start="2"', 'start="2 3"'), r"1 error: .*k: has 2 start values"),
+    "range": (text('start="2"', 'start="20"'), r"2 error: k: start = 20 is outside of its range"),
+    "no unit": (text(' declaredType="Current"', ""), r"2 warning: no unit for u"),
+    "no token": (text('Token="lag"', 'Token=""'), r"3 error: the instantiationToken is empty"),
+    "no states": (
+        pattern('canGetAndSetFMUState="true"', 'canGetAndSetFMUState="false"'),
+        r"5 warning: canGetAndSetFMUState is false",
+    ),
+    "only scheduled": (
+        pattern(
+            r"<ModelExchange.*<CoSimulation[^>]*>", '<ScheduledExecution modelIdentifier="lag"/>'
+        ),
+        r"1 error: not for co-simulation",
+    ),
+    "clocks": (
+        text(
+            "</ModelVariables>",
+            '<Clock name="tick" valueReference="99" causality="input"'
+            ' intervalVariability="triggered"/></ModelVariables>',
+        ),
+        r"1 note: clocks, without which it cannot be run, tick nowhere here: tick",
+    ),
+    "function": (
+        lambda files: files.update(
+            {name: data.replace(b"fmi3DoStep\0", b"fmi3DxStep\0") for name, data in files.items()}
+        ),
+        r"4 error: binaries/.*/lag\.\w+ lacks 1 functions of FMI 3\.0: fmi3DoStep",
+    ),
+    "platform of FMI 2.0": (
+        put("binaries/linux64/lag.so", b"x"),
+        r"10 note: binaries/linux64 is no platform of FMI 3\.0",
+    ),
+    "other binary": (
+        put("binaries/x86_64-windows/lag.dll", b"\x7fELF"),
+        r"10 error: binaries/x86_64-windows/lag\.dll: damaged",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS_OF_FMI_3)
+def test_fault_of_fmi_3_is_found(tmp_path, fault):
+    check_that_fault_is_found(foreign("lag"), tmp_path, *FAULTS_OF_FMI_3[fault])

@@ -24,6 +24,9 @@ CAN = Capabilities(
     directional_derivatives=True,
     sources=("a.c", "b.c"),
 )
+OF_PYTHON = Capabilities(
+    needs_execution_tool=True, interpolates_inputs=False, directional_derivatives=False
+)
 
 
 traced = cache(trace)
@@ -122,6 +125,31 @@ def test_model_structure():
     ]
 
 
+def test_states_that_no_host_can_derive_by_are_no_knowns():
+    """As in the Python build: FMI 2.0.5, section 2.2.8, passes over derivatives there."""
+    root = lxml.etree.fromstring(description(Thermostat, OF_PYTHON))
+    names = [v.get("name") for v in root.iterfind("ModelVariables/ScalarVariable")]
+    structure = {
+        section.tag: {
+            names[int(u.get("index")) - 1]: [
+                names[int(k) - 1] for k in u.get("dependencies").split()
+            ]
+            for u in section
+        }
+        for section in root.find("ModelStructure")
+    }
+    assert structure["Outputs"] == {
+        "temperature": [],
+        "on": [],
+        "reading": [],
+        "power": ["boost"],
+        "warm": [],
+    }
+    assert set(structure) == {"Outputs", "InitialUnknowns"}
+    assert set(structure["InitialUnknowns"]) == set(structure["Outputs"])
+    assert structure["InitialUnknowns"]["temperature"] == ["temperature_start"]
+
+
 def test_capabilities_are_told_as_they_are():
     one = read(Thermostat).coSimulation
     assert one.canHandleVariableCommunicationStepSize
@@ -134,10 +162,7 @@ def test_capabilities_are_told_as_they_are():
     ) == (False, True, True)
     files = lxml.etree.fromstring(description(Thermostat)).iterfind("CoSimulation/SourceFiles/File")
     assert [file.get("name") for file in files] == ["a.c", "b.c"]
-    other = Capabilities(
-        needs_execution_tool=True, interpolates_inputs=False, directional_derivatives=False
-    )
-    root = lxml.etree.fromstring(description(Thermostat, other))
+    root = lxml.etree.fromstring(description(Thermostat, OF_PYTHON))
     node = root.find("CoSimulation")
     assert node.get("needsExecutionTool") == "true"
     assert node.get("canInterpolateInputs") == node.get("providesDirectionalDerivative") == "false"

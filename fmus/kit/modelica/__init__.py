@@ -1,0 +1,5 @@
+"""Components as a package of the Modelica language, made from their traced laws."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

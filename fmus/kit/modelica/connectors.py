@@ -1,0 +1,133 @@
+"""Connectors of physical domains and of signals.
+
+They have the variables of those of the Modelica Standard Library, whose types are compatible with
+these (section 6.4): a ``connect`` may join one of here and one of there. The package needs no
+library, so that any compiler reads it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from fmus.kit.modelica.names import identifier, string
+from fmus.kit.ports import DOMAINS, Port
+from fmus.kit.units import to_modelica
+
+INTERFACES = "Interfaces"  # the package that they are in
+
+
+class _Connector(NamedTuple):
+    """A connector of a physical domain.
+
+    Attributes
+    ----------
+    name : str
+    potential, flow : str
+        Names of its variables.
+    quantities : tuple of str
+        Those of ISO 80000 that the variables are of, as the standard library names them.
+    colour : str
+        Of its icon.
+    """
+
+    name: str
+    potential: str
+    flow: str
+    quantities: tuple[str, str]
+    colour: str
+
+
+_CONNECTORS = {
+    "electrical": _Connector("Pin", "v", "i", ("ElectricPotential", "ElectricCurrent"), "0,0,255"),
+    "translational": _Connector("Flange", "s", "f", ("Length", "Force"), "0,127,0"),
+    "rotational": _Connector("RotationalFlange", "phi", "tau", ("Angle", "Torque"), "95,95,95"),
+    "thermal": _Connector(
+        "HeatPort", "T", "Q_flow", ("ThermodynamicTemperature", "Power"), "191,0,0"
+    ),
+}
+SIGNALS = {"real": "Real", "integer": "Integer", "boolean": "Boolean"}  # by type of a variable
+_COLOURS = {"Real": "0,0,127", "Integer": "255,127,0", "Boolean": "255,0,255"}
+
+
+def connector_class(domain: str) -> str:
+    """Return the name of the connector of a domain, from the package of components."""
+    return f"{INTERFACES}.{_CONNECTORS[domain].name}"
+
+
+def signal_class(type: str, causality: str) -> str:
+    """Return the name of the connector of a signal: of its type, ``Input`` or ``Output``."""
+    return f"{INTERFACES}.{SIGNALS[type]}{causality}"
+
+
+def port_equations(port: Port) -> list[str]:
+    """Write the equations between the variables of a port and those of its connectors.
+
+    Parameters
+    ----------
+    port : Port
+
+    Returns
+    -------
+    list of str
+    """
+    connector = _CONNECTORS[port.domain]
+    names = [identifier(name) for name in port.connectors]
+    first, *second = names
+    potentials = " - ".join(f"{name}.{connector.potential}" for name in names)
+    sign = "-" if port.delivers else ""
+    potential = identifier(port.potential)
+    lines = [
+        f"{potential} = {potentials};",
+        f"{identifier(port.flow)} = {sign}{first}.{connector.flow};",
+    ]
+    lines += [f"{first}.{connector.flow} + {name}.{connector.flow} = 0.0;" for name in second]
+    if port.rate:
+        lines.append(f"{identifier(port.rate)} = der({potential});")
+    return lines
+
+
+def interface_classes() -> dict[str, str]:
+    """Write every connector.
+
+    Returns
+    -------
+    dict of str to str
+        Text of each class by its name, without the clause that it is within.
+    """
+    classes = {}
+    for domain, connector in _CONNECTORS.items():
+        units = DOMAINS[domain]
+        variables = [
+            _variable(connector.potential, connector.quantities[0], units.potential),
+            f"flow {_variable(connector.flow, connector.quantities[1], units.flow)}",
+        ]
+        classes[connector.name] = "\n".join(
+            [
+                f'connector {connector.name} "{domain.capitalize()} connector"',
+                *(f"  {variable};" for variable in variables),
+                f"  annotation({_square(connector.colour)});",
+                f"end {connector.name};",
+            ]
+        )
+    for kind, colour in _COLOURS.items():
+        for causality in ("Input", "Output"):
+            name = f"{kind}{causality}"
+            signal = f"{causality.lower()} {kind}"
+            icon = f"annotation({_triangle(colour)})"
+            classes[name] = f'connector {name} = {signal} "{causality} signal"\n  {icon};'
+    return classes
+
+
+def _variable(name: str, quantity: str, unit: str) -> str:
+    return f"Real {name}(quantity={string(quantity)}, unit={string(to_modelica(unit))})"
+
+
+def _square(colour: str) -> str:
+    colours = f"lineColor={{{colour}}}, fillColor={{{colour}}}, fillPattern=FillPattern.Solid"
+    return f"Icon(graphics={{Rectangle(extent={{{{-100,-100}},{{100,100}}}}, {colours})}})"
+
+
+def _triangle(colour: str) -> str:
+    colours = f"lineColor={{{colour}}}, fillColor={{{colour}}}, fillPattern=FillPattern.Solid"
+    points = "{{-100,100},{100,0},{-100,-100}}"
+    return f"Icon(graphics={{Polygon(points={points}, {colours})}})"

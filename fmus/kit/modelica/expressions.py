@@ -1,0 +1,290 @@
+"""Expressions of Modelica made from the expression graph of a component's laws.
+
+The graph computes with numbers, of which 0 is false; Modelica distinguishes Boolean from Real. An
+expression is Boolean if its operation gives a truth value, or chooses between two, and is converted
+where the other type is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import casadi as ca
+
+from fmus.kit.errors import UserError
+from fmus.kit.modelica.names import real
+
+# precedence of operators, from what binds least to what binds most (section 3.2)
+_CHOICE, _OR, _AND, _NOT, _RELATION, _SUM, _PRODUCT, _POWER, _PRIMARY = range(9)
+_INFIX = {
+    ca.OP_ADD: ("+", _SUM),
+    ca.OP_SUB: ("-", _SUM),
+    ca.OP_MUL: ("*", _PRODUCT),
+    ca.OP_DIV: ("/", _PRODUCT),
+}
+_RELATIONS = {ca.OP_LT: "<", ca.OP_LE: "<="}
+_LOGICAL = {ca.OP_AND: ("and", _AND), ca.OP_OR: ("or", _OR)}
+_FUNCTIONS = {
+    ca.OP_ACOS: "acos",
+    ca.OP_ASIN: "asin",
+    ca.OP_ATAN: "atan",
+    ca.OP_ATAN2: "atan2",
+    ca.OP_CEIL: "Functions.roundedUp",
+    ca.OP_COS: "cos",
+    ca.OP_COSH: "cosh",
+    ca.OP_EXP: "exp",
+    ca.OP_FABS: "abs",
+    ca.OP_FLOOR: "Functions.roundedDown",
+    ca.OP_FMAX: "max",
+    ca.OP_FMIN: "min",
+    ca.OP_HYPOT: "Functions.hypotenuse",
+    ca.OP_LOG: "log",
+    ca.OP_SIGN: "sign",
+    ca.OP_SIN: "sin",
+    ca.OP_SINH: "sinh",
+    ca.OP_SQRT: "sqrt",
+    ca.OP_TAN: "tan",
+    ca.OP_TANH: "tanh",
+}
+_SYMBOL, _CONSTANT, _IF = -1, -2, -3  # in the place of an operation of CasADi
+_EQUALITIES = {ca.OP_EQ, ca.OP_NE}
+_TRUTHS = {*_RELATIONS, *_LOGICAL, *_EQUALITIES, ca.OP_NOT}
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """An expression, which is the same as another only if it is that object.
+
+    Attributes
+    ----------
+    operation : int
+        Of CasADi, or a symbol, a constant or a choice.
+    operands : tuple of Node
+    text : str
+        Of a symbol.
+    value : float
+        Of a constant.
+    is_boolean : bool
+    """
+
+    operation: int
+    operands: tuple[Node, ...] = ()
+    text: str = ""
+    value: float = 0.0
+    is_boolean: bool = False
+
+    @property
+    def is_leaf(self) -> bool:
+        """Whether it is a symbol or a constant."""
+        return not self.operands
+
+
+def symbol(text: str, is_boolean: bool = False) -> Node:
+    """Return a symbol, or what is written in its place."""
+    return Node(_SYMBOL, text=text, is_boolean=is_boolean)
+
+
+def constant(value: float) -> Node:
+    """Return a number."""
+    return Node(_CONSTANT, value=value)
+
+
+def apply(operation: int, operands: list[Node]) -> Node:
+    """Return the expression of an operation of CasADi.
+
+    Parameters
+    ----------
+    operation : int
+    operands : list of Node
+
+    Returns
+    -------
+    Node
+        A choice if it is what CasADi makes of one, ``(c ? a : 0) + (!c ? b : 0)``.
+    """
+    if operation == ca.OP_ADD:
+        for first, second in (operands, operands[::-1]):
+            if _chooses(first, second):
+                branches = first.operands[1], second.operands[1]
+                return Node(_IF, (first.operands[0], *branches), is_boolean=_are_boolean(*branches))
+    is_boolean = operation in _TRUTHS
+    if operation == ca.OP_IF_ELSE_ZERO:
+        is_boolean = operands[1].is_boolean
+    return Node(operation, tuple(operands), is_boolean=is_boolean)
+
+
+def _chooses(first: Node, second: Node) -> bool:
+    """Return whether two summands are the branches of a choice."""
+    if not first.operation == second.operation == ca.OP_IF_ELSE_ZERO:
+        return False
+    otherwise = second.operands[0]
+    return otherwise.operation == ca.OP_NOT and otherwise.operands[0] is first.operands[0]
+
+
+def _are_boolean(yes: Node, no: Node) -> bool:
+    """Return whether a choice is Boolean: one branch is, and the other is or is 0 or 1."""
+    branches = [yes, no]
+    truths = [
+        b for b in branches if b.is_boolean or (b.operation == _CONSTANT and b.value in (0, 1))
+    ]
+    return len(truths) == 2 and any(b.is_boolean for b in branches)
+
+
+class _Text(NamedTuple):
+    """A written expression, and the precedence of its outermost operator."""
+
+    text: str
+    precedence: int
+
+    def within(self, precedence: int) -> str:
+        """Return the text as an operand, in brackets if it binds less than is needed."""
+        return self.text if self.precedence >= precedence else f"({self.text})"
+
+
+@dataclass(frozen=True)
+class Writer:
+    """Writes expressions.
+
+    Attributes
+    ----------
+    names : Mapping of Node to str
+        Variables that stand for expressions.
+    """
+
+    names: Mapping[Node, str]
+
+    def define(self, node: Node, variable: str, type: str) -> str:
+        """Write the expression that defines a variable.
+
+        Parameters
+        ----------
+        node : Node
+        variable : str
+        type : {"real", "integer", "boolean"}
+            Of the variable.
+
+        Returns
+        -------
+        str
+        """
+        written = self._operation(node) if self.names.get(node) == variable else self._named(node)
+        if type == "boolean":
+            return _to_boolean(node, written).text
+        if type == "integer":
+            return f"integer({_to_real(node, written).within(_SUM)} + 0.5)"
+        return _to_real(node, written).text
+
+    def _real(self, node: Node) -> _Text:
+        return _to_real(node, self._named(node))
+
+    def _boolean(self, node: Node) -> _Text:
+        return _to_boolean(node, self._named(node))
+
+    def _named(self, node: Node) -> _Text:
+        """Write an expression, or the variable that stands for it."""
+        if node in self.names:
+            return _Text(self.names[node], _PRIMARY)
+        return self._operation(node)
+
+    def _operation(self, node: Node) -> _Text:
+        operation = node.operation
+        if operation == _SYMBOL:
+            return _Text(node.text, _PRIMARY)
+        if operation == _CONSTANT:
+            return _Text(real(node.value), _PRIMARY if node.value >= 0.0 else _SUM)
+        if node.is_boolean:
+            return self._truth(node)
+        if operation in _INFIX:
+            sign, precedence = _INFIX[operation]
+            left, right = map(self._real, node.operands)
+            text = f"{left.within(precedence)} {sign} {right.within(precedence + 1)}"
+            return _Text(text, precedence)
+        if operation in _FUNCTIONS:
+            arguments = ", ".join(self._real(o).text for o in node.operands)
+            return _Text(f"{_FUNCTIONS[operation]}({arguments})", _PRIMARY)
+        return self._other(node)
+
+    def _other(self, node: Node) -> _Text:
+        """Write a choice, a sign, a power, or what CasADi has in the place of a product."""
+        match node.operation:
+            case ca.OP_NEG:
+                return _Text(f"-{self._real(node.operands[0]).within(_PRODUCT)}", _SUM)
+            case ca.OP_TWICE:
+                return _Text(f"2.0 * {self._real(node.operands[0]).within(_POWER)}", _PRODUCT)
+            case ca.OP_INV:
+                return _Text(f"1.0 / {self._real(node.operands[0]).within(_POWER)}", _PRODUCT)
+            case ca.OP_SQ:
+                return _Text(f"{self._real(node.operands[0]).within(_PRIMARY)} ^ 2", _POWER)
+            case ca.OP_POW | ca.OP_CONSTPOW:
+                base, exponent = (self._real(o).within(_PRIMARY) for o in node.operands)
+                return _Text(f"{base} ^ {exponent}", _POWER)
+            case _ if node.operation == _IF:
+                condition, yes, no = node.operands
+                return self._choice(condition, self._real(yes), self._real(no))
+            case ca.OP_IF_ELSE_ZERO:
+                condition, yes = node.operands
+                branches = self._real(yes), _Text("0.0", _PRIMARY)
+                if condition.operation == ca.OP_NOT and condition not in self.names:
+                    return self._choice(condition.operands[0], *branches[::-1])
+                return self._choice(condition, *branches)
+        raise UserError(f"a law calls {_name(node.operation)}, which Modelica has not")
+
+    def _choice(self, condition: Node, yes: _Text, no: _Text) -> _Text:
+        otherwise = no.text  # a choice there goes on with `else if`
+        text = f"if {self._boolean(condition).text} then {yes.within(_OR)} else {otherwise}"
+        return _Text(text, _CHOICE)
+
+    def _truth(self, node: Node) -> _Text:
+        """Write an expression of type Boolean."""
+        operation = node.operation
+        if operation in _RELATIONS:
+            left, right = (self._real(o).within(_SUM) for o in node.operands)
+            return _Text(f"{left} {_RELATIONS[operation]} {right}", _RELATION)
+        if operation in _LOGICAL:
+            word, precedence = _LOGICAL[operation]
+            left, right = (self._boolean(o).within(precedence) for o in node.operands)
+            return _Text(f"{left} {word} {right}", precedence)
+        if operation == ca.OP_NOT:
+            return _Text(f"not {self._boolean(node.operands[0]).within(_RELATION)}", _NOT)
+        if operation in _EQUALITIES:
+            return self._equality(node)
+        condition = node.operands[0]
+        if operation == ca.OP_IF_ELSE_ZERO:
+            parts = (self._boolean(o).within(_AND) for o in node.operands)
+            return _Text(" and ".join(parts), _AND)
+        yes, no = map(self._boolean, node.operands[1:])
+        return self._choice(condition, yes, no)
+
+    def _equality(self, node: Node) -> _Text:
+        """Write ``==`` or its opposite; of two Real, of which only functions have it, by order."""
+        is_equal = node.operation == ca.OP_EQ
+        if all(o.is_boolean for o in node.operands):
+            left, right = (self._boolean(o).within(_PRIMARY) for o in node.operands)
+            text = f"{left} == {right}"
+            return _Text(text, _RELATION) if is_equal else _Text(f"not ({text})", _NOT)
+        left, right = (self._real(o).within(_SUM) for o in node.operands)
+        if is_equal:
+            return _Text(f"{left} >= {right} and {left} <= {right}", _AND)
+        return _Text(f"{left} < {right} or {left} > {right}", _OR)
+
+
+def _name(operation: int) -> str:
+    """Return the name that CasADi has for an operation, in small letters."""
+    names = (name for name in dir(ca) if getattr(ca, name) == operation)
+    return next(n.removeprefix("OP_").lower() for n in names if n.startswith("OP_"))
+
+
+def _to_real(node: Node, written: _Text) -> _Text:
+    if not node.is_boolean:
+        return written
+    return _Text(f"if {written.text} then 1.0 else 0.0", _CHOICE)
+
+
+def _to_boolean(node: Node, written: _Text) -> _Text:
+    if node.is_boolean:
+        return written
+    if node.operation == _CONSTANT:
+        return _Text("true" if node.value else "false", _PRIMARY)
+    return _Text(f"abs({written.text}) > 0.0", _RELATION)

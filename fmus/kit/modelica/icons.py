@@ -1,0 +1,48 @@
+"""Icons of models: a box with its name, signals at its sides and connectors of ports below."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fmus.kit.component import Component
+
+BOX = (
+    "Icon(graphics={Rectangle(extent={{-100,-100},{100,100}}, lineColor={0,0,127},"
+    " fillColor={255,255,255}, fillPattern=FillPattern.Solid),"
+    ' Text(extent={{-150,110},{150,150}}, textString="%name")})'
+)
+_EDGE = 110  # from the middle, where connectors are; the box ends at 100
+_SIZE = 10
+
+
+def placements(cls: type[Component]) -> dict[str, str]:
+    """Place the connectors of a model on its icon.
+
+    Parameters
+    ----------
+    cls : type[Component]
+
+    Returns
+    -------
+    dict of str to str
+        Annotation by the name of the connector: inputs at the left, outputs at the right, both
+        from top to bottom, and those of ports below, from left to right.
+    """
+    at_ports = {name for port in cls.ports for name in port.variables}
+    inputs = [v.name for v in cls.layout.inputs if v.name not in at_ports]
+    outputs = [v.name for v in cls.layout.shown]
+    connectors = [name for port in cls.ports for name in port.connectors]
+    places = {name: (-_EDGE, -y) for name, y in _spread(inputs)}
+    places |= {name: (_EDGE, -y) for name, y in _spread(outputs)}
+    places |= {name: (x, -_EDGE) for name, x in _spread(connectors)}
+    return {name: _placement(*place) for name, place in places.items()}
+
+
+def _spread(names: Sequence[str]) -> list[tuple[str, int]]:
+    """Spread names evenly over the side of the box, from -100 to 100."""
+    return [(name, round(200 * (k + 0.5) / len(names)) - 100) for k, name in enumerate(names)]
+
+
+def _placement(x: int, y: int) -> str:
+    extent = f"{{{{{x - _SIZE},{y - _SIZE}}},{{{x + _SIZE},{y + _SIZE}}}}}"
+    return f" annotation(Placement(transformation(extent={extent})))"

@@ -1,0 +1,59 @@
+"""``ppy export``: components in other languages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from fmus.kit import UserError
+from orchestration.cli.command import command
+from orchestration.cli.commands.options import ExportModelicaCommand
+from orchestration.cli.outputs import Outputs
+
+exports = typer.Typer(name="export", add_completion=False, rich_markup_mode="rich")
+
+
+@exports.callback()
+def group() -> None:
+    """Write components in other languages."""
+
+
+@exports.command("modelica")
+@command(ExportModelicaCommand)
+def modelica(options: ExportModelicaCommand) -> None:
+    """Write components as a package of Modelica, OUT/PpyRig: laws, ports as connectors.
+
+    It needs no library; its connectors fit those of the standard library. With --with, a model has
+    its effects, and they are on by their parameters.
+    """
+    from fmus import COMPONENTS
+    from fmus.kit import files
+    from fmus.kit.build import version
+    from fmus.kit.modelica import PACKAGE, package_files
+    from orchestration.cli.models import model_file
+    from orchestration.fmu import find_class
+    from orchestration.reporting import wrote
+
+    names = options["names"] or []
+    if options["laid_over"] and not names:
+        raise UserError("--with is about one model; name it")
+    folder = options["out"]
+    package = folder / PACKAGE
+    reads = {f"the model {name}": model_file(name) for name in names}
+    Outputs(reads, folders={"--out": folder}).check()
+    _check_empty(package)
+    classes = [find_class(name, options["laid_over"]) for name in names or COMPONENTS]
+    for path, text in package_files(classes, version()).items():
+        files.write(folder / path, text.encode())
+    wrote(package)
+
+
+def _check_empty(package: Path) -> None:
+    """Refuse a folder with something in it, which may be of another package."""
+    if package.is_dir() and any(package.iterdir()):
+        raise UserError(
+            f"--out {package.parent}: {package} is there and not empty; remove it first"
+        )
+    if package.exists() and not package.is_dir():
+        raise UserError(f"--out {package.parent}: {package} is there and no folder")

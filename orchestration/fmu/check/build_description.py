@@ -1,0 +1,47 @@
+"""Checks of ``sources/buildDescription.xml``, which tells how sources of FMI 3.0 are compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from fmus.kit import UserError
+from orchestration.fmu.archive import Archive
+from orchestration.fmu.bounded import parse_xml
+from orchestration.fmu.check.finding import Finding, listed
+
+_FILE = "sources/buildDescription.xml"
+
+
+def check_build_description(archive: Archive) -> Iterator[Finding]:
+    """Check that it lists the sources that are there, for the interfaces that are there.
+
+    Its form is checked with the model description.
+
+    Yields
+    ------
+    Finding
+    """
+    if _FILE not in archive.names:
+        if any(
+            name.startswith("sources/") and name.endswith((".c", ".cpp")) for name in archive.names
+        ):
+            yield Finding(
+                10, "warning", f"there are sources/, but no {_FILE}: nobody can compile them"
+            )
+        return
+    contents = archive.read(_FILE)
+    if contents is None:
+        return
+    try:
+        root = parse_xml(contents, str(archive.path), _FILE)
+    except UserError as error:
+        yield Finding(10, "error", str(error).removeprefix(f"{archive.path}: "))
+        return
+    files = dict.fromkeys(node.get("name", "") for node in root.iter("SourceFile"))
+    absent = [name for name in files if f"sources/{name}" not in archive.names]
+    if absent:
+        yield Finding(10, "error", f"{_FILE}: files listed but not in sources/: {listed(absent)}")
+    built = {node.get("modelIdentifier", "") for node in root.iterfind("BuildConfiguration")}
+    interfaces = {node.get("modelIdentifier", "") for node in archive.interfaces()}
+    if interfaces - built:
+        yield Finding(10, "error", f"{_FILE}: nothing builds {listed(sorted(interfaces - built))}")

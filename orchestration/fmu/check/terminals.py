@@ -1,0 +1,65 @@
+"""Checks of ``terminalsAndIcons/terminalsAndIcons.xml``: its form, variables and icons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from fmus.kit import UserError
+from orchestration.fmu.archive import Archive
+from orchestration.fmu.bounded import parse_xml
+from orchestration.fmu.check.finding import Finding, listed
+
+_FOLDER = "terminalsAndIcons"
+_FILE = f"{_FOLDER}/terminalsAndIcons.xml"
+_REFERENCES = ("variableName", "inStreamVariableName", "outStreamVariableName")
+
+
+def check_terminals(archive: Archive) -> Iterator[Finding]:
+    """Check terminals and icons of FMI 3.0.
+
+    Yields
+    ------
+    Finding
+    """
+    contents = archive.read(_FILE) if archive.version == 3 and _FILE in archive.names else None
+    if contents is None:
+        return
+    try:
+        root = parse_xml(contents, str(archive.path), _FILE)
+    except UserError as error:
+        yield Finding(1, "error", str(error).removeprefix(f"{archive.path}: "))
+        return
+    for problem in _schema_problems(contents):
+        yield Finding(1, "error", f"{_FILE}: {problem}")
+    yield from _members(archive, root)
+    icons = {node.get("iconBaseName", "") for node in root.iter("TerminalGraphicalRepresentation")}
+    absent = [name for name in sorted(icons) if f"{_FOLDER}/{name}.png" not in archive.names]
+    if absent:
+        yield Finding(1, "error", f"{_FILE}: no picture (.png) of {listed(absent)}")
+
+
+def _schema_problems(contents: bytes) -> list[str]:
+    import fmpy
+    from lxml import etree
+
+    folder = Path(fmpy.__file__).parent / "schema" / "fmi3"
+    schema = etree.XMLSchema(file=str(folder / "fmi3TerminalsAndIcons.xsd"))
+    schema.validate(etree.fromstring(contents))
+    return [f"{entry.message} (line {entry.line})" for entry in schema.error_log]
+
+
+def _members(archive: Archive, root: Element) -> Iterator[Finding]:
+    """Check that the variables of terminals exist, and that names of terminals are unique."""
+    variables = {node.get("name") for node in archive.description.iterfind("ModelVariables/*")}
+    variables |= {node.get("name") for node in archive.description.iter("Alias")}
+    used = [text for node in root.iter() for text in map(node.get, _REFERENCES) if text is not None]
+    unknown = [name for name in dict.fromkeys(used) if name not in variables]
+    if unknown:
+        yield Finding(1, "error", f"{_FILE}: there are no variables {listed(unknown)}")
+    for parent in root.iter():
+        names = [node.get("name", "") for node in parent.iterfind("Terminal")]
+        twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+        if twice:
+            yield Finding(1, "error", f"{_FILE}: several terminals are called {listed(twice)}")

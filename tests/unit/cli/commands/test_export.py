@@ -1,0 +1,69 @@
+"""Claims: ``ppy export modelica`` writes a package that a compiler reads, over no other one."""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+import rumoca
+
+from tests.support.command import here, works
+
+
+def test_a_package_of_named_components(tmp_path):
+    printed = works("export", "modelica", "ppy_actuator", "pid", "--out", "made", cwd=tmp_path)
+    assert printed == f"wrote {Path('made') / 'PpyRig'}\n"
+    order = (tmp_path / "made" / "PpyRig" / "package.order").read_text().split()
+    assert order == ["Interfaces", "Functions", "PpyActuator", "Pid"]
+    session = rumoca.Session(roots=[str(tmp_path / "made" / "PpyRig")])
+    assert session.loads("model T PpyRig.PpyActuator m; end T;", model="T").states.names
+
+
+def test_effects_are_laid_over_a_named_component(tmp_path):
+    works("export", "modelica", "ppy_actuator", "--with", "self_heating,slack", cwd=tmp_path)
+    folder = tmp_path / "modelica" / "PpyRig"
+    text = (folder / "PpyActuatorWithSelfHeatingWithSlack.mo").read_text()
+    assert "Real temperature_rise(start=temperature_rise_start" in text
+    assert "parameter Real conductance_rise_per_kelvin" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("galvanosta",), "no component named 'galvanosta' (did you mean galvanostat?)"),
+        (("rig_proxy",), "rig_proxy: it has an engine in the place of laws"),
+        (("pid", "pid"), "pid: there is a model Pid already; name each once"),
+        (("--with", "slack"), "--with is about one model; name it"),
+        (
+            ("--out", "taken"),
+            f"--out taken: {os.path.join('taken', 'PpyRig')} is there and not empty",
+        ),
+        (("--out", "file"), "cannot write file:"),
+        (
+            ("--out", "other"),
+            f"--out other: {os.path.join('other', 'PpyRig')} is there and no folder",
+        ),
+    ],
+)
+def test_what_cannot_be_written_is_told_in_a_line(arguments, message, tmp_path):
+    (tmp_path / "taken" / "PpyRig").mkdir(parents=True)
+    (tmp_path / "taken" / "PpyRig" / "mine.mo").touch()
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "PpyRig").touch()
+    (tmp_path / "file").touch()
+    done = here("export", "modelica", *arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"error: {message}")
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.isascii()
+
+
+@pytest.mark.skipif(
+    sys.platform == "win32" or os.geteuid() == 0, reason="permissions do not hold for root"
+)
+def test_a_folder_that_cannot_be_written_to_is_told(tmp_path):
+    locked = tmp_path / "locked"
+    locked.mkdir(mode=0o555)
+    done = here("export", "modelica", "pid", "--out", "locked", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == "error: cannot write locked: " + f"{locked} is read-only\n"
