@@ -1,9 +1,9 @@
 """Write the release folder: ``python -m studies.release.folder --out dist/release``.
 
 It holds every component as ``fmu/native/NAME.fmu`` and ``fmu/python/NAME.fmu``, those with laws
-also as ``fmu/fmi3/NAME.fmu`` of FMI 3.0, every system as ``ssp/NAME.ssp``, ``manifest.json`` with what
-each file is, and ``SHA256SUMS``, which ``sha256sum --check`` reads. ``ppy-rig-VERSION-fmus.zip``
-beside these is all of it in one archive. The same sources give the same digests.
+also as ``fmu/fmi3/NAME.fmu`` of FMI 3.0, every system as ``ssp/NAME.ssp``, ``manifest.json`` with
+what each file is, and ``SHA256SUMS``, which ``sha256sum --check`` reads. All of it is in
+``ppy-rig-VERSION-fmus.zip``, too. The same sources give the same digests.
 """
 
 from __future__ import annotations
