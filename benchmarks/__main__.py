@@ -23,6 +23,7 @@ from . import (
     stepping,
     stiff,
     sweeping,
+    versions,
     wrapping,
 )
 from .tables import Topic
@@ -30,6 +31,7 @@ from .tables import Topic
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"
 TOPICS: dict[str, Callable[[bool], Topic]] = {
     "step": stepping.measure,
+    "versions": versions.measure,
     "kernel": kernel.measure,
     "record": record.measure,
     "stiff": stiff.measure,

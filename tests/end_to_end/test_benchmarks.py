@@ -31,6 +31,7 @@ from benchmarks import (
     sizing,
     stepping,
     sweeping,
+    versions,
     wrapping,
 )
 from benchmarks.tables import Table, Topic
@@ -62,6 +63,13 @@ def test_step() -> None:
     for name, (other, _) in stepping.TARGETS.items():
         assert f"{name} " in str(topic)
         assert f" of {other} (target" in str(topic)
+
+
+def test_versions() -> None:
+    topic = versions.measure(quick=True)
+    (table,) = topic.tables
+    assert list(rows(table)) == list(versions.COMPONENTS)
+    assert f"(target {versions.TARGET}, " in str(topic)
 
 
 def test_record() -> None:
