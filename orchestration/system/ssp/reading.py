@@ -1,4 +1,4 @@
-"""Reading of systems from SSP 1.0 files; contents that this program cannot process are refused."""
+"""Reading of systems from SSP files; contents that this program cannot process are refused."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from orchestration.fmu.bounded import parse_xml
 from orchestration.fmu.signal import read_signal, type_of
 from orchestration.system.checking import conversion, interface, variable
 from orchestration.system.model import Connection, Member, Port, System
+from orchestration.system.ssp.arrays import declared, elements
 from orchestration.system.ssp.package import Package
 from orchestration.system.ssp.vocabulary import (
     CONNECTORS,
@@ -23,22 +24,15 @@ from orchestration.system.ssp.vocabulary import (
     NAMESPACES,
     OUTSIDE,
     STEP,
+    TYPES,
     check_elements,
     local_name,
     tag,
 )
 
-_PARAMETER_TYPES = {
-    tag(f"ssv:{kind.capitalize()}"): kind for kind in ("real", "integer", "boolean", "string")
-}
-_CONNECTOR_TYPES = {
-    tag("ssc:Real"): "real",
-    tag("ssc:Integer"): "integer",
-    tag("ssc:Enumeration"): "integer",
-    tag("ssc:Boolean"): "boolean",
-    tag("ssc:String"): "string",
-    tag("ssc:Binary"): "binary",
-}
+# of an enumeration a parameter has the name of an item, which is not known here
+_PARAMETER_TYPES = {tag(f"ssv:{name}"): TYPES[name] for name in TYPES if name != "Enumeration"}
+_CONNECTOR_TYPES = {tag(f"ssc:{name}"): kinds for name, kinds in (TYPES | {"Binary": ()}).items()}
 _BOOLEANS = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
 _IDENTITY = (1.0, 0.0)  # factor and offset
 
@@ -73,9 +67,9 @@ def read(path: Path, folder: Path) -> System:
                 " SystemStructureDescription"
             )
         version = root.get("version", "")
-        if not version.startswith("1."):
+        if not version.startswith(("1.", "2.")):
             raise UserError(
-                f"{path}: SSP version {version or 'not stated'}; this program knows SSP 1.0"
+                f"{path}: SSP version {version or 'not stated'}; this program knows SSP 1.0 and 2.0"
             )
         systems = root.findall("ssd:System", NAMESPACES)
         if len(systems) != 1:
@@ -156,9 +150,7 @@ class _SspReader:
         connectors = self._read_system_connectors(declared)
         connections = []
         for wire in _find_all(parts, "ssd:Connections/ssd:Connection"):
-            connection = self._read_connection(wire, members, connectors)
-            if connection is not None:
-                connections.append(connection)
+            connections += self._read_connection(wire, members, connectors)
         unconnected = set(connectors.output_names) - set(connectors.outputs)
         if unconnected:
             raise self._error(f"system output {min(unconnected)} is connected with nothing")
@@ -284,13 +276,13 @@ class _SspReader:
         except UserError as error:
             raise self._error(str(error)) from error
         where = f"member {member.name}: {name}"
-        kind = _PARAMETER_TYPES[element.tag]
+        kinds = _PARAMETER_TYPES[element.tag]
         text = element.get("value", "")
-        if kind != signal.type:
-            raise self._error(f"{where}: given as {kind}, but the FMU has it as {signal.type}")
-        if kind == "string":
+        if signal.type not in kinds:
+            raise self._error(f"{where}: given as {kinds[0]}, but the FMU has it as {signal.type}")
+        if signal.type == "string":
             return text
-        if kind == "boolean":
+        if signal.type == "boolean":
             if text not in _BOOLEANS:
                 raise self._error(f"{where}: {text!r} is neither true nor false")
             return _BOOLEANS[text]
@@ -336,8 +328,11 @@ class _SspReader:
 
     def _read_connection(
         self, wire: Element, members: Mapping[str, Member], connectors: _SystemConnectors
-    ) -> Connection | None:
-        """Read a connection of members; one to a connector of the system is noted there."""
+    ) -> list[Connection]:
+        """Read a connection of members, of arrays one for each element.
+
+        One to a connector of the system is noted there.
+        """
         start = wire.get("startElement")
         source = self._get(wire, "startConnector")
         end = wire.get("endElement")
@@ -351,10 +346,12 @@ class _SspReader:
                 raise self._error(f"connection {where}: there is no member named {element!r}")
         transformation = self._read_transformation(wire)
         if start is not None and end is not None:
-            connection = Connection(Port(start, source), Port(end, target), *transformation)
+            whole = Connection(Port(start, source), Port(end, target), *transformation)
+            connections = self._of_elements(whole, members, where)
             if wire.get("suppressUnitConversion", "false") not in ("true", "1"):
-                self._refuse_ambiguous_factor(connection, members, where)
-            return connection
+                for connection in connections:
+                    self._refuse_ambiguous_factor(connection, members, where)
+            return connections
         if transformation != _IDENTITY:
             raise self._error(
                 f"connection {where}: a transformation at a connector of the system is not known"
@@ -378,7 +375,22 @@ class _SspReader:
             raise self._error(
                 f"connection {where}: leads from no input of the system, nor to an output of it"
             )
-        return None
+        return []
+
+    def _of_elements(
+        self, whole: Connection, members: Mapping[str, Member], where: str
+    ) -> list[Connection]:
+        """Return the connections of the elements of two variables, each with the next."""
+        source = whole.source
+        target = whole.target
+        sources = elements(members[source.member], source.variable)
+        targets = elements(members[target.member], target.variable)
+        if len(sources) != len(targets):
+            raise self._error(f"connection {where}: from {len(sources)} elements to {len(targets)}")
+        return [
+            replace(whole, source=Port(source.member, a), target=Port(target.member, b))
+            for a, b in zip(sources, targets, strict=True)
+        ]
 
     def _read_transformation(self, wire: Element) -> tuple[float, float]:
         """Read the factor and the offset of a connection."""
@@ -433,17 +445,35 @@ def _check_connectors(element: Element, member: Member) -> None:
     for connector in element.iterfind("ssd:Connectors/ssd:Connector", NAMESPACES):
         name = connector.get("name", "")
         where = f"connector {name!r}"
-        if name not in variables:
-            raise UserError(
-                f"{where}: the FMU has no variable of this name{suggestion(name, variables)}"
-            )
-        declared = connector.get("kind", "")
-        actual = variables[name].causality or "local"
-        if declared != actual:
-            raise UserError(
-                f"{where} is declared as {declared or 'no kind'}, but in the FMU it is {actual}"
-            )
-        _check_type_and_unit(connector, variables[name], where)
+        _check_shape(connector, member, where)
+        for element_name in elements(member, name):
+            if element_name not in variables:
+                raise UserError(
+                    f"{where}: the FMU has no variable of this name{suggestion(name, variables)}"
+                )
+            scalar = variables[element_name]
+            kind = connector.get("kind", "")
+            actual = scalar.causality or "local"
+            if kind != actual:
+                raise UserError(
+                    f"{where} is declared as {kind or 'no kind'}, but in the FMU it is {actual}"
+                )
+            _check_type_and_unit(connector, scalar, where)
+
+
+def _check_shape(connector: Element, member: Member, where: str) -> None:
+    """Compare the declared size of an array with that of the variable; UserError if it differs."""
+    sizes = [node.get("size") for node in connector.iterfind("ssd:Dimension", NAMESPACES)]
+    if not sizes or None in sizes:  # the size may be that of another connector
+        return
+    variable = declared(member).get(connector.get("name", ""))
+    actual = [] if variable is None else [str(size) for size in variable.shape]
+    if sizes != actual:
+        given = " by ".join(map(str, sizes))
+        raise UserError(
+            f"{where} is declared as {given} elements, but in the FMU it has"
+            f" {' by '.join(actual) or 'no dimension'}"
+        )
 
 
 def _check_type_and_unit(connector: Element, scalar: Any, where: str) -> None:
@@ -457,7 +487,7 @@ def _check_type_and_unit(connector: Element, scalar: Any, where: str) -> None:
     for node in connector:
         if node.tag not in _CONNECTOR_TYPES:
             continue
-        if _CONNECTOR_TYPES[node.tag] != type_of(scalar):
+        if type_of(scalar) not in _CONNECTOR_TYPES[node.tag]:
             raise UserError(
                 f"{where} is declared as {local_name(node)}, but in the FMU it is {scalar.type}"
             )

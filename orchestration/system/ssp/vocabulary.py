@@ -1,4 +1,8 @@
-"""The vocabulary and grammar of SSP 1.0, as far as this program reads and writes it."""
+"""The vocabulary and grammar of SSP 1.0 and 2.0, as far as this program reads and writes it.
+
+In 2.0 a description may have the types of FMI 3.0, and connectors that are arrays; its namespaces
+are those of 1.0.
+"""
 
 from __future__ import annotations
 
@@ -28,6 +32,15 @@ CONNECTORS = "ppy-rig.system-connectors"
 OUTSIDE = "Outside"
 
 
+# types of connectors and parameters, and what values of them are here
+_REALS = dict.fromkeys(("Float32", "Float64", "Real"), ("real",))
+_INTEGERS = dict.fromkeys(("Int8", "UInt8", "Int16", "UInt16", "Int32", "Integer"), ("integer",))
+# reals where they are only read, see `orchestration.fmu.wrapping`
+_WIDE = dict.fromkeys(("UInt32", "Int64", "UInt64"), ("integer", "real"))
+_OTHERS = {"Boolean": ("boolean",), "String": ("string",), "Enumeration": ("integer",)}
+TYPES: dict[str, tuple[str, ...]] = {**_REALS, **_INTEGERS, **_WIDE, **_OTHERS}
+
+
 def tag(name: str) -> str:
     """Return the qualified name, as ElementTree has it, of ``prefix:name``."""
     prefix, _, local = name.partition(":")
@@ -43,7 +56,7 @@ _CONTENTS = {
     "ssd:Elements": "ssd:Component ssd:System ssd:SignalDictionaryReference",
     "ssd:Component": "ssd:Connectors ssd:ParameterBindings",
     "ssd:Connectors": "ssd:Connector",
-    "ssd:Connector": "ssc:Real ssc:Integer ssc:Boolean ssc:String ssc:Enumeration ssc:Binary",
+    "ssd:Connector": " ".join(("ssd:Dimension", *(f"ssc:{name}" for name in (*TYPES, "Binary")))),
     "ssd:Connections": "ssd:Connection",
     "ssd:Connection": "ssc:LinearTransformation",
     "ssd:ParameterBindings": "ssd:ParameterBinding",
