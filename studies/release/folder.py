@@ -108,7 +108,7 @@ def _entry(out: Path, path: Path) -> dict[str, Any]:
     }
     if path.suffix == ".fmu":
         with Archive(path) as archive:
-            entry["guid"] = archive.description.get("guid", "")
+            entry["guid"] = archive.as_fmi2.get("guid", "")
             entry["platforms"] = archive.platforms
     return entry
 
