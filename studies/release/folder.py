@@ -116,17 +116,11 @@ def _entry(out: Path, path: Path) -> dict[str, Any]:
         "bytes": len(contents),
     }
     if path.suffix == ".fmu":
-<<<<<<< HEAD
-        with Archive(path) as archive:
-            entry["guid"] = archive.as_fmi2.get("guid", "")
-            entry["platforms"] = archive.platforms
-=======
         with Archive(path) as opened:
             described = opened.description
             entry["fmi"] = described.get("fmiVersion", "")
             entry["guid"] = described.get("guid", "") or described.get("instantiationToken", "")
             entry["platforms"] = opened.platforms
->>>>>>> main
     return entry
 
 
