@@ -52,6 +52,15 @@ def test_simulate_gives_the_closed_form(tmp_path):
     np.testing.assert_allclose(scale * found[y], lagged(3.0, 0.2), rtol=0, atol=1e-12)
 
 
+def test_elements_of_arrays_go_through_files(tmp_path):
+    given = ("--set", "u[1]=2", "--set", "A[1,2]=0.25", "--stop", "1s", "--step", "0.5s")
+    works("simulate", foreign("arrays"), *given, "--out", "a.csv", cwd=tmp_path)
+    again = ("--input", "a.csv", "--set", "A[1,2]=0.25", "--out", "b.csv")
+    works("simulate", foreign("arrays"), *again, cwd=tmp_path)
+    assert (tmp_path / "a.csv").read_text() == (tmp_path / "b.csv").read_text()
+    assert list(pd.read_csv(tmp_path / "a.csv"))[1:3] == ["u[1] [1]", "y[1] [1]"]
+
+
 def test_a_sweep_runs_every_case(tmp_path):
     works(
         *("sweep", foreign("arrays"), "--over", "A[2,2]=-4,-1", "--over", "u[2]=1,2,5"),
