@@ -14,6 +14,7 @@ import xarray as xr
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
+from orchestration import master
 from orchestration.system import Member, Port, System, connect, ssp
 from tests.support.command import refused, works
 from tests.support.fmi3_fmus import LAG, build, changed, foreign
@@ -49,6 +50,15 @@ def test_simulate_gives_the_closed_form(tmp_path):
     y = next(column for column in found if column.split("[")[0].split()[0] == "y")
     scale = 1e-3 if "mA" in y else 1.0
     np.testing.assert_allclose(scale * found[y], lagged(3.0, 0.2), rtol=0, atol=1e-12)
+
+
+def test_elements_of_arrays_go_through_files(tmp_path):
+    given = ("--set", "u[1]=2", "--set", "A[1,2]=0.25", "--stop", "1s", "--step", "0.5s")
+    works("simulate", foreign("arrays"), *given, "--out", "a.csv", cwd=tmp_path)
+    again = ("--input", "a.csv", "--set", "A[1,2]=0.25", "--out", "b.csv")
+    works("simulate", foreign("arrays"), *again, cwd=tmp_path)
+    assert (tmp_path / "a.csv").read_text() == (tmp_path / "b.csv").read_text()
+    assert list(pd.read_csv(tmp_path / "a.csv"))[1:3] == ["u[1] [1]", "y[1] [1]"]
 
 
 def test_a_sweep_runs_every_case(tmp_path):
@@ -134,6 +144,16 @@ def test_members_of_both_versions_make_a_system(tmp_path, isolate):
         names = ("old.x", "new.y", "rows.y[1]", "rows.y[2]")
         columns = np.column_stack([found[name] for name in names])
     np.testing.assert_allclose(columns, by_hand(), rtol=0, atol=1e-12)
+
+
+def test_a_written_system_of_both_versions_runs_to_the_same_bits(tmp_path):
+    system = mixed(tmp_path)
+    read = ssp.read(tmp_path / "mixed.ssp", tmp_path / "unpacked")
+    drive = {"drive": np.full(41, 2.0)}
+    runs = [master.run(each, STEP * np.arange(41), drive) for each in (system, read)]
+    assert runs[0].signals.keys() == runs[1].signals.keys()
+    for name, values in runs[0].signals.items():
+        np.testing.assert_array_equal(values, runs[1].signals[name])
 
 
 def test_it_is_linearised_as_an_fmu_of_2_is(tmp_path):
