@@ -14,6 +14,7 @@ import xarray as xr
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
+from orchestration import master
 from orchestration.system import Member, Port, System, connect, ssp
 from tests.support.command import refused, works
 from tests.support.fmi3_fmus import LAG, build, changed, foreign
@@ -143,6 +144,16 @@ def test_members_of_both_versions_make_a_system(tmp_path, isolate):
         names = ("old.x", "new.y", "rows.y[1]", "rows.y[2]")
         columns = np.column_stack([found[name] for name in names])
     np.testing.assert_allclose(columns, by_hand(), rtol=0, atol=1e-12)
+
+
+def test_a_written_system_of_both_versions_runs_to_the_same_bits(tmp_path):
+    system = mixed(tmp_path)
+    read = ssp.read(tmp_path / "mixed.ssp", tmp_path / "unpacked")
+    drive = {"drive": np.full(41, 2.0)}
+    runs = [master.run(each, STEP * np.arange(41), drive) for each in (system, read)]
+    assert runs[0].signals.keys() == runs[1].signals.keys()
+    for name, values in runs[0].signals.items():
+        np.testing.assert_array_equal(values, runs[1].signals[name])
 
 
 def test_it_is_linearised_as_an_fmu_of_2_is(tmp_path):

@@ -26,13 +26,18 @@ from orchestration.system.ssp.vocabulary import (
     STEP,
     TYPES,
     check_elements,
+    check_exchanged,
+    check_version,
     local_name,
     tag,
 )
 
-# of an enumeration a parameter has the name of an item, which is not known here
-_PARAMETER_TYPES = {tag(f"ssv:{name}"): TYPES[name] for name in TYPES if name != "Enumeration"}
-_CONNECTOR_TYPES = {tag(f"ssc:{name}"): kinds for name, kinds in (TYPES | {"Binary": ()}).items()}
+_PARAMETER_TYPES = {tag(f"ssv:{name}"): kinds for name, kinds in TYPES.items()}
+_CONNECTOR_TYPES = {tag(f"ssc:{name}"): kinds for name, kinds in TYPES.items()}
+_OTHER_IMPLEMENTATIONS = {
+    "ModelExchange": "model exchange",
+    "ScheduledExecution": "scheduled execution",
+}
 _BOOLEANS = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
 _IDENTITY = (1.0, 0.0)  # factor and offset
 
@@ -66,11 +71,7 @@ def read(path: Path, folder: Path) -> System:
                 f"{path}: {package.description} is a {local_name(root)}, not a"
                 " SystemStructureDescription"
             )
-        version = root.get("version", "")
-        if not version.startswith(("1.", "2.")):
-            raise UserError(
-                f"{path}: SSP version {version or 'not stated'}; this program knows SSP 1.0 and 2.0"
-            )
+        check_version(root, f"{path}: {package.description}")
         systems = root.findall("ssd:System", NAMESPACES)
         if len(systems) != 1:
             raise UserError(
@@ -142,6 +143,12 @@ class _SspReader:
         except UserError as error:
             raise self._error(str(error)) from error
 
+    def _check_exchanged(self, element: Element, where: str) -> None:
+        try:
+            check_exchanged(element, where)
+        except UserError as error:
+            raise self._error(str(error)) from error
+
     def read_system(self, root: Element, top: Element) -> System:
         """Read the system in the element `top`."""
         members = self._read_members(top)
@@ -205,7 +212,7 @@ class _SspReader:
                     f"parameter {name!r} of the system is not of the form member.parameter"
                 )
             member = members[owner]
-            parameters = {**member.parameters, parameter: self._value(member, parameter, value)}
+            parameters = {**member.parameters, **self._values(member, parameter, value)}
             members[owner] = replace(member, parameters=parameters)
         return members
 
@@ -222,9 +229,10 @@ class _SspReader:
         kind = element.get("type", FMU)
         if kind != FMU:
             raise self._error(f"member {name} is of type {kind}; this program runs FMUs")
-        if element.get("implementation", "any") == "ModelExchange":
+        other = _OTHER_IMPLEMENTATIONS.get(element.get("implementation", "any"))
+        if other is not None:
             raise self._error(
-                f"member {name} is to be run by model exchange; this program runs co-simulation"
+                f"member {name} is to be run by {other}; this program runs co-simulation"
             )
         try:
             member = Member(name, self._package.fmu(self._get(element, "source"), self._folder))
@@ -232,10 +240,9 @@ class _SspReader:
         except UserError as error:
             text = str(error).removeprefix(f"{self._package.path}: ")
             raise self._error(f"member {name}: {text}") from error
-        parameters = {
-            key: self._value(member, key, value)
-            for key, value in self._read_bindings(element, f"member {name}")
-        }
+        parameters: dict[str, Value] = {}
+        for key, value in self._read_bindings(element, f"member {name}"):
+            parameters |= self._values(member, key, value)
         return replace(member, parameters=parameters)
 
     def _read_bindings(self, element: Element, where: str) -> Iterator[tuple[str, Element]]:
@@ -251,9 +258,9 @@ class _SspReader:
                 name = binding.get("prefix", "") + self._get(parameter, "name")
                 if len(parameter) == 0 or parameter[0].tag not in _PARAMETER_TYPES:
                     kind = local_name(parameter[0]) if len(parameter) else "nothing"
-                    known = "known are Real, Integer, Boolean and String"
-                    raise self._error(f"{where}: parameter {name} is {kind}; {known}")
-                yield name, parameter[0]
+                    known = ", ".join(TYPES)
+                    raise self._error(f"{where}: parameter {name} is {kind}; known are {known}")
+                yield name, parameter
 
     def _read_parameters(self, binding: Element, where: str) -> list[Element]:
         """Return the parameters in a binding, and in the file that it refers to."""
@@ -267,21 +274,46 @@ class _SspReader:
                     f"{where}: {source} is a {local_name(parameter_set)}, not a ParameterSet"
                 )
             sets.append(parameter_set)
+        for each in sets:
+            check_version(each, f"{self._package.path}: {where}: {source or 'a ParameterSet'}")
         return _find_all(sets, "ssv:Parameters/ssv:Parameter")
 
-    def _value(self, member: Member, name: str, element: Element) -> Value:
-        """Return the value of a parameter in the FMU's unit."""
+    def _values(self, member: Member, name: str, parameter: Element) -> dict[str, Value]:
+        """Return the value of a parameter, of an array those of all elements in row-major order."""
+        element = parameter[0]
+        names = elements(member, name)
+        texts = [node.get("value", "") for node in element.iterfind("ssv:Value", NAMESPACES)]
+        is_array = len(names) > 1
+        if not texts:
+            text = element.get("value", "")
+            texts = text.split() if is_array else [text]
+        try:
+            _check_shape(parameter, name, member, f"member {member.name}: {name}")
+        except UserError as error:
+            raise self._error(str(error)) from error
+        if len(texts) != len(names):
+            raise self._error(
+                f"member {member.name}: {name}: has {len(texts)} values; expected {len(names)}"
+            )
+        return {
+            each: self._value(member, each, element, text)
+            for each, text in zip(names, texts, strict=True)
+        }
+
+    def _value(self, member: Member, name: str, element: Element, text: str) -> Value:
+        """Return the value of a scalar parameter in the FMU's unit."""
         try:
             signal = variable(member, name)
         except UserError as error:
             raise self._error(str(error)) from error
         where = f"member {member.name}: {name}"
         kinds = _PARAMETER_TYPES[element.tag]
-        text = element.get("value", "")
         if signal.type not in kinds:
             raise self._error(f"{where}: given as {kinds[0]}, but the FMU has it as {signal.type}")
         if signal.type == "string":
             return text
+        if element.tag == tag("ssv:Enumeration"):
+            return self._item(member, name, text)
         if signal.type == "boolean":
             if text not in _BOOLEANS:
                 raise self._error(f"{where}: {text!r} is neither true nor false")
@@ -294,6 +326,18 @@ class _SspReader:
         except ValueError as error:
             raise self._error(f"{where}: {text!r} is not a number") from error
 
+    def _item(self, member: Member, name: str, text: str) -> float:
+        """Return the number of an item of an enumeration, given its name."""
+        enumeration = _variables_of(member)[name].declaredType
+        listed = enumeration.items if enumeration is not None else None
+        items = {item.name: float(item.value) for item in listed or ()}
+        if text not in items:
+            raise self._error(
+                f"member {member.name}: {name}: {text!r} is no item of its enumeration; items are"
+                f" {', '.join(items) or 'none'}"
+            )
+        return items[text]
+
     # --- connections
 
     def _read_system_connectors(self, declared: Sequence[Element]) -> _SystemConnectors:
@@ -305,6 +349,10 @@ class _SspReader:
                     f"connector {connector.get('name')!r} of the system is {kind}; known: input,"
                     " output"
                 )
+            where = f"connector {connector.get('name')!r} of the system"
+            self._check_exchanged(connector, where)
+            if connector.find("ssc:Dimension", NAMESPACES) is not None:
+                raise self._error(f"{where} is an array (it has a Dimension); known are scalars")
         inputs = [self._get(c, "name") for c in declared if c.get("kind") == "input"]
         outputs = [self._get(c, "name") for c in declared if c.get("kind") == "output"]
         return _SystemConnectors({name: [] for name in inputs}, outputs)
@@ -445,7 +493,8 @@ def _check_connectors(element: Element, member: Member) -> None:
     for connector in element.iterfind("ssd:Connectors/ssd:Connector", NAMESPACES):
         name = connector.get("name", "")
         where = f"connector {name!r}"
-        _check_shape(connector, member, where)
+        check_exchanged(connector, where)
+        _check_shape(connector, name, member, where)
         for element_name in elements(member, name):
             if element_name not in variables:
                 raise UserError(
@@ -454,22 +503,25 @@ def _check_connectors(element: Element, member: Member) -> None:
             scalar = variables[element_name]
             kind = connector.get("kind", "")
             actual = scalar.causality or "local"
-            if kind != actual:
+            # a size of arrays is a parameter here
+            if kind != actual and (kind, actual) != ("structuralParameter", "parameter"):
                 raise UserError(
                     f"{where} is declared as {kind or 'no kind'}, but in the FMU it is {actual}"
                 )
             _check_type_and_unit(connector, scalar, where)
 
 
-def _check_shape(connector: Element, member: Member, where: str) -> None:
-    """Compare the declared size of an array with that of the variable; UserError if it differs."""
-    sizes = [node.get("size") for node in connector.iterfind("ssd:Dimension", NAMESPACES)]
-    if not sizes or None in sizes:  # the size may be that of another connector
-        return
-    variable = declared(member).get(connector.get("name", ""))
-    actual = [] if variable is None else [str(size) for size in variable.shape]
-    if sizes != actual:
-        given = " by ".join(map(str, sizes))
+def _check_shape(element: Element, name: str, member: Member, where: str) -> None:
+    """Compare the declared size of an array with that of the variable; UserError if it differs.
+
+    A size that is not declared, or is that of another connector, is the variable's own.
+    """
+    sizes = [node.get("size") for node in element.iterfind("ssc:Dimension", NAMESPACES)]
+    found = declared(member).get(name)
+    actual = [] if found is None else [str(size) for size in found.shape]
+    is_same = [size or own for size, own in zip(sizes, actual, strict=False)] == actual
+    if sizes and not (is_same and len(sizes) == len(actual)):
+        given = " by ".join(size or "any" for size in sizes)
         raise UserError(
             f"{where} is declared as {given} elements, but in the FMU it has"
             f" {' by '.join(actual) or 'no dimension'}"

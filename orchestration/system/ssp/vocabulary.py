@@ -6,6 +6,7 @@ are those of 1.0.
 
 from __future__ import annotations
 
+import re
 from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError
@@ -41,6 +42,10 @@ _OTHERS = {"Boolean": ("boolean",), "String": ("string",), "Enumeration": ("inte
 TYPES: dict[str, tuple[str, ...]] = {**_REALS, **_INTEGERS, **_WIDE, **_OTHERS}
 
 
+_VERSION = re.compile(r"[12]\.\d+(\.\d+)?(-.+)?")
+_NOT_EXCHANGED = ("Binary", "Clock")
+
+
 def tag(name: str) -> str:
     """Return the qualified name, as ElementTree has it, of ``prefix:name``."""
     prefix, _, local = name.partition(":")
@@ -56,7 +61,7 @@ _CONTENTS = {
     "ssd:Elements": "ssd:Component ssd:System ssd:SignalDictionaryReference",
     "ssd:Component": "ssd:Connectors ssd:ParameterBindings",
     "ssd:Connectors": "ssd:Connector",
-    "ssd:Connector": " ".join(("ssd:Dimension", *(f"ssc:{name}" for name in (*TYPES, "Binary")))),
+    "ssd:Connector": " ".join(f"ssc:{name}" for name in (*TYPES, *_NOT_EXCHANGED, "Dimension")),
     "ssd:Connections": "ssd:Connection",
     "ssd:Connection": "ssc:LinearTransformation",
     "ssd:ParameterBindings": "ssd:ParameterBinding",
@@ -66,11 +71,11 @@ _CONTENTS = {
     "ssv:ParameterSet": "ssv:Parameters",
     "ssv:Parameters": "ssv:Parameter",
 }
-# Elements that are ignored: graphics, annotations, and definitions of known names.
+# Elements that are ignored: graphics, annotations, signatures, and definitions of known names.
 _IGNORED = (
     "ssd:Annotations ssc:Annotations ssv:Annotations ssd:ElementGeometry ssd:SystemGeometry"
     " ssd:ConnectorGeometry ssd:ConnectionGeometry ssd:GraphicalElements ssd:Units ssd:Enumerations"
-    " ssv:Units ssv:Enumerations"
+    " ssv:Units ssv:Enumerations ssc:MetaData ssc:Signature"
 )
 _ALLOWED = {
     tag(name): {tag(child) for child in children.split()} for name, children in _CONTENTS.items()
@@ -96,10 +101,42 @@ def check_elements(element: Element) -> None:
         if node.tag in _IGNORED_TAGS:
             continue
         if element.tag in _ALLOWED and node.tag not in _ALLOWED[element.tag]:
+            names = {name.rpartition("}")[2] for name in _ALLOWED[element.tag]}
+            known = ", ".join(sorted(names.difference(_NOT_EXCHANGED)))
             raise UserError(
-                f"{_describe(node)}, in {_describe(element)}, is not known to this program"
+                f"{_describe(node)}, in {_describe(element)}, is not known to this program; known:"
+                f" {known or 'nothing'}"
             )
         check_elements(node)
+
+
+def check_version(element: Element, where: str) -> None:
+    """Refuse a description, or a parameter set, of a version of SSP that is neither 1 nor 2.
+
+    Raises
+    ------
+    UserError
+        With the version, beginning with `where`.
+    """
+    version = element.get("version", "")
+    if _VERSION.fullmatch(version) is None:
+        raise UserError(
+            f"{where}: SSP version {version[:40] or 'not stated'}; this program knows SSP 1.0 and"
+            " 2.0"
+        )
+
+
+def check_exchanged(element: Element, where: str) -> None:
+    """Refuse a connector, or a parameter, of a type whose values this program does not exchange.
+
+    Raises
+    ------
+    UserError
+        If it is binary or a clock, beginning with `where`.
+    """
+    for node in element:
+        if local_name(node) in _NOT_EXCHANGED:
+            raise UserError(f"{where} is {local_name(node)}; known are {', '.join(TYPES)}")
 
 
 def local_name(element: Element) -> str:

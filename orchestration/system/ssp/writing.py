@@ -298,7 +298,7 @@ def _connector(
         node.set("unit", unit)
         used_units.add(unit)
     for size in variable.shape if variable is not None else ():
-        SubElement(connector, tag("ssd:Dimension"), size=str(size))
+        SubElement(connector, tag("ssc:Dimension"), size=str(size))
     return connector
 
 
