@@ -31,7 +31,7 @@ help:
 	@echo "make soak       ten minutes at 100 Hz beside a hostile peer: memory and descriptors must stay flat; SECONDS=60 for a quick look"
 	@echo "make hil-latency the rig's server beside a bare ZeroMQ echo"
 	@echo "make benchmark  speed, as ratios measured in one run"
-	@echo "make dist       wheel and source distribution in dist/, FMUs and systems for all platforms in dist/release/"
+	@echo "make dist       wheel and source distribution in dist/, FMUs of FMI 2.0 and 3.0 and systems for all platforms in dist/release/, run in every tool that is here"
 
 demo: $(VENV)/installed
 	$(BIN)/ppy demo --out demo-output
@@ -114,6 +114,7 @@ dist: $(VENV)/installed-dev
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
 	$(BIN)/python -m studies.release.folder --out dist/release
+	$(BIN)/python -m tests.support.compatibility --out dist/release
 
 # The report is looked at in a real browser; without the rights to install one, that test says why it is skipped.
 chromium:

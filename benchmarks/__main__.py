@@ -23,12 +23,15 @@ from . import (
     stepping,
     stiff,
     sweeping,
+    versions,
+    wrapping,
 )
 from .tables import Topic
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"
 TOPICS: dict[str, Callable[[bool], Topic]] = {
     "step": stepping.measure,
+    "versions": versions.measure,
     "kernel": kernel.measure,
     "record": record.measure,
     "stiff": stiff.measure,
@@ -38,6 +41,7 @@ TOPICS: dict[str, Callable[[bool], Topic]] = {
     "pacing": pacing.measure,
     "sweeps": sweeping.measure,
     "isolation": isolating.measure,
+    "fmi3": wrapping.measure,
     "diagnose": diagnosing.measure,
     "split": diagnosing_split.measure,
     "laws": mapping.measure,

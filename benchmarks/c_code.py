@@ -30,7 +30,9 @@ def library(source: str, folder: str | Path) -> Path:
     shutil.copyfile(SOURCES / source, copy)
     path = copy.with_suffix(toolchain.EXTENSIONS[target])
     path.write_bytes(
-        toolchain.compile_library([copy], [toolchain.fmi_headers(2)], target, libraries=("m",))
+        toolchain.compile_library(
+            [copy], [*map(toolchain.fmi_headers, (2, 3))], target, libraries=("m",)
+        )
     )
     return path
 

@@ -48,3 +48,4 @@ from .simulation import simulate as simulate
 from .simulation import simulate_instance as simulate_instance
 from .source import RepeatedRuns as RepeatedRuns
 from .source import Source as Source
+from .wrapping import DeclaredVariable as DeclaredVariable

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 from fmus.kit import UserError
 from fmus.kit.storage import scratch
 from orchestration.fmu.bounded import FILE, TEXT, UNREADABLE, check_size, open_zip, parse_xml
-from orchestration.fmu.wrapping import translate, wrap
+from orchestration.fmu.wrapping import DeclaredVariable, Translation, translate, wrap
 
 _DESCRIPTION = "modelDescription.xml"
 _VARIABLES = "ModelVariables"
@@ -85,11 +85,18 @@ class Archive:
         return root
 
     @cached_property
+    def _translation(self) -> Translation:
+        return translate(self.description, str(self.path))
+
+    @property
     def as_fmi2(self) -> Element:
         """The model description in terms of FMI 2.0; UserError if it makes no sense."""
-        if self.version == 2:
-            return self.description
-        return translate(self.description, str(self.path)).root
+        return self.description if self.version == 2 else self._translation.root
+
+    @property
+    def declared(self) -> dict[str, DeclaredVariable]:
+        """Variables of FMI 3.0 by name; of an FMU of FMI 2.0 nothing."""
+        return {} if self.version == 2 else self._translation.declared
 
     @property
     def host_platform(self) -> str:

@@ -357,14 +357,20 @@ def known_class(path: Path) -> type[Component] | None:
         If it cannot be read.
     """
     from fmus import MODELS, component
-    from fmus.kit.build import build_cached
+    from fmus.kit.build import RUNTIMES, build_cached
 
     model = _read_model(str(path))
     described = read_description(path)
     name = described.modelName
     if model.cls is not None or name not in MODELS:
         return model.cls
-    builds = (build_cached(component(name), runtime) for runtime in ("native", "python"))
+    base = component(name)
+    with Archive(path) as archive:
+        version = archive.version
+    if version == 3 and base.engine is not None:  # a proxy, of which there is no such build
+        return None
+    runtimes = RUNTIMES if version == 2 else ("native",)
+    builds = (build_cached(base, runtime, version) for runtime in runtimes)
     if described.guid not in {read_description(build).guid for build in builds}:
         return None
     return restore_class(name, Provenance(component=name), model.parameters)

@@ -1,13 +1,13 @@
 """Mapping of columns to signals of a model: by equal names, or by ``--map column=signal[unit]``."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fmus.kit import UserError, suggestion
 from orchestration.records.instants import holds_instants, joined
 from orchestration.records.proposal import propose
 from orchestration.records.record import Repair, refuse
-from orchestration.records.table import Column, Table, split_header_cell
+from orchestration.records.table import INDEX, Column, Table, split_header_cell
 from orchestration.records.time_column import TIME, find_time, other_half
 from orchestration.reporting import option
 
@@ -55,7 +55,7 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
         signal, unit = split_header_cell(target)
         if (
             not (equals and column and signal)
-            or set("[]") & set(signal)
+            or set("[]") & set(INDEX.sub("", signal))
             or (unit is None and "[" in target)
         ):
             raise UserError(
@@ -64,7 +64,8 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
             )
         if column in mapping:
             raise UserError(f"{option('mapping', entry)}: column '{column}' is mapped twice")
-        if signal in (split_header_cell(other)[0] for other in mapping.values()):
+        is_element = INDEX.sub("", target) == signal  # whose index is no unit
+        if not is_element and signal in (split_header_cell(t)[0] for t in mapping.values()):
             raise UserError(f"{option('mapping', entry)}: signal '{signal}' is mapped twice")
         mapping[column] = target
     return mapping
@@ -164,7 +165,7 @@ def _mapped(
     """Match the columns that the user has renamed."""
     matches: dict[str, Match] = {}
     for name, target in mapping.items():
-        signal, unit = split_header_cell(target)
+        signal, unit = (target, None) if target in signals else split_header_cell(target)
         given_as = option("mapping", {name: target})
         if signal != TIME and signal not in signals:
             raise UserError(
@@ -191,15 +192,18 @@ def _complete_time(table: Table, matches: dict[str, Match], taken: list[Column])
 
 
 def _match_name(table: Table, signal: str, matches: dict[str, Match], taken: list[Column]) -> None:
-    """Take the column that has the name of a signal."""
-    free = [column for column in _free(table, taken) if column.name == signal]
+    """Take the column that has the name of a signal, of an element of an array with its index."""
+    free = [column for column in _free(table, taken) if signal in (column.name, column.title)]
     if len(free) > 1:
         raise refuse(
             table.path, f"{len(free)} columns are called '{signal}'; rename them, or keep one"
         )
     if free:
-        matches[signal] = Match(free[0], signal, None)
-        taken.append(free[0])
+        (column,) = free
+        taken.append(column)
+        is_index = column.name != signal and INDEX.search(signal) is not None
+        own = replace(column, name=signal, unit=None) if is_index else column
+        matches[signal] = Match(own, signal, None)
 
 
 def _match_members(

@@ -30,6 +30,8 @@ MISSING_CELLS = frozenset(
 )
 INFINITE_CELLS = {"1.#inf": np.inf, "-1.#inf": -np.inf}
 _HEADER_CELL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
+# of an element of an array, which belongs to its name: A[2,1]
+INDEX = re.compile(r"(?<=\S)\[\d+(?:,\d+)*\]")
 _NUMBER = re.compile(
     r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE | re.ASCII
 )

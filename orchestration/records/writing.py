@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmus.kit import UserError, files
+from orchestration.records.table import INDEX
 from orchestration.reporting import BackgroundWriter
 
 _EVERY = 2.0  # s between two pieces of a journal
@@ -33,7 +34,8 @@ def header(units: Mapping[str, str]) -> list[str]:
     cells = ["time [s]"]
     for name, given in units.items():
         unit = given or "1"
-        if not name or name != name.strip() or any(mark in name + unit for mark in '[]\r\n"'):
+        plain = INDEX.sub("", name) + unit
+        if not name or name != name.strip() or any(mark in plain for mark in '[]\r\n"'):
             raise ValueError(
                 f"signal '{name}' [{unit}]: brackets, quotes, line ends and outer spaces cannot be"
                 " written"

@@ -1,4 +1,4 @@
-"""Systems of FMUs: their model, checks, drawings, and files of SSP 1.0."""
+"""Systems of FMUs: their model, checks, drawings, and files of SSP."""
 
 import lazy_loader
 

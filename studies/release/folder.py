@@ -1,8 +1,9 @@
 """Write the release folder: ``python -m studies.release.folder --out dist/release``.
 
-It holds every component as ``fmu/native/NAME.fmu`` and ``fmu/python/NAME.fmu``, every system as
-``ssp/NAME.ssp``, ``manifest.json`` with what each file is, and ``SHA256SUMS``, which ``sha256sum
---check`` reads. The same sources give the same digests.
+It holds every component as ``fmu/native/NAME.fmu`` and ``fmu/python/NAME.fmu``, those with laws
+also as ``fmu/fmi3/NAME.fmu`` of FMI 3.0, every system as ``ssp/NAME.ssp``, ``manifest.json`` with
+what each file is, and ``SHA256SUMS``, which ``sha256sum --check`` reads. All of it is in
+``ppy-rig-VERSION-fmus.zip``, too. The same sources give the same digests.
 """
 
 from __future__ import annotations
@@ -18,12 +19,13 @@ from typing import Any
 
 from fmus import MODELS, component
 from fmus.kit import files
-from fmus.kit.build import RUNTIMES, available_platforms, build
+from fmus.kit.build import RUNTIMES, archive, available_platforms, build
 from fmus.kit.storage import scratch
 from orchestration.fmu import Archive
 from orchestration.system import NAMES, Member, System, library, ssp
 
 _PROJECT = "ppy-rig"
+SUMS = "SHA256SUMS"
 Tell = Callable[[str], None]
 
 
@@ -54,14 +56,22 @@ def write(
     """
     served = list(available_platforms() if platforms is None else platforms)
     for name in models:
+        cls = component(name)
         for runtime in RUNTIMES:
             tell(f"{name} ({runtime})")
-            contents = build(component(name), runtime, served)
-            files.write(out / "fmu" / runtime / f"{name}.fmu", contents)
+            files.write(out / "fmu" / runtime / f"{name}.fmu", build(cls, runtime, served))
+        if cls.engine is None:
+            tell(f"{name} (FMI 3.0)")
+            files.write(out / "fmu" / "fmi3" / f"{name}.fmu", build(cls, "native", served, fmi=3))
     for name in systems:
         tell(f"{name}.ssp")
         _write_system(out / "ssp" / f"{name}.ssp", library.system(name), served)
     _write_manifest(out, served)
+    released = [*out.glob("fmu/*/*.fmu"), *out.glob("ssp/*.ssp"), out / "manifest.json"]
+    contents = {
+        path.relative_to(out).as_posix(): path.read_bytes() for path in (*released, out / SUMS)
+    }
+    files.write(out / f"{_PROJECT}-{version(_PROJECT)}-fmus.zip", archive.pack(contents))
 
 
 def _write_system(path: Path, system: System, platforms: Sequence[str]) -> None:
@@ -87,7 +97,6 @@ def _write_manifest(out: Path, platforms: Sequence[str]) -> None:
     manifest = {
         "project": _PROJECT,
         "version": version(_PROJECT),
-        "fmi": "2.0",
         "platforms": list(platforms),
         "files": entries,
     }
@@ -95,7 +104,7 @@ def _write_manifest(out: Path, platforms: Sequence[str]) -> None:
     files.write(out / "manifest.json", text.encode())
     sums = [f"{entry['sha256']}  {entry['path']}" for entry in entries]
     sums.append(f"{sha256(text.encode()).hexdigest()}  manifest.json")
-    files.write(out / "SHA256SUMS", ("\n".join(sums) + "\n").encode())
+    files.write(out / SUMS, ("\n".join(sums) + "\n").encode())
 
 
 def _entry(out: Path, path: Path) -> dict[str, Any]:
@@ -107,9 +116,11 @@ def _entry(out: Path, path: Path) -> dict[str, Any]:
         "bytes": len(contents),
     }
     if path.suffix == ".fmu":
-        with Archive(path) as archive:
-            entry["guid"] = archive.description.get("guid", "")
-            entry["platforms"] = archive.platforms
+        with Archive(path) as opened:
+            described = opened.description
+            entry["fmi"] = described.get("fmiVersion", "")
+            entry["guid"] = described.get("guid", "") or described.get("instantiationToken", "")
+            entry["platforms"] = opened.platforms
     return entry
 
 

@@ -31,6 +31,8 @@ from benchmarks import (
     sizing,
     stepping,
     sweeping,
+    versions,
+    wrapping,
 )
 from benchmarks.tables import Table, Topic
 from benchmarks.timing import Times, pooled, take_turns
@@ -63,6 +65,13 @@ def test_step() -> None:
         assert f" of {other} (target" in str(topic)
 
 
+def test_versions() -> None:
+    topic = versions.measure(quick=True)
+    (table,) = topic.tables
+    assert list(rows(table)) == list(versions.COMPONENTS)
+    assert f"(target {versions.TARGET}, " in str(topic)
+
+
 def test_record() -> None:
     against, growth = record.measure(quick=True).tables
     assert list(rows(against)) == [record.BARE, record.PLAIN, record.SENSITIVE, record.MACHINE]
@@ -91,6 +100,13 @@ def test_isolation() -> None:
     (table,) = topic.tables
     assert list(rows(table)) == [stepping.NATIVE, stepping.YARDSTICK]
     assert str(topic).count("more a step (target 10") == 2
+
+
+@pytest.mark.slow
+def test_fmi3() -> None:
+    steps, arrays = wrapping.measure(quick=True).tables
+    assert list(rows(steps)) == list(wrapping.NAMES)
+    assert list(rows(arrays)) == ["1000", "10000"]
 
 
 @pytest.mark.slow

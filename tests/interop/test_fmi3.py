@@ -148,6 +148,16 @@ def test_a_host_that_handles_events_gets_what_one_without_does(fmu, name):
         assert difference.max() <= 1e-6 * size, output
 
 
+@pytest.mark.parametrize("exchange", [True, False])
+def test_an_event_tells_a_host_that_integrates_to_start_its_solver_again(fmu, tmp_path, exchange):
+    """By the nominals of states: one that does not integrate has no solver."""
+    given = {} if exchange else {"eventModeUsed": True}
+    with opened(fmu("foot", "native", 3), tmp_path / "foot", exchange, **given) as (one, _, _):
+        initialized(one)
+        _, _, nominals, values, _, _ = one.updateDiscreteStates()
+        assert (nominals, values) == (exchange, False)
+
+
 def test_steps_end_early_at_samples_only_where_the_host_allows_it(fmu, tmp_path):
     """The galvanostat converts every millisecond."""
     path = fmu("galvanostat", "native", 3)

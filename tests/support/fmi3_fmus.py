@@ -32,7 +32,7 @@ _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 _TAIL = "</fmiModelDescription>\n"
 _TIME = '<Float64 name="time" valueReference="0" causality="independent" variability="continuous"/>'
 
-_LAG = f"""
+LAG = f"""
   <UnitDefinitions>
     <Unit name="A"><BaseUnit A="1"/><DisplayUnit name="mA" factor="1000"/>
       <DisplayUnit name="kA" factor="0.001"/></Unit>
@@ -199,7 +199,7 @@ def wide_body(count: int) -> str:
 """
 
 
-_BODIES = {"lag": _LAG, "arrays": _ARRAYS, "sawtooth": _SAWTOOTH, "types": _types()}
+_BODIES = {"lag": LAG, "arrays": _ARRAYS, "sawtooth": _SAWTOOTH, "types": _types()}
 
 
 def description(name: str, body: str | None = None) -> str:

@@ -53,26 +53,6 @@ static bool update(Engine *engine, int group, double time) {
     return true;
 }
 
-double period_of(const Engine *engine, int group) {
-    const Group *of = &model_of(engine)->group[group];
-    return of->period_parameter < 0 ? of->period : engine->memory[of->period_parameter];
-}
-
-double sample_instant(const Engine *engine, int group) {
-    const Model *model = model_of(engine);
-    const double *memory = engine->memory;
-    double first = memory[model->start_time];
-    for (int i = 0; i < 2; i++) {
-        int parameter = model->group[group].shift_parameters[i];
-        first += parameter < 0 ? 0.0 : memory[parameter];
-    }
-    return first + memory[model->counters + group] * period_of(engine, group);
-}
-
-double sample_slack(const Engine *engine, int group, double end) {
-    return 1e-9 * period_of(engine, group) + 1e-15 * fabs(end);
-}
-
 bool sample(Engine *engine, double time, double end, double *target, Message message) {
     const Model *model = model_of(engine);
     double *counters = engine->memory + model->counters;

@@ -4,6 +4,8 @@
 
 #include "any_model.h"
 
+#include <math.h>
+
 enum { MAX_STEPS = 1000000 }; /* internal, in one communication step */
 
 struct Engine {
@@ -61,11 +63,26 @@ static bool engine_advance(Engine *engine, double time, double step, Message mes
 /* Makes the updates that are due and finds where the integration has to stop next: the next sample or `end`. */
 static bool sample(Engine *engine, double time, double end, double *target, Message message);
 
-static double period_of(const Engine *engine, int group);
-static double sample_instant(const Engine *engine, int group);
+static inline double period_of(const Engine *engine, int group) {
+    const Group *of = &model_of(engine)->group[group];
+    return of->period_parameter < 0 ? of->period : engine->memory[of->period_parameter];
+}
+
+static inline double sample_instant(const Engine *engine, int group) {
+    const Model *model = model_of(engine);
+    const double *memory = engine->memory;
+    double first = memory[model->start_time];
+    for (int i = 0; i < 2; i++) {
+        int parameter = model->group[group].shift_parameters[i];
+        first += parameter < 0 ? 0.0 : memory[parameter];
+    }
+    return first + memory[model->counters + group] * period_of(engine, group);
+}
 
 /* Times this close are the same instant: hosts round, and late in a simulation more than a share of the period. */
-static double sample_slack(const Engine *engine, int group, double end);
+static inline double sample_slack(const Engine *engine, int group, double end) {
+    return 1e-9 * period_of(engine, group) + 1e-15 * fabs(end);
+}
 
 /* Integrates the states from `time` to `target`, all else being held. */
 static bool integrate(Engine *engine, double time, double target, Message message);

@@ -38,7 +38,7 @@ def build(options: BuildCommand) -> None:
     from orchestration.reporting import out as screen
 
     names = options["names"] or []
-    fmi = int(options["fmi"])
+    fmi = options["fmi"]
     runtime = "native" if fmi == 3 and options["runtime"] == "both" else options["runtime"]
     folder = options["out"]
     if (options["laid_over"] or options["settings"]) and not names:

@@ -102,12 +102,7 @@ class BuildOptions(TypedDict, total=False):
         ),
     ]
     fmi: Annotated[
-        str,
-        Option(
-            "Version of FMI; 3 is native and goes to OUT/fmi3/NAME.fmu.",
-            default="2",
-            choices=("2", "3"),
-        ),
+        int, Option("Version of FMI, 2 or 3; 3 is native, in OUT/fmi3/NAME.fmu.", default=2)
     ]
     out: Annotated[Path, Option("Folder that gets RUNTIME/NAME.fmu.", default=Path("fmu"))]
 

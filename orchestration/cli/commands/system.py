@@ -116,7 +116,7 @@ def draw(options: DrawSystemCommand) -> None:
 @systems.command("export")
 @command(ExportSystemCommand)
 def export(options: ExportSystemCommand) -> None:
-    """Write a system with its FMUs as SSP 1.0, for any master that reads it."""
+    """Write a system with its FMUs as SSP, for any master that reads it."""
     from orchestration.reporting import wrote
     from orchestration.system import ssp
     from orchestration.system.ssp import ENDINGS

@@ -90,6 +90,24 @@ class TableRow(NamedTuple):
     elements: int
 
 
+class DeclaredVariable(NamedTuple):
+    """A variable as FMI 3.0 has it.
+
+    Attributes
+    ----------
+    kind : str
+        Its type in FMI 3.0.
+    shape : tuple of int
+        Empty for a scalar.
+    elements : tuple of str
+        Names of its elements in FMI 2.0; of a scalar its own.
+    """
+
+    kind: str
+    shape: tuple[int, ...]
+    elements: tuple[str, ...]
+
+
 @dataclass(frozen=True)
 class Translation:
     """A translated model description.
@@ -100,10 +118,13 @@ class Translation:
         ``fmiModelDescription`` of FMI 2.0; its value references are indices of elements.
     table : list of TableRow
         The variables whose elements these are, in their order.
+    declared : dict of str to DeclaredVariable
+        The same variables, and their aliases, by name.
     """
 
     root: Element
     table: list[TableRow]
+    declared: dict[str, DeclaredVariable]
 
 
 def translate(root: Element, label: str) -> Translation:
@@ -230,7 +251,16 @@ class _Translator:
             TableRow(_NUMBERS.index(_number_type(v.kind)), v.reference, v.count)
             for v in self._variables.values()
         ]
-        return Translation(root, table)
+        return Translation(root, table, self._declared_variables())
+
+    def _declared_variables(self) -> dict[str, DeclaredVariable]:
+        declared = {}
+        for variable in self._variables.values():
+            for own in (variable.node, *variable.node.iterfind("Alias")):
+                name = own.get("name", "")
+                elements = tuple(variable.names(name))
+                declared[name] = DeclaredVariable(variable.kind, variable.shape, elements)
+        return declared
 
     # --- what is read
 

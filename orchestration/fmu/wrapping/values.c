@@ -128,16 +128,35 @@ static int holds(type t, double number) {
     return number >= ranges[t].low && number <= ranges[t].high && number == (double)(long long)number;
 }
 
+static int is_same(const direct_call *d, const fmi2ValueReference elements[], size_t count) {
+    return count > 0 && d->count == count && !memcmp(d->elements, elements, count * sizeof *elements);
+}
+
+static void remember(component *c, direct_call *d, const fmi2ValueReference elements[], const selection *s) {
+    fmi2ValueReference *own = realloc(d->elements, s->given * sizeof *own);
+    if (own) d->elements = own;
+    fmi3ValueReference *references = realloc(d->references, s->variables * sizeof *references);
+    if (references) d->references = references;
+    d->count = own && references ? s->given : 0;
+    d->variables = s->variables;
+    if (!d->count) return;
+    memcpy(own, elements, s->given * sizeof *own);
+    memcpy(references, c->references, s->variables * sizeof *references);
+}
+
 static fmi2Status worse(fmi2Status a, fmi2Status b) { return a > b ? a : b; }
 
 /* Read numbers of any types. */
 static fmi2Status read_row(component *c, const fmi2ValueReference elements[], size_t count, double row[]) {
+    if (is_same(&c->reading, elements, count))
+        return CALL(c, GetFloat64, c->reading.references, c->reading.variables, row, count);
     unsigned types;
     fmi2Status status = find_types(c, elements, count, &types);
     for (type t = 0; t < TYPE_String && status <= fmi2Warning; t++) {
         if (!(types & 1u << t)) continue;
         selection s = select_type(c, t, elements, count);
         int direct = t == TYPE_Float64 && s.in_order && s.given == count;
+        if (direct) remember(c, &c->reading, elements, &s);
         status = worse(status, get(c, t, &s, direct ? row : c->values));
         if (direct || status > fmi2Warning) continue;
         for (size_t i = 0; i < count; i++)
@@ -146,27 +165,71 @@ static fmi2Status read_row(component *c, const fmi2ValueReference elements[], si
     return status;
 }
 
+/* Keep elements of a type for initialization mode. */
+static fmi2Status postpone(component *c, type t, const fmi2ValueReference elements[], size_t count,
+                           const double row[]) {
+    size_t needed = c->late_count + count;
+    if (needed > c->late_room) {
+        size_t room = 2 * needed;
+        fmi2ValueReference *late = realloc(c->late_elements, room * sizeof *late);
+        if (late) c->late_elements = late;
+        double *values = realloc(c->late_row, room * sizeof *values);
+        if (values) c->late_row = values;
+        if (!late || !values) {
+            tell(c, fmi2Error, "there is no memory for %lu values", (unsigned long)needed);
+            return fmi2Error;
+        }
+        c->late_room = room;
+    }
+    for (size_t i = 0; i < count; i++) {
+        if (owner(c, elements[i])->type != t) continue;
+        c->late_elements[c->late_count] = elements[i];
+        c->late_row[c->late_count++] = row[i];
+    }
+    return fmi2OK;
+}
+
+static int all_hold(component *c, type t, const fmi2ValueReference elements[], size_t count, const double row[]) {
+    for (size_t i = 0; i < count; i++) {
+        const variable *v = owner(c, elements[i]);
+        if (v->type == t && !holds(t, row[i])) {
+            tell(c, fmi2Error, "%.17g is no value of the type of value reference %lu", row[i],
+                 (unsigned long)v->reference);
+            return 0;
+        }
+    }
+    return 1;
+}
+
 /* Write numbers of any types; elements of a variable that are not given keep their values. */
 static fmi2Status write_row(component *c, const fmi2ValueReference elements[], size_t count, const double row[]) {
+    if (is_same(&c->writing, elements, count))
+        return CALL(c, SetFloat64, c->writing.references, c->writing.variables, row, count);
     unsigned types;
     fmi2Status status = find_types(c, elements, count, &types);
     for (type t = 0; t < TYPE_String && status <= fmi2Warning; t++) {
         if (!(types & 1u << t)) continue;
         selection s = select_type(c, t, elements, count);
         int direct = t == TYPE_Float64 && s.in_order && s.given == count;
-        if (!s.in_order) status = worse(status, get(c, t, &s, c->values));
-        for (size_t i = 0; i < count && !direct && status <= fmi2Warning; i++) {
-            if (owner(c, elements[i])->type != t) continue;
-            if (!holds(t, row[i])) {
-                tell(c, fmi2Error, "%.17g is no value of the type of value reference %lu", row[i],
-                     (unsigned long)owner(c, elements[i])->reference);
-                return fmi2Error;
-            }
-            put(t, c->values, c->places[i], row[i]);
+        if (direct) remember(c, &c->writing, elements, &s);
+        if (!all_hold(c, t, elements, count, row)) return fmi2Error;
+        if (!s.in_order && !c->entered) {
+            status = worse(status, postpone(c, t, elements, count, row));
+            continue;
         }
+        if (!s.in_order) status = worse(status, get(c, t, &s, c->values));
+        for (size_t i = 0; i < count && !direct && status <= fmi2Warning; i++)
+            if (owner(c, elements[i])->type == t) put(t, c->values, c->places[i], row[i]);
         if (status <= fmi2Warning) status = worse(status, set(c, t, &s, direct ? row : c->values));
     }
     return status;
+}
+
+fmi2Status write_late(component *c) {
+    size_t count = c->late_count;
+    c->entered = 1;
+    c->late_count = 0;
+    return count ? write_row(c, c->late_elements, count, c->late_row) : fmi2OK;
 }
 
 static fmi2Status read_whole(component *c, const fmi2ValueReference elements[], size_t count, int values[]) {

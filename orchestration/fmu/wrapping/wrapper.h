@@ -43,6 +43,13 @@ typedef struct {
     unsigned long selected; /* ... if this is the present selection */
 } variable;
 
+/* The last call that moved Float64 variables, whole and in their order, as most calls do: it is made again unseen. */
+typedef struct {
+    size_t count, variables; /* elements, 0 without such a call; variables */
+    fmi2ValueReference *elements;
+    fmi3ValueReference *references;
+} direct_call;
+
 typedef struct {
     functions call;
     fmi3Instance instance;
@@ -57,6 +64,12 @@ typedef struct {
     size_t *places, place_room;
     void *values, *derivatives;
     double *row;
+    direct_call reading, writing;
+    /* elements of arrays that were set before initialization mode, in which the others of their arrays can be read */
+    int entered; /* whether it was entered */
+    size_t late_count, late_room;
+    fmi2ValueReference *late_elements;
+    double *late_row;
     /* what FMI 2.0 tells at one time and FMI 3.0 at another */
     const fmi2CallbackFunctions *callbacks;
     char *name;
@@ -76,5 +89,6 @@ fmi2Status lacking(const component *c, const char *function);
 void tell(const component *c, fmi2Status status, const char *format, ...);
 int load(component *c); /* read the table and load the library of the FMU; tells why not */
 void unload(component *c);
+fmi2Status write_late(component *c); /* set what had to wait for initialization mode */
 
 #endif

@@ -1,4 +1,4 @@
-"""Files of SSP 1.0: archives ``.ssp`` with FMUs, and descriptions ``.ssd`` beside their files."""
+"""Files of SSP: archives ``.ssp`` with FMUs, and descriptions ``.ssd`` beside their files."""
 
 import lazy_loader
 

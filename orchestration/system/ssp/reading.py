@@ -1,4 +1,4 @@
-"""Reading of systems from SSP 1.0 files; contents that this program cannot process are refused."""
+"""Reading of systems from SSP files; contents that this program cannot process are refused."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from orchestration.fmu.bounded import parse_xml
 from orchestration.fmu.signal import read_signal, type_of
 from orchestration.system.checking import conversion, interface, variable
 from orchestration.system.model import Connection, Member, Port, System
+from orchestration.system.ssp.arrays import declared, elements
 from orchestration.system.ssp.package import Package
 from orchestration.system.ssp.vocabulary import (
     CONNECTORS,
@@ -23,21 +24,19 @@ from orchestration.system.ssp.vocabulary import (
     NAMESPACES,
     OUTSIDE,
     STEP,
+    TYPES,
     check_elements,
+    check_exchanged,
+    check_version,
     local_name,
     tag,
 )
 
-_PARAMETER_TYPES = {
-    tag(f"ssv:{kind.capitalize()}"): kind for kind in ("real", "integer", "boolean", "string")
-}
-_CONNECTOR_TYPES = {
-    tag("ssc:Real"): "real",
-    tag("ssc:Integer"): "integer",
-    tag("ssc:Enumeration"): "integer",
-    tag("ssc:Boolean"): "boolean",
-    tag("ssc:String"): "string",
-    tag("ssc:Binary"): "binary",
+_PARAMETER_TYPES = {tag(f"ssv:{name}"): kinds for name, kinds in TYPES.items()}
+_CONNECTOR_TYPES = {tag(f"ssc:{name}"): kinds for name, kinds in TYPES.items()}
+_OTHER_IMPLEMENTATIONS = {
+    "ModelExchange": "model exchange",
+    "ScheduledExecution": "scheduled execution",
 }
 _BOOLEANS = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
 _IDENTITY = (1.0, 0.0)  # factor and offset
@@ -72,11 +71,7 @@ def read(path: Path, folder: Path) -> System:
                 f"{path}: {package.description} is a {local_name(root)}, not a"
                 " SystemStructureDescription"
             )
-        version = root.get("version", "")
-        if not version.startswith("1."):
-            raise UserError(
-                f"{path}: SSP version {version or 'not stated'}; this program knows SSP 1.0"
-            )
+        check_version(root, f"{path}: {package.description}")
         systems = root.findall("ssd:System", NAMESPACES)
         if len(systems) != 1:
             raise UserError(
@@ -148,6 +143,12 @@ class _SspReader:
         except UserError as error:
             raise self._error(str(error)) from error
 
+    def _check_exchanged(self, element: Element, where: str) -> None:
+        try:
+            check_exchanged(element, where)
+        except UserError as error:
+            raise self._error(str(error)) from error
+
     def read_system(self, root: Element, top: Element) -> System:
         """Read the system in the element `top`."""
         members = self._read_members(top)
@@ -156,9 +157,7 @@ class _SspReader:
         connectors = self._read_system_connectors(declared)
         connections = []
         for wire in _find_all(parts, "ssd:Connections/ssd:Connection"):
-            connection = self._read_connection(wire, members, connectors)
-            if connection is not None:
-                connections.append(connection)
+            connections += self._read_connection(wire, members, connectors)
         unconnected = set(connectors.output_names) - set(connectors.outputs)
         if unconnected:
             raise self._error(f"system output {min(unconnected)} is connected with nothing")
@@ -213,7 +212,7 @@ class _SspReader:
                     f"parameter {name!r} of the system is not of the form member.parameter"
                 )
             member = members[owner]
-            parameters = {**member.parameters, parameter: self._value(member, parameter, value)}
+            parameters = {**member.parameters, **self._values(member, parameter, value)}
             members[owner] = replace(member, parameters=parameters)
         return members
 
@@ -230,9 +229,10 @@ class _SspReader:
         kind = element.get("type", FMU)
         if kind != FMU:
             raise self._error(f"member {name} is of type {kind}; this program runs FMUs")
-        if element.get("implementation", "any") == "ModelExchange":
+        other = _OTHER_IMPLEMENTATIONS.get(element.get("implementation", "any"))
+        if other is not None:
             raise self._error(
-                f"member {name} is to be run by model exchange; this program runs co-simulation"
+                f"member {name} is to be run by {other}; this program runs co-simulation"
             )
         try:
             member = Member(name, self._package.fmu(self._get(element, "source"), self._folder))
@@ -240,10 +240,9 @@ class _SspReader:
         except UserError as error:
             text = str(error).removeprefix(f"{self._package.path}: ")
             raise self._error(f"member {name}: {text}") from error
-        parameters = {
-            key: self._value(member, key, value)
-            for key, value in self._read_bindings(element, f"member {name}")
-        }
+        parameters: dict[str, Value] = {}
+        for key, value in self._read_bindings(element, f"member {name}"):
+            parameters |= self._values(member, key, value)
         return replace(member, parameters=parameters)
 
     def _read_bindings(self, element: Element, where: str) -> Iterator[tuple[str, Element]]:
@@ -259,9 +258,9 @@ class _SspReader:
                 name = binding.get("prefix", "") + self._get(parameter, "name")
                 if len(parameter) == 0 or parameter[0].tag not in _PARAMETER_TYPES:
                     kind = local_name(parameter[0]) if len(parameter) else "nothing"
-                    known = "known are Real, Integer, Boolean and String"
-                    raise self._error(f"{where}: parameter {name} is {kind}; {known}")
-                yield name, parameter[0]
+                    known = ", ".join(TYPES)
+                    raise self._error(f"{where}: parameter {name} is {kind}; known are {known}")
+                yield name, parameter
 
     def _read_parameters(self, binding: Element, where: str) -> list[Element]:
         """Return the parameters in a binding, and in the file that it refers to."""
@@ -275,22 +274,47 @@ class _SspReader:
                     f"{where}: {source} is a {local_name(parameter_set)}, not a ParameterSet"
                 )
             sets.append(parameter_set)
+        for each in sets:
+            check_version(each, f"{self._package.path}: {where}: {source or 'a ParameterSet'}")
         return _find_all(sets, "ssv:Parameters/ssv:Parameter")
 
-    def _value(self, member: Member, name: str, element: Element) -> Value:
-        """Return the value of a parameter in the FMU's unit."""
+    def _values(self, member: Member, name: str, parameter: Element) -> dict[str, Value]:
+        """Return the value of a parameter, of an array those of all elements in row-major order."""
+        element = parameter[0]
+        names = elements(member, name)
+        texts = [node.get("value", "") for node in element.iterfind("ssv:Value", NAMESPACES)]
+        is_array = len(names) > 1
+        if not texts:
+            text = element.get("value", "")
+            texts = text.split() if is_array else [text]
+        try:
+            _check_shape(parameter, name, member, f"member {member.name}: {name}")
+        except UserError as error:
+            raise self._error(str(error)) from error
+        if len(texts) != len(names):
+            raise self._error(
+                f"member {member.name}: {name}: has {len(texts)} values; expected {len(names)}"
+            )
+        return {
+            each: self._value(member, each, element, text)
+            for each, text in zip(names, texts, strict=True)
+        }
+
+    def _value(self, member: Member, name: str, element: Element, text: str) -> Value:
+        """Return the value of a scalar parameter in the FMU's unit."""
         try:
             signal = variable(member, name)
         except UserError as error:
             raise self._error(str(error)) from error
         where = f"member {member.name}: {name}"
-        kind = _PARAMETER_TYPES[element.tag]
-        text = element.get("value", "")
-        if kind != signal.type:
-            raise self._error(f"{where}: given as {kind}, but the FMU has it as {signal.type}")
-        if kind == "string":
+        kinds = _PARAMETER_TYPES[element.tag]
+        if signal.type not in kinds:
+            raise self._error(f"{where}: given as {kinds[0]}, but the FMU has it as {signal.type}")
+        if signal.type == "string":
             return text
-        if kind == "boolean":
+        if element.tag == tag("ssv:Enumeration"):
+            return self._item(member, name, text)
+        if signal.type == "boolean":
             if text not in _BOOLEANS:
                 raise self._error(f"{where}: {text!r} is neither true nor false")
             return _BOOLEANS[text]
@@ -301,6 +325,18 @@ class _SspReader:
             raise self._error(str(error) if where in str(error) else f"{where}: {error}") from error
         except ValueError as error:
             raise self._error(f"{where}: {text!r} is not a number") from error
+
+    def _item(self, member: Member, name: str, text: str) -> float:
+        """Return the number of an item of an enumeration, given its name."""
+        enumeration = _variables_of(member)[name].declaredType
+        listed = enumeration.items if enumeration is not None else None
+        items = {item.name: float(item.value) for item in listed or ()}
+        if text not in items:
+            raise self._error(
+                f"member {member.name}: {name}: {text!r} is no item of its enumeration; items are"
+                f" {', '.join(items) or 'none'}"
+            )
+        return items[text]
 
     # --- connections
 
@@ -313,6 +349,10 @@ class _SspReader:
                     f"connector {connector.get('name')!r} of the system is {kind}; known: input,"
                     " output"
                 )
+            where = f"connector {connector.get('name')!r} of the system"
+            self._check_exchanged(connector, where)
+            if connector.find("ssc:Dimension", NAMESPACES) is not None:
+                raise self._error(f"{where} is an array (it has a Dimension); known are scalars")
         inputs = [self._get(c, "name") for c in declared if c.get("kind") == "input"]
         outputs = [self._get(c, "name") for c in declared if c.get("kind") == "output"]
         return _SystemConnectors({name: [] for name in inputs}, outputs)
@@ -336,8 +376,11 @@ class _SspReader:
 
     def _read_connection(
         self, wire: Element, members: Mapping[str, Member], connectors: _SystemConnectors
-    ) -> Connection | None:
-        """Read a connection of members; one to a connector of the system is noted there."""
+    ) -> list[Connection]:
+        """Read a connection of members, of arrays one for each element.
+
+        One to a connector of the system is noted there.
+        """
         start = wire.get("startElement")
         source = self._get(wire, "startConnector")
         end = wire.get("endElement")
@@ -351,10 +394,12 @@ class _SspReader:
                 raise self._error(f"connection {where}: there is no member named {element!r}")
         transformation = self._read_transformation(wire)
         if start is not None and end is not None:
-            connection = Connection(Port(start, source), Port(end, target), *transformation)
+            whole = Connection(Port(start, source), Port(end, target), *transformation)
+            connections = self._of_elements(whole, members, where)
             if wire.get("suppressUnitConversion", "false") not in ("true", "1"):
-                self._refuse_ambiguous_factor(connection, members, where)
-            return connection
+                for connection in connections:
+                    self._refuse_ambiguous_factor(connection, members, where)
+            return connections
         if transformation != _IDENTITY:
             raise self._error(
                 f"connection {where}: a transformation at a connector of the system is not known"
@@ -378,7 +423,22 @@ class _SspReader:
             raise self._error(
                 f"connection {where}: leads from no input of the system, nor to an output of it"
             )
-        return None
+        return []
+
+    def _of_elements(
+        self, whole: Connection, members: Mapping[str, Member], where: str
+    ) -> list[Connection]:
+        """Return the connections of the elements of two variables, each with the next."""
+        source = whole.source
+        target = whole.target
+        sources = elements(members[source.member], source.variable)
+        targets = elements(members[target.member], target.variable)
+        if len(sources) != len(targets):
+            raise self._error(f"connection {where}: from {len(sources)} elements to {len(targets)}")
+        return [
+            replace(whole, source=Port(source.member, a), target=Port(target.member, b))
+            for a, b in zip(sources, targets, strict=True)
+        ]
 
     def _read_transformation(self, wire: Element) -> tuple[float, float]:
         """Read the factor and the offset of a connection."""
@@ -433,17 +493,39 @@ def _check_connectors(element: Element, member: Member) -> None:
     for connector in element.iterfind("ssd:Connectors/ssd:Connector", NAMESPACES):
         name = connector.get("name", "")
         where = f"connector {name!r}"
-        if name not in variables:
-            raise UserError(
-                f"{where}: the FMU has no variable of this name{suggestion(name, variables)}"
-            )
-        declared = connector.get("kind", "")
-        actual = variables[name].causality or "local"
-        if declared != actual:
-            raise UserError(
-                f"{where} is declared as {declared or 'no kind'}, but in the FMU it is {actual}"
-            )
-        _check_type_and_unit(connector, variables[name], where)
+        check_exchanged(connector, where)
+        _check_shape(connector, name, member, where)
+        for element_name in elements(member, name):
+            if element_name not in variables:
+                raise UserError(
+                    f"{where}: the FMU has no variable of this name{suggestion(name, variables)}"
+                )
+            scalar = variables[element_name]
+            kind = connector.get("kind", "")
+            actual = scalar.causality or "local"
+            # a size of arrays is a parameter here
+            if kind != actual and (kind, actual) != ("structuralParameter", "parameter"):
+                raise UserError(
+                    f"{where} is declared as {kind or 'no kind'}, but in the FMU it is {actual}"
+                )
+            _check_type_and_unit(connector, scalar, where)
+
+
+def _check_shape(element: Element, name: str, member: Member, where: str) -> None:
+    """Compare the declared size of an array with that of the variable; UserError if it differs.
+
+    A size that is not declared, or is that of another connector, is the variable's own.
+    """
+    sizes = [node.get("size") for node in element.iterfind("ssc:Dimension", NAMESPACES)]
+    found = declared(member).get(name)
+    actual = [] if found is None else [str(size) for size in found.shape]
+    is_same = [size or own for size, own in zip(sizes, actual, strict=False)] == actual
+    if sizes and not (is_same and len(sizes) == len(actual)):
+        given = " by ".join(size or "any" for size in sizes)
+        raise UserError(
+            f"{where} is declared as {given} elements, but in the FMU it has"
+            f" {' by '.join(actual) or 'no dimension'}"
+        )
 
 
 def _check_type_and_unit(connector: Element, scalar: Any, where: str) -> None:
@@ -457,7 +539,7 @@ def _check_type_and_unit(connector: Element, scalar: Any, where: str) -> None:
     for node in connector:
         if node.tag not in _CONNECTOR_TYPES:
             continue
-        if _CONNECTOR_TYPES[node.tag] != type_of(scalar):
+        if type_of(scalar) not in _CONNECTOR_TYPES[node.tag]:
             raise UserError(
                 f"{where} is declared as {local_name(node)}, but in the FMU it is {scalar.type}"
             )

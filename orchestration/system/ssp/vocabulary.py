@@ -1,7 +1,12 @@
-"""The vocabulary and grammar of SSP 1.0, as far as this program reads and writes it."""
+"""The vocabulary and grammar of SSP 1.0 and 2.0, as far as this program reads and writes it.
+
+In 2.0 a description may have the types of FMI 3.0, and connectors that are arrays; its namespaces
+are those of 1.0.
+"""
 
 from __future__ import annotations
 
+import re
 from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError
@@ -28,6 +33,19 @@ CONNECTORS = "ppy-rig.system-connectors"
 OUTSIDE = "Outside"
 
 
+# types of connectors and parameters, and what values of them are here
+_REALS = dict.fromkeys(("Float32", "Float64", "Real"), ("real",))
+_INTEGERS = dict.fromkeys(("Int8", "UInt8", "Int16", "UInt16", "Int32", "Integer"), ("integer",))
+# reals where they are only read, see `orchestration.fmu.wrapping`
+_WIDE = dict.fromkeys(("UInt32", "Int64", "UInt64"), ("integer", "real"))
+_OTHERS = {"Boolean": ("boolean",), "String": ("string",), "Enumeration": ("integer",)}
+TYPES: dict[str, tuple[str, ...]] = {**_REALS, **_INTEGERS, **_WIDE, **_OTHERS}
+
+
+_VERSION = re.compile(r"[12]\.\d+(\.\d+)?(-.+)?")
+_NOT_EXCHANGED = ("Binary", "Clock")
+
+
 def tag(name: str) -> str:
     """Return the qualified name, as ElementTree has it, of ``prefix:name``."""
     prefix, _, local = name.partition(":")
@@ -43,7 +61,7 @@ _CONTENTS = {
     "ssd:Elements": "ssd:Component ssd:System ssd:SignalDictionaryReference",
     "ssd:Component": "ssd:Connectors ssd:ParameterBindings",
     "ssd:Connectors": "ssd:Connector",
-    "ssd:Connector": "ssc:Real ssc:Integer ssc:Boolean ssc:String ssc:Enumeration ssc:Binary",
+    "ssd:Connector": " ".join(f"ssc:{name}" for name in (*TYPES, *_NOT_EXCHANGED, "Dimension")),
     "ssd:Connections": "ssd:Connection",
     "ssd:Connection": "ssc:LinearTransformation",
     "ssd:ParameterBindings": "ssd:ParameterBinding",
@@ -53,11 +71,11 @@ _CONTENTS = {
     "ssv:ParameterSet": "ssv:Parameters",
     "ssv:Parameters": "ssv:Parameter",
 }
-# Elements that are ignored: graphics, annotations, and definitions of known names.
+# Elements that are ignored: graphics, annotations, signatures, and definitions of known names.
 _IGNORED = (
     "ssd:Annotations ssc:Annotations ssv:Annotations ssd:ElementGeometry ssd:SystemGeometry"
     " ssd:ConnectorGeometry ssd:ConnectionGeometry ssd:GraphicalElements ssd:Units ssd:Enumerations"
-    " ssv:Units ssv:Enumerations"
+    " ssv:Units ssv:Enumerations ssc:MetaData ssc:Signature"
 )
 _ALLOWED = {
     tag(name): {tag(child) for child in children.split()} for name, children in _CONTENTS.items()
@@ -83,10 +101,42 @@ def check_elements(element: Element) -> None:
         if node.tag in _IGNORED_TAGS:
             continue
         if element.tag in _ALLOWED and node.tag not in _ALLOWED[element.tag]:
+            names = {name.rpartition("}")[2] for name in _ALLOWED[element.tag]}
+            known = ", ".join(sorted(names.difference(_NOT_EXCHANGED)))
             raise UserError(
-                f"{_describe(node)}, in {_describe(element)}, is not known to this program"
+                f"{_describe(node)}, in {_describe(element)}, is not known to this program; known:"
+                f" {known or 'nothing'}"
             )
         check_elements(node)
+
+
+def check_version(element: Element, where: str) -> None:
+    """Refuse a description, or a parameter set, of a version of SSP that is neither 1 nor 2.
+
+    Raises
+    ------
+    UserError
+        With the version, beginning with `where`.
+    """
+    version = element.get("version", "")
+    if _VERSION.fullmatch(version) is None:
+        raise UserError(
+            f"{where}: SSP version {version[:40] or 'not stated'}; this program knows SSP 1.0 and"
+            " 2.0"
+        )
+
+
+def check_exchanged(element: Element, where: str) -> None:
+    """Refuse a connector, or a parameter, of a type whose values this program does not exchange.
+
+    Raises
+    ------
+    UserError
+        If it is binary or a clock, beginning with `where`.
+    """
+    for node in element:
+        if local_name(node) in _NOT_EXCHANGED:
+            raise UserError(f"{where} is {local_name(node)}; known are {', '.join(TYPES)}")
 
 
 def local_name(element: Element) -> str:

@@ -1,9 +1,13 @@
-"""Writing of systems as SSP 1.0 files; the same system gives the same bytes."""
+"""Writing of systems as SSP files; the same system gives the same bytes.
+
+A system with an FMU of FMI 3.0 is of SSP 2.0, any other of SSP 1.0. A connection of all elements
+of two arrays is one of the arrays; a single element, for which SSP has no word, stands by its name.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
@@ -12,9 +16,10 @@ import numpy as np
 
 from fmus.kit import UserError, files, units
 from fmus.kit.build import archive, define_units, to_ssv
-from orchestration.fmu import Model, Signal
+from orchestration.fmu import DeclaredVariable, Model, Signal
 from orchestration.system.checking import check, interface, variable
-from orchestration.system.model import Connection, Member, Port, System
+from orchestration.system.model import Member, Port, System
+from orchestration.system.ssp.arrays import Wire, declared, variable_of, wires
 from orchestration.system.ssp.vocabulary import (
     CONNECTORS,
     DESCRIPTION,
@@ -27,6 +32,7 @@ from orchestration.system.ssp.vocabulary import (
     PARAMETERS,
     SSD,
     STEP,
+    TYPES,
     tag,
 )
 
@@ -135,26 +141,29 @@ def _describe(system: System, places: Mapping[str, _Places], connectors: bool) -
     for prefix, namespace in NAMESPACES.items():
         register_namespace(prefix, namespace)
     models = {member.name: interface(member) for member in system.members}
-    root = Element(tag("ssd:SystemStructureDescription"), version="1.0", name=system.name)
+    members = {member.name: member for member in system.members}
+    version = "2.0" if any(map(declared, system.members)) else "1.0"
+    root = Element(tag("ssd:SystemStructureDescription"), version=version, name=system.name)
     top = SubElement(root, tag("ssd:System"), name=system.name)
     if system.doc:
         top.set("description", system.doc)
     used_units: set[str] = set()
     outer, outer_wires = _system_connectors(system, models, used_units)
-    fed = {connection.target for connection in system.connections}
+    inner = wires(system.connections, members)
+    used = {port for wire in inner for port in (wire.source, wire.target)}
     if connectors:
-        fed |= {port for ports in system.inputs.values() for port in ports}
+        used |= {port for ports in system.inputs.values() for port in ports}
+        used |= set(system.outputs.values())
         top.extend([outer] if len(outer) else [])
     elements = SubElement(top, tag("ssd:Elements"))
     for member in system.members:
-        model = models[member.name]
-        inputs = [name for name in model.inputs if Port(member.name, name) in fed]
-        elements.append(_component(member, model, inputs, places[member.name], used_units))
-    wires = Element(tag("ssd:Connections"))
-    wires.extend(_wire(connection) for connection in system.connections)
+        own = _connectors(member, models[member.name], used, used_units)
+        elements.append(_component(member, own, places[member.name]))
+    connections = Element(tag("ssd:Connections"))
+    connections.extend(map(_wire, inner))
     if connectors:
-        wires.extend(outer_wires)
-    top.extend([wires] if len(wires) else [])
+        connections.extend(outer_wires)
+    top.extend([connections] if len(connections) else [])
     annotations = SubElement(top, tag("ssd:Annotations"))
     annotations.append(_master_annotation(system.step))  # OMSimulator reads the first one only
     if len(outer) and not connectors:
@@ -220,14 +229,29 @@ def _system_connectors(
     return connectors, wires
 
 
-def _component(
-    member: Member, model: Model, inputs: Sequence[str], places: _Places, used_units: set[str]
-) -> Element:
-    """Describe a member with its outputs, and those inputs that are connected.
+def _connectors(
+    member: Member, model: Model, used: Container[Port], used_units: set[str]
+) -> list[Element]:
+    """Describe the outputs of a member, and those inputs that are connected.
 
     fmpy fails on an input connector without a connection, so the others are omitted; they can be
     set all the same.
     """
+    described: dict[str, Element] = {}
+    for kind, signals in (("input", model.inputs), ("output", model.outputs)):
+        for name, signal in signals.items():
+            found = variable_of(member, name)
+            whole = name if found is None else found[0]
+            is_used = Port(member.name, whole) in used
+            if whole not in described and (is_used or kind == "output"):
+                described[whole] = _connector(whole, kind, signal, used_units, found and found[1])
+            if whole != name and Port(member.name, name) in used:
+                described[name] = _connector(name, kind, signal, used_units)
+    return list(described.values())
+
+
+def _component(member: Member, connectors: Sequence[Element], places: _Places) -> Element:
+    """Describe a member."""
     component = Element(
         tag("ssd:Component"),
         name=member.name,
@@ -235,42 +259,59 @@ def _component(
         source=places.fmu,
         implementation="CoSimulation",
     )
-    if inputs or model.outputs:
-        connectors = SubElement(component, tag("ssd:Connectors"))
-        for name in inputs:
-            connectors.append(_connector(name, "input", model.inputs[name], used_units))
-        for name, signal in model.outputs.items():
-            connectors.append(_connector(name, "output", signal, used_units))
+    if connectors:
+        SubElement(component, tag("ssd:Connectors")).extend(connectors)
     if places.parameters is not None:
         bindings = SubElement(component, tag("ssd:ParameterBindings"))
         SubElement(bindings, tag("ssd:ParameterBinding"), type=PARAMETERS, source=places.parameters)
     return component
 
 
-def _connector(name: str, kind: str, signal: Signal | None, used_units: set[str]) -> Element:
-    """Describe a connector with its type and unit, which is noted as used."""
+def _connector(
+    name: str,
+    kind: str,
+    signal: Signal | None,
+    used_units: set[str],
+    variable: DeclaredVariable | None = None,
+) -> Element:
+    """Describe a connector.
+
+    Parameters
+    ----------
+    name, kind : str
+    signal : Signal, optional
+        Type and unit, of an array those of an element.
+    used_units : set of str
+        Its unit is added.
+    variable : DeclaredVariable, optional
+        The variable of FMI 3.0, with its own type.
+    """
     connector = Element(tag("ssd:Connector"), name=name, kind=kind)
     if signal is None:
         return connector
-    node = SubElement(connector, tag(f"ssc:{signal.type.capitalize()}"))
+    type_name = signal.type.capitalize()
+    if variable is not None and variable.kind != "Enumeration":
+        type_name = variable.kind
+    node = SubElement(connector, tag(f"ssc:{type_name}"))
     unit = _with_known_unit(signal).unit
-    if signal.type == "real" and unit:
+    if TYPES[type_name] == ("real",) and unit:
         node.set("unit", unit)
         used_units.add(unit)
+    for size in variable.shape if variable is not None else ():
+        SubElement(connector, tag("ssc:Dimension"), size=str(size))
     return connector
 
 
-def _wire(connection: Connection) -> Element:
+def _wire(own: Wire) -> Element:
     """Return the element of a connection."""
-    source = connection.source
-    target = connection.target
+    connection = own.connection
     wire = Element(
         tag("ssd:Connection"),
         {
-            "startElement": source.member,
-            "startConnector": source.variable,
-            "endElement": target.member,
-            "endConnector": target.variable,
+            "startElement": own.source.member,
+            "startConnector": own.source.variable,
+            "endElement": own.target.member,
+            "endConnector": own.target.variable,
         },
     )
     if not connection.passes_on:

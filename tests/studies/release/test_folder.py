@@ -14,7 +14,7 @@ import pytest
 from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 
-from fmus import MODELS
+from fmus import COMPONENTS, MODELS
 from fmus.kit.build import available_platforms, host_platform
 from orchestration.system import NAMES
 from studies.release import folder
@@ -41,6 +41,7 @@ def test_every_file_is_in_the_manifest_with_its_digest(release):
         if path.suffix in (".fmu", ".ssp")
     }
     assert set(found) == {
+        "fmu/fmi3/galvanostat.fmu",
         "fmu/native/galvanostat.fmu",
         "fmu/python/galvanostat.fmu",
         "ssp/dma_bench.ssp",
@@ -51,7 +52,9 @@ def test_every_file_is_in_the_manifest_with_its_digest(release):
         assert listed[name]["sha256"] == sha256(path.read_bytes()).hexdigest()
         if path.suffix == ".fmu":
             assert validate_fmu(path) == []
-            assert listed[name]["guid"] == read_model_description(path).guid
+            described = read_model_description(path)
+            assert listed[name]["guid"] == described.guid
+            assert listed[name]["fmi"] == described.fmiVersion
 
 
 @pytest.mark.skipif(shutil.which("sha256sum") is None, reason="no sha256sum")
@@ -64,9 +67,18 @@ def test_the_digests_are_accepted_and_a_changed_byte_is_not(release, tmp_path):
     assert subprocess.run(check, cwd=tmp_path / "copy", capture_output=True).returncode == 1
 
 
+def test_one_archive_holds_all_of_it(release):
+    (path,) = release.glob("ppy-rig-*-fmus.zip")
+    with zipfile.ZipFile(path) as packed:
+        names = set(packed.namelist())
+        assert names == set(entries(release)) | {"manifest.json", "SHA256SUMS"}
+        assert all(packed.read(name) == (release / name).read_bytes() for name in names)
+
+
 def test_what_was_released_runs(release, tmp_path):
     native = release / "fmu" / "native" / "galvanostat.fmu"
     works("check", native, cwd=tmp_path)
+    works("check", release / "fmu" / "fmi3" / "galvanostat.fmu", cwd=tmp_path)
     works("simulate", release / "ssp" / "dma_bench.ssp", "--stop", "10ms", cwd=tmp_path)
 
 
@@ -77,7 +89,7 @@ def test_all_of_it_for_all_platforms_twice_the_same(tmp_path):
     sums = [(tmp_path / name / "SHA256SUMS").read_text() for name in ("one", "two")]
     assert sums[0] == sums[1]
     listed = entries(tmp_path / "one")
-    assert len(listed) == 2 * len(MODELS) + len(NAMES)
+    assert len(listed) == 2 * len(MODELS) + len(COMPONENTS) + len(NAMES)
     native = [entry for path, entry in listed.items() if path.startswith("fmu/native")]
     for entry in native:
         assert set(entry["platforms"]) == set(available_platforms())

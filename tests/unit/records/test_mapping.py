@@ -127,3 +127,28 @@ def test_a_column_is_found_by_its_whole_header(tmp_path):
     path = write(tmp_path, "time/s,I/mA,I/A\n0,5,1\n1,6,2\n")
     record = read_record(path, SIGNALS, mapping=parse_mapping(["I/A=current"]))
     assert record.signals["current"].tolist() == [1.0, 2.0]
+
+
+ELEMENTS = {"u[1]": "A", "u[2]": "A", "A[2,1]": "1"}
+
+
+@pytest.mark.parametrize("units", [True, False])
+def test_columns_of_elements_of_arrays_have_their_indices(tmp_path, units):
+    values = {name: np.sin((k + 1.0) * TIME) for k, name in enumerate(ELEMENTS)}
+    path = tmp_path / "r.csv"
+    write_record(path, TIME, values, ELEMENTS)
+    if not units:
+        header = '"time","u[1]","u[2]","A[2,1]"'
+        path.write_text("\n".join([header, *path.read_text().splitlines()[1:], ""]))
+    record = read_record(path, ELEMENTS)
+    for name, expected in values.items():
+        np.testing.assert_array_equal(record.signals[name], expected)
+
+
+def test_columns_are_mapped_to_elements_of_arrays(tmp_path):
+    values = {name: np.sin((k + 1.0) * TIME) for k, name in enumerate(("a", "b", "c"))}
+    write_record(tmp_path / "r.csv", TIME, values, {"a": "A", "b": "1", "c": "1"})
+    mapping = parse_mapping(["a=u[1]", "b=u[2] [mA]", "c=A[2,1]"])
+    record = read_record(tmp_path / "r.csv", ELEMENTS, mapping=mapping)
+    np.testing.assert_array_equal(record.signals["A[2,1]"], values["c"])
+    np.testing.assert_allclose(record.signals["u[2]"], 1e-3 * values["b"])

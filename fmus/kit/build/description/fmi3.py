@@ -48,7 +48,7 @@ def describe_fmi3(
     root = common.model_description(cls, version, identity)
     layout = cls.layout
     _interfaces(root, cls, can)
-    common.define_units(root, layout, ["s"])
+    common.define_units(root, layout, ["s", "1"])
     types = common.typed_reals(layout)
     if types:
         definitions = SubElement(root, "TypeDefinitions")
@@ -146,7 +146,7 @@ def _variables(root: Element, layout: Layout, indicators: int) -> None:
     for index in range(indicators):
         description = "changes its sign where a law switches"
         attributes = common.calculated(f"indicator[{index + 1}]", time + 1 + index, description)
-        SubElement(parent, "Float64", attributes)
+        SubElement(parent, "Float64", attributes | {"unit": "1"})
 
 
 def _first_own(layout: Layout) -> int:

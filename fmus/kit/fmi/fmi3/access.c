@@ -27,16 +27,22 @@ static fmi3Status get_own(Instance *instance, const char *function, Reference vr
     return fmi3OK;
 }
 
+static bool any_own(const Reference vr[], size_t n) {
+    for (size_t i = 0; i < n && vr != NULL; i++)
+        if (is_own(vr[i]))
+            return true;
+    return false;
+}
+
 EXPORT fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 value[],
                                  size_t n_values) {
     fmi3Status status = fmi3OK;
     if (!counted(c, __func__, n, n_values))
         return fmi3Error;
-    if (n == 0 || vr == NULL || value == NULL)
+    if (value == NULL || !any_own(vr, n))
         return get_reals(c, __func__, vr, n, value);
     for (size_t i = 0; i < n && status == fmi3OK; i++)
-        status = is_own(vr[i]) ? get_own(c, __func__, vr[i], value + i)
-                                                      : get_reals(c, __func__, vr + i, 1, value + i);
+        status = is_own(vr[i]) ? get_own(c, __func__, vr[i], value + i) : get_reals(c, __func__, vr + i, 1, value + i);
     return status;
 }
 

@@ -20,6 +20,13 @@ static double first_sample(const Engine *engine, double time, double end) {
     return first;
 }
 
+/* The size of a step, which is shorter where a sample comes before its end. */
+static double step_to_sample(const Instance *instance, double time, double step, bool *early) {
+    double end = time + step, stop = first_sample(instance->engine, time, end);
+    *early = stop < end;
+    return *early ? stop - time : step;
+}
+
 static bool sample_due(const Engine *engine, double time) {
     for (int i = 0; i < MODEL_GROUPS; i++)
         if (sample_instant(engine, i) <= time + sample_slack(engine, i, time))
@@ -30,7 +37,6 @@ static bool sample_due(const Engine *engine, double time) {
 EXPORT fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 step, fmi3Boolean no_set_state,
                              fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last) {
     Instance *instance = c;
-    double end = time + step, stop = end;
     fmi3Status status;
     (void)no_set_state;
     if (!allowed(instance, STEP_COMPLETE, __func__))
@@ -41,12 +47,12 @@ EXPORT fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 step,
     *last = instance->now.time;
     if (!step_valid(instance, __func__, time, step))
         return fmi3Error;
-    if (instance->host.event_mode && instance->host.early_return)
-        stop = first_sample(instance->engine, time, end);
-    status = advance(instance, time, stop < end ? stop - time : step);
+    status = advance(instance, time, instance->host.early_return ? step_to_sample(instance, time, step, early) : step);
     *last = instance->now.time;
-    *early = status == fmi3OK && stop < end;
-    *event = status == fmi3OK && instance->host.event_mode && sample_due(instance->engine, *last);
+    if (instance->host.event_mode && status == fmi3OK)
+        *event = sample_due(instance->engine, *last);
+    else
+        *early = false;
     return status;
 }
 

@@ -8,7 +8,7 @@ EXPORT fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String toke
                                                 fmi3Boolean early_return, const fmi3ValueReference intermediate[],
                                                 size_t n_intermediate, fmi3InstanceEnvironment environment,
                                                 fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback update) {
-    const Host host = {environment, log, event_mode, early_return};
+    const Host host = {environment, log, event_mode, event_mode && early_return};
     (void)visible;
     (void)intermediate; /* no intermediate update is declared: these are never wanted */
     (void)n_intermediate;

@@ -27,7 +27,7 @@ typedef struct {
     fmi3InstanceEnvironment environment;
     fmi3LogMessageCallback log;
     bool event_mode;   /* whether it handles the events of a co-simulation */
-    bool early_return; /* whether a step may end at an event */
+    bool early_return; /* whether a step may end at such an event */
 } Host;
 
 static const bool host_reads_formats = false;

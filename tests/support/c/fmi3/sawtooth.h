@@ -17,7 +17,7 @@ static void start(Model *m) {
 }
 static void evaluate(Model *m) { m->rate = m->slope; }
 static void advance(Model *m, double h) { m->x += m->slope * h; }
-static double next_event(const Model *m) { return (m->count + 1) * m->period; }
+static double next_event(const Model *m) { return m->period < 1e-3 ? INFINITY : (m->count + 1) * m->period; }
 static void handle_event(Model *m) {
     m->x = 0.0;
     m->count++;
@@ -31,8 +31,8 @@ static int misbehave(Model *m, fmi3Boolean *events, fmi3Boolean *terminate, fmi3
     case 4: /* returns early and gets nowhere */
         *early = 1;
         *last = m->time = 0.0;
-        m->count = 0;
-        m->period = 0.0;
+        m->count = -1;
+        m->period = 1e-3;
         return 1;
     }
     return 0;

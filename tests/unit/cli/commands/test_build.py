@@ -78,7 +78,7 @@ def test_build_for_some_platforms_and_for_all(tmp_path, monkeypatch):
 
     asked = []
     monkeypatch.setattr(
-        kit, "build", lambda cls, kind, platforms, progress, failed: asked.append(platforms) or b""
+        kit, "build", lambda cls, kind, platforms, *others: asked.append(platforms) or b""
     )
     for given in (["--platforms", "linux64, win64"], ["--platforms", "all"], []):
         assert (
@@ -105,3 +105,18 @@ def test_of_all_platforms_one_that_fails_is_named_and_the_rest_is_written(tmp_pa
     assert done.stdout.split() == [str(path)]
     assert f"noted: {path} is without win64: zig failed for win64: not done after" in done.stderr
     assert platforms_of(tmp_path / path) == ["aarch64-linux", "darwin64", "linux64"]
+
+
+def test_fmi_3_is_built_beside_and_checked(tmp_path):
+    options = ("--fmi", 3, "--platforms", host_platform())
+    path = Path("fmu/fmi3/pid.fmu")
+    assert Path(works("build", "pid", *options, cwd=tmp_path).strip()) == path
+    assert "no errors" in works("check", path, cwd=tmp_path)
+
+
+@pytest.mark.parametrize("given", ["4", "three", "3.5"])
+def test_a_version_that_there_is_not_is_refused_in_a_line(given, tmp_path):
+    done = here("build", "pid", "--fmi", given, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert "internal" not in done.stderr

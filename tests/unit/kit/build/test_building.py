@@ -78,3 +78,25 @@ def test_where_every_platform_fails_nothing_is_made(compiled_but_for):
 def test_unknown_runtime_is_refused():
     with pytest.raises(UserError, match="unknown runtime 'java'; there are: python, native"):
         build.build(fmus.component("ppy_actuator"), "java")
+
+
+@pytest.mark.parametrize(
+    ("name", "runtime", "version", "message"),
+    [
+        ("pid", "native", 4, "unknown version 4 of FMI; there are: 2, 3"),
+        ("pid", "python", 3, "pid: FMI 3.0 is built native, not python"),
+        ("pid", "pythonfmu", 3, "pid: FMI 3.0 is built native, not pythonfmu"),
+        ("rig_proxy", "native", 3, "rig_proxy has no laws, which a build of FMI 3.0 needs"),
+    ],
+)
+def test_a_version_that_cannot_be_built_is_refused(name, runtime, version, message):
+    with pytest.raises(UserError, match=message):
+        build.build(fmus.component(name), runtime, fmi=version)
+
+
+def test_platforms_of_fmi_3_are_named_after_their_architecture():
+    packed = build.build(fmus.component("pid"), "native", ["linux64"], fmi=3)
+    with zipfile.ZipFile(io.BytesIO(packed)) as archive:
+        names = set(archive.namelist())
+    assert "binaries/x86_64-linux/pid.so" in names
+    assert {"sources/buildDescription.xml", "terminalsAndIcons/terminalsAndIcons.xml"} <= names

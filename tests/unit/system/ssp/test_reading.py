@@ -156,8 +156,8 @@ WIRE = (
         ("ssd:Elements", "ssd:Parts", ["Parts, in System sample, is not known to this program"]),
         (
             'version="1.0" name="sample"',
-            'version="2.0" name="sample"',
-            ["SSP version 2.0", "knows SSP 1.0"],
+            'version="3.0" name="sample"',
+            ["SSP version 3.0", "knows SSP 1.0 and 2.0"],
         ),
         (
             'baseStepSize="0.30000000000000004"',

@@ -1,0 +1,190 @@
+"""Claims: FMUs of FMI 3.0 of anybody go through every command, alone and beside those of 2.0.
+
+The oracles are closed forms of small foreign FMUs written in C.
+"""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from scipy.linalg import expm
+from scipy.signal import lfilter
+
+from orchestration import master
+from orchestration.system import Member, Port, System, connect, ssp
+from tests.support.command import refused, works
+from tests.support.fmi3_fmus import LAG, build, changed, foreign
+from tests.support.hosts import build_one_state_fmu
+
+STEP = 0.05
+TIME = STEP * np.arange(801)
+U = 2.0 * np.sin(0.9 * TIME) + np.sin(2.3 * TIME + 1.0) + np.sign(np.sin(0.37 * TIME))
+pytestmark = pytest.mark.timeout(400)
+
+
+def lagged(gain: float, tau: float, u: np.ndarray = U) -> np.ndarray:
+    """y of ``tau dx/dt = gain u - x``, x(0) = 0.25, with u held, exactly."""
+    keep = np.exp(-STEP / tau)
+    forced, _ = lfilter([0.0, gain * (1.0 - keep)], [1.0, -keep], u, zi=[0.25])
+    return forced
+
+
+def write(path, y):
+    table = pd.DataFrame({"time": TIME, "u": U, "y": y})
+    table.to_csv(path, index=False)
+    return path
+
+
+def test_simulate_gives_the_closed_form(tmp_path):
+    record = write(tmp_path / "in.csv", 0.0 * U)
+    works(
+        *("simulate", foreign("lag"), "--input", record, "--set", "tau=0.2s", "--set", "k=3"),
+        *("--out", "out.csv"),
+        cwd=tmp_path,
+    )
+    found = pd.read_csv(tmp_path / "out.csv")
+    y = next(column for column in found if column.split("[")[0].split()[0] == "y")
+    scale = 1e-3 if "mA" in y else 1.0
+    np.testing.assert_allclose(scale * found[y], lagged(3.0, 0.2), rtol=0, atol=1e-12)
+
+
+def test_elements_of_arrays_go_through_files(tmp_path):
+    given = ("--set", "u[1]=2", "--set", "A[1,2]=0.25", "--stop", "1s", "--step", "0.5s")
+    works("simulate", foreign("arrays"), *given, "--out", "a.csv", cwd=tmp_path)
+    again = ("--input", "a.csv", "--set", "A[1,2]=0.25", "--out", "b.csv")
+    works("simulate", foreign("arrays"), *again, cwd=tmp_path)
+    assert (tmp_path / "a.csv").read_text() == (tmp_path / "b.csv").read_text()
+    assert list(pd.read_csv(tmp_path / "a.csv"))[1:3] == ["u[1] [1]", "y[1] [1]"]
+
+
+def test_a_sweep_runs_every_case(tmp_path):
+    works(
+        *("sweep", foreign("arrays"), "--over", "A[2,2]=-4,-1", "--over", "u[2]=1,2,5"),
+        *("--stop", "1s", "--step", "0.1s", "--keep", "last", "--out", "s.nc"),
+        cwd=tmp_path,
+    )
+    with xr.open_dataset(tmp_path / "s.nc") as found:
+        for rate in (-4.0, -1.0):
+            for level in (1.0, 2.0, 5.0):
+                a = np.array([[-1.0, 0.5, 0.0], [0.0, rate, 0.5], [0.0, 0.0, -3.0]])
+                forced = np.linalg.solve(a, [0.0, level, 0.0])
+                x = expm(a) @ (np.array([0.1, 0.2, 0.3]) + forced) - forced
+                case = found.sel({"A[2,2]": rate, "u[2]": level})
+                np.testing.assert_allclose(case["y[1]_last"], x[0] + x[2], rtol=1e-12)
+                np.testing.assert_allclose(case["y[2]_last"], x[1], rtol=1e-12)
+
+
+def test_parameters_are_identified(tmp_path):
+    random = np.random.default_rng(3)
+    record = write(tmp_path / "r.csv", lagged(1.7, 0.35) + random.normal(0.0, 0.01, TIME.size))
+    works(
+        *("identify", record, "--model", foreign("lag"), "--fit", "k,tau", "--json", "fit.json"),
+        cwd=tmp_path,
+    )
+    fit = json.loads((tmp_path / "fit.json").read_text())
+    for name, true in (("k", 1.7), ("tau", 0.35)):
+        found = fit["fitted"]["parameters"][name]
+        assert found["value"] == pytest.approx(true, rel=0.01)
+
+
+def test_what_a_sensor_does_is_named(tmp_path):
+    random = np.random.default_rng(4)
+    record = write(tmp_path / "r.csv", 0.3 + lagged(2.0, 0.5) + random.normal(0.0, 0.01, TIME.size))
+    works(
+        *("diagnose", record, "--model", foreign("lag"), "--json", "d.json", "--time", "60s"),
+        cwd=tmp_path,
+    )
+    found = json.loads((tmp_path / "d.json").read_text())
+    (cause,) = found["causes"]
+    assert (cause["effect"], cause["output"]) == ("sensor_offset", "y")
+    assert cause["parameters"]["y_offset"]["value"] == pytest.approx(0.3, abs=0.005)
+
+
+def mixed(folder):
+    """Of 2.0 one lag, which drives one of 3.0, which drives an element of an array."""
+    without_unit = LAG.replace(' unit="A" displayUnit="mA"', "").replace(' displayUnit="kA"', "")
+    members = (
+        Member("old", build_one_state_fmu(folder), {"tau": 0.3}),
+        Member("new", build("lag", folder, body=without_unit), {"k": 1.5}),
+        Member("rows", foreign("arrays"), {"u[2]": 0.5}),
+    )
+    links = connect("old.x -> new.u", "new.y -> rows.u[1]")
+    system = System("mixed", members, links, {"drive": (Port("old", "u"),)}, step=STEP, stop=2.0)
+    ssp.write(system, folder / "mixed.ssp")
+    return system
+
+
+def by_hand() -> np.ndarray:
+    """Outputs of the three members, each stepped with the newest output of the one before it."""
+    a = np.array([[-1.0, 0.5, 0.0], [0.0, -2.0, 0.5], [0.0, 0.0, -3.0]])
+    b = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0]])
+    whole = expm(STEP * np.block([[a, b], [np.zeros((2, 5))]]))
+    old, new, x = 0.0, 0.25, np.array([0.1, 0.2, 0.3])
+    rows = []
+    for _ in range(41):
+        rows.append([old, new, x[0] + x[2], x[1]])
+        old = 2.0 + (old - 2.0) * np.exp(-STEP / 0.3)
+        new = 1.5 * old + (new - 1.5 * old) * np.exp(-STEP / 0.5)
+        x = whole[:3, :3] @ x + whole[:3, 3:] @ [new, 0.5]
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("isolate", ["--isolate", "--no-isolate"])
+def test_members_of_both_versions_make_a_system(tmp_path, isolate):
+    mixed(tmp_path)
+    works(
+        *("run", "mixed.ssp", "--set", "inputs.drive=2", "--out", "r.nc", isolate),
+        cwd=tmp_path,
+    )
+    with xr.open_dataset(tmp_path / "r.nc") as found:
+        names = ("old.x", "new.y", "rows.y[1]", "rows.y[2]")
+        columns = np.column_stack([found[name] for name in names])
+    np.testing.assert_allclose(columns, by_hand(), rtol=0, atol=1e-12)
+
+
+def test_a_written_system_of_both_versions_runs_to_the_same_bits(tmp_path):
+    system = mixed(tmp_path)
+    read = ssp.read(tmp_path / "mixed.ssp", tmp_path / "unpacked")
+    drive = {"drive": np.full(41, 2.0)}
+    runs = [master.run(each, STEP * np.arange(41), drive) for each in (system, read)]
+    assert runs[0].signals.keys() == runs[1].signals.keys()
+    for name, values in runs[0].signals.items():
+        np.testing.assert_array_equal(values, runs[1].signals[name])
+
+
+def test_it_is_linearised_as_an_fmu_of_2_is(tmp_path):
+    works("linearise", foreign("arrays"), "--json", "l.json", cwd=tmp_path)
+    found = json.loads((tmp_path / "l.json").read_text())
+    np.testing.assert_allclose(found["A"], [[-1, 0.5, 0], [0, -2, 0.5], [0, 0, -3]], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('fmiVersion="3.0"', 'fmiVersion="4.0"', "FMI version 4.0; this program knows FMI 2.0 and"),
+        ('fmiVersion="3.0"', 'fmiVersion="1.0"', "FMI version 1.0; this program knows FMI 2.0 and"),
+        (
+            "</ModelVariables>",
+            '<Clock name="c" valueReference="50" intervalVariability="triggered"/>'
+            "</ModelVariables>",
+            "an FMU with clocks, such as c; this program ticks none",
+        ),
+        ('instantiationToken="lag"', 'instantiationToken="gal"', "instantiation token is another"),
+    ],
+)
+def test_what_cannot_be_run_is_refused_in_a_line(tmp_path, old, new, message):
+    path = changed("lag", tmp_path, old, new)
+    refused(tmp_path, "simulate", path, "--stop", "1s", parts=[message])
+
+
+@pytest.mark.parametrize("share", [0.2, 0.6, 0.97])
+def test_a_damaged_archive_is_refused_in_a_line(tmp_path, share):
+    whole = foreign("lag").read_bytes()
+    path = tmp_path / "cut.fmu"
+    path.write_bytes(whole[: int(share * len(whole))])
+    for command in ("simulate", "check", "info"):
+        refused(tmp_path, command, path, parts=["cut off"])
