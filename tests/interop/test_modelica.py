@@ -150,7 +150,7 @@ def test_units_of_its_equations_fit(name, files):
     """All but those of laws that are declared to compute with bare numbers."""
     model = f"PpyRig.{class_name(name)}"
     found, compared = misfits(flatten_by_pymoca(parse_by_pymoca(files), model))
-    assert len(found) == len(fmus.component(name).unchecked), found
+    assert len(found) <= len(fmus.component(name).unchecked), found
     assert compared > 5
 
 
