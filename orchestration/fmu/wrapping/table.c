@@ -151,6 +151,8 @@ void unload(component *c) {
     free(c->values);
     free(c->derivatives);
     free(c->row);
+    free(c->late_elements);
+    free(c->late_row);
     free(c->reading.elements);
     free(c->reading.references);
     free(c->writing.elements);

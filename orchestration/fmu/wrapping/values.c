@@ -165,6 +165,42 @@ static fmi2Status read_row(component *c, const fmi2ValueReference elements[], si
     return status;
 }
 
+/* Keep elements of a type for initialization mode. */
+static fmi2Status postpone(component *c, type t, const fmi2ValueReference elements[], size_t count,
+                           const double row[]) {
+    size_t needed = c->late_count + count;
+    if (needed > c->late_room) {
+        size_t room = 2 * needed;
+        fmi2ValueReference *late = realloc(c->late_elements, room * sizeof *late);
+        if (late) c->late_elements = late;
+        double *values = realloc(c->late_row, room * sizeof *values);
+        if (values) c->late_row = values;
+        if (!late || !values) {
+            tell(c, fmi2Error, "there is no memory for %lu values", (unsigned long)needed);
+            return fmi2Error;
+        }
+        c->late_room = room;
+    }
+    for (size_t i = 0; i < count; i++) {
+        if (owner(c, elements[i])->type != t) continue;
+        c->late_elements[c->late_count] = elements[i];
+        c->late_row[c->late_count++] = row[i];
+    }
+    return fmi2OK;
+}
+
+static int all_hold(component *c, type t, const fmi2ValueReference elements[], size_t count, const double row[]) {
+    for (size_t i = 0; i < count; i++) {
+        const variable *v = owner(c, elements[i]);
+        if (v->type == t && !holds(t, row[i])) {
+            tell(c, fmi2Error, "%.17g is no value of the type of value reference %lu", row[i],
+                 (unsigned long)v->reference);
+            return 0;
+        }
+    }
+    return 1;
+}
+
 /* Write numbers of any types; elements of a variable that are not given keep their values. */
 static fmi2Status write_row(component *c, const fmi2ValueReference elements[], size_t count, const double row[]) {
     if (is_same(&c->writing, elements, count))
@@ -176,19 +212,24 @@ static fmi2Status write_row(component *c, const fmi2ValueReference elements[], s
         selection s = select_type(c, t, elements, count);
         int direct = t == TYPE_Float64 && s.in_order && s.given == count;
         if (direct) remember(c, &c->writing, elements, &s);
-        if (!s.in_order) status = worse(status, get(c, t, &s, c->values));
-        for (size_t i = 0; i < count && !direct && status <= fmi2Warning; i++) {
-            if (owner(c, elements[i])->type != t) continue;
-            if (!holds(t, row[i])) {
-                tell(c, fmi2Error, "%.17g is no value of the type of value reference %lu", row[i],
-                     (unsigned long)owner(c, elements[i])->reference);
-                return fmi2Error;
-            }
-            put(t, c->values, c->places[i], row[i]);
+        if (!all_hold(c, t, elements, count, row)) return fmi2Error;
+        if (!s.in_order && !c->entered) {
+            status = worse(status, postpone(c, t, elements, count, row));
+            continue;
         }
+        if (!s.in_order) status = worse(status, get(c, t, &s, c->values));
+        for (size_t i = 0; i < count && !direct && status <= fmi2Warning; i++)
+            if (owner(c, elements[i])->type == t) put(t, c->values, c->places[i], row[i]);
         if (status <= fmi2Warning) status = worse(status, set(c, t, &s, direct ? row : c->values));
     }
     return status;
+}
+
+fmi2Status write_late(component *c) {
+    size_t count = c->late_count;
+    c->entered = 1;
+    c->late_count = 0;
+    return count ? write_row(c, c->late_elements, count, c->late_row) : fmi2OK;
 }
 
 static fmi2Status read_whole(component *c, const fmi2ValueReference elements[], size_t count, int values[]) {

@@ -97,8 +97,11 @@ FMI2_Export fmi2Status fmi2EnterInitializationMode(fmi2Component p) {
     component *c = p;
     c->reached = c->start;
     c->terminated = 0;
-    return CALL(c, EnterInitializationMode, c->tolerance_defined != 0, c->tolerance, c->start, c->stop_defined != 0,
-                c->stop);
+    fmi2Status status = CALL(c, EnterInitializationMode, c->tolerance_defined != 0, c->tolerance, c->start,
+                             c->stop_defined != 0, c->stop);
+    if (status > fmi2Warning) return status;
+    fmi2Status late = write_late(c);
+    return late > status ? late : status;
 }
 
 FMI2_Export fmi2Status fmi2ExitInitializationMode(fmi2Component p) {
@@ -113,6 +116,8 @@ FMI2_Export fmi2Status fmi2Terminate(fmi2Component p) {
 
 FMI2_Export fmi2Status fmi2Reset(fmi2Component p) {
     component *c = p;
+    c->entered = 0;
+    c->late_count = 0;
     return CALL_PLAIN(c, Reset);
 }
 
@@ -125,6 +130,7 @@ FMI2_Export fmi2Status fmi2GetFMUstate(fmi2Component p, fmi2FMUstate *state) {
 
 FMI2_Export fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate state) {
     component *c = p;
+    c->entered = 1; /* nobody saves the state of what has not begun */
     return CALL(c, SetFMUState, state);
 }
 

@@ -65,6 +65,11 @@ typedef struct {
     void *values, *derivatives;
     double *row;
     direct_call reading, writing;
+    /* elements of arrays that were set before initialization mode, in which the others of their arrays can be read */
+    int entered; /* whether it was entered */
+    size_t late_count, late_room;
+    fmi2ValueReference *late_elements;
+    double *late_row;
     /* what FMI 2.0 tells at one time and FMI 3.0 at another */
     const fmi2CallbackFunctions *callbacks;
     char *name;
@@ -84,5 +89,6 @@ fmi2Status lacking(const component *c, const char *function);
 void tell(const component *c, fmi2Status status, const char *format, ...);
 int load(component *c); /* read the table and load the library of the FMU; tells why not */
 void unload(component *c);
+fmi2Status write_late(component *c); /* set what had to wait for initialization mode */
 
 #endif

@@ -52,6 +52,9 @@ static const Slot *find(fmi3ValueReference reference, int type) {
 static fmi3Status move(Instance *i, int type, const fmi3ValueReference r[], size_t n, char *values, size_t count,
                        size_t width, int writes) {
     size_t done = 0;
+#ifdef STRICT
+    if (!writes && i->mode == INSTANTIATED) return complain(i, "nothing can be read yet");
+#endif
     if (!writes && i->mode != INSTANTIATED) evaluate(&i->model);
     for (size_t k = 0; k < n; k++) {
         const Slot *slot = find(r[k], type);

@@ -18,7 +18,7 @@ from fmus.kit.build import toolchain
 from orchestration.fmu import Fmu, RepeatedFmu, simulate_instance, unpack
 from orchestration.fmu.exchange import ExchangeFmu
 from tests.support.archive import edited
-from tests.support.fmi3_fmus import build_wide, changed, foreign
+from tests.support.fmi3_fmus import build, build_wide, changed, foreign
 
 STEP = 0.05
 TIME = STEP * np.arange(41)
@@ -80,6 +80,21 @@ def test_arrays_go_in_and_out_by_their_elements():
     np.testing.assert_allclose(found["y[2]"], outputs[:, 1], rtol=0, atol=1e-12)
     theirs = by_fmpy(foreign("arrays"), held(u), A=a.ravel())["y"]
     np.testing.assert_allclose(found["y[1]"], theirs[:, 0], rtol=0, atol=1e-12)
+
+
+def test_elements_are_set_where_nothing_can_be_read_before_initialization(tmp_path):
+    strict = build("arrays", tmp_path, "-DSTRICT")
+    settings = {"A[3,1]": 0.7, "A[1,1]": -1.5, "u[2]": 1.0, "A[3,3]": -4.0}
+    found = run(strict, settings)
+    expected = run(foreign("arrays"), settings)
+    for name, values in expected.items():
+        np.testing.assert_array_equal(found[name], values)
+    with RepeatedFmu(strict) as runs:
+        for _ in range(2):
+            rows = runs.run(TIME, {}, settings, ["y[1]"])
+            np.testing.assert_array_equal(rows[:, 0], expected["y[1]"])
+        other = runs.run(TIME, {}, {}, ["y[1]"])
+    assert np.abs(other[:, 0] - expected["y[1]"]).max() > 0.01
 
 
 @pytest.mark.parametrize("events", [False, True])
