@@ -6,6 +6,7 @@ knots and from samples, where both sides of an instant are there.
 
 import csv
 import sys
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -14,8 +15,10 @@ import pytest
 
 import fmus
 from fmus import COMPONENTS
+from fmus.kit import stack
 from fmus.kit.build import build_cached
 from fmus.kit.modelica import class_name, package_files
+from tests.support.effect_samples import ACTIVE, active
 from tests.support.modelica import (
     Courses,
     driven,
@@ -27,6 +30,8 @@ from tests.support.modelica import (
     sources,
     write,
 )
+from tests.support.modelica_units import misfits
+from tests.support.pace import slow_but
 
 # pymoca 0.12 knows no sample; all others are rumoca's alone
 CONTINUOUS = [name for name in COMPONENTS if not fmus.component(name).layout.sampled]
@@ -72,14 +77,41 @@ def courses_of(name):
     return Courses(knots, values, frozenset(held)), step
 
 
+@dataclass(frozen=True)
+class Reference:
+    """What an FMU does.
+
+    Attributes
+    ----------
+    times : ndarray
+    outputs : dict of str to ndarray
+    places : ndarray
+        Of the times that are compared.
+    """
+
+    times: np.ndarray
+    outputs: dict[str, np.ndarray]
+    places: np.ndarray
+
+
 @cache
-def by_fmpy(name):
-    """Return what the FMU gives, with the places of the times that are compared."""
+def by_fmpy(cls, name):
+    """Return what an FMU does under the inputs of a component."""
     courses, step = courses_of(name)
     times = step * np.arange(round(courses.times[-1] / step) + 1)
-    given = simulate_fmu(build_cached(fmus.component(name), "native"), courses, times)
+    outputs = simulate_fmu(build_cached(cls, "native"), courses, times)
     off_knots = np.abs(times[:, None] - courses.times).min(axis=1) > step / 2.0
-    return times, given, np.flatnonzero(off_knots & (np.arange(len(times)) % 2 == 1))
+    places = np.flatnonzero(off_knots & (np.arange(len(times)) % 2 == 1))
+    return Reference(times, outputs, places)
+
+
+def by_rumoca(cls, name, folder, modifiers=""):
+    """Return what the model does."""
+    courses, step = courses_of(name)
+    texts = {each: courses.text(each) for each in moved(cls, courses)}
+    model = driven(cls, f"PpyRig.{class_name(cls.name)}", texts).replace(" m;", f" m{modifiers};")
+    stop = float(courses.times[-1])
+    return simulate_by_rumoca(folder, [sources(), model], "Driven", stop, step)
 
 
 def moved(cls, courses):
@@ -88,16 +120,16 @@ def moved(cls, courses):
     return [name for name in courses.values if name not in rates]
 
 
-def assert_agree(name, simulated, tolerance=1e-6):
-    times, given, places = by_fmpy(name)
-    nearest = [int(np.abs(simulated["time"] - times[k]).argmin()) for k in places]
-    assert np.abs(simulated["time"][nearest] - times[places]).max() < 1e-9
+def assert_agree(reference, simulated, tolerance=1e-6):
+    times = reference.times[reference.places]
+    nearest = [int(np.abs(simulated["time"] - t).argmin()) for t in times]
+    assert np.abs(simulated["time"][nearest] - times).max() < 1e-9
     moving = 0
-    for output, wanted in given.items():
+    for output, values in reference.outputs.items():
+        wanted = values[reference.places]
         value = np.asarray(simulated[f"m.{output}"], dtype=float)[nearest]
-        scale = np.abs(wanted[places]).max()
-        assert np.abs(value - wanted[places]).max() <= tolerance * scale, output
-        moving += np.ptp(wanted[places]) > 0.0
+        assert np.abs(value - wanted).max() <= tolerance * np.abs(wanted).max(), output
+        moving += np.ptp(wanted) > 0.0
     assert moving, "nothing moved"
 
 
@@ -114,13 +146,28 @@ def test_pymoca_flattens_it_into_as_many_equations_as_variables(name, files):
 
 
 @pytest.mark.parametrize("name", COMPONENTS)
+def test_units_of_its_equations_fit(name, files):
+    """All but those of laws that are declared to compute with bare numbers."""
+    model = f"PpyRig.{class_name(name)}"
+    found, compared = misfits(flatten_by_pymoca(parse_by_pymoca(files), model))
+    assert len(found) == len(fmus.component(name).unchecked), found
+    assert compared > 5
+
+
+def test_a_unit_that_does_not_fit_is_seen(files):
+    path = "PpyRig/PpyActuator.mo"
+    wrong = files[path].replace('k1(unit="N/m"', 'k1(unit="N"')
+    assert wrong != files[path]
+    tree = parse_by_pymoca(files | {path: wrong})
+    found, _ = misfits(flatten_by_pymoca(tree, "PpyRig.PpyActuator"))
+    assert len(found) == 1, found
+    assert found[0].startswith("creep: ")  # creep + force / k1
+
+
+@pytest.mark.parametrize("name", COMPONENTS)
 def test_rumoca_simulates_it_as_its_fmu_moves(name, folder):
     cls = fmus.component(name)
-    courses, step = courses_of(name)
-    texts = {each: courses.text(each) for each in moved(cls, courses)}
-    model = driven(cls, f"PpyRig.{class_name(name)}", texts)
-    stop = float(courses.times[-1])
-    assert_agree(name, simulate_by_rumoca(folder, [sources(), model], "Driven", stop, step))
+    assert_agree(by_fmpy(cls, name), by_rumoca(cls, name, folder))
 
 
 @pytest.mark.parametrize("name", CONTINUOUS)
@@ -133,18 +180,27 @@ def test_what_pymoca_gives_casadi_moves_as_its_fmu(name, files):
     tree = parse_by_pymoca(files, [sources(), text.replace("equation", f"{declared}equation", 1)])
     forced = {f"m.{port.potential}": names[port.potential] for port in cls.ports if port.rate}
     inputs = Courses(courses.times, {u: courses.values[each] for each, u in names.items()})
-    simulated = simulate_by_pymoca(tree, "Driven", inputs, by_fmpy(name)[0], forced)
-    assert_agree(name, simulated)
+    reference = by_fmpy(cls, name)
+    simulated = simulate_by_pymoca(tree, "Driven", inputs, reference.times, forced)
+    assert_agree(reference, simulated)
+
+
+@pytest.mark.parametrize("name", slow_but(ACTIVE, "self_heating", "slack", "strain_hysteresis"))
+def test_an_effect_carries_over(name, tmp_path):
+    """With values of its parameters at which it acts, as defaults of both; the film recovers."""
+    base = stack(fmus.component("ppy_actuator"), defaults={"kelvin_elongation_start": 3e-4})
+    effect = fmus.effects("ppy_actuator")[name]
+    cls = stack(base, effect, name="touched", defaults=active([name]))
+    write(package_files([cls], "0"), tmp_path)
+    simulated = by_rumoca(cls, "ppy_actuator", tmp_path / "PpyRig")
+    assert_agree(by_fmpy(cls, "ppy_actuator"), simulated)
+    with pytest.raises(AssertionError, match=r"^(charge|voltage|\w+displacement)"):
+        assert_agree(by_fmpy(base, "ppy_actuator"), simulated, tolerance=1e-8)
 
 
 def test_a_difference_is_seen(folder):
     """Of a parameter by a ten-thousandth."""
     cls = fmus.component("ppy_actuator")
-    courses, step = courses_of("ppy_actuator")
-    texts = {each: courses.text(each) for each in courses.values}
-    model = driven(cls, "PpyRig.PpyActuator", texts).replace(" m;", " m(R1=0.430043);")
-    simulated = simulate_by_rumoca(
-        folder, [sources(), model], "Driven", float(courses.times[-1]), step
-    )
+    simulated = by_rumoca(cls, "ppy_actuator", folder, "(R1=0.430043)")
     with pytest.raises(AssertionError, match=r"^(charge|voltage)"):
-        assert_agree("ppy_actuator", simulated)
+        assert_agree(by_fmpy(cls, "ppy_actuator"), simulated)

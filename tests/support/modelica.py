@@ -241,7 +241,8 @@ def simulate_by_rumoca(
 def parse_by_pymoca(files: Mapping[str, str], texts: Sequence[str] = ()) -> pymoca.ast.Tree:
     """Return the syntax tree of a package's files and of further texts.
 
-    A connector that is one number loses its symbol in pymoca 0.12; a type of that kind does not.
+    A connector that is one number loses its symbol in pymoca 0.12; a type of that kind does not. It
+    knows no noEvent, and computes without events.
     """
     packages = sorted(path for path in files if path.endswith("package.mo"))
     others = sorted(path for path in files if path.endswith(".mo") and path not in packages)
@@ -251,7 +252,7 @@ def parse_by_pymoca(files: Mapping[str, str], texts: Sequence[str] = ()) -> pymo
             for causality in ("Input", "Output"):
                 name = f"{kind}{causality}"
                 text = text.replace(f"connector {name} =", f"type {name} =")
-        parsed = pymoca.parser.parse(text)
+        parsed = pymoca.parser.parse(text.replace("noEvent(", "("))
         assert parsed is not None, text
         if tree is None:
             tree = parsed

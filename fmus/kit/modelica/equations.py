@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ import casadi as ca
 from fmus.kit.modelica.expressions import Node, Writer
 from fmus.kit.modelica.names import identifier
 
+_RELATION = re.compile("[<>]")
 _SIGNS = {ca.OP_NEG, ca.OP_NOT}
 _WRITTEN_TWICE = {ca.OP_EQ, ca.OP_NE}  # operands, for want of an equality of Real
 
@@ -32,15 +34,10 @@ class Target:
     type: str
     node: Node
 
-    @property
-    def is_its_node(self) -> bool:
-        """Whether the variable can stand for the expression: it is of the same type."""
-        return self.type == ("boolean" if self.node.is_boolean else "real")
-
 
 @dataclass(frozen=True)
 class Auxiliary:
-    """A variable for an expression that a law gives, or that stands in several places.
+    """A variable of type Real for what a law gives, or what stands in several places.
 
     Attributes
     ----------
@@ -53,11 +50,6 @@ class Auxiliary:
     name: str
     node: Node
     law: str
-
-    @property
-    def type(self) -> str:
-        """Type of the variable."""
-        return "boolean" if self.node.is_boolean else "real"
 
 
 @dataclass(frozen=True)
@@ -75,9 +67,12 @@ class Equations:
 
 
 def define(
-    targets: Sequence[Target], laws: Mapping[Node, str], taken: set[str], truths: bool = True
+    targets: Sequence[Target], laws: Mapping[Node, str], taken: set[str], literal: bool = False
 ) -> Equations:
     """Write the equations of some variables.
+
+    No variable of type Boolean stands for an expression: it would keep its value until the next
+    event.
 
     Parameters
     ----------
@@ -86,8 +81,8 @@ def define(
         What laws give, by expression.
     taken : set of str
         Names that are in use, to which those of auxiliary variables are added.
-    truths : bool
-        Whether variables of type Boolean may stand for expressions.
+    literal : bool
+        Whether relations within a Real are evaluated at every point, and are no events.
 
     Returns
     -------
@@ -95,12 +90,11 @@ def define(
     """
     names: dict[Node, str] = {}
     for target in targets:
-        is_variable = "(" not in target.text
-        can_stand = truths or target.type != "boolean"
-        if is_variable and can_stand and target.is_its_node and not target.node.is_leaf:
+        stands = target.type == "real" and "(" not in target.text
+        if stands and not (target.node.is_boolean or target.node.is_leaf):
             names.setdefault(target.node, target.text)
     auxiliaries = []
-    for node in _shared([t.node for t in targets], laws, truths):
+    for node in _shared([t.node for t in targets], laws):
         if node not in names:
             law = laws.get(node, "")
             name = _name_of_law(law, taken) if law else _numbered(taken)
@@ -108,8 +102,12 @@ def define(
             names[node] = name
             auxiliaries.append(Auxiliary(name, node, law))
     writer = Writer(names)
-    defined = [*(Target(a.name, a.type, a.node) for a in auxiliaries), *targets]
-    lines = [f"{t.text} = {writer.define(t.node, t.text, t.type)};" for t in defined]
+    lines = []
+    for target in [*(Target(a.name, "real", a.node) for a in auxiliaries), *targets]:
+        right = writer.define(target.node, target.text, target.type)
+        if literal and target.type == "real" and _RELATION.search(right):
+            right = f"noEvent({right})"
+        lines.append(f"{target.text} = {right};")
     return Equations(auxiliaries, lines)
 
 
@@ -123,7 +121,7 @@ def _numbered(taken: set[str]) -> str:
     return next(name for k in range(1, len(taken) + 2) if (name := f"term_{k}") not in taken)
 
 
-def _shared(roots: Sequence[Node], laws: Mapping[Node, str], truths: bool) -> list[Node]:
+def _shared(roots: Sequence[Node], laws: Mapping[Node, str]) -> list[Node]:
     """Return the expressions that laws give, or that stand in several places, operands first."""
     order: dict[Node, None] = {}
     for root in roots:
@@ -133,7 +131,7 @@ def _shared(roots: Sequence[Node], laws: Mapping[Node, str], truths: bool) -> li
     for node in reversed(order):
         is_sign = node.operation in _SIGNS and node.operands[0].is_leaf
         has_name = node in laws or (uses[node] > 1 and not is_sign)
-        if has_name and (truths or not node.is_boolean):
+        if has_name and not node.is_boolean:
             shared.append(node)
             times = 1
         else:

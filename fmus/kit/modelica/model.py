@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -92,14 +92,18 @@ class _Model:
         name = class_name(self.cls.name)
         taken = {identifier(n) for n in self.layout.names}
         taken |= {identifier(c) for port in self.cls.ports for c in port.connectors}
-        continuous = self._continuous(taken)
+        numbers = range(1, self.graph.indicators.numel() + 1)
+        events = [identifier(f"event_{k}", taken) for k in numbers]
+        taken.update(events)
+        continuous = self._continuous(taken, events)
         sampled = [self._sampled(k, taken) for k in range(len(self.layout.sampled))]
         auxiliaries = [a for part in (continuous, *sampled) for a in part.auxiliaries]
         kind = "model" if self.cls.ports else "block"
         lines = [f"{kind} {name}{comment(summary(self.cls))}"]
         lines += _indented([*self._parameters(), *self._signals(), *self._ports()])
-        if auxiliaries:
-            lines += ["protected", *_indented(map(self._auxiliary, auxiliaries))]
+        hidden = [*map(self._auxiliary, auxiliaries), *(f"Boolean {name};" for name in events)]
+        if hidden:
+            lines += ["protected", *_indented(hidden)]
         lines.append("equation")
         for port in self.cls.ports:
             lines += _wrapped(port_equations(port))
@@ -150,15 +154,22 @@ class _Model:
         unit = self.units.get(auxiliary.law, "")
         attributes = f"(unit={string(to_modelica(unit))})" if unit and unit != "1" else ""
         about = summary(getattr(self.cls, auxiliary.law)) if auxiliary.law else ""
-        return f"{SIGNALS[auxiliary.type]} {auxiliary.name}{attributes}{comment(about)};"
+        return f"Real {auxiliary.name}{attributes}{comment(about)};"
 
     # --- equations -------------------------------------------------------------------------------
 
-    def _continuous(self, taken: set[str]) -> Equations:
-        """Write the equations of rates and outputs."""
+    def _continuous(self, taken: set[str], events: Sequence[str]) -> Equations:
+        """Write the equations of rates and outputs, and of what restarts a solver.
+
+        Laws are written for every point, and none of their branches holds until the next event. For
+        a solver to restart where they switch, the signs of the event indicators are variables.
+        """
         layout = self.layout
         texts = {v.name: identifier(v.name) for v in layout.variables}
-        rates, outputs, laws = self._nodes(texts, [self.graph.rates, self.graph.outputs])
+        graph = self.graph
+        rates, outputs, signs, laws = self._nodes(
+            texts, [graph.rates, graph.outputs, graph.indicators > 0.0]
+        )
         targets = [
             Target(f"der({identifier(s.name)})", "real", node)
             for s, node in zip(layout.states, rates, strict=True)
@@ -167,7 +178,8 @@ class _Model:
             Target(identifier(o.name), o.type, node)
             for o, node in zip(layout.outputs, outputs, strict=True)
         ]
-        return define(targets, self._by_node(laws), taken)
+        targets += [Target(name, "boolean", node) for name, node in zip(events, signs, strict=True)]
+        return define(targets, self._by_node(laws), taken, literal=True)
 
     def _sampled(self, group: int, taken: set[str]) -> Equations:
         """Write the equations of one clock.
@@ -188,8 +200,7 @@ class _Model:
             for d, node in zip(layout.discretes, after, strict=True)
             if d.name in members
         ]
-        # compilers that evaluate all Real of an instant before all Boolean are met half-way
-        return define(targets, self._by_node(laws), taken, truths=False)
+        return define(targets, self._by_node(laws), taken)
 
     def _nodes(self, texts: Mapping[str, str], results: list[ca.SX]) -> list[list[Node]]:
         """Return expressions for the elements of columns, and behind these for every law."""

@@ -59,10 +59,10 @@ def _fmpy_problems(archive: Archive) -> Iterator[str]:
 
 def _is_of_aliases(problem: str, aliases: Set[str]) -> bool:
     """Return whether fmpy misses aliases among initial unknowns, where they have no place."""
-    sets = re.search(r"InitialUnknowns.* Expected {(.*)} but was {(.*)}", problem)
-    if sets is None:
+    sets = [set(names.split(", ")) for names in re.findall(r"{ ?(.*?) ?}", problem)]
+    if "InitialUnknowns" not in problem or len(sets) != 2:
         return False
-    expected, actual = (set(names.split(", ")) for names in sets.groups())
+    expected, actual = sets
     return expected - aliases == actual
 
 

@@ -63,7 +63,7 @@ class Package:
         name = self._relative_path(name)
         if self._zip is None:
             file = self.path.parent / name
-            size = file.stat().st_size if file.is_file() else 0
+            size = file.stat().st_size if files.is_file(file) else 0
         else:
             size = self._zip.getinfo(name).file_size if name in self._zip.namelist() else 0
         check_size(str(self.path), name, size, TEXT)
@@ -98,7 +98,7 @@ class Package:
         if self._zip is not None:
             path = folder / name
             files.write(path, self._read(name))
-        elif not path.is_file():
+        elif not files.is_file(path):
             raise UserError(f"{self.path}: {name} is missing")
         _open_safely(path, f"{self.path}: {name}").close()
         return path

@@ -9,7 +9,7 @@ from fmus.kit.symbolic import carry_out
 x, y, z = (ca.SX.sym(name) for name in "xyz")
 
 
-def equations(expressions, laws=None, types=None, taken=(), truths=True):
+def equations(expressions, laws=None, types=None, taken=(), literal=False):
     laws = laws or {}
     columns = ca.cse([ca.vertcat(*expressions.values()), ca.vertcat(ca.SX(0, 1), *laws.values())])
     function = ca.Function("f", [x, y, z], [ca.densify(column) for column in columns])
@@ -19,13 +19,13 @@ def equations(expressions, laws=None, types=None, taken=(), truths=True):
         for name, node in zip(expressions, nodes, strict=True)
     ]
     named = dict(zip(of_laws, laws, strict=True))
-    return define(targets, named, {"x", "y", "z", *taken}, truths)
+    return define(targets, named, {"x", "y", "z", *taken}, literal)
 
 
 def test_a_law_has_a_variable_even_where_it_stands_once():
     made = equations({"der(x)": x * y + 1.0}, {"product": x * y})
     assert made.lines == ["product = x * y;", "der(x) = product + 1.0;"]
-    assert [(a.name, a.law, a.type) for a in made.auxiliaries] == [("product", "product", "real")]
+    assert [(a.name, a.law) for a in made.auxiliaries] == [("product", "product")]
 
 
 def test_a_law_that_nothing_calls_has_none():
@@ -51,8 +51,9 @@ def test_a_variable_stands_for_its_expression():
 
 
 def test_a_variable_of_another_type_does_not():
+    """One of type Boolean keeps its value until the next event."""
     made = equations({"a": (x < y) * 1.0, "b": (x < y) * z}, types={"a": "boolean"})
-    assert made.lines == ["a = x < y;", "b = (if a then 1.0 else 0.0) * z;"]
+    assert made.lines == ["a = x < y;", "b = (if x < y then 1.0 else 0.0) * z;"]
     made = equations({"a": x + y, "b": (x + y) * z}, types={"a": "boolean"})
     assert made.lines == ["term_1 = x + y;", "a = abs(term_1) > 0.0;", "b = term_1 * z;"]
 
@@ -81,12 +82,21 @@ def test_operands_of_an_equality_stand_twice():
     ]
 
 
-def test_without_variables_of_type_boolean_what_they_are_made_of_is_shared():
+def test_what_a_truth_is_made_of_is_shared():
     expression = ca.sin(x * y) < z
-    made = equations({"a": expression * x, "b": expression * y}, truths=False)
-    assert [a.type for a in made.auxiliaries] == ["real"]
+    made = equations({"a": expression * x, "b": expression * y})
     assert made.lines == [
         "term_1 = sin(x * y);",
         "a = (if term_1 < z then 1.0 else 0.0) * x;",
         "b = (if term_1 < z then 1.0 else 0.0) * y;",
+    ]
+
+
+def test_relations_within_a_real_may_be_no_events():
+    expressions = {"a": ca.if_else(x < y, z, 1.0), "b": x < y, "c": x * y}
+    made = equations(expressions, types={"b": "boolean"}, literal=True)
+    assert made.lines == [
+        "a = noEvent(if x < y then z else 1.0);",
+        "b = x < y;",
+        "c = x * y;",
     ]

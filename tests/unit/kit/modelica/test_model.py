@@ -74,6 +74,7 @@ def test_equations_of_port_rate_and_samples():
         "heating = heat / capacity;",
         "der(temperature) = heating;",
         "hot = 300.0 < temperature;",
+        "event_1 = 0.0 < 0.00390625 * (300.0 - temperature);",
         "when sample(late, period) then",
         "counted = pre(count) + (if pre(when_) and flow_ then 1.0 else 0.0);",
         "count = integer(counted + 0.5);",

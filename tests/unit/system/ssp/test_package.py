@@ -106,3 +106,12 @@ def test_a_bare_description_cannot_lead_out(system, tmp_path):
         encoding="utf-8",
     )
     refused(bare, tmp_path / "u", "member drive", "'../drive.fmu' leads out")
+
+
+@pytest.mark.parametrize("name", ["drive.fmu", "drive.ssv"])
+def test_a_name_that_no_file_can_have(system, tmp_path, name):
+    ssp.write(system, tmp_path / "sample.ssd")
+    text = (tmp_path / "sample.ssd").read_text(encoding="utf-8")
+    assert name in text
+    (tmp_path / "sample.ssd").write_text(text.replace(name, 300 * "d"), encoding="utf-8")
+    refused(tmp_path / "sample.ssd", tmp_path / "u", f"{300 * 'd'} ")
