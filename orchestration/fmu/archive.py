@@ -149,6 +149,9 @@ class Archive:
     def check_interfaces(self) -> None:
         """Refuse an FMU that offers nothing that can be run here; UserError says what it offers."""
         where = f"{self.path}: {_DESCRIPTION}"
+        token = "guid" if self.description.get("fmiVersion") == "2.0" else "instantiationToken"
+        if not self.description.get(token):
+            raise UserError(f"{where} has no attribute {token}")
         if not self.interfaces():
             if self.description.find("ScheduledExecution") is not None:
                 raise UserError(

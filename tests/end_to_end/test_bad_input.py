@@ -163,7 +163,11 @@ def test_names_of_nothing(folder, arguments, parts):
         ),
         (
             lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="3.0"')),
-            ["FMI version 3.0", "knows FMI 2.0"],
+            ["modelDescription.xml", "no attribute instantiationToken"],
+        ),
+        (
+            lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="4.0"')),
+            ["FMI version 4.0", "knows FMI 2.0"],
         ),
         (
             lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="1.0"')),
@@ -176,7 +180,15 @@ def test_names_of_nothing(folder, arguments, parts):
         ),
         (lambda n, c: (n, b"\x00" * 64 if n.startswith("binaries") else c), ["cannot be loaded"]),
     ],
-    ids=["another platform", "FMI 3", "FMI 1", "model exchange", "only a zip", "spoilt binary"],
+    ids=[
+        "another platform",
+        "FMI 3 by name only",
+        "FMI 4",
+        "FMI 1",
+        "model exchange",
+        "only a zip",
+        "spoilt binary",
+    ],
 )
 def test_fmus_that_cannot_run(folder, fmu, edit, parts):
     edited(fmu("ppy_actuator", "native"), folder / "other.fmu", edit)

@@ -59,10 +59,10 @@ def _fmpy_problems(archive: Archive) -> Iterator[str]:
 
 def _is_of_aliases(problem: str, aliases: Set[str]) -> bool:
     """Return whether fmpy misses aliases among initial unknowns, where they have no place."""
-    sets = re.search(r"InitialUnknowns.* Expected {(.*)} but was {(.*)}", problem)
-    if sets is None:
+    sets = [set(names.split(", ")) for names in re.findall(r"{ ?(.*?) ?}", problem)]
+    if "InitialUnknowns" not in problem or len(sets) != 2:
         return False
-    expected, actual = (set(names.split(", ")) for names in sets.groups())
+    expected, actual = sets
     return expected - aliases == actual
 
 
@@ -70,7 +70,7 @@ def _beyond_fmi2(root: Element) -> Iterator[Finding]:
     """Tell what this program leaves out of an FMU of FMI 3.0."""
     variables = root.findall("ModelVariables/*")
     groups = {
-        "clocks, without which it cannot be run, tick nowhere here": "Clock",
+        "clocks, which keep it from being run here": "Clock",
         "binary variables are left out here": "Binary",
         "structural parameters keep their start values here": "structuralParameter",
     }

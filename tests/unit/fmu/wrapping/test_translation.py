@@ -7,7 +7,11 @@ from __future__ import annotations
 
 import io
 import itertools
+import random
+import re
 import zipfile
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -15,8 +19,10 @@ import fmpy
 import pytest
 
 from fmus.kit import UserError
+from orchestration.fmu import find_model
+from orchestration.fmu.check import check_fmu
 from orchestration.fmu.wrapping import translate
-from tests.support.fmi3_fmus import description, foreign, wide_body
+from tests.support.fmi3_fmus import description, foreign, pack, wide_body
 
 MODELS = ("lag", "arrays", "sawtooth", "types")
 LEFT_OUT = ("blob",)
@@ -162,3 +168,49 @@ def test_what_makes_no_sense_is_a_line(name, old, new, message):
     assert str(caught.value).startswith("a.fmu: modelDescription.xml: ")
     assert "\n" not in str(caught.value)
     assert str(caught.value).isascii()
+
+
+VALUES = ("-1", "1e400", "nan", "", "abc", "9" * 20, "4294967296", "2 3", "\u00b2", "&lt;", "A[1]")
+TAGS = ("Float64", "Clock", "Binary", "Dimension", "Foo", "Int8", "String", "Start", "Alias")
+
+
+def mutated(text: str, chance: random.Random) -> str:
+    """The text with an attribute, an element or a character changed, doubled or left out."""
+    attributes = list(re.finditer(r'(\w+)="([^"]*)"', text))
+    elements = list(re.finditer(r"<\w+[^<>]*/>", text))
+    match chance.randrange(5):
+        case 0:
+            found = chance.choice(attributes)
+            return text[: found.start(2)] + chance.choice(VALUES) + text[found.end(2) :]
+        case 1:
+            found = chance.choice(attributes)
+            return text[: found.start()] + text[found.end() :]
+        case 2:
+            tag = chance.choice(re.findall(r"<(\w+)", text))
+            return text.replace(f"<{tag}", f"<{chance.choice(TAGS)}", 1)
+        case 3:
+            found = chance.choice(elements)
+            return text[: found.start()] + chance.choice(("", 2 * found[0])) + text[found.end() :]
+    place = chance.randrange(len(text))
+    return text[:place] + chr(chance.randrange(32, 127)) + text[place + 1 :]
+
+
+def refusal(look: Callable[[str], object], path: Path) -> str:
+    """The message with which an FMU is refused; nothing if it is taken."""
+    try:
+        look(str(path))
+    except UserError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_damaged_description_is_read_or_refused_in_a_line(name, tmp_path):
+    for seed in range(80):
+        chance = random.Random(seed)
+        text = description(name)
+        for _ in range(chance.randint(1, 3)):
+            text = mutated(text, chance)
+        path = pack(tmp_path / "a.fmu", {"modelDescription.xml": text})
+        for look in (find_model, check_fmu):
+            assert "\n" not in refusal(look, path)

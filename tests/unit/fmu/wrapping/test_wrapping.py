@@ -5,6 +5,7 @@ Oracles: fmpy, which calls the FMU without the wrapper, and closed forms.
 
 from __future__ import annotations
 
+import importlib.util
 import time
 from pathlib import Path
 
@@ -16,7 +17,9 @@ from scipy.linalg import expm
 from fmus.kit import UserError
 from fmus.kit.build import toolchain
 from orchestration.fmu import Fmu, RepeatedFmu, simulate_instance, unpack
+from orchestration.fmu.check.shared_library import read_library
 from orchestration.fmu.exchange import ExchangeFmu
+from orchestration.fmu.wrapping import wrapping
 from tests.support.archive import edited
 from tests.support.fmi3_fmus import build, build_wide, changed, foreign
 
@@ -372,3 +375,18 @@ def test_the_table_lists_types_references_and_sizes(tmp_path):
     assert Path(table[0]).parts[-2:] == (fmpy.platform_tuple, library)
     rows = ["1 0 1", "9 1 1", "1 2 9", "1 3 6", "1 4 6", "1 5 2", "1 6 3", "1 7 3", "1 8 2"]
     assert table[1:] == ["", str(len(rows)), *rows]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("platform", sorted(toolchain.ZIG_TARGETS))
+def test_the_wrapper_is_compiled_for_every_platform(platform):
+    """On Windows it takes other functions of the system."""
+    if importlib.util.find_spec("ziglang") is None:
+        pytest.skip("only zig compiles for every platform")
+    folder = Path(wrapping.__file__).parent
+    headers = [toolchain.fmi_headers(version) for version in (2, 3)]
+    libraries = wrapping._LIBRARIES.get(platform, ())
+    sources = [folder / "all.c"]
+    built = toolchain.compile_library(sources, headers, platform, libraries=libraries)
+    assert {"fmi2DoStep", "fmi2NewDiscreteStates"} <= read_library(built).exports
