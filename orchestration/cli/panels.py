@@ -64,6 +64,7 @@ _PANELS = {
         "profile_plot",
         "report",
         "fmu",
+        "fmus",
         "platforms",
         "ssp",
         "ssv",

@@ -38,12 +38,12 @@ _CONNECTORS = {
 }
 
 
-def write(files: Mapping[str, str], folder: Path) -> None:
+def write(files: Mapping[str, bytes], folder: Path) -> None:
     """Write files of a package into a folder."""
-    for path, text in files.items():
+    for path, contents in files.items():
         file = folder / path
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text, encoding="utf-8")
+        file.write_bytes(contents)
 
 
 def sources() -> str:
@@ -238,7 +238,7 @@ def simulate_by_rumoca(
 # --- pymoca --------------------------------------------------------------------------------------
 
 
-def parse_by_pymoca(files: Mapping[str, str], texts: Sequence[str] = ()) -> pymoca.ast.Tree:
+def parse_by_pymoca(files: Mapping[str, bytes], texts: Sequence[str] = ()) -> pymoca.ast.Tree:
     """Return the syntax tree of a package's files and of further texts.
 
     A connector that is one number loses its symbol in pymoca 0.12; a type of that kind does not. It
@@ -247,7 +247,7 @@ def parse_by_pymoca(files: Mapping[str, str], texts: Sequence[str] = ()) -> pymo
     packages = sorted(path for path in files if path.endswith("package.mo"))
     others = sorted(path for path in files if path.endswith(".mo") and path not in packages)
     tree = None
-    for text in [*(files[path] for path in (*packages, *others)), *texts]:
+    for text in [*(files[path].decode() for path in (*packages, *others)), *texts]:
         for kind in ("Real", "Integer", "Boolean"):
             for causality in ("Input", "Output"):
                 name = f"{kind}{causality}"

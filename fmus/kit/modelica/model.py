@@ -2,31 +2,31 @@
 
 from __future__ import annotations
 
-import math
-import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
 
 from fmus.kit.component import Component
-from fmus.kit.declare import Declaration, DiscreteDeclaration, StateDeclaration, summary
+from fmus.kit.declare import summary
 from fmus.kit.layout import Clock, Layout
-from fmus.kit.modelica.connectors import (
-    SIGNALS,
-    connector_class,
-    port_equations,
-    signal_class,
-)
+from fmus.kit.modelica.connectors import port_equations
+from fmus.kit.modelica.declarations import declarations
 from fmus.kit.modelica.equations import Auxiliary, Equations, Target, define
 from fmus.kit.modelica.expressions import Node, apply, constant, symbol
-from fmus.kit.modelica.icons import BOX, placements
-from fmus.kit.modelica.names import class_name, comment, identifier, real, string
+from fmus.kit.modelica.icons import BOX
+from fmus.kit.modelica.names import (
+    class_name,
+    comment,
+    identifier,
+    indented,
+    real,
+    string,
+    wrapped,
+)
 from fmus.kit.symbolic import Graph, carry_out, trace_with_laws, units_of_laws
 from fmus.kit.units import to_modelica
-
-_WIDTH = 100
 
 
 def model_text(cls: type[Component]) -> str:
@@ -72,16 +72,6 @@ class _Model:
         return self.graph.layout
 
     @cached_property
-    def at_ports(self) -> set[str]:
-        """Variables that belong to ports."""
-        return {name for port in self.cls.ports for name in port.variables}
-
-    @cached_property
-    def places(self) -> dict[str, str]:
-        """Annotation of each connector that places it on the icon."""
-        return placements(self.cls)
-
-    @cached_property
     def units(self) -> dict[str, str]:
         """Unit of each law that has one."""
         layout = self.layout
@@ -99,55 +89,18 @@ class _Model:
         sampled = [self._sampled(k, taken) for k in range(len(self.layout.sampled))]
         auxiliaries = [a for part in (continuous, *sampled) for a in part.auxiliaries]
         kind = "model" if self.cls.ports else "block"
-        lines = [f"{kind} {name}{comment(summary(self.cls))}"]
-        lines += _indented([*self._parameters(), *self._signals(), *self._ports()])
+        lines = [f"{kind} {name}{comment(summary(self.cls))}", *indented(declarations(self.cls))]
         hidden = [*map(self._auxiliary, auxiliaries), *(f"Boolean {name};" for name in events)]
         if hidden:
-            lines += ["protected", *_indented(hidden)]
+            lines += ["protected", *indented(hidden)]
         lines.append("equation")
         for port in self.cls.ports:
-            lines += _wrapped(port_equations(port))
-        lines += _wrapped(continuous.lines)
+            lines += wrapped(port_equations(port))
+        lines += wrapped(continuous.lines)
         for (clock, _), part in zip(self.layout.sampled, sampled, strict=True):
-            lines += [f"  when {_sample(clock)} then", *_wrapped(part.lines, "    "), "  end when;"]
+            lines += [f"  when {_sample(clock)} then", *wrapped(part.lines, "    "), "  end when;"]
         lines += [f"  annotation({BOX});", f"end {name};"]
         return "\n".join(lines) + "\n"
-
-    # --- declarations ----------------------------------------------------------------------------
-
-    def _parameters(self) -> list[str]:
-        return [
-            _declared(f"parameter {SIGNALS[p.type]}", p, {}, _literal(p.start, p.type))
-            for p in self.layout.parameters
-        ]
-
-    def _signals(self) -> list[str]:
-        """Declare inputs, states and outputs."""
-        layout = self.layout
-        lines = []
-        for v in layout.inputs:
-            prefix = SIGNALS[v.type] if v.name in self.at_ports else signal_class(v.type, "Input")
-            lines.append(self._signal(prefix, v, {"start": _literal(v.start, v.type)}))
-        states: list[StateDeclaration | DiscreteDeclaration] = [*layout.states, *layout.discretes]
-        for state in states:
-            prefix = signal_class(state.type, "Output") if state.output else SIGNALS[state.type]
-            start = identifier(layout.start_of[state.name])
-            lines.append(self._signal(prefix, state, {"start": start, "fixed": "true"}))
-        lines += [self._signal(signal_class(v.type, "Output"), v, {}) for v in layout.outputs]
-        return lines
-
-    def _signal(self, prefix: str, v: Declaration, attributes: Mapping[str, str]) -> str:
-        return _declared(prefix, v, attributes, annotation=self.places.get(v.name, ""))
-
-    def _ports(self) -> list[str]:
-        """Declare the connectors of ports."""
-        lines = []
-        for port in self.cls.ports:
-            about = comment(f"of {port.name}")
-            for name in port.connectors:
-                declared = f"{connector_class(port.domain)} {identifier(name)}"
-                lines.append(f"{declared}{about}{self.places[name]};")
-        return lines
 
     def _auxiliary(self, auxiliary: Auxiliary) -> str:
         """Declare an auxiliary variable."""
@@ -155,8 +108,6 @@ class _Model:
         attributes = f"(unit={string(to_modelica(unit))})" if unit and unit != "1" else ""
         about = summary(getattr(self.cls, auxiliary.law)) if auxiliary.law else ""
         return f"Real {auxiliary.name}{attributes}{comment(about)};"
-
-    # --- equations -------------------------------------------------------------------------------
 
     def _continuous(self, taken: set[str], events: Sequence[str]) -> Equations:
         """Write the equations of rates and outputs, and of what restarts a solver.
@@ -222,59 +173,8 @@ class _Model:
         return named
 
 
-def _declared(
-    prefix: str,
-    v: Declaration,
-    attributes: Mapping[str, str],
-    value: str = "",
-    annotation: str = "",
-) -> str:
-    """Declare a variable with these attributes, its unit and its range."""
-    attributes = dict(attributes)
-    if v.type == "real":
-        attributes["unit"] = string(to_modelica(v.unit))
-        if v.display:
-            attributes["displayUnit"] = string(to_modelica(v.display))
-        if v.nominal != 1.0:
-            attributes["nominal"] = real(v.nominal)
-    if v.type != "boolean":
-        limits = {"min": v.min, "max": v.max}
-        attributes |= {k: _literal(x, v.type) for k, x in limits.items() if math.isfinite(x)}
-    listed = ", ".join(f"{key}={text}" for key, text in attributes.items())
-    listed = f"({listed})" if listed else ""
-    assigned = f" = {value}" if value else ""
-    return f"{prefix} {identifier(v.name)}{listed}{assigned}{comment(v.doc)}{annotation};"
-
-
-def _literal(value: float, type: str) -> str:
-    """Write a value of a type."""
-    if type == "boolean":
-        return "true" if value else "false"
-    return str(int(value)) if type == "integer" else real(value)
-
-
 def _sample(clock: Clock) -> str:
     """Write the condition that holds at the instants of a clock."""
     period = identifier(clock.period) if isinstance(clock.period, str) else real(clock.period)
     shift = " + ".join(map(identifier, clock.shift)) or "0.0"
     return f"sample({shift}, {period})"
-
-
-def _indented(lines: Iterable[str]) -> list[str]:
-    return [f"  {line}" for line in lines]
-
-
-def _wrapped(lines: Iterable[str], indent: str = "  ") -> list[str]:
-    """Indent equations, in which no string stands, and break long ones."""
-    return [
-        part
-        for line in lines
-        for part in textwrap.wrap(
-            line,
-            _WIDTH,
-            initial_indent=indent,
-            subsequent_indent=indent + "    ",
-            break_long_words=False,
-            break_on_hyphens=False,
-        )
-    ]

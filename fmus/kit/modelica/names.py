@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+import textwrap
+from collections.abc import Collection, Iterable
 
 from fmus.kit.errors import UserError
 
 # keywords (section 2.3.3), and what the equations that are written here call
+_WIDTH = 100
 _WORDS = """
 algorithm and annotation block break class connect connector constant constrainedby der discrete
 each else elseif elsewhen encapsulated end enumeration equation expandable extends external false
@@ -66,3 +68,24 @@ def comment(text: str) -> str:
     """Write the comment of an element, with a space before it; empty if there is none."""
     plain = text.replace("``", "")  # of a docstring
     return f" {string(plain)}" if text else ""
+
+
+def indented(lines: Iterable[str]) -> list[str]:
+    """Indent lines by two spaces."""
+    return [f"  {line}" for line in lines]
+
+
+def wrapped(lines: Iterable[str], indent: str = "  ") -> list[str]:
+    """Indent lines in which no string stands, and break long ones."""
+    return [
+        part
+        for line in lines
+        for part in textwrap.wrap(
+            line,
+            _WIDTH,
+            initial_indent=indent,
+            subsequent_indent=indent + "    ",
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+    ]

@@ -6,21 +6,31 @@ lists its classes.
 
 from __future__ import annotations
 
+import io
+import zipfile
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from xml.etree import ElementTree
 
+from fmus.kit.build.toolchain import fmi_headers
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
 from fmus.kit.modelica.connectors import INTERFACES, interface_classes
 from fmus.kit.modelica.functions import function_classes
 from fmus.kit.modelica.model import model_text
 from fmus.kit.modelica.names import class_name, comment, string
+from fmus.kit.modelica.wrapper import WRAPPERS, support_classes, wrapper_text
 
 PACKAGE = "PpyRig"
 _FUNCTIONS = "Functions"
+_LICENCES = "documentation/licenses/"
+_GLUE = Path(__file__).parent / "include" / "ppy_rig_fmu.h"
 _ABOUT = "Components of a polypyrrole artificial-muscle rig, with the laws of their FMUs"
 
 
-def package_files(classes: Sequence[type[Component]], version: str) -> dict[str, str]:
+def package_files(
+    classes: Sequence[type[Component]], version: str, fmus: Mapping[str, bytes] | None = None
+) -> dict[str, bytes]:
     """Write a package of components.
 
     Parameters
@@ -28,11 +38,14 @@ def package_files(classes: Sequence[type[Component]], version: str) -> dict[str,
     classes : sequence of type[Component]
         Possibly with effects stacked on them.
     version : str
+    fmus : Mapping of str to bytes, optional
+        Native FMUs 2.0 of all of them, by name; with these there is a model for each that it
+        computes.
 
     Returns
     -------
-    dict of str to str
-        Text of each file by its path, from the folder that the package is put into.
+    dict of str to bytes
+        Contents of each file by its path, from the folder that the package is put into.
 
     Raises
     ------
@@ -50,11 +63,42 @@ def package_files(classes: Sequence[type[Component]], version: str) -> dict[str,
         if name in models:
             raise UserError(f"{cls.name}: there is a model {name} already; name each once")
         models[name] = model_text(cls)
-    return (
-        _folder(PACKAGE, "", models, _ABOUT, (INTERFACES, _FUNCTIONS), version)
+    packages = [INTERFACES, _FUNCTIONS]
+    files = {}
+    if fmus:
+        packages.append(WRAPPERS)
+        files = _wrapper_files(classes, fmus)
+    texts = (
+        _folder(PACKAGE, "", models, _ABOUT, packages, version)
         | _folder(INTERFACES, PACKAGE, interface_classes(), "Connectors")
         | _folder(_FUNCTIONS, PACKAGE, function_classes(), "Functions that equations call")
     )
+    return {path: text.encode() for path, text in texts.items()} | files
+
+
+def _wrapper_files(
+    classes: Sequence[type[Component]], fmus: Mapping[str, bytes]
+) -> dict[str, bytes]:
+    """Write the models that FMUs compute, with what they load."""
+    models = support_classes()
+    resources: dict[str, bytes] = {}
+    for cls in classes:
+        with zipfile.ZipFile(io.BytesIO(fmus[cls.name])) as archive:
+            description = ElementTree.fromstring(archive.read("modelDescription.xml"))
+            models[class_name(cls.name)] = wrapper_text(cls, description.attrib["guid"])
+            for path in archive.namelist():
+                folder, _, rest = path.partition("/")
+                if folder == "binaries":
+                    resources[f"Library/{rest}"] = archive.read(path)
+                elif path.startswith(_LICENCES):
+                    resources[f"Licences/{path.removeprefix(_LICENCES)}"] = archive.read(path)
+    headers = fmi_headers(2)
+    for name in ("fmi2FunctionTypes.h", "fmi2TypesPlatform.h"):
+        resources[f"Include/{name}"] = (headers / name).read_bytes()
+    resources[f"Include/{_GLUE.name}"] = _GLUE.read_bytes()
+    texts = _folder(WRAPPERS, PACKAGE, models, "Components as their FMUs compute them")
+    files = {path: text.encode() for path, text in texts.items()}
+    return files | {f"{PACKAGE}/Resources/{path}": data for path, data in resources.items()}
 
 
 def _folder(

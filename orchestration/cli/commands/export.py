@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -10,6 +12,9 @@ from fmus.kit import UserError
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import ExportModelicaCommand
 from orchestration.cli.outputs import Outputs
+
+if TYPE_CHECKING:
+    from fmus.kit import Component
 
 exports = typer.Typer(name="export", add_completion=False, rich_markup_mode="rich")
 
@@ -25,7 +30,8 @@ def modelica(options: ExportModelicaCommand) -> None:
     """Write components as a package of Modelica, OUT/PpyRig: laws, ports as connectors.
 
     It needs no library; its connectors fit those of the standard library. With --with, a model has
-    its effects, and they are on by their parameters.
+    its effects, and they are on by their parameters. With --fmus, PpyRig.FMUs has the same models
+    as FMUs compute them.
     """
     from fmus import COMPONENTS
     from fmus.kit import files
@@ -44,9 +50,20 @@ def modelica(options: ExportModelicaCommand) -> None:
     Outputs(reads, folders={"--out": folder}).check()
     _check_empty(package)
     classes = [find_class(name, options["laid_over"]) for name in names or COMPONENTS]
-    for path, text in package_files(classes, version()).items():
-        files.write(folder / path, text.encode())
+    contents = package_files(classes, version(), _fmus(classes) if options["fmus"] else None)
+    for path, data in contents.items():
+        files.write(folder / path, data)
     wrote(package)
+
+
+def _fmus(classes: Sequence[type[Component]]) -> dict[str, bytes]:
+    """Return the FMUs of components for this machine."""
+    from fmus.kit import build
+    from orchestration.reporting import progress
+
+    with progress() as tell:
+        tell(f"building {len(classes)} FMUs unless they are there")
+        return {cls.name: build.build_cached(cls, "native").read_bytes() for cls in classes}
 
 
 def _check_empty(package: Path) -> None:

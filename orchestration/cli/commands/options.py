@@ -124,6 +124,7 @@ class ExportOptions(TypedDict, total=False):
         ),
     ]
     out: Annotated[Path, Option("Folder that gets the package.", default=Path("modelica"))]
+    fmus: Annotated[bool, Option("Also models that FMUs for this machine compute.", default=False)]
 
 
 class ExportModelicaCommand(LaidOverOption, ExportOptions, total=False):

@@ -72,7 +72,7 @@ def _beyond_fmi2(root: Element) -> Iterator[Finding]:
     """Tell what this program leaves out of an FMU of FMI 3.0."""
     variables = root.findall("ModelVariables/*")
     groups = {
-        "clocks, without which it cannot be run, tick nowhere here": "Clock",
+        "clocks, which keep it from being run here": "Clock",
         "binary variables are left out here": "Binary",
         "structural parameters keep their start values here": "structuralParameter",
     }

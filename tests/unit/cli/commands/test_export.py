@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import rumoca
 
+from fmus.kit.build import host_platform
 from tests.support.command import here, works
 
 
@@ -25,6 +26,21 @@ def test_effects_are_laid_over_a_named_component(tmp_path):
     text = (folder / "PpyActuatorWithSelfHeatingWithSlack.mo").read_text()
     assert "Real temperature_rise(start=temperature_rise_start" in text
     assert "parameter Real conductance_rise_per_kelvin" in text
+
+
+def test_fmus_come_with_what_loads_them(tmp_path):
+    works("export", "modelica", "pid", "--fmus", cwd=tmp_path)
+    folder = tmp_path / "modelica" / "PpyRig"
+    assert (folder / "package.order").read_text().split()[2:] == ["FMUs", "Pid"]
+    assert (folder / "FMUs" / "package.order").read_text().split() == [
+        "Instance",
+        "communicate",
+        "Pid",
+    ]
+    resources = folder / "Resources"
+    assert [path.stem for path in (resources / "Library" / host_platform()).iterdir()] == ["pid"]
+    assert (resources / "Include" / "ppy_rig_fmu.h").is_file()
+    assert (resources / "Licences" / "license.txt").is_file()
 
 
 @pytest.mark.parametrize(

@@ -205,7 +205,7 @@ FAULTS_OF_FMI_3: dict[str, tuple[Change, str]] = {
             '<Clock name="tick" valueReference="99" causality="input"'
             ' intervalVariability="triggered"/></ModelVariables>',
         ),
-        r"1 note: clocks, without which it cannot be run, tick nowhere here: tick",
+        r"1 note: clocks, which keep it from being run here: tick",
     ),
     "function": (
         lambda files: files.update(

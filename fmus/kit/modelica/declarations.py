@@ -1,0 +1,100 @@
+"""Declarations of a component's variables: parameters, signals, states, connectors of ports."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from fmus.kit.component import Component
+from fmus.kit.declare import Declaration, DiscreteDeclaration, StateDeclaration
+from fmus.kit.modelica.connectors import SIGNALS, connector_class, signal_class
+from fmus.kit.modelica.icons import placements
+from fmus.kit.modelica.names import comment, identifier, real, string
+from fmus.kit.units import to_modelica
+
+
+def declarations(cls: type[Component], states: bool = True) -> list[str]:
+    """Declare the variables of a component, and the connectors of its ports.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    states : bool
+        Whether its states are there with their start values; else those that are shown are outputs
+        like others.
+
+    Returns
+    -------
+    list of str
+    """
+    places = placements(cls)
+    lines = [
+        _declared(f"parameter {SIGNALS[p.type]}", p, {}, value=_literal(p.start, p.type))
+        for p in cls.layout.parameters
+    ]
+    lines += _inputs(cls, places)
+    lines += _states(cls, places) if states else []
+    lines += [
+        _declared(signal_class(v.type, "Output"), v, {}, annotation=places[v.name])
+        for v in (cls.layout.outputs if states else cls.layout.shown)
+    ]
+    for port in cls.ports:
+        about = comment(f"of {port.name}")
+        for name in port.connectors:
+            connector = f"{connector_class(port.domain)} {identifier(name)}"
+            lines.append(f"{connector}{about}{places[name]};")
+    return lines
+
+
+def _inputs(cls: type[Component], places: Mapping[str, str]) -> list[str]:
+    """Declare inputs: signals, but for those that come from ports."""
+    at_ports = {name for port in cls.ports for name in port.variables}
+    lines = []
+    for v in cls.layout.inputs:
+        prefix = SIGNALS[v.type] if v.name in at_ports else signal_class(v.type, "Input")
+        start = {"start": _literal(v.start, v.type)}
+        lines.append(_declared(prefix, v, start, annotation=places.get(v.name, "")))
+    return lines
+
+
+def _states(cls: type[Component], places: Mapping[str, str]) -> list[str]:
+    """Declare continuous and discrete states, with their start values."""
+    layout = cls.layout
+    states: list[StateDeclaration | DiscreteDeclaration] = [*layout.states, *layout.discretes]
+    lines = []
+    for state in states:
+        prefix = signal_class(state.type, "Output") if state.output else SIGNALS[state.type]
+        start = {"start": identifier(layout.start_of[state.name]), "fixed": "true"}
+        lines.append(_declared(prefix, state, start, annotation=places.get(state.name, "")))
+    return lines
+
+
+def _declared(
+    prefix: str,
+    v: Declaration,
+    attributes: Mapping[str, str],
+    value: str = "",
+    annotation: str = "",
+) -> str:
+    """Declare a variable with these attributes, its unit and its range."""
+    attributes = dict(attributes)
+    if v.type == "real":
+        attributes["unit"] = string(to_modelica(v.unit))
+        if v.display:
+            attributes["displayUnit"] = string(to_modelica(v.display))
+        if v.nominal != 1.0:
+            attributes["nominal"] = real(v.nominal)
+    if v.type != "boolean":
+        limits = {"min": v.min, "max": v.max}
+        attributes |= {k: _literal(x, v.type) for k, x in limits.items() if math.isfinite(x)}
+    listed = ", ".join(f"{key}={text}" for key, text in attributes.items())
+    listed = f"({listed})" if listed else ""
+    assigned = f" = {value}" if value else ""
+    return f"{prefix} {identifier(v.name)}{listed}{assigned}{comment(v.doc)}{annotation};"
+
+
+def _literal(value: float, type: str) -> str:
+    """Write a value of a type."""
+    if type == "boolean":
+        return "true" if value else "false"
+    return str(int(value)) if type == "integer" else real(value)

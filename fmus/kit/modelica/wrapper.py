@@ -1,0 +1,147 @@
+"""A component as a model that its FMU computes, in co-simulation.
+
+The FMU is an external object (specification 3.6, section 12.9.7), which ``include/ppy_rig_fmu.h``
+loads and steps. At every communication point it steps to it with the inputs of the point before;
+its outputs are held until the next one. Inputs are taken as they are before the instant, so that no
+algebraic loop runs through it.
+"""
+
+from __future__ import annotations
+
+from fmus.kit.component import Component
+from fmus.kit.declare import Declaration, summary
+from fmus.kit.modelica.connectors import port_equations
+from fmus.kit.modelica.declarations import declarations
+from fmus.kit.modelica.icons import BOX
+from fmus.kit.modelica.names import (
+    class_name,
+    comment,
+    identifier,
+    indented,
+    real,
+    string,
+    wrapped,
+)
+
+WRAPPERS = "FMUs"  # the package that they are in
+_INCLUDE = (
+    'annotation(Include="#include \\"ppy_rig_fmu.h\\"",'
+    ' IncludeDirectory="modelica://PpyRig/Resources/Include")'
+)
+_INSTANCE = f"""\
+class Instance "An FMU that is loaded"
+  extends ExternalObject;
+  function constructor "Loads an FMU"
+    input String name "of the FMU, and of its library";
+    input String guid;
+    input String types "of its variables, a letter each: r, i or b";
+    input Integer inputs "place of the first input among them";
+    input Real parameters[:] "values of the first of them";
+    output Instance instance;
+    external "C" instance = ppy_rig_open(name, guid, types, inputs, parameters, size(parameters, 1))
+      {_INCLUDE};
+  end constructor;
+  function destructor "Ends an FMU"
+    input Instance instance;
+    external "C" ppy_rig_close(instance)
+      {_INCLUDE};
+  end destructor;
+end Instance;
+"""
+_COMMUNICATE = f"""\
+impure function communicate "Outputs of an FMU at a communication point"
+  input Instance instance;
+  input Real now "time of the point";
+  input Real inputs[:];
+  input Integer outputs[:] "places among its variables";
+  output Real values[size(outputs, 1)];
+  external "C" ppy_rig_communicate(instance, now, inputs, size(inputs, 1), outputs,
+    size(outputs, 1), values)
+    {_INCLUDE};
+end communicate;
+"""
+
+
+def support_classes() -> dict[str, str]:
+    """Write what every wrapper uses.
+
+    Returns
+    -------
+    dict of str to str
+        Text of each class by its name, without the clause that it is within.
+    """
+    return {"Instance": _INSTANCE, "communicate": _COMMUNICATE}
+
+
+def wrapper_text(cls: type[Component], guid: str) -> str:
+    """Write a component as a model that its FMU computes.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    guid : str
+        Of the FMU.
+
+    Returns
+    -------
+    str
+        Without the clause that it is within.
+    """
+    layout = cls.layout
+    name = class_name(cls.name)
+    taken = {identifier(v) for v in layout.names}
+    taken |= {identifier(c) for port in cls.ports for c in port.connectors}
+    step, fmu, values = (
+        identifier(each, taken) for each in ("communication_step", "fmu", "results")
+    )
+    types = "".join(v.type[0] for v in layout.variables)
+    places = {v.name: k for k, v in enumerate(layout.variables)}
+    parameters = _array([_number(p) for p in layout.parameters])
+    inputs = _array([_number(v, before=True) for v in layout.inputs])
+    outputs = _array([str(places[v.name]) for v in layout.shown])
+    about = f"{summary(cls)}, computed by its FMU"
+    opened = f"{string(cls.name)}, {string(guid)}, {string(types)}, {len(layout.parameters)}"
+    lines = [
+        f"{'model' if cls.ports else 'block'} {name}{comment(about)}",
+        *indented(declarations(cls, states=False)),
+        f'  parameter Real {step}(unit="s", min=1e-09) = {real(cls.experiment[1])}'
+        ' "time between communication points";',
+        "protected",
+        f"  Instance {fmu} = Instance({opened},",
+        *wrapped([f"{parameters});"], "    "),
+        f"  Real {values}[{len(layout.shown)}];",
+        "equation",
+    ]
+    for port in cls.ports:
+        lines += wrapped(port_equations(port))
+    lines += [
+        f"  when {{initial(), sample({step}, {step})}} then",
+        *wrapped([f"{values} = communicate({fmu}, time, {inputs}, {outputs});"], "    "),
+        "  end when;",
+        *wrapped(
+            f"{identifier(v.name)} = {_read(f'{values}[{k}]', v.type)};"
+            for k, v in enumerate(layout.shown, 1)
+        ),
+        f"  annotation({BOX});",
+        f"end {name};",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _array(elements: list[str]) -> str:
+    """Write an array; an empty one has no type unless it is filled."""
+    return f"{{{', '.join(elements)}}}" if elements else "fill(0, 0)"
+
+
+def _number(v: Declaration, before: bool = False) -> str:
+    """Write a variable as a Real, as it is, or before an instant."""
+    name = identifier(v.name)
+    text = f"pre({name})" if before else name
+    return f"if {text} then 1.0 else 0.0" if v.type == "boolean" else text
+
+
+def _read(value: str, type: str) -> str:
+    """Write a Real as a value of a type."""
+    if type == "boolean":
+        return f"{value} > 0.5"
+    return f"integer({value} + 0.5)" if type == "integer" else value
