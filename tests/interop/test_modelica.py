@@ -12,12 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rumoca
 
 import fmus
 from fmus import COMPONENTS
 from fmus.kit import stack
 from fmus.kit.build import build_cached
 from fmus.kit.modelica import class_name, package_files
+from orchestration.fmu import find_class, known_effects
 from tests.support.effect_samples import ACTIVE, active
 from tests.support.modelica import (
     Courses,
@@ -196,6 +198,26 @@ def test_an_effect_carries_over(name, tmp_path):
     assert_agree(by_fmpy(cls, "ppy_actuator"), simulated)
     with pytest.raises(AssertionError, match=r"^(charge|voltage|\w+displacement)"):
         assert_agree(by_fmpy(base, "ppy_actuator"), simulated, tolerance=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_every_effect_compiles(name, tmp_path):
+    """But where one clock reads what one of another period has sampled, which rumoca refuses."""
+    for effect in known_effects(fmus.component(name)):
+        cls = find_class(name, [effect])
+        folder = tmp_path / cls.name
+        write(package_files([cls], "0"), folder)
+        model = driven(cls, f"PpyRig.{class_name(cls.name)}", {})
+        session = rumoca.Session(roots=[str(folder / "PpyRig")])
+        try:
+            compiled = session.loads(f"{sources()}\n{model}", model="Driven")
+        except rumoca.CompileError as error:
+            periods = {clock.period for clock, _ in cls.layout.sampled}
+            if "is not owned by clock" not in str(error) or len(periods) == 1:
+                raise
+        else:
+            assert compiled.structure().is_balanced
 
 
 def test_a_difference_is_seen(folder):

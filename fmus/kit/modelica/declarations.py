@@ -7,8 +7,8 @@ from collections.abc import Mapping
 
 from fmus.kit.component import Component
 from fmus.kit.declare import Declaration, DiscreteDeclaration, StateDeclaration
+from fmus.kit.modelica.annotations import placements
 from fmus.kit.modelica.connectors import SIGNALS, connector_class, signal_class
-from fmus.kit.modelica.icons import placements
 from fmus.kit.modelica.names import comment, identifier, real, string
 from fmus.kit.units import to_modelica
 

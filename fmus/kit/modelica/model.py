@@ -11,11 +11,11 @@ import casadi as ca
 from fmus.kit.component import Component
 from fmus.kit.declare import summary
 from fmus.kit.layout import Clock, Layout
+from fmus.kit.modelica.annotations import annotation
 from fmus.kit.modelica.connectors import port_equations
 from fmus.kit.modelica.declarations import declarations
 from fmus.kit.modelica.equations import Auxiliary, Equations, Target, define
 from fmus.kit.modelica.expressions import Node, apply, constant, symbol
-from fmus.kit.modelica.icons import BOX
 from fmus.kit.modelica.names import (
     class_name,
     comment,
@@ -99,7 +99,7 @@ class _Model:
         lines += wrapped(continuous.lines)
         for (clock, _), part in zip(self.layout.sampled, sampled, strict=True):
             lines += [f"  when {_sample(clock)} then", *wrapped(part.lines, "    "), "  end when;"]
-        lines += [f"  annotation({BOX});", f"end {name};"]
+        lines += [f"  {annotation(self.cls)}", f"end {name};"]
         return "\n".join(lines) + "\n"
 
     def _auxiliary(self, auxiliary: Auxiliary) -> str:

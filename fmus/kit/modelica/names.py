@@ -17,7 +17,7 @@ final flow for function if import impure in initial inner input loop model not o
 output package parameter partial protected public pure record redeclare replaceable return stream
 then true type when while within
 abs acos asin atan atan2 cos cosh exp integer log max min pre sample sign sin sinh sqrt tan tanh
-time Boolean Functions Integer Interfaces Real String
+time Boolean FMUs Functions Integer Interfaces Real String
 """
 _RESERVED = frozenset(_WORDS.split())
 _ESCAPED = str.maketrans({"\\": "\\\\", '"': '\\"'})

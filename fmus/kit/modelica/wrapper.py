@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from fmus.kit.component import Component
 from fmus.kit.declare import Declaration, summary
+from fmus.kit.modelica.annotations import annotation
 from fmus.kit.modelica.connectors import port_equations
 from fmus.kit.modelica.declarations import declarations
-from fmus.kit.modelica.icons import BOX
 from fmus.kit.modelica.names import (
     class_name,
     comment,
@@ -122,7 +122,7 @@ def wrapper_text(cls: type[Component], guid: str) -> str:
             f"{identifier(v.name)} = {_read(f'{values}[{k}]', v.type)};"
             for k, v in enumerate(layout.shown, 1)
         ),
-        f"  annotation({BOX});",
+        f"  {annotation(cls)}",
         f"end {name};",
     ]
     return "\n".join(lines) + "\n"

@@ -1,18 +1,31 @@
-"""Icons of models: a box with its name, signals at its sides and connectors of ports below."""
+"""Annotations of models: documentation, and icons with connectors at their places.
+
+An icon is a box with the name, signals at its sides and connectors of ports below.
+"""
 
 from __future__ import annotations
 
+import html
+import inspect
 from collections.abc import Sequence
 
 from fmus.kit.component import Component
+from fmus.kit.modelica.names import string
 
-BOX = (
+_BOX = (
     "Icon(graphics={Rectangle(extent={{-100,-100},{100,100}}, lineColor={0,0,127},"
     " fillColor={255,255,255}, fillPattern=FillPattern.Solid),"
     ' Text(extent={{-150,110},{150,150}}, textString="%name")})'
 )
 _EDGE = 110  # from the middle, where connectors are; the box ends at 100
 _SIZE = 10
+
+
+def annotation(cls: type[Component]) -> str:
+    """Write the annotation of a model: its icon, and what it is."""
+    paragraphs = [*inspect.cleandoc(cls.__doc__ or "").split("\n\n"), *cls.remark.splitlines()]
+    body = "".join(f"<p>{html.escape(' '.join(p.split()))}</p>" for p in paragraphs if p)
+    return f"annotation({_BOX}, Documentation(info={string(f'<html>{body}</html>')}));"
 
 
 def placements(cls: type[Component]) -> dict[str, str]:
