@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from ..kit import Input, Output, Parameter, Port, State, cos, outside, shared, sin, where
+from ..kit import Input, Output, Parameter, PowerPort, State, cos, outside, shared, sin, where
 from .dynamic import FootDynamic
 from .ground import Ground
 
@@ -92,7 +92,7 @@ class FootFree(Ground, FootDynamic):
     # a force on the toe works along its way in space, which no output is
     ports = (
         *FootDynamic.muscles,
-        Port(
+        PowerPort(
             "leg_along",
             "translational",
             "leg_height",
@@ -100,7 +100,7 @@ class FootFree(Ground, FootDynamic):
             ("leg_flange_x",),
             delivers=True,
         ),
-        Port("leg_forward", "translational", "leg_advance", "leg_force_y", ("leg_flange_y",)),
+        PowerPort("leg_forward", "translational", "leg_advance", "leg_force_y", ("leg_flange_y",)),
     )
     tolerance = 1e-9  # touches are short, and what is off in one goes on
     experiment = (1.0, 0.005)

@@ -6,7 +6,7 @@ with a leg that moves and a ground in ``free.py``.
 
 from __future__ import annotations
 
-from ..kit import Input, Port
+from ..kit import Input, PowerPort
 from .dynamic import FootDynamic
 from .free import FootFree
 from .statics import FootStatics
@@ -14,11 +14,11 @@ from .statics import FootStatics
 __all__ = ["Foot", "FootDynamic", "FootFree"]
 
 
-def _joint(name: str) -> Port:
+def _joint(name: str) -> PowerPort:
     """Return the port of a joint, which whatever gives its angle holds against its torque."""
     angle = f"{name}_angle"
     torque = f"{name}_torque"
-    return Port(name, "rotational", angle, torque, (name,), delivers=True, rate=f"{name}_rate")
+    return PowerPort(name, "rotational", angle, torque, (name,), delivers=True, rate=f"{name}_rate")
 
 
 class Foot(FootStatics):

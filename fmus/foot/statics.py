@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kit import Input, Output, Parameter, Port, maximum, shared
+from ..kit import Input, Output, Parameter, PowerPort, maximum, shared
 from .kinematics import FootKinematics
 
 _FIGURE = "thesis fig. 5-7, 12-layer actuator"
@@ -42,11 +42,11 @@ def _damping(actuator: str) -> Any:
     )
 
 
-def _muscle(actuator: str) -> Port:
+def _muscle(actuator: str) -> PowerPort:
     """Return the port of an actuator that pulls on the foot, with its other end held."""
     length = f"{actuator}_length_change"
     tension = f"{actuator}_tension"
-    return Port(actuator, "translational", length, tension, (actuator,), delivers=True)
+    return PowerPort(actuator, "translational", length, tension, (actuator,), delivers=True)
 
 
 class FootStatics(FootKinematics):
@@ -55,8 +55,8 @@ class FootStatics(FootKinematics):
     muscles = tuple(map(_muscle, ("an", "po", "do", "pl")))
     ports = (
         *muscles,
-        Port("toe_along_leg", "translational", "toe_x", "toe_force_x", ("toe_flange_x",)),
-        Port("toe_forward", "translational", "toe_y", "toe_force_y", ("toe_flange_y",)),
+        PowerPort("toe_along_leg", "translational", "toe_x", "toe_force_x", ("toe_flange_x",)),
+        PowerPort("toe_forward", "translational", "toe_y", "toe_force_y", ("toe_flange_y",)),
     )
 
     k_an, k_po, k_do, k_pl = (_stiffness(actuator) for actuator in ("an", "po", "do", "pl"))

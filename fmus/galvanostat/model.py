@@ -17,7 +17,7 @@ from ..kit import (
     Input,
     Output,
     Parameter,
-    Port,
+    PowerPort,
     Preset,
     State,
     clip,
@@ -46,7 +46,7 @@ class Galvanostat(Component):
 
     name = "galvanostat"
     experiment = (60.0, 0.01)
-    ports = (Port("circuit", "electrical", "voltage", "current", ("p", "n"), delivers=True),)
+    ports = (PowerPort("circuit", "electrical", "voltage", "current", ("p", "n"), delivers=True),)
 
     current_limit = Parameter(
         1.3, "A", min=1e-9, max=1e6, source=_TABLE, doc="largest current in either direction"

@@ -21,7 +21,7 @@ from ..kit import (
     Input,
     Output,
     Parameter,
-    Port,
+    PowerPort,
     Preset,
     State,
     clip,
@@ -41,7 +41,9 @@ class IsotonicStand(Component):
 
     name = "isotonic_stand"
     experiment = (60.0, 0.1)
-    ports = (Port("core", "translational", "displacement", "tension", ("flange",), delivers=True),)
+    ports = (
+        PowerPort("core", "translational", "displacement", "tension", ("flange",), delivers=True),
+    )
 
     gravity = Parameter(
         9.80665, "m/s^2", min=0.1, max=100.0, source="standard gravity", doc="gravity (g)"

@@ -70,7 +70,7 @@ from .functions import (
     where,
 )
 from .layout import Layout, law_of
-from .ports import DOMAINS, Domain, Port
+from .ports import DOMAINS, Domain, PowerPort
 from .sharing import shared
 from .titles import (
     capitalised,
@@ -115,7 +115,7 @@ __all__ = [
     "OutputDeclaration",
     "Parameter",
     "ParameterDeclaration",
-    "Port",
+    "PowerPort",
     "Preset",
     "Sampling",
     "SignalTerm",

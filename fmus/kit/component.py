@@ -10,7 +10,7 @@ from zlib import crc32
 from .declare import Declaration, OutputDeclaration, Preset, name_declaration
 from .errors import UserError, suggestion
 from .layout import APART, Layout, arrange, check, check_laws, extract
-from .ports import Port
+from .ports import PowerPort
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Component:
         Computes it in place of laws; None where it has laws.
     limits : Mapping of str to str
         Laws that limit another one, each with the law that it is where the limit is not reached.
-    ports : tuple of Port
+    ports : tuple of PowerPort
         Pairs of variables through which it exchanges power with others.
     unchecked : tuple of str
         Laws that compute with bare numbers, so that their units are not checked.
@@ -109,7 +109,7 @@ class Component:
     presets: ClassVar[Mapping[str, Preset]] = {}
     engine: ClassVar[Engine | None] = None
     limits: ClassVar[Mapping[str, str]] = {}
-    ports: ClassVar[tuple[Port, ...]] = ()
+    ports: ClassVar[tuple[PowerPort, ...]] = ()
     unchecked: ClassVar[tuple[str, ...]] = ()
     declared: ClassVar[dict[str, Declaration]] = {}
     layout: ClassVar[Layout]

@@ -22,7 +22,7 @@ from .declare import (
     make_start_parameter,
 )
 from .errors import DeclarationError, UserError, suggestion
-from .ports import DOMAINS, Port
+from .ports import DOMAINS, PowerPort
 
 _TYPES = ("real", "integer", "boolean")
 APART = "_apart"  # declarations of a class body that have left it already
@@ -356,7 +356,7 @@ def _check_references(owner: Any, layout: Layout) -> None:
             raise _mistake(owner, discrete, reason)
 
 
-def _check_port(owner: Any, layout: Layout, port: Port) -> None:
+def _check_port(owner: Any, layout: Layout, port: PowerPort) -> None:
     """Check the domain, the variables and the connectors of a port."""
     place = f"{owner.__module__}.{owner.__qualname__}: port {port.name!r}"
     if port.domain not in DOMAINS:

@@ -37,7 +37,7 @@ DOMAINS: Mapping[str, Domain] = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Port:
+class PowerPort:
     """A pair of a component's variables whose product is a power.
 
     Attributes

@@ -15,10 +15,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from ..kit import Component, Input, Output, Parameter, Port, Preset, State, maximum
+from ..kit import Component, Input, Output, Parameter, PowerPort, Preset, State, maximum
 
-_CIRCUIT = Port("circuit", "electrical", "voltage", "current", ("p", "n"))
-_CHAIN = Port("chain", "translational", "displacement", "force", ("flange_b", "flange_a"))
+_CIRCUIT = PowerPort("circuit", "electrical", "voltage", "current", ("p", "n"))
+_CHAIN = PowerPort("chain", "translational", "displacement", "force", ("flange_b", "flange_a"))
 _CHAIN_AT_LENGTH = replace(_CHAIN, potential="length_change", flow="tension")
 _TABLE = "thesis table 3-1, mean of three 12-layer data sets"
 _FIGURE = "thesis fig. 3-9, 12-layer actuator 106, in N/m and N*s/m (errata 1)"

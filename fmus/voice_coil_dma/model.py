@@ -15,7 +15,18 @@ from __future__ import annotations
 from math import pi
 from typing import Any
 
-from ..kit import Component, Discrete, Input, Output, Parameter, Port, Preset, State, floor, where
+from ..kit import (
+    Component,
+    Discrete,
+    Input,
+    Output,
+    Parameter,
+    PowerPort,
+    Preset,
+    State,
+    floor,
+    where,
+)
 
 _A1 = "thesis appendix A1 (errata 2)"
 _LAW = "thesis eq. 2.2: Tustin of 18 (0.02 s + 1)/s at 30 Hz (errata 3)"
@@ -36,7 +47,9 @@ class VoiceCoilDma(Component):
 
     name = "voice_coil_dma"
     experiment = (2.0, 1e-3)
-    ports = (Port("clamp", "translational", "position", "tension", ("flange",), delivers=True),)
+    ports = (
+        PowerPort("clamp", "translational", "position", "tension", ("flange",), delivers=True),
+    )
     unchecked = ("next_command",)  # a force, or a voltage if the controller is off
 
     R = Parameter(

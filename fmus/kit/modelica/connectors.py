@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fmus.kit.modelica.names import identifier, string
-from fmus.kit.ports import DOMAINS, Port
+from fmus.kit.ports import DOMAINS, PowerPort
 from fmus.kit.units import to_modelica
 
 INTERFACES = "Interfaces"  # the package that they are in
@@ -59,12 +59,12 @@ def signal_class(type: str, causality: str) -> str:
     return f"{INTERFACES}.{SIGNALS[type]}{causality}"
 
 
-def port_equations(port: Port) -> list[str]:
+def port_equations(port: PowerPort) -> list[str]:
     """Write the equations between the variables of a port and those of its connectors.
 
     Parameters
     ----------
-    port : Port
+    port : PowerPort
 
     Returns
     -------

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from fmus.kit.modelica.expressions import Node, Writer
+from fmus.kit.modelica.expressions import ExpressionNode, Writer
 from fmus.kit.modelica.names import identifier
 
 _RELATION = re.compile("[<>]")
@@ -26,13 +26,13 @@ class Target:
     text : str
         The left-hand side.
     type : {"real", "integer", "boolean"}
-    node : Node
+    node : ExpressionNode
         The right-hand side.
     """
 
     text: str
     type: str
-    node: Node
+    node: ExpressionNode
 
 
 @dataclass(frozen=True)
@@ -42,18 +42,18 @@ class Auxiliary:
     Attributes
     ----------
     name : str
-    node : Node
+    node : ExpressionNode
     law : str
         Empty if no law gives it.
     """
 
     name: str
-    node: Node
+    node: ExpressionNode
     law: str
 
 
 @dataclass(frozen=True)
-class Equations:
+class EquationSet:
     """Equations with their auxiliary variables.
 
     Attributes
@@ -67,8 +67,11 @@ class Equations:
 
 
 def define(
-    targets: Sequence[Target], laws: Mapping[Node, str], taken: set[str], literal: bool = False
-) -> Equations:
+    targets: Sequence[Target],
+    laws: Mapping[ExpressionNode, str],
+    taken: set[str],
+    literal: bool = False,
+) -> EquationSet:
     """Write the equations of some variables.
 
     No variable of type Boolean stands for an expression: it would keep its value until the next
@@ -77,7 +80,7 @@ def define(
     Parameters
     ----------
     targets : sequence of Target
-    laws : Mapping of Node to str
+    laws : Mapping of ExpressionNode to str
         What laws give, by expression.
     taken : set of str
         Names that are in use, to which those of auxiliary variables are added.
@@ -86,9 +89,9 @@ def define(
 
     Returns
     -------
-    Equations
+    EquationSet
     """
-    names: dict[Node, str] = {}
+    names: dict[ExpressionNode, str] = {}
     for target in targets:
         stands = target.type == "real" and "(" not in target.text
         if stands and not (target.node.is_boolean or target.node.is_leaf):
@@ -108,7 +111,7 @@ def define(
         if literal and target.type == "real" and _RELATION.search(right):
             right = f"noEvent({right})"
         lines.append(f"{target.text} = {right};")
-    return Equations(auxiliaries, lines)
+    return EquationSet(auxiliaries, lines)
 
 
 def _name_of_law(law: str, taken: set[str]) -> str:
@@ -121,9 +124,11 @@ def _numbered(taken: set[str]) -> str:
     return next(name for k in range(1, len(taken) + 2) if (name := f"term_{k}") not in taken)
 
 
-def _shared(roots: Sequence[Node], laws: Mapping[Node, str]) -> list[Node]:
+def _shared(
+    roots: Sequence[ExpressionNode], laws: Mapping[ExpressionNode, str]
+) -> list[ExpressionNode]:
     """Return the expressions that laws give, or that stand in several places, operands first."""
-    order: dict[Node, None] = {}
+    order: dict[ExpressionNode, None] = {}
     for root in roots:
         _visit(root, order)
     uses = Counter(roots)
@@ -141,7 +146,7 @@ def _shared(roots: Sequence[Node], laws: Mapping[Node, str]) -> list[Node]:
     return shared[::-1]
 
 
-def _visit(node: Node, order: dict[Node, None]) -> None:
+def _visit(node: ExpressionNode, order: dict[ExpressionNode, None]) -> None:
     """Note the place of an expression behind its operands."""
     if node in order or node.is_leaf:
         return

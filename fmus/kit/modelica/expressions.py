@@ -54,14 +54,14 @@ _TRUTHS = {*_RELATIONS, *_LOGICAL, *_EQUALITIES, ca.OP_NOT}
 
 
 @dataclass(frozen=True, eq=False)
-class Node:
+class ExpressionNode:
     """An expression, which is the same as another only if it is that object.
 
     Attributes
     ----------
     operation : int
         Of CasADi, or a symbol, a constant or a choice.
-    operands : tuple of Node
+    operands : tuple of ExpressionNode
     text : str
         Of a symbol.
     value : float
@@ -70,7 +70,7 @@ class Node:
     """
 
     operation: int
-    operands: tuple[Node, ...] = ()
+    operands: tuple[ExpressionNode, ...] = ()
     text: str = ""
     value: float = 0.0
     is_boolean: bool = False
@@ -81,41 +81,43 @@ class Node:
         return not self.operands
 
 
-def symbol(text: str, is_boolean: bool = False) -> Node:
+def symbol(text: str, is_boolean: bool = False) -> ExpressionNode:
     """Return a symbol, or what is written in its place."""
-    return Node(_SYMBOL, text=text, is_boolean=is_boolean)
+    return ExpressionNode(_SYMBOL, text=text, is_boolean=is_boolean)
 
 
-def constant(value: float) -> Node:
+def constant(value: float) -> ExpressionNode:
     """Return a number."""
-    return Node(_CONSTANT, value=value)
+    return ExpressionNode(_CONSTANT, value=value)
 
 
-def apply(operation: int, operands: list[Node]) -> Node:
+def apply(operation: int, operands: list[ExpressionNode]) -> ExpressionNode:
     """Return the expression of an operation of CasADi.
 
     Parameters
     ----------
     operation : int
-    operands : list of Node
+    operands : list of ExpressionNode
 
     Returns
     -------
-    Node
+    ExpressionNode
         A choice if it is what CasADi makes of one, ``(c ? a : 0) + (!c ? b : 0)``.
     """
     if operation == ca.OP_ADD:
         for first, second in (operands, operands[::-1]):
             if _chooses(first, second):
                 branches = first.operands[1], second.operands[1]
-                return Node(_IF, (first.operands[0], *branches), is_boolean=_are_boolean(*branches))
+                return ExpressionNode(
+                    _IF, (first.operands[0], *branches), is_boolean=_are_boolean(*branches)
+                )
     is_boolean = operation in _TRUTHS
     if operation == ca.OP_IF_ELSE_ZERO:
         is_boolean = operands[1].is_boolean
-    return Node(operation, tuple(operands), is_boolean=is_boolean)
+    return ExpressionNode(operation, tuple(operands), is_boolean=is_boolean)
 
 
-def _chooses(first: Node, second: Node) -> bool:
+def _chooses(first: ExpressionNode, second: ExpressionNode) -> bool:
     """Return whether two summands are the branches of a choice."""
     if not first.operation == second.operation == ca.OP_IF_ELSE_ZERO:
         return False
@@ -123,7 +125,7 @@ def _chooses(first: Node, second: Node) -> bool:
     return otherwise.operation == ca.OP_NOT and otherwise.operands[0] is first.operands[0]
 
 
-def _are_boolean(yes: Node, no: Node) -> bool:
+def _are_boolean(yes: ExpressionNode, no: ExpressionNode) -> bool:
     """Return whether a choice is Boolean: one branch is, and the other is or is 0 or 1."""
     branches = [yes, no]
     truths = [
@@ -149,18 +151,18 @@ class Writer:
 
     Attributes
     ----------
-    names : Mapping of Node to str
+    names : Mapping of ExpressionNode to str
         Variables that stand for expressions.
     """
 
-    names: Mapping[Node, str]
+    names: Mapping[ExpressionNode, str]
 
-    def define(self, node: Node, variable: str, type: str) -> str:
+    def define(self, node: ExpressionNode, variable: str, type: str) -> str:
         """Write the expression that defines a variable.
 
         Parameters
         ----------
-        node : Node
+        node : ExpressionNode
         variable : str
         type : {"real", "integer", "boolean"}
             Of the variable.
@@ -176,19 +178,19 @@ class Writer:
             return f"integer({_to_real(node, written).within(_SUM)} + 0.5)"
         return _to_real(node, written).text
 
-    def _real(self, node: Node) -> _Text:
+    def _real(self, node: ExpressionNode) -> _Text:
         return _to_real(node, self._named(node))
 
-    def _boolean(self, node: Node) -> _Text:
+    def _boolean(self, node: ExpressionNode) -> _Text:
         return _to_boolean(node, self._named(node))
 
-    def _named(self, node: Node) -> _Text:
+    def _named(self, node: ExpressionNode) -> _Text:
         """Write an expression, or the variable that stands for it."""
         if node in self.names:
             return _Text(self.names[node], _PRIMARY)
         return self._operation(node)
 
-    def _operation(self, node: Node) -> _Text:
+    def _operation(self, node: ExpressionNode) -> _Text:
         operation = node.operation
         if operation == _SYMBOL:
             return _Text(node.text, _PRIMARY)
@@ -206,7 +208,7 @@ class Writer:
             return _Text(f"{_FUNCTIONS[operation]}({arguments})", _PRIMARY)
         return self._other(node)
 
-    def _other(self, node: Node) -> _Text:
+    def _other(self, node: ExpressionNode) -> _Text:
         """Write a choice, a sign, a power, or what CasADi has in the place of a product."""
         match node.operation:
             case ca.OP_NEG:
@@ -231,12 +233,12 @@ class Writer:
                 return self._choice(condition, *branches)
         raise UserError(f"a law calls {_name(node.operation)}, which Modelica has not")
 
-    def _choice(self, condition: Node, yes: _Text, no: _Text) -> _Text:
+    def _choice(self, condition: ExpressionNode, yes: _Text, no: _Text) -> _Text:
         otherwise = no.text  # a choice there goes on with `else if`
         text = f"if {self._boolean(condition).text} then {yes.within(_OR)} else {otherwise}"
         return _Text(text, _CHOICE)
 
-    def _truth(self, node: Node) -> _Text:
+    def _truth(self, node: ExpressionNode) -> _Text:
         """Write an expression of type Boolean."""
         operation = node.operation
         if operation in _RELATIONS:
@@ -257,7 +259,7 @@ class Writer:
         yes, no = map(self._boolean, node.operands[1:])
         return self._choice(condition, yes, no)
 
-    def _equality(self, node: Node) -> _Text:
+    def _equality(self, node: ExpressionNode) -> _Text:
         """Write ``==`` or its opposite; of two Real, of which only functions have it, by order."""
         is_equal = node.operation == ca.OP_EQ
         if all(o.is_boolean for o in node.operands):
@@ -276,13 +278,13 @@ def _name(operation: int) -> str:
     return next(n.removeprefix("OP_").lower() for n in names if n.startswith("OP_"))
 
 
-def _to_real(node: Node, written: _Text) -> _Text:
+def _to_real(node: ExpressionNode, written: _Text) -> _Text:
     if not node.is_boolean:
         return written
     return _Text(f"if {written.text} then 1.0 else 0.0", _CHOICE)
 
 
-def _to_boolean(node: Node, written: _Text) -> _Text:
+def _to_boolean(node: ExpressionNode, written: _Text) -> _Text:
     if node.is_boolean:
         return written
     if node.operation == _CONSTANT:

@@ -14,8 +14,8 @@ from fmus.kit.layout import Clock, Layout
 from fmus.kit.modelica.annotations import annotation
 from fmus.kit.modelica.connectors import port_equations
 from fmus.kit.modelica.declarations import declarations
-from fmus.kit.modelica.equations import Auxiliary, Equations, Target, define
-from fmus.kit.modelica.expressions import Node, apply, constant, symbol
+from fmus.kit.modelica.equations import Auxiliary, EquationSet, Target, define
+from fmus.kit.modelica.expressions import ExpressionNode, apply, constant, symbol
 from fmus.kit.modelica.names import (
     class_name,
     comment,
@@ -109,7 +109,7 @@ class _Model:
         about = summary(getattr(self.cls, auxiliary.law)) if auxiliary.law else ""
         return f"Real {auxiliary.name}{attributes}{comment(about)};"
 
-    def _continuous(self, taken: set[str], events: Sequence[str]) -> Equations:
+    def _continuous(self, taken: set[str], events: Sequence[str]) -> EquationSet:
         """Write the equations of rates and outputs, and of what restarts a solver.
 
         Laws are written for every point, and none of their branches holds until the next event. For
@@ -132,7 +132,7 @@ class _Model:
         targets += [Target(name, "boolean", node) for name, node in zip(events, signs, strict=True)]
         return define(targets, self._by_node(laws), taken, literal=True)
 
-    def _sampled(self, group: int, taken: set[str]) -> Equations:
+    def _sampled(self, group: int, taken: set[str]) -> EquationSet:
         """Write the equations of one clock.
 
         They see inputs and their own discrete states as they are before the instant, and those of
@@ -153,7 +153,7 @@ class _Model:
         ]
         return define(targets, self._by_node(laws), taken)
 
-    def _nodes(self, texts: Mapping[str, str], results: list[ca.SX]) -> list[list[Node]]:
+    def _nodes(self, texts: Mapping[str, str], results: list[ca.SX]) -> list[list[ExpressionNode]]:
         """Return expressions for the elements of columns, and behind these for every law."""
         graph = self.graph
         columns = [ca.densify(c) for c in (*results, ca.vertcat(ca.SX(0, 1), *self.laws.values()))]
@@ -164,9 +164,9 @@ class _Model:
         arguments += [[symbol(texts[v.name], v.type == "boolean") for v in g] for g in groups]
         return carry_out(function, arguments, constant, apply)
 
-    def _by_node(self, laws: list[Node]) -> dict[Node, str]:
+    def _by_node(self, laws: list[ExpressionNode]) -> dict[ExpressionNode, str]:
         """Return the law that gives an expression; the first called where several do."""
-        named: dict[Node, str] = {}
+        named: dict[ExpressionNode, str] = {}
         for name, node in zip(self.laws, laws, strict=True):
             if not node.is_leaf:
                 named.setdefault(node, name)

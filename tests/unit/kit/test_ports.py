@@ -5,7 +5,7 @@ import re
 import pytest
 
 import fmus
-from fmus.kit import DOMAINS, Component, Input, Output, Port, State, UserError, units
+from fmus.kit import DOMAINS, Component, Input, Output, PowerPort, State, UserError, units
 
 
 @pytest.mark.parametrize("domain", DOMAINS)
@@ -66,7 +66,7 @@ def declared(port):
 
 
 def test_what_a_port_names_is_checked():
-    port = Port("wall", "thermal", "temperature", "heat", ("wall",))
+    port = PowerPort("wall", "thermal", "temperature", "heat", ("wall",))
     assert declared(port).ports == (port,)
 
 
@@ -83,4 +83,4 @@ def test_what_a_port_names_is_checked():
 )
 def test_a_mistake_in_a_port_shows_at_the_class(port, message):
     with pytest.raises(UserError, match=re.escape(f"Oven: port 'wall' {message}")):
-        declared(Port("wall", *port))
+        declared(PowerPort("wall", *port))

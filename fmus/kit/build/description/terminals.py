@@ -6,7 +6,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit.build.parameters import serialized
 from fmus.kit.component import Component
-from fmus.kit.ports import Port
+from fmus.kit.ports import PowerPort
 
 
 def terminals(cls: type[Component]) -> bytes:
@@ -36,7 +36,7 @@ def terminals(cls: type[Component]) -> bytes:
     return serialized(root)
 
 
-def _terminal(parent: Element, port: Port) -> None:
+def _terminal(parent: Element, port: PowerPort) -> None:
     """Append the terminal of a port."""
     node = SubElement(
         parent,

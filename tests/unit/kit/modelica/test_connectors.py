@@ -3,7 +3,7 @@
 import pymoca.parser
 import pytest
 
-from fmus.kit import Port
+from fmus.kit import PowerPort
 from fmus.kit.modelica.connectors import (
     connector_class,
     interface_classes,
@@ -43,7 +43,7 @@ def test_signals_are_short_classes(type, causality):
 
 
 def test_two_connectors_share_a_difference_and_pass_the_flow_on():
-    port = Port("circuit", "electrical", "voltage", "current", ("p", "n"))
+    port = PowerPort("circuit", "electrical", "voltage", "current", ("p", "n"))
     assert port_equations(port) == [
         "voltage = p.v - n.v;",
         "current = p.i;",
@@ -52,7 +52,9 @@ def test_two_connectors_share_a_difference_and_pass_the_flow_on():
 
 
 def test_a_flow_that_is_delivered_leaves():
-    port = Port("joint", "rotational", "angle", "torque", ("joint",), delivers=True, rate="speed")
+    port = PowerPort(
+        "joint", "rotational", "angle", "torque", ("joint",), delivers=True, rate="speed"
+    )
     assert port_equations(port) == [
         "angle = joint.phi;",
         "torque = -joint.tau;",

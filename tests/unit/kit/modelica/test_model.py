@@ -4,7 +4,7 @@ import pytest
 import rumoca
 
 import fmus
-from fmus.kit import Component, Discrete, Input, Output, Parameter, Port, State, stack, where
+from fmus.kit import Component, Discrete, Input, Output, Parameter, PowerPort, State, stack, where
 from fmus.kit.modelica import package_files
 from fmus.kit.modelica.model import model_text
 from tests.support.kit_samples import Thermostat, Warmer
@@ -15,7 +15,7 @@ class Oven(Component):
     """A heated wall: a port of heat, names that the language reserves, two clocks."""
 
     name = "oven"
-    ports = (Port("wall", "thermal", "temperature", "heat", ("wall",)),)
+    ports = (PowerPort("wall", "thermal", "temperature", "heat", ("wall",)),)
 
     capacity = Parameter(20.0, "J/K", min=1e-3, max=1e6, nominal=10.0, doc='the "thermal" mass')
     period = Parameter(0.5, "s", min=1e-3)
