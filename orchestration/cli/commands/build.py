@@ -43,10 +43,8 @@ def build(options: BuildCommand) -> None:
     folder = options["out"]
     if (options["laid_over"] or options["settings"]) and not names:
         raise UserError("--with and --set are about one model; name it")
-    known = COMPONENTS if runtime == kit.STOCK else MODELS
+    known = COMPONENTS if fmi == 3 or runtime == kit.STOCK else MODELS
     classes = [_component(name, options) for name in names or known]
-    if fmi == 3 and not names:
-        classes = [cls for cls in classes if cls.engine is None]
     runtimes = kit.RUNTIMES if runtime == "both" else (runtime,)
     work = [
         (cls, kind, folder / ("fmi3" if fmi == 3 else kind) / f"{cls.name}.fmu")

@@ -53,6 +53,8 @@ def _fmpy_problems(archive: Archive) -> Iterator[str]:
     aliases = {node.get("name", "") for node in archive.description.iter("Alias")}
     for problem in validate_fmu(str(archive.path)):
         line = " ".join(str(problem).split())
+        if line.isdecimal():  # the key of a KeyError of fmpy
+            line = f"ModelStructure: no variable has the value reference {line}"
         if not _is_of_aliases(line, aliases):
             yield line
 

@@ -181,6 +181,10 @@ FAULTS_OF_FMI_3: dict[str, tuple[Change, str]] = {
         ),
         r"1 warning: ModelStructure/Output: no dependencies.* for y, also_y",
     ),
+    "unknown reference": (
+        text('dependencies="12" dependenciesKind="constant"', 'dependencies="77"'),
+        r"1 error: ModelStructure: no variable has the value reference 77",
+    ),
     "start values": (text('start="2"', 'start="2 3"'), r"1 error: .*k: has 2 start values"),
     "range": (text('start="2"', 'start="20"'), r"2 error: k: start = 20 is outside of its range"),
     "no unit": (text(' declaredType="Current"', ""), r"2 warning: no unit for u"),
