@@ -21,12 +21,12 @@ def archive(fmu, runtime):
     return fmu(NAME, runtime)
 
 
-def test_the_voltage_reaches_the_current_through_samples_only(archive):
-    """So no algebraic loop closes through an actuator."""
+def test_the_voltage_reaches_the_current_through_samples_only(archive, runtime):
+    """So no algebraic loop closes through an actuator. A build in Python names no states."""
     description = fmpy.read_model_description(str(archive), validate=True)
     known = {u.variable.name: {k.name for k in u.dependencies} for u in description.outputs}
     assert known == {
-        "current": {"current_command", "lagged_current"},
+        "current": {"current_command"} | ({"lagged_current"} if runtime == "native" else set()),
         "saturated": {"current_command"},
         "recovering": set(),
     }
