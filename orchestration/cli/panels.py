@@ -13,6 +13,7 @@ _PANELS = {
         "settings",
         "preset",
         "runtime",
+        "fmi",
         "system",
         "connectors",
         "law",

@@ -4,7 +4,9 @@ The master exchanges values at points. Its error is a series in their distance, 
 distances, each half of the one before, take the first two terms of it away (Romberg).
 """
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +26,7 @@ from tests.support.modelica import (
     write,
 )
 
+ROOT = Path(__file__).parents[2]
 NAMES = ("galvanostat", "ppy_actuator", "ppy_actuator_length_driven", "voice_coil_dma")
 STOP = 0.2
 POINTS = 6000  # of the coarsest run; all samples of the bench are at some
@@ -197,3 +200,45 @@ def test_pymoca_flattens_the_bench_into_as_many_equations_as_variables(files):
     ]
     count = sum(len(e.blocks[0]) if hasattr(e, "blocks") else 1 for e in flat.equations)
     assert count == len(unknown)
+
+
+# --- connectors of another library ---------------------------------------------------------------
+
+# of the Modelica Standard Library 4.0, what the page uses: same variables, classes of its own
+STANDARD_LIBRARY = """
+package Modelica
+  package Electrical
+    package Analog
+      package Interfaces
+        connector Pin Real v(unit="V"); flow Real i(unit="A"); end Pin;
+      end Interfaces;
+      package Basic
+        model Ground Interfaces.Pin p; equation p.v = 0.0; end Ground;
+      end Basic;
+    end Analog;
+  end Electrical;
+  package Mechanics
+    package Translational
+      package Interfaces
+        connector Flange_b Real s(unit="m"); flow Real f(unit="N"); end Flange_b;
+      end Interfaces;
+      package Components
+        model Fixed parameter Real s0 = 0.0; Interfaces.Flange_b flange; equation flange.s = s0;
+        end Fixed;
+      end Components;
+    end Translational;
+  end Mechanics;
+end Modelica;
+"""
+
+
+def test_the_model_of_the_page_connects_to_connectors_of_another_library(folder):
+    page = (ROOT / "docs" / "how-to" / "other-tools.md").read_text(encoding="utf-8")
+    model = re.search(r"```modelica\n(.+?)```", page, re.S)[1]
+    simulated = simulate_by_rumoca(folder, [STANDARD_LIBRARY, model], "Clamped", 2.0, 0.5)
+    # into a circuit that is empty, R2 i = Q/C + (R1 + R2) dQ/dt
+    film = fmus.component("ppy_actuator")()
+    rate = 1.0 / ((film.R1 + film.R2) * film.C)
+    charge = film.R2 * 0.5 * film.C * (1.0 - np.exp(-rate * 2.0))
+    assert simulated["actuator.charge"][-1] == pytest.approx(charge, rel=1e-7)
+    assert simulated["actuator.flange_b.f"] == pytest.approx(0.0, abs=1e-15)
