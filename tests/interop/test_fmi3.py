@@ -18,6 +18,9 @@ from fmpy.validation import validate_fmu
 
 import fmus
 from fmus import component
+from fmus.kit import Component, Output, State
+from fmus.kit.build.building import build
+from fmus.kit.build.toolchain import host_platform
 from tests.support.exchange import both_ways, distance
 from tests.support.stimuli import STIMULI
 
@@ -190,6 +193,25 @@ def test_steps_end_early_at_samples_only_where_the_host_allows_it(fmu, tmp_path)
         assert last == pytest.approx(2.5 * period, rel=1e-12)
 
 
+def test_a_host_that_passes_over_an_event_gets_its_sample_with_the_next_step(fmu, tmp_path):
+    """A sample that is due when a step begins is no reason to end it."""
+    path = fmu("galvanostat", "native", 3)
+    period = next(p.start for p in component("galvanostat").layout.parameters if "period" in p.name)
+    given = {"eventModeUsed": True, "earlyReturnAllowed": True}
+    with opened(path, tmp_path, **given) as (one, names, _):
+        one.enterInitializationMode()
+        one.setFloat64([names["current_command"]], [0.5])
+        one.exitInitializationMode()
+        one.enterStepMode()
+        ends = [0.0]
+        for _ in range(3):
+            event, _, early, last = one.doStep(ends[-1], 2.5 * period)
+            assert (event, early) == (True, True)
+            ends.append(last)
+        assert ends == pytest.approx([0.0, period, 2.0 * period, 3.0 * period], rel=1e-12)
+        assert one.getFloat64([names["current"]])[0] > 0.0, "samples were made"
+
+
 def moving_point(one, references, description, rng):
     """Start an instance for model exchange at random values of inputs and states."""
     initialized(one)
@@ -278,6 +300,32 @@ def test_output_derivatives_are_differences_in_time(fmu, tmp_path):
         one.doStep(2.0, 1e-4)
         after = np.array(one.getFloat64(vr))
     np.testing.assert_allclose(rates, (after - before) / 1e-4, rtol=1e-4)
+
+
+class Timed(Component):
+    """An output that the time moves, too."""
+
+    name = "timed"
+
+    x = State("1", rate="slow", start=1.0, output=True, doc="decays")
+
+    def slow(self):
+        return -0.5 * self.x
+
+    @Output("1")
+    def both(self):
+        """Square of the time, and the state."""
+        return self.time * self.time + self.x
+
+
+def test_output_derivatives_count_the_time_itself(tmp_path):
+    path = tmp_path / "timed.fmu"
+    path.write_bytes(build(Timed, "native", [host_platform()], fmi=3))
+    with opened(path, tmp_path / "unpacked") as (one, names, _):
+        initialized(one)
+        one.doStep(0.0, 3.0)
+        (rate,) = one.getOutputDerivatives([names["both"]], [1])
+    assert rate == pytest.approx(2.0 * 3.0 - 0.5 * np.exp(-1.5), rel=1e-6)
 
 
 @pytest.mark.parametrize("name", ["ppy_actuator", "voice_coil_dma"])
