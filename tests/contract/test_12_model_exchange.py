@@ -84,7 +84,7 @@ class Clocked(Component):
 
 
 class Rooted(Component):
-    """What the root of an input is beyond one."""
+    """The root of an input, less one."""
 
     name = "rooted"
 

@@ -1,4 +1,4 @@
-"""What each component is fed with where tools are compared."""
+"""Inputs of each component where tools are compared."""
 
 # stop time and step, which meets no sample; mean, amplitude and angular frequency of what is fed
 STIMULI = {

@@ -77,7 +77,7 @@ class ExpressionNode:
 
     @property
     def is_leaf(self) -> bool:
-        """Whether it is a symbol or a constant."""
+        """True for a symbol or a constant."""
         return not self.operands
 
 

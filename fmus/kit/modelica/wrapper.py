@@ -94,21 +94,17 @@ def wrapper_text(cls: type[Component], guid: str) -> str:
     step, fmu, values = (
         identifier(each, taken) for each in ("communication_step", "fmu", "results")
     )
-    types = "".join(v.type[0] for v in layout.variables)
     places = {v.name: k for k, v in enumerate(layout.variables)}
-    parameters = _array([_number(p) for p in layout.parameters])
     inputs = _array([_number(v, before=True) for v in layout.inputs])
     outputs = _array([str(places[v.name]) for v in layout.shown])
     about = f"{summary(cls)}, computed by its FMU"
-    opened = f"{string(cls.name)}, {string(guid)}, {string(types)}, {len(layout.parameters)}"
     lines = [
         f"{'model' if cls.ports else 'block'} {name}{comment(about)}",
         *indented(declarations(cls, states=False)),
         f'  parameter Real {step}(unit="s", min=1e-09) = {real(cls.experiment[1])}'
         ' "time between communication points";',
         "protected",
-        f"  Instance {fmu} = Instance({opened},",
-        *wrapped([f"{parameters});"], "    "),
+        *_instance(cls, guid, fmu),
         f"  Real {values}[{len(layout.shown)}];",
         "equation",
     ]
@@ -126,6 +122,15 @@ def wrapper_text(cls: type[Component], guid: str) -> str:
         f"end {name};",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _instance(cls: type[Component], guid: str, name: str) -> list[str]:
+    """Declare the instance of the FMU, with the types of its variables and its parameters."""
+    layout = cls.layout
+    types = "".join(v.type[0] for v in layout.variables)
+    opened = f"{string(cls.name)}, {string(guid)}, {string(types)}, {len(layout.parameters)}"
+    parameters = _array([_number(p) for p in layout.parameters])
+    return [f"  Instance {name} = Instance({opened},", *wrapped([f"{parameters});"], "    ")]
 
 
 def _array(elements: list[str]) -> str:

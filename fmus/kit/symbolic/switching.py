@@ -200,9 +200,12 @@ def _median(values: npt.NDArray[np.float64]) -> float:
 
 
 def _alike(one: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> bool:
-    """Return whether two indicators are the same everywhere but for the sign."""
+    """Return whether two indicators are the same everywhere but for the sign.
+
+    One without a number at a point is like another without a number there, not like any.
+    """
     tolerance = _ALIKE * np.maximum(1.0, np.abs(one))
-    return any(
-        bool(np.all((np.abs(one - sign * other) <= tolerance) | np.isnan(one)))
-        for sign in (1.0, -1.0)
+    neither = np.isnan(one) & np.isnan(other)
+    return bool(np.any(np.isfinite(one))) and any(
+        bool(np.all((np.abs(one - sign * other) <= tolerance) | neither)) for sign in (1.0, -1.0)
     )

@@ -65,7 +65,7 @@ class Graph:
 
     @property
     def continuous(self) -> ca.SX:
-        """What outputs, derivatives and event indicators depend on between events."""
+        """Inputs and states, on which outputs, derivatives and indicators depend between events."""
         return ca.vertcat(self.inputs, self.states)
 
     @cached_property

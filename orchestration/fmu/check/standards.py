@@ -1,4 +1,4 @@
-"""What an FMU's archive and binaries must have, by the version of FMI."""
+"""Demands on an FMU's archive and binaries, by the version of FMI."""
 
 from __future__ import annotations
 

@@ -188,7 +188,7 @@ class _Variable:
 
     @property
     def is_wide(self) -> bool:
-        """Whether its values may be beyond the integers of FMI 2.0; those that are set are not."""
+        """True if its values may be beyond the integers of FMI 2.0; those that are set are not."""
         is_set = self.causality in ("parameter", "input", "structuralParameter")
         return self.kind in _WIDE and not is_set
 

@@ -33,7 +33,7 @@ def translated(text: str) -> Any:
 
 
 def read(text: str, **validation: bool) -> Any:
-    """What fmpy reads in the translation."""
+    """The translation as fmpy reads it."""
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
         archive.writestr("modelDescription.xml", ElementTree.tostring(translated(text).root))

@@ -20,6 +20,7 @@ from fmus.kit import (
     floor,
     maximum,
     minimum,
+    sqrt,
     stack,
     where,
 )
@@ -146,6 +147,18 @@ def test_where_an_expression_is_no_number_others_count():
     z = ca.Function("z", graph.arguments, [graph.indicators])(0.0, *graph.point(x=0.75)).full()
     assert z.shape == (2, 1)
     assert np.all((np.abs(z) > 0.1) & (np.abs(z) < 10.0))
+
+
+def test_a_place_without_a_number_where_values_are_typical_is_kept():
+    """It lies far away, where its root exists; near by it is like no other place."""
+    cls = switching(
+        lambda m: maximum(m.x, m.low) + minimum(sqrt(m.x - m.far), m.high),
+        low=1e-3,
+        far=10.0,
+        high=2.0,
+    )
+    assert crossings(cls, np.linspace(10.0, 20.0, 1000)) == pytest.approx([14.0], abs=0.011)
+    assert crossings(cls, GRID) == pytest.approx([1e-3], abs=1.1e-5)
 
 
 def test_a_delay_has_an_indicator_for_each_place_of_its_register():

@@ -62,7 +62,7 @@ def test_fmpy_finds_no_problem(cls, tmp_path):
 
 
 def about(variable):
-    """What both versions say of a variable."""
+    """Attributes of a variable that both versions have."""
     return (
         variable.name,
         TYPES.get(variable.type, variable.type),
