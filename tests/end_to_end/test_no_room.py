@@ -94,7 +94,7 @@ def test_no_room_in_the_cache(command, tmp_path, work):
         assert list((disk / "cache").glob("**/*.part")) == []
 
 
-@pytest.mark.parametrize("largest", [1_000, 60_000])
+@pytest.mark.parametrize("largest", [1_000, 90_000])
 @pytest.mark.parametrize("command", slow_but(["simulate", "sweep"], "simulate"))
 def test_files_that_may_not_be_as_large(command, largest, tmp_path, work):
     """``ulimit -f``: too small for a source file, and for an FMU."""

@@ -58,7 +58,8 @@ def close_loop(
         If names of variables coincide.
     """
     received = {str(c.target): c for c in connections}
-    body: dict[str, Any] = {"name": NAME.format(cls.name), "__module__": __name__}
+    # no ports: the inputs that the member's own would name are computed in the loop
+    body: dict[str, Any] = {"name": NAME.format(cls.name), "__module__": __name__, "ports": ()}
 
     def value(owner: Component, connection: Connection) -> Any:
         """Return what a connection carries."""
