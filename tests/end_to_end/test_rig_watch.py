@@ -30,7 +30,7 @@ ALLOWANCE = 1.0  # s more, for a machine on which a browser and other tests comp
 # of the time, in which a busy machine may not let the rig answer; taken for lost it would be a
 # third
 _STALLS = 0.2
-PATIENCE = 15.0  # s, for what takes milliseconds on an idle machine
+PATIENCE = 45.0  # s, for what takes milliseconds on an idle machine
 SHOWN = """(() => { const found = {};
   for (const card of document.querySelectorAll(".card")) {
     const text = place => card.querySelector(place).textContent;
@@ -62,6 +62,7 @@ step = "0.1 s"
 inputs.current = "0 A"
 inputs.force = "1.5 N"
 """
+DURATION = r"(\d+ ms|\d+\.\d s)"  # a busy machine needs more than a second
 BOX = (
     "(r => [r.left, r.top, r.width,"
     " r.height])(document.getElementById('stop').getBoundingClientRect())"
@@ -388,7 +389,7 @@ def test_stop_pressed_by_mouse_stops_the_rig(tab):
         for kind in ("mousePressed", "mouseReleased"):
             tab.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
         until(lambda: rig.of_type("stop"))
-        until(lambda: re.fullmatch(r"Safe: reached after \d+ ms\.", text(tab, "pressed")))
+        until(lambda: re.fullmatch(rf"Safe: reached after {DURATION}\.", text(tab, "pressed")))
         until(lambda: is_safe(tab))
         until(lambda: tab.run(SHOWN)["current"]["value"] == "0.000")
         (message,) = rig.of_type("stop")
@@ -451,8 +452,8 @@ def test_the_emulated_rig_behind_its_own_server(tab, tmp_path):
             assert tab.run(SHOWN)["displacement"]["unit"] == "mm"
             time.sleep(1.0)  # ten rows
             press_stop(tab)
-            until(lambda: re.fullmatch(r"safe \(reached after \d+ ms\)", text(tab, "state")))
-            assert re.fullmatch(r"Safe: reached after \d+ ms\.", text(tab, "pressed"))
+            until(lambda: re.fullmatch(rf"safe \(reached after {DURATION}\)", text(tab, "state")))
+            assert re.fullmatch(rf"Safe: reached after {DURATION}\.", text(tab, "pressed"))
             assert "stop button of ppy rig watch" in text(tab, "reason")
             until(lambda: tab.run(SHOWN)["force"]["value"] == "0.000")
             _, complaint = driving.communicate(timeout=60)
