@@ -73,5 +73,5 @@ def test_platforms_are_those_named_all_or_that_of_this_machine():
     assert platform_list(read("win64, linux64")) == ["win64", "linux64"]
     every = ",".join(ZIG_TARGETS)
     assert platform_list(read(every)) == [*ZIG_TARGETS]
-    with pytest.raises(UserError, match="linux32: there are linux64, .*, all"):
+    with pytest.raises(UserError, match=r"linux32: there are linux64, .*, all"):
         read("all,linux32")
