@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 from fmus.kit import UserError
+from fmus.kit.build import available_platforms
 from orchestration.api import DiagnosisResult, LawsResult, diagnose, held_out, laws
 from orchestration.api.declaration import only, options_of
 from orchestration.api.options import (
@@ -68,7 +69,7 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
         if result.model is None:
             note(f"there is nothing to make an FMU of: {path} was not written")
             return []
-        return result.fmu(path, platform_list(options["platforms"]), tell)
+        return result.fmu(path, _platforms(options), tell)
 
     def experiment(path: Path, tell: Callable[[str], None]) -> list[Path]:
         if result.experiment is None:
@@ -85,6 +86,11 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
         ]
     )
     return result
+
+
+def _platforms(options: DiagnoseCommand | LawsCommand) -> list[str]:
+    """Return the platforms that an FMU is built for; all are those that can be compiled for."""
+    return platform_list(options["platforms"]) or available_platforms()
 
 
 def run_laws(options: LawsCommand, command: str) -> LawsResult:
@@ -113,8 +119,7 @@ def run_laws(options: LawsCommand, command: str) -> LawsResult:
         return [result.effect(path)] if there_is_one(path) else []
 
     def fmu(path: Path, tell: Callable[[str], None]) -> list[Path]:
-        platforms = platform_list(options["platforms"])
-        return result.fmu(path, platforms, tell) if there_is_one(path) else []
+        return result.fmu(path, _platforms(options), tell) if there_is_one(path) else []
 
     write_all(
         [

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, TypedDict
 
 from orchestration.api.declaration import REQUIRED, Form, Option
-from orchestration.api.forms import NAMES, TIME, comma_list, seconds
+from orchestration.api.forms import NAMES, TIME, names_among, seconds
 from orchestration.cli.command import DEFAULT_MODEL
 
 # --- how values are written ----------------------------------------------------------------------
@@ -49,13 +49,14 @@ def _timeout(text: str) -> float:
     return value
 
 
-def platform_list(text: str | None) -> list[str] | None:
+_ALL = "all"
+
+
+def platform_list(names: Sequence[str]) -> list[str] | None:
     """Return the FMI platforms to build for; None is every one that a compiler here can serve."""
     from fmus.kit.build import host_platform
 
-    if text == "all":
-        return None
-    return comma_list(text, "--platforms") or [host_platform()]
+    return None if _ALL in names else [*names] or [host_platform()]
 
 
 # --- what several commands take ------------------------------------------------------------------
@@ -144,14 +145,17 @@ class RuntimeOption(TypedDict, total=False):
 
 
 class PlatformsOption(TypedDict, total=False):
-    """The platforms that an FMU is built for, as `platform_list` reads them."""
+    """The platforms that an FMU is built for, as `platform_list` takes them."""
 
     platforms: Annotated[
-        str | None,
+        Sequence[str],
         Option(
             "linux64,win64,darwin64,aarch64-linux, or all that a compiler here can serve; default"
             " this machine's.",
+            default=(),
             metavar="PLATFORMS",
+            # those of the toolchain, which would take its time to load with every command
+            form=names_among(("linux64", "win64", "darwin64", "aarch64-linux", _ALL)),
         ),
     ]
 

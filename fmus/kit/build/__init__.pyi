@@ -4,6 +4,7 @@ from .building import RUNTIMES as RUNTIMES
 from .building import STOCK as STOCK
 from .building import build as build
 from .building import build_cached as build_cached
+from .building import check_build as check_build
 from .building import plan_build as plan_build
 from .building import version as version
 from .documentation import STYLE as STYLE
@@ -12,6 +13,7 @@ from .parameters import SSC as SSC
 from .parameters import SSV as SSV
 from .parameters import Typed as Typed
 from .parameters import define_units as define_units
+from .parameters import serialized as serialized
 from .parameters import to_ssv as to_ssv
 from .provenance import Provenance as Provenance
 from .provenance import read_provenance as read_provenance

@@ -173,6 +173,33 @@ def build(
     return _packed(plan_build(cls, runtime, fmi), targets, progress, failed)
 
 
+def check_build(
+    cls: type[Component], runtime: str, platforms: Sequence[str] | None = None, fmi: int = 2
+) -> None:
+    """Refuse, before anything is made, what cannot be built.
+
+    Parameters
+    ----------
+    cls, runtime, platforms, fmi
+        See :func:`build`.
+
+    Raises
+    ------
+    UserError
+        If there is no such runtime, version or platform, a component has no such build, or what
+        would make it is not installed.
+    """
+    _check(runtime, (*RUNTIMES, STOCK))
+    _check_version(cls, runtime, fmi)
+    if runtime == STOCK:
+        from fmus.kit.build.stock import check_stock
+
+        check_stock(cls, platforms)
+        return
+    for target in platforms or toolchain.available_platforms():
+        toolchain.find_compiler(target)
+
+
 def build_cached(cls: type[Component], runtime: str, fmi: int = 2) -> Path:
     """Return the path of a component's FMU for this machine, building it unless the cache has it.
 

@@ -54,6 +54,28 @@ def model_text(cls: type[Component]) -> str:
 
 
 @dataclass(frozen=True)
+class _ModelEquations:
+    """The equations of a component.
+
+    Attributes
+    ----------
+    events : list of str
+        Variables of type Boolean, which restart a solver where they change.
+    continuous : EquationSet
+    sampled : list of EquationSet
+        One for each clock.
+    """
+
+    events: list[str]
+    continuous: EquationSet
+    sampled: list[EquationSet]
+
+    @property
+    def auxiliaries(self) -> list[Auxiliary]:
+        return [a for part in (self.continuous, *self.sampled) for a in part.auxiliaries]
+
+
+@dataclass(frozen=True)
 class _Model:
     """A component that is written.
 
@@ -82,6 +104,16 @@ class _Model:
 
     def text(self) -> str:
         name = class_name(self.cls.name)
+        kind = "model" if self.cls.ports else "block"
+        equations = self._equations()
+        lines = [f"{kind} {name}{comment(summary(self.cls))}", *indented(declarations(self.cls))]
+        lines += self._protected(equations)
+        lines += ["equation", *self._equation_section(equations)]
+        lines += [f"  {annotation(self.cls)}", f"end {name};"]
+        return "\n".join(lines) + "\n"
+
+    def _equations(self) -> _ModelEquations:
+        """Write the equations, and give their auxiliary variables names that are free."""
         taken = {identifier(n) for n in self.layout.names}
         taken |= {identifier(c) for port in self.cls.ports for c in port.connectors}
         numbers = range(1, self.graph.indicators.numel() + 1)
@@ -89,20 +121,21 @@ class _Model:
         taken.update(events)
         continuous = self._continuous(taken, events)
         sampled = [self._sampled(k, taken) for k in range(len(self.layout.sampled))]
-        auxiliaries = [a for part in (continuous, *sampled) for a in part.auxiliaries]
-        kind = "model" if self.cls.ports else "block"
-        lines = [f"{kind} {name}{comment(summary(self.cls))}", *indented(declarations(self.cls))]
-        hidden = [*map(self._auxiliary, auxiliaries), *(f"Boolean {name};" for name in events)]
-        if hidden:
-            lines += ["protected", *indented(hidden)]
-        lines.append("equation")
-        for port in self.cls.ports:
-            lines += wrapped(port_equations(port))
-        lines += wrapped(continuous.lines)
-        for (clock, _), part in zip(self.layout.sampled, sampled, strict=True):
+        return _ModelEquations(events, continuous, sampled)
+
+    def _protected(self, equations: _ModelEquations) -> list[str]:
+        """Declare the variables that equations have beside those of the component."""
+        hidden = [*map(self._auxiliary, equations.auxiliaries)]
+        hidden += [f"Boolean {name};" for name in equations.events]
+        return ["protected", *indented(hidden)] if hidden else []
+
+    def _equation_section(self, equations: _ModelEquations) -> list[str]:
+        """Return the lines of the equations, those of each clock within its instants."""
+        lines = [line for port in self.cls.ports for line in wrapped(port_equations(port))]
+        lines += wrapped(equations.continuous.lines)
+        for (clock, _), part in zip(self.layout.sampled, equations.sampled, strict=True):
             lines += [f"  when {_sample(clock)} then", *wrapped(part.lines, "    "), "  end when;"]
-        lines += [f"  {annotation(self.cls)}", f"end {name};"]
-        return "\n".join(lines) + "\n"
+        return lines
 
     def _auxiliary(self, auxiliary: Auxiliary) -> str:
         """Declare an auxiliary variable."""

@@ -11,7 +11,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -312,16 +312,13 @@ def _column(values: list[Any]) -> ca.SX:
 
 
 @uninterrupted()
-def dependencies(
-    layout: Layout, graph: Graph, states_known: bool = True
-) -> dict[str, dict[int, list[int]]]:
+def dependencies(graph: Graph, states_known: bool = True) -> dict[str, dict[int, list[int]]]:
     """Return the dependencies of every unknown of ``ModelStructure``, by value reference.
 
     They are exact, because they are the sparsity of the traced laws.
 
     Parameters
     ----------
-    layout : Layout
     graph : Graph
     states_known : bool
         Whether a host can set the continuous states, or ask for derivatives by them. Of a build
@@ -333,44 +330,86 @@ def dependencies(
         ``Outputs`` and ``Derivatives`` on inputs and continuous states; ``InitialUnknowns`` on
         parameters and inputs, the states following their start parameters.
     """
-    first_input = len(layout.parameters)
-    first_state = first_input + len(layout.inputs)
-    first_discrete = first_state + len(layout.states)
-    first_output = first_discrete + len(layout.discretes)
-    first_derivative = len(layout.variables)
-
-    def shifted(first: int, rows: list[list[int]], known: int) -> dict[int, list[int]]:
-        """Return the knowns of each row, both numbered from a first value reference on."""
-        return {first + i: [known + k for k in row] for i, row in enumerate(rows)}
-
-    knowns = graph.continuous if states_known else graph.inputs
-    outputs = shifted(first_output, graph.depends(graph.outputs, knowns), first_input)
-    # A continuous state is its own known; a discrete one depends on nothing until the next sample
-    # instant.
-    for index, state in enumerate(layout.states, first_state):
-        if state.output:
-            outputs[index] = [index] if states_known else []
-    outputs |= {first_discrete + i: [] for i, d in enumerate(layout.discretes) if d.output}
-    derivatives = shifted(first_derivative, graph.depends(graph.rates, knowns), first_input)
-
-    given = ca.vertcat(graph.parameters, graph.inputs)
-    vectors = {
-        first_state: graph.states,
-        first_discrete: graph.discretes,
-        first_output: graph.outputs,
-        first_derivative: graph.rates,
+    unknowns = _Unknowns(graph, states_known)
+    return {
+        "Outputs": unknowns.outputs(),
+        "Derivatives": unknowns.derivatives(),
+        "InitialUnknowns": unknowns.initial(),
     }
-    initial: dict[int, list[int]] = {}
-    for first, vector in vectors.items():
-        at_start = ca.substitute([vector], [graph.states, graph.discretes], list(graph.start))[0]
-        initial |= shifted(first, graph.depends(at_start, given), 0)
-    # FMI counts every continuous state among the initial unknowns, but a discrete one only if it is
-    # an output.
-    unlisted = [first_discrete + i for i, d in enumerate(layout.discretes) if not d.output]
-    if not states_known:
-        unlisted += [first_state + i for i, s in enumerate(layout.states) if not s.output]
-        unlisted += derivatives
-        derivatives = {}
-    for index in unlisted:
-        del initial[index]
-    return {"Outputs": outputs, "Derivatives": derivatives, "InitialUnknowns": initial}
+
+
+class _FirstReferences(NamedTuple):
+    """The value reference of the first variable of each group; the others follow it."""
+
+    parameters: int
+    inputs: int
+    states: int
+    discretes: int
+    outputs: int
+    derivatives: int
+
+
+@dataclass(frozen=True)
+class _Unknowns:
+    """The unknowns of a graph: what each depends on, by value reference; see `dependencies`."""
+
+    graph: Graph
+    states_known: bool
+
+    @cached_property
+    def first(self) -> _FirstReferences:
+        layout = self.graph.layout
+        groups = (layout.parameters, layout.inputs, layout.states, layout.discretes, layout.outputs)
+        return _FirstReferences(*itertools.accumulate(map(len, groups), initial=0))
+
+    def outputs(self) -> dict[int, list[int]]:
+        """Return outputs on what a host sets between events."""
+        layout, first = self.graph.layout, self.first
+        states = [i for i, s in enumerate(layout.states, first.states) if s.output]
+        discretes = [i for i, d in enumerate(layout.discretes, first.discretes) if d.output]
+        # A continuous state is its own known; a discrete one depends on nothing until the next
+        # sample instant.
+        return {
+            **self._between_events(first.outputs, self.graph.outputs),
+            **{i: [i] if self.states_known else [] for i in states},
+            **{i: [] for i in discretes},
+        }
+
+    def derivatives(self) -> dict[int, list[int]]:
+        """Return derivatives on what a host sets between events; none if it does not have them."""
+        if not self.states_known:
+            return {}
+        return self._between_events(self.first.derivatives, self.graph.rates)
+
+    def initial(self) -> dict[int, list[int]]:
+        """Return initial unknowns on parameters and inputs."""
+        graph, layout, first = self.graph, self.graph.layout, self.first
+        columns = {
+            first.states: graph.states,
+            first.discretes: graph.discretes,
+            first.outputs: graph.outputs,
+        }
+        # FMI counts every continuous state among the initial unknowns, but a discrete one only if
+        # it is an output.
+        unlisted = {i for i, d in enumerate(layout.discretes, first.discretes) if not d.output}
+        if self.states_known:
+            columns[first.derivatives] = graph.rates
+        else:
+            unlisted |= {i for i, s in enumerate(layout.states, first.states) if not s.output}
+        rows: dict[int, list[int]] = {}
+        for reference, column in columns.items():
+            rows |= enumerate(self._at_start(column), reference)
+        return {i: known for i, known in rows.items() if i not in unlisted}
+
+    def _at_start(self, column: ca.SX) -> list[list[int]]:
+        """Return the parameters and inputs on which a column depends at the start."""
+        graph = self.graph
+        states = [graph.states, graph.discretes]
+        (at_start,) = ca.substitute([column], states, list(graph.start))
+        return graph.depends(at_start, ca.vertcat(graph.parameters, graph.inputs))
+
+    def _between_events(self, reference: int, column: ca.SX) -> dict[int, list[int]]:
+        """Return a column, numbered from a value reference on, on what a host sets."""
+        knowns = self.graph.continuous if self.states_known else self.graph.inputs
+        rows = self.graph.depends(column, knowns)
+        return {i: [self.first.inputs + k for k in row] for i, row in enumerate(rows, reference)}

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import typer
 
@@ -18,6 +19,15 @@ if TYPE_CHECKING:
     from fmus.kit import Component
 
 
+class _Asked(NamedTuple):
+    """An FMU that is asked for, and its place."""
+
+    cls: type[Component]
+    runtime: str
+    fmi: int
+    path: Path
+
+
 @command(BuildCommand)
 def build(options: BuildCommand) -> None:
     """Build FMUs: OUT/python/NAME.fmu and OUT/native/NAME.fmu.
@@ -29,52 +39,39 @@ def build(options: BuildCommand) -> None:
 
     ppy export modelica writes components in the Modelica language.
     """
+    from fmus.kit import build as kit
+    from fmus.kit.build.stock import LIMITS
+    from orchestration.reporting import note
+
+    platforms = platform_list(options["platforms"])
+    asked = _asked(options)
+    _check(asked, platforms, options)
+    complete = _make(asked, platforms)
+    if options["runtime"] == kit.STOCK:
+        for limit in LIMITS:
+            note(f"{kit.STOCK} promises less: {limit}")
+    if not complete:
+        raise typer.Exit(1)
+
+
+def _asked(options: BuildCommand) -> list[_Asked]:
+    """Return the FMUs that options ask for."""
     from fmus import COMPONENTS, MODELS
     from fmus.kit import build as kit
-    from fmus.kit import files
-    from fmus.kit.build.stock import LIMITS
-    from orchestration.cli.models import model_file
-    from orchestration.reporting import note, progress
-    from orchestration.reporting import out as screen
 
     names = options["names"] or []
     fmi = options["fmi"]
     runtime = "native" if fmi == 3 and options["runtime"] == "both" else options["runtime"]
-    folder = options["out"]
     if (options["laid_over"] or options["settings"]) and not names:
         raise UserError("--with and --set are about one model; name it")
     known = COMPONENTS if fmi == 3 or runtime == kit.STOCK else MODELS
-    classes = [_component(name, options) for name in names or known]
     runtimes = kit.RUNTIMES if runtime == "both" else (runtime,)
-    work = [
-        (cls, kind, folder / ("fmi3" if fmi == 3 else kind) / f"{cls.name}.fmu")
+    classes = [_component(name, options) for name in names or known]
+    return [
+        _Asked(cls, kind, fmi, options["out"] / ("fmi3" if fmi == 3 else kind) / f"{cls.name}.fmu")
         for cls in classes
         for kind in runtimes
     ]
-    Outputs(
-        {f"the model {name}": model_file(name) for name in names},
-        {f"{cls.name} ({kind})": path for cls, kind, path in work},
-        folders={"--out": folder},
-    ).check()
-    targets = platform_list(options["platforms"])
-    failures: list[str] = []
-
-    def failed(path: Path, platform: str, error: UserError) -> None:
-        failures.append(platform)
-        note(f"{path} is without {platform}: {error}")
-
-    with progress() as tell:
-        tell(f"building {len(work)} FMUs")
-        for k, (cls, kind, path) in enumerate(work):
-            keep = partial(failed, path) if targets is None else None
-            done = partial(tell.done, k, len(work))
-            files.write(path, kit.build(cls, kind, targets, done, keep, fmi))
-            screen.print(str(path))
-    if runtime == kit.STOCK:
-        for limit in LIMITS:
-            note(f"{kit.STOCK} promises less: {limit}")
-    if failures:
-        raise typer.Exit(1)
 
 
 def _component(name: str, options: BuildCommand) -> type[Component]:
@@ -87,3 +84,39 @@ def _component(name: str, options: BuildCommand) -> type[Component]:
     texts = [f"{key}={value}" for key, value in (options["settings"] or {}).items()]
     values = read_settings(name, texts, known)
     return stack(cls, name=f"{cls.name}_set", defaults=values) if values else cls
+
+
+def _check(asked: Sequence[_Asked], platforms: list[str] | None, options: BuildCommand) -> None:
+    """Refuse, before any work is done, what cannot be built or written."""
+    from fmus.kit import build as kit
+    from orchestration.cli.models import model_file
+
+    for one in asked:
+        kit.check_build(one.cls, one.runtime, platforms, one.fmi)
+    Outputs(
+        {f"the model {name}": model_file(name) for name in options["names"] or ()},
+        {f"{one.cls.name} ({one.runtime})": one.path for one in asked},
+        folders={"--out": options["out"]},
+    ).check()
+
+
+def _make(asked: Sequence[_Asked], platforms: list[str] | None) -> bool:
+    """Build FMUs; return False if one of all platforms had to be left out, which is told."""
+    from fmus.kit import build as kit
+    from fmus.kit import files
+    from orchestration.reporting import note, out, progress
+
+    failures: list[str] = []
+
+    def left_out(path: Path, platform: str, error: UserError) -> None:
+        failures.append(platform)
+        note(f"{path} is without {platform}: {error}")
+
+    with progress() as tell:
+        tell(f"building {len(asked)} FMUs")
+        for k, (cls, runtime, fmi, path) in enumerate(asked):
+            failed = partial(left_out, path) if platforms is None else None
+            done = partial(tell.done, k, len(asked))
+            files.write(path, kit.build(cls, runtime, platforms, done, failed, fmi))
+            out.print(str(path))
+    return not failures

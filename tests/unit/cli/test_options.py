@@ -2,9 +2,11 @@
 
 import pytest
 
+from fmus.kit import UserError
 from fmus.kit.build import host_platform
+from fmus.kit.build.toolchain import ZIG_TARGETS
 from orchestration.api.declaration import options_of
-from orchestration.cli.options import IsolationOptions, platform_list
+from orchestration.cli.options import IsolationOptions, PlatformsOption, platform_list
 from tests.support.command import here, refused
 
 SIMULATE = ("simulate", "ppy_actuator", "--set", "current=0.5", "--set", "force=1")
@@ -64,6 +66,12 @@ def test_a_timeout_is_above_nothing():
 
 
 def test_platforms_are_those_named_all_or_that_of_this_machine():
-    assert platform_list(None) == [host_platform()]
-    assert platform_list("all") is None
-    assert platform_list("win64, linux64") == ["win64", "linux64"]
+    read = options_of(PlatformsOption)["platforms"].read
+    assert platform_list(read(None)) == [host_platform()]
+    assert platform_list(read("all")) is None
+    assert platform_list(read("linux64,all")) is None
+    assert platform_list(read("win64, linux64")) == ["win64", "linux64"]
+    every = ",".join(ZIG_TARGETS)
+    assert platform_list(read(every)) == [*ZIG_TARGETS]
+    with pytest.raises(UserError, match=r"linux32: there are linux64, .*, all"):
+        read("all,linux32")

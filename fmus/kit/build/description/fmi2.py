@@ -48,7 +48,7 @@ def describe_fmi2(
     common.append_experiment(root, cls)
     annotate_fmi2(root, cls)
     _variables(root, cls.layout)
-    structure = dependencies(cls.layout, graph, states_known=can.directional_derivatives)
+    structure = dependencies(graph, states_known=can.directional_derivatives)
     _structure(root, structure)
     return serialized(root)
 

@@ -157,7 +157,7 @@ def _first_own(layout: Layout) -> int:
 def _structure(root: Element, layout: Layout, graph: Graph, indicators: int) -> None:
     """Append the dependencies of outputs, derivatives, initial unknowns and event indicators."""
     parent = SubElement(root, "ModelStructure")
-    for title, unknowns in dependencies(layout, graph).items():
+    for title, unknowns in dependencies(graph).items():
         for reference in sorted(unknowns):
             _unknown(parent, _UNKNOWNS[title], reference, unknowns[reference])
     if indicators == 0:

@@ -8,6 +8,7 @@ is packed again so that it can be reproduced.
 from __future__ import annotations
 
 import importlib.metadata
+import importlib.resources
 import importlib.util
 import io
 import subprocess
@@ -54,6 +55,36 @@ class {name}(ComponentSlave):
 _IN_PYTHON_BUILD = "resources/python/"
 
 
+def check_stock(cls: type[Component], platforms: Sequence[str] | None) -> None:
+    """Refuse what pythonfmu cannot build.
+
+    Parameters
+    ----------
+    cls, platforms
+        See :func:`stock_archive`.
+
+    Raises
+    ------
+    UserError
+        If pythonfmu is not installed, has no binary for a platform, or the component computes
+        elsewhere.
+    """
+    if importlib.util.find_spec("pythonfmu") is None:
+        raise UserError("pythonfmu is not installed; pip install 'ppy-rig[pythonfmu]' brings it")
+    if cls.engine is not None:
+        raise UserError(
+            f"{cls.name} asks something outside of it, which the pythonfmu runtime cannot; build"
+            " python"
+        )
+    binaries = importlib.resources.files("pythonfmu") / "resources" / "binaries"
+    served = sorted(folder.name for folder in binaries.iterdir())
+    absent = sorted({*(platforms or ())} - {*served})
+    if absent:
+        raise UserError(
+            f"pythonfmu has no binary for {absent[0]}; it has some for {', '.join(served)}"
+        )
+
+
 def stock_archive(
     cls: type[Component],
     version: str,
@@ -80,19 +111,12 @@ def stock_archive(
     Raises
     ------
     UserError
-        If pythonfmu is not installed or fails, has no binary for a platform, or the component
-        computes elsewhere.
+        See :func:`check_stock`; or if pythonfmu fails.
     """
     from fmus.kit.build.description import Capabilities, describe_fmi2
     from fmus.kit.symbolic import trace
 
-    if importlib.util.find_spec("pythonfmu") is None:
-        raise UserError("pythonfmu is not installed; pip install 'ppy-rig[pythonfmu]' brings it")
-    if cls.engine is not None:
-        raise UserError(
-            f"{cls.name} asks something outside of it, which the pythonfmu runtime cannot; build"
-            " python"
-        )
+    check_stock(cls, platforms)
     progress(f"{cls.name}: pythonfmu's builder")
     carried = python_package(cls)
     package = {"adapter.py": (Path(__file__).parent / "adapter.py").read_bytes()}
@@ -157,16 +181,10 @@ def _built(
 
 def _for_platforms(built: dict[str, bytes], platforms: Sequence[str] | None) -> dict[str, bytes]:
     """Return files without the binaries for other platforms."""
-    binaries = {entry: entry.split("/")[1] for entry in built if entry.startswith("binaries/")}
-    known = sorted(set(binaries.values()))
-    wanted = set(platforms or known)
-    absent = sorted(wanted - set(known))
-    if absent:
-        raise UserError(
-            f"pythonfmu has no binary for {absent[0]}; it has some for {', '.join(known)}"
-        )
+    if platforms is None:
+        return built
     return {
         entry: contents
         for entry, contents in built.items()
-        if entry not in binaries or binaries[entry] in wanted
+        if not entry.startswith("binaries/") or entry.split("/")[1] in platforms
     }

@@ -80,12 +80,13 @@ def test_build_for_some_platforms_and_for_all(tmp_path, monkeypatch):
     monkeypatch.setattr(
         kit, "build", lambda cls, kind, platforms, *others: asked.append(platforms) or b""
     )
-    for given in (["--platforms", "linux64, win64"], ["--platforms", "all"], []):
+    for text in ("linux64, win64", "all", "all,linux64", None):
+        given = [] if text is None else ["--platforms", text]
         assert (
             here("build", "galvanostat", "--runtime", "native", *given, cwd=tmp_path).returncode
             == 0
         )
-    assert asked == [["linux64", "win64"], None, [host_platform()]]
+    assert asked == [["linux64", "win64"], None, None, [host_platform()]]
 
 
 def test_of_all_platforms_one_that_fails_is_named_and_the_rest_is_written(tmp_path, monkeypatch):
@@ -112,6 +113,38 @@ def test_fmi_3_is_built_beside_and_checked(tmp_path):
     path = Path("fmu/fmi3/pid.fmu")
     assert Path(works("build", "pid", *options, cwd=tmp_path).strip()) == path
     assert "no errors" in works("check", path, cwd=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("pid --fmi 3 --runtime python", "pid: FMI 3.0 is built native, not python"),
+        ("pid --fmi 3 --runtime pythonfmu", "pid: FMI 3.0 is built native, not pythonfmu"),
+        ("pid rig_proxy --fmi 3", "rig_proxy has no laws, which a build of FMI 3.0 needs"),
+        ("pid --fmi 4", "unknown version 4 of FMI; there are: 2, 3"),
+        ("pid rig_proxy --runtime pythonfmu", "rig_proxy asks something outside of it"),
+        ("pid --runtime pythonfmu --platforms darwin64", "pythonfmu has no binary for darwin64"),
+        ("pid --platforms linux32", "--platforms linux32: there are linux64, win64, "),
+        ("pid --platforms all,linux32", "--platforms linux32: there are linux64, win64, "),
+        ("--set kp=1", "--with and --set are about one model; name it"),
+    ],
+)
+def test_a_refusal_comes_first_and_alone(given, told, tmp_path):
+    if "pythonfmu" in given:
+        pytest.importorskip("pythonfmu", reason="pythonfmu is not installed")
+    done = here("build", *given.split(), cwd=tmp_path)
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"error: {told}")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_a_compiler_for_a_platform_nothing_is_begun(tmp_path, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    other = "darwin64" if host_platform() != "darwin64" else "linux64"
+    done = here("build", "pid", "--platforms", f"{host_platform()},{other}", cwd=tmp_path)
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"error: no C compiler for {other} on this machine")
 
 
 @pytest.mark.parametrize("given", ["4", "three", "3.5"])

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from fmus.kit.build.toolchain import host_platform
+from fmus.kit.build.toolchain import available_platforms, host_platform
 from orchestration.cli import diagnose as asking
 from orchestration.cli.app import main
 from tests.support.command import here, works
@@ -99,10 +99,11 @@ def test_what_cannot_be_is_refused_in_a_line(folder, arguments, told):
 def test_what_was_asked_reaches_the_laws_and_all_is_written(folder, monkeypatch, capsys):
     """The answer itself is a stand-in; who gives a real one is tested by itself."""
     monkeypatch.chdir(folder)
-    asked, written = {}, []
+    asked, written, platforms = {}, [], []
 
     def writes(path, *others):
         written.append(str(path))
+        platforms.extend(others[:1] if path.suffix == ".fmu" else ())
         return [path] if path.suffix == ".fmu" else path
 
     def answer(records, model, **options):
@@ -121,7 +122,7 @@ def test_what_was_asked_reaches_the_laws_and_all_is_written(folder, monkeypatch,
         "--effects coulomb_friction --hold resistance --set damping=1e-4 --time 20s"
         " --no-interpolate"
     )
-    outputs = "--report a.html --effect-out a.py --fmu a.fmu"
+    outputs = "--report a.html --effect-out a.py --fmu a.fmu --platforms all,linux64"
     monkeypatch.setattr(
         "sys.argv", ["ppy", *f"laws clean.csv --model motor.py:Motor {options} {outputs}".split()]
     )
@@ -136,6 +137,7 @@ def test_what_was_asked_reaches_the_laws_and_all_is_written(folder, monkeypatch,
         False,
     )
     assert written == ["a.html", "a.py", "a.fmu"]
+    assert platforms == [available_platforms()]
     assert "friction depends on omega" in capsys.readouterr().out
 
 

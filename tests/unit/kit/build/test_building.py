@@ -75,6 +75,28 @@ def test_where_every_platform_fails_nothing_is_made(compiled_but_for):
     assert told == ["linux64"]
 
 
+@pytest.mark.parametrize(
+    ("name", "arguments", "told"),
+    [
+        ("pid", ("java",), "unknown runtime 'java'; there are: python, native, pythonfmu"),
+        ("pid", ("native", None, 1), "unknown version 1 of FMI"),
+        ("pid", ("python", None, 3), "FMI 3.0 is built native, not python"),
+        ("pid", ("native", ["plan9"]), "unknown platform 'plan9'"),
+        ("rig_proxy", ("native", None, 3), "rig_proxy has no laws"),
+    ],
+)
+def test_what_cannot_be_built_is_refused_before_anything_is_made(
+    name, arguments, told, monkeypatch
+):
+    def made(*_):
+        raise AssertionError("made")
+
+    monkeypatch.setattr("fmus.kit.build.building.plan_build", made)
+    with pytest.raises(UserError, match=told):
+        build.check_build(fmus.component(name), *arguments)
+    build.check_build(fmus.component("pid"), "native", [toolchain.host_platform()], 3)
+
+
 def test_unknown_runtime_is_refused():
     with pytest.raises(UserError, match="unknown runtime 'java'; there are: python, native"):
         build.build(fmus.component("ppy_actuator"), "java")

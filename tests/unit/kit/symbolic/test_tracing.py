@@ -186,7 +186,7 @@ def test_tangent_is_the_directional_derivative(cls, seed):
 def test_dependencies_against_differences(cls):
     """What is listed changes the unknown somewhere; what is not listed never does."""
     layout = cls.layout
-    found = dependencies(layout, graph_of(cls))
+    found = dependencies(graph_of(cls))
     position = {name: i for i, name in enumerate(layout.names)}
     unknowns = [*(f"der({s.name})" for s in layout.states), *(o.name for o in layout.outputs)]
     knowns = [v.name for v in (*layout.inputs, *layout.states)]
@@ -227,7 +227,7 @@ def test_dependencies_against_differences(cls):
 )
 def test_initial_dependencies_against_differences(cls):
     layout = cls.layout
-    initial = dependencies(layout, graph_of(cls))["InitialUnknowns"]
+    initial = dependencies(graph_of(cls))["InitialUnknowns"]
     names, knowns = layout.names, [v.name for v in (*layout.parameters, *layout.inputs)]
     unknowns = [names[i] for i in initial]
     rng = np.random.default_rng(2)
@@ -269,7 +269,7 @@ def test_initial_dependencies_against_differences(cls):
 
 def test_output_states_depend_on_themselves_and_discrete_outputs_on_nothing():
     names = Thermostat.layout.names
-    outputs = dependencies(Thermostat.layout, graph_of(Thermostat))["Outputs"]
+    outputs = dependencies(graph_of(Thermostat))["Outputs"]
     assert outputs[names.index("temperature")] == [names.index("temperature")]
     assert outputs[names.index("on")] == []
     assert sorted(outputs) == sorted(
