@@ -49,4 +49,6 @@ from .simulation import simulate as simulate
 from .simulation import simulate_instance as simulate_instance
 from .source import RepeatedRuns as RepeatedRuns
 from .source import Source as Source
+from .wrapping import MOST_ELEMENTS as MOST_ELEMENTS
 from .wrapping import DeclaredVariable as DeclaredVariable
+from .wrapping import element_names as element_names

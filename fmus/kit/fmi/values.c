@@ -5,34 +5,33 @@
 #include <math.h>
 #include <string.h>
 
+/* Says why a reference is not taken where variables of one type are. */
+static void explain(const Instance *instance, const char *function, Reference vr) {
+    if (vr < MODEL_VARIABLES)
+        report(instance, FMI(Error), "%s: value reference %u is '%s', which is of type %s", function, vr,
+               model_variables[vr].name, type_names[model_variables[vr].type]);
+    else if (vr < MODEL_VARIABLES + MODEL_TEXTS)
+        report(instance, FMI(Error), "%s: value reference %u is '%s', which is of type String", function, vr,
+               model_texts[vr - MODEL_VARIABLES].name);
+    else if (vr < MODEL_VARIABLES + MODEL_TEXTS + OWN_REFERENCES)
+        report(instance, FMI(Error), "%s: value reference %u, of the time or of an event indicator, is not taken",
+               function, vr);
+    else
+        report(instance, FMI(Error), "%s: value reference %u does not exist; the last one is %d", function, vr,
+               MODEL_VARIABLES + MODEL_TEXTS + OWN_REFERENCES - 1);
+}
+
 bool valid(const Instance *instance, const char *function, Type type, const Reference vr[], size_t n,
            const void *values) {
     if (n > 0 && (vr == NULL || values == NULL)) {
         report(instance, FMI(Error), "%s: an array is NULL though it should have %zu elements", function, n);
         return false;
     }
-    for (size_t i = 0; i < n; i++) {
-        if (vr[i] >= MODEL_VARIABLES && vr[i] < MODEL_VARIABLES + MODEL_TEXTS) {
-            report(instance, FMI(Error), "%s: value reference %u is '%s', which is of type String", function, vr[i],
-                   model_texts[vr[i] - MODEL_VARIABLES].name);
+    for (size_t i = 0; i < n; i++)
+        if (vr[i] >= MODEL_VARIABLES || model_variables[vr[i]].type != type) {
+            explain(instance, function, vr[i]);
             return false;
         }
-        if (vr[i] >= MODEL_VARIABLES + MODEL_TEXTS + OWN_REFERENCES) {
-            report(instance, FMI(Error), "%s: value reference %u does not exist; the last one is %d", function, vr[i],
-                   MODEL_VARIABLES + MODEL_TEXTS + OWN_REFERENCES - 1);
-            return false;
-        }
-        if (vr[i] >= MODEL_VARIABLES) {
-            report(instance, FMI(Error), "%s: value reference %u, of the time or of an event indicator, is not taken",
-                   function, vr[i]);
-            return false;
-        }
-        if (model_variables[vr[i]].type != type) {
-            report(instance, FMI(Error), "%s: value reference %u is '%s', which is of type %s", function, vr[i],
-                   model_variables[vr[i]].name, type_names[model_variables[vr[i]].type]);
-            return false;
-        }
-    }
     return true;
 }
 

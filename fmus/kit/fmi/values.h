@@ -8,8 +8,8 @@
 typedef double Number(const void *values, size_t i);
 
 /* Whether the host passed usable arrays and references of the right type; reports it if not. */
-static bool valid(const Instance *instance, const char *function, Type type, const Reference vr[], size_t n,
-                  const void *values);
+static inline bool valid(const Instance *instance, const char *function, Type type, const Reference vr[], size_t n,
+                         const void *values);
 
 /* Brings up to date what these references read. */
 static Status readable(Instance *instance, const char *function, Type type, const Reference vr[], size_t n,

@@ -3,11 +3,11 @@
 #include "values.h"
 #include "variables.h"
 
-/* Whether the host passed as many values as there are variables. */
-static bool counted(const Instance *instance, const char *function, size_t n, size_t n_values) {
-    if (instance != NULL && n != n_values)
+/* The host passed another number of values than of variables. */
+static fmi3Status miscounted(const Instance *instance, const char *function, size_t n, size_t n_values) {
+    if (instance != NULL)
         report(instance, fmi3Error, "%s: %zu values for %zu variables, which are scalars", function, n_values, n);
-    return n == n_values;
+    return fmi3Error;
 }
 
 /* ---- numbers ------------------------------------------------------------------------------------ */
@@ -27,8 +27,17 @@ static fmi3Status get_own(Instance *instance, const char *function, Reference vr
     return fmi3OK;
 }
 
+/* Variables some of which are of this version only. */
+static fmi3Status get_mixed(Instance *instance, const char *function, const Reference vr[], size_t n, double value[]) {
+    fmi3Status status = fmi3OK;
+    for (size_t i = 0; i < n && status == fmi3OK; i++)
+        status = is_own(vr[i]) ? get_own(instance, function, vr[i], value + i)
+                               : get_reals(instance, function, vr + i, 1, value + i);
+    return status;
+}
+
 static bool any_own(const Reference vr[], size_t n) {
-    for (size_t i = 0; i < n && vr != NULL; i++)
+    for (size_t i = 0; i < n; i++)
         if (is_own(vr[i]))
             return true;
     return false;
@@ -36,25 +45,23 @@ static bool any_own(const Reference vr[], size_t n) {
 
 EXPORT fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 value[],
                                  size_t n_values) {
-    fmi3Status status = fmi3OK;
-    if (!counted(c, __func__, n, n_values))
-        return fmi3Error;
-    if (value == NULL || !any_own(vr, n))
-        return get_reals(c, __func__, vr, n, value);
-    for (size_t i = 0; i < n && status == fmi3OK; i++)
-        status = is_own(vr[i]) ? get_own(c, __func__, vr[i], value + i) : get_reals(c, __func__, vr + i, 1, value + i);
-    return status;
+    if (n != n_values)
+        return miscounted(c, __func__, n, n_values);
+    if (vr != NULL && value != NULL && any_own(vr, n))
+        return get_mixed(c, __func__, vr, n, value);
+    return get_reals(c, __func__, vr, n, value);
 }
 
 EXPORT fmi3Status fmi3GetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Int32 value[],
                                size_t n_values) {
-    return counted(c, __func__, n, n_values) ? get_integers(c, __func__, vr, n, value) : fmi3Error;
+    return n == n_values ? get_integers(c, __func__, vr, n, value) : miscounted(c, __func__, n, n_values);
 }
 
 EXPORT fmi3Status fmi3GetBoolean(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Boolean value[],
                                  size_t n_values) {
     Instance *instance = c;
-    fmi3Status status = counted(c, __func__, n, n_values) ? readable(c, __func__, TYPE_BOOLEAN, vr, n, value) : fmi3Error;
+    fmi3Status status = n == n_values ? readable(c, __func__, TYPE_BOOLEAN, vr, n, value)
+                                      : miscounted(c, __func__, n, n_values);
     for (size_t i = 0; i < n && status == fmi3OK; i++)
         value[i] = instance->now.memory[vr[i]] != 0.0;
     return status;
@@ -68,30 +75,32 @@ static double boolean(const void *values, size_t i) { return ((const fmi3Boolean
 
 EXPORT fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 value[],
                                  size_t n_values) {
-    return counted(c, __func__, n, n_values) ? set_numbers(c, __func__, TYPE_REAL, vr, n, value, float64) : fmi3Error;
+    return n == n_values ? set_numbers(c, __func__, TYPE_REAL, vr, n, value, float64)
+                         : miscounted(c, __func__, n, n_values);
 }
 
 EXPORT fmi3Status fmi3SetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Int32 value[],
                                size_t n_values) {
-    return counted(c, __func__, n, n_values) ? set_numbers(c, __func__, TYPE_INTEGER, vr, n, value, int32) : fmi3Error;
+    return n == n_values ? set_numbers(c, __func__, TYPE_INTEGER, vr, n, value, int32)
+                         : miscounted(c, __func__, n, n_values);
 }
 
 EXPORT fmi3Status fmi3SetBoolean(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Boolean value[],
                                  size_t n_values) {
-    return counted(c, __func__, n, n_values) ? set_numbers(c, __func__, TYPE_BOOLEAN, vr, n, value, boolean)
-                                             : fmi3Error;
+    return n == n_values ? set_numbers(c, __func__, TYPE_BOOLEAN, vr, n, value, boolean)
+                         : miscounted(c, __func__, n, n_values);
 }
 
 /* ---- texts -------------------------------------------------------------------------------------- */
 
 EXPORT fmi3Status fmi3GetString(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3String value[],
                                 size_t n_values) {
-    return counted(c, __func__, n, n_values) ? get_texts(c, __func__, vr, n, value) : fmi3Error;
+    return n == n_values ? get_texts(c, __func__, vr, n, value) : miscounted(c, __func__, n, n_values);
 }
 
 EXPORT fmi3Status fmi3SetString(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3String value[],
                                 size_t n_values) {
-    return counted(c, __func__, n, n_values) ? set_texts(c, __func__, vr, n, value) : fmi3Error;
+    return n == n_values ? set_texts(c, __func__, vr, n, value) : miscounted(c, __func__, n, n_values);
 }
 
 /* ---- types that no variable has ----------------------------------------------------------------- */
