@@ -7,6 +7,8 @@ Oracle: a description written by hand from the text of the standard, valid by it
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from orchestration.system import Member, Port, System, connect, ssp
@@ -124,6 +126,17 @@ def test_it_is_read_as_its_text_says(tmp_path):
     expected = System("by hand", members, links, inputs, outputs)
     assert contents(found) == contents(expected)
     assert list(found.outputs) == list(outputs)
+
+
+def test_the_names_of_the_ends_do_not_tell_the_direction(tmp_path):
+    named = {"start": "end", "end": "start"}
+    turned = re.sub(
+        "(start|end)(Element|Connector|Indices)=", lambda m: f"{named[m[1]]}{m[2]}=", TEXT
+    )
+    assert turned != TEXT
+    straight = ssp.read(written(tmp_path / "hand.ssp"), tmp_path / "u")
+    found = ssp.read(written(tmp_path / "turned.ssp", turned), tmp_path / "v")
+    assert contents(found) == contents(straight)
 
 
 @pytest.mark.parametrize(
