@@ -26,6 +26,7 @@ from .model import find_model as find_model
 from .model import known_class as known_class
 from .model import model_of as model_of
 from .model import read_settings as read_settings
+from .model import refuse_runtime as refuse_runtime
 from .repeated import FmuSource as FmuSource
 from .repeated import RepeatedFmu as RepeatedFmu
 from .repeated import source_of as source_of
