@@ -47,17 +47,19 @@ def used(process):
 
 def moments(arguments, folder):
     """Draw moments of a command, by the seconds it has computed; none is within its way out."""
-    for _ in range(2):  # the first time it fills caches
-        with started(arguments, folder) as process:
-            first = last = used(process)
+    begins, ends = [], []
+    for k in range(3):  # the first time it fills caches
+        place = folder / str(k)
+        place.mkdir()
+        with started(arguments, place) as process:
+            begins.append(used(process))
+            ends.append(begins[-1])
             while process.poll() is None:
-                last = used(process)
+                ends[-1] = used(process)
                 time.sleep(0.01)
         assert process.returncode == 0
-        for path in (folder / "modelica").glob("*"):
-            path.rename(folder / f"whole{time.monotonic_ns()}")
     draw = random.Random(arguments[0])
-    return [first + 0.75 * draw.random() * (last - first) for _ in range(TRIES)]
+    return [draw.uniform(max(begins), 0.7 * min(ends)) for _ in range(TRIES)]
 
 
 @posix

@@ -56,6 +56,7 @@ def modelica(options: ExportModelicaCommand) -> None:
             target = new / Path(path).relative_to(PACKAGE)
             target.parent.mkdir(parents=True, exist_ok=True)
             files.put(target, data)
+        _check_empty(package)  # FMUs take their time
     wrote(package)
 
 
