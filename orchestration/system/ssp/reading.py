@@ -7,13 +7,11 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 from xml.etree.ElementTree import Element
 
-from fmus.kit import UserError, suggestion, units
+from fmus.kit import UserError, units
 from orchestration.fmu import MOST_ELEMENTS, DeclaredVariable, Value, element_names
 from orchestration.fmu.bounded import parse_xml
-from orchestration.fmu.signal import read_signal, type_of
 from orchestration.system.checking import conversion, interface, variable
 from orchestration.system.model import Connection, Member, Port, System
 from orchestration.system.ssp.arrays import (
@@ -21,6 +19,11 @@ from orchestration.system.ssp.arrays import (
     scalars,
     show_shape,
     variable_of,
+)
+from orchestration.system.ssp.declarations import (
+    check_connectors,
+    check_shape,
+    check_type_and_unit,
 )
 from orchestration.system.ssp.package import Package
 from orchestration.system.ssp.vocabulary import (
@@ -38,7 +41,6 @@ from orchestration.system.ssp.vocabulary import (
 )
 
 _PARAMETER_TYPES = {tag(f"ssv:{name}"): kinds for name, kinds in TYPES.items()}
-_CONNECTOR_TYPES = {tag(f"ssc:{name}"): kinds for name, kinds in TYPES.items()}
 _OTHER_IMPLEMENTATIONS = {
     "ModelExchange": "model exchange",
     "ScheduledExecution": "scheduled execution",
@@ -46,6 +48,12 @@ _OTHER_IMPLEMENTATIONS = {
 _BOOLEANS = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
 _IDENTITY = (1.0, 0.0)  # factor and offset
 _SIDES = ("start", "end")
+# attributes of an end of a connection, and those of the other
+_OTHER_SIDE = {
+    f"{side}{what}": f"{other}{what}"
+    for side, other in (_SIDES, _SIDES[::-1])
+    for what in ("Element", "Connector", "Indices")
+}
 _WHOLE = re.compile(r"[0-9]{1,18}")
 
 
@@ -173,7 +181,8 @@ class _SspReader:
         connectors = self._read_system_connectors(declared)
         connections = []
         for wire in _find_all(parts, "ssd:Connections/ssd:Connection"):
-            connections += self._read_connection(wire, members, connectors)
+            turned = _turned(wire, members, connectors)
+            connections += self._read_connection(turned, members, connectors)
         outputs = {name: port for name, port in connectors.outputs.items() if port is not None}
         unconnected = connectors.outputs.keys() - outputs.keys()
         if unconnected:
@@ -253,7 +262,7 @@ class _SspReader:
             )
         try:
             member = Member(name, self._package.fmu(self._get(element, "source"), self._folder))
-            _check_connectors(element, member)
+            check_connectors(element, member)
         except UserError as error:
             text = str(error).removeprefix(f"{self._package.path}: ")
             raise self._error(f"member {name}: {text}") from error
@@ -305,7 +314,7 @@ class _SspReader:
             text = element.get("value", "")
             texts = text.split() if is_array else [text]
         try:
-            _check_shape(parameter, name, member, f"member {member.name}: {name}")
+            check_shape(parameter, name, member, f"member {member.name}: {name}")
         except UserError as error:
             raise self._error(str(error)) from error
         if len(texts) != len(names):
@@ -407,7 +416,7 @@ class _SspReader:
                     continue
                 where = f"connector {element!r} of the system, that is {port},"
                 try:
-                    _check_type_and_unit(connector, scalar, where)
+                    check_type_and_unit(connector, scalar, where)
                 except UserError as error:
                     raise self._error(str(error)) from error
 
@@ -517,80 +526,33 @@ class _SspReader:
             )
 
 
-# --- connectors
+# --- the direction of connections
 
 
-def _check_connectors(element: Element, member: Member) -> None:
-    """Compare all connectors of a member with the variables of its FMU.
+def _turned(wire: Element, members: Mapping[str, Member], connectors: _SystemConnectors) -> Element:
+    """Return a connection that starts at its source.
 
-    Parameters
-    ----------
-    element : Element
-        The ``Component``.
-    member : Member
-
-    Raises
-    ------
-    UserError
-        If there is no variable of a connector's name, or it is of another kind, type or unit than
-        declared.
+    The names of its ends do not tell its direction in SSP, their connectors do.
     """
-    variables = scalars(member)
-    for connector in element.iterfind("ssd:Connectors/ssd:Connector", NAMESPACES):
-        name = connector.get("name", "")
-        where = f"connector {name!r}"
-        check_exchanged(connector, where)
-        _check_shape(connector, name, member, where)
-        for element_name in variable_of(member, name).elements:
-            if element_name not in variables:
-                raise UserError(
-                    f"{where}: the FMU has no variable of this name{suggestion(name, variables)}"
-                )
-            scalar = variables[element_name]
-            kind = connector.get("kind", "")
-            actual = scalar.causality or "local"
-            # a size of arrays is settled, and local here
-            if kind != actual and (kind, actual) != ("structuralParameter", "local"):
-                raise UserError(
-                    f"{where} is declared as {kind or 'no kind'}, but in the FMU it is {actual}"
-                )
-            _check_type_and_unit(connector, scalar, where)
+    start, end = (_receives(wire, side, members, connectors) for side in _SIDES)
+    if end or not start:
+        return wire
+    turned = Element(wire.tag, {_OTHER_SIDE.get(key, key): wire.attrib[key] for key in wire.attrib})
+    turned.extend(wire)
+    return turned
 
 
-def _check_shape(element: Element, name: str, member: Member, where: str) -> None:
-    """Compare the declared size of an array with that of the variable; UserError if it differs.
-
-    A size that is not declared, or is that of another connector, is the variable's own.
-    """
-    sizes = [node.get("size") for node in element.iterfind("ssc:Dimension", NAMESPACES)]
-    actual = [str(size) for size in variable_of(member, name).shape]
-    is_same = [size or own for size, own in zip(sizes, actual, strict=False)] == actual
-    if sizes and not (is_same and len(sizes) == len(actual)):
-        given = " by ".join(size or "any" for size in sizes)
-        raise UserError(
-            f"{where} is declared as {given} elements, but in the FMU it has"
-            f" {' by '.join(actual) or 'no dimension'}"
-        )
-
-
-def _check_type_and_unit(connector: Element, scalar: Any, where: str) -> None:
-    """Compare the declared type and unit of a connector with those of fmpy's scalar variable.
-
-    Raises
-    ------
-    UserError
-        If they differ, with both.
-    """
-    for node in connector:
-        if node.tag not in _CONNECTOR_TYPES:
-            continue
-        if type_of(scalar) not in _CONNECTOR_TYPES[node.tag]:
-            raise UserError(
-                f"{where} is declared as {local_name(node)}, but in the FMU it is {scalar.type}"
-            )
-        unit = node.get("unit")
-        if unit is None:
-            continue
-        actual = read_signal(scalar).unit
-        if conversion(unit, actual) != _IDENTITY:
-            raise UserError(f"{where} is declared in {unit!r}, but in the FMU it is in {actual!r}")
+def _receives(
+    wire: Element, side: str, members: Mapping[str, Member], connectors: _SystemConnectors
+) -> bool:
+    """Return whether what is at an end is an input of a member or an output of the system."""
+    owner = wire.get(f"{side}Element")
+    name = wire.get(f"{side}Connector", "")
+    if owner is None:
+        elements = connectors.declared[name].elements if name in connectors.declared else ()
+        return any(element in connectors.outputs for element in elements[:1])
+    if owner not in members:
+        return False
+    known = scalars(members[owner])
+    elements = variable_of(members[owner], name).elements[:1]
+    return any(each in known and known[each].causality == "input" for each in elements)

@@ -1,25 +1,21 @@
 """Claims: what is written as SSP 2.0 is valid, others' files of it are read, and what is not taken
 is refused in a line.
 
-Oracle: the XML schemas of SSP 2.0, in the folder that the variable SSP2_SCHEMAS names.
+Oracle: the XML schemas of SSP 2.0.
 """
 
 from __future__ import annotations
 
-import os
 import re
 import zipfile
 from pathlib import Path
 
 import pytest
-from lxml import etree
 
 from orchestration.system import ssp
 from tests.support.system.archive import INLINE, NAMESPACES, repacked
 from tests.support.system.mixed import mixed
-from tests.support.system.ssp_files import contents, refused
-
-SCHEMAS = Path(os.environ.get("SSP2_SCHEMAS", "none"))
+from tests.support.system.ssp_files import contents, refused, schemas_of_2, validate
 
 
 @pytest.fixture(name="mixed")
@@ -33,9 +29,6 @@ def archive(mixed, tmp_path):
     return tmp_path / "mixed.ssp"
 
 
-@pytest.mark.skipif(
-    not SCHEMAS.is_dir(), reason="no package here has the schemas of SSP 2.0; name their folder"
-)
 @pytest.mark.parametrize("connectors", [False, True])
 def test_what_is_written_is_valid(mixed, tmp_path, connectors):
     ssp.write(mixed, tmp_path / "a.ssp", connectors)
@@ -45,8 +38,7 @@ def test_what_is_written_is_valid(mixed, tmp_path, connectors):
         for name in found.namelist():
             ending = Path(name).suffix
             if ending in schemas:
-                schema = etree.XMLSchema(file=str(SCHEMAS / f"{schemas[ending]}.xsd"))
-                assert schema.validate(etree.fromstring(found.read(name))), schema.error_log
+                validate(found.read(name), f"{schemas[ending]}.xsd", schemas_of_2())
                 checked.add(ending)
     assert checked == set(schemas)
 
