@@ -1,16 +1,22 @@
-"""Writing of files whole or not at all, and questions to the file system that never raise."""
+"""Files and folders written whole or not at all, and questions to the file system.
+
+The questions never raise.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import functools
 import os
+import shutil
 import sys
+import tempfile
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from fmus.kit.errors import UserError
+from fmus.kit.interrupt import uninterrupted
 
 
 def write(path: Path, contents: bytes) -> None:
@@ -66,6 +72,57 @@ def put(path: Path, contents: bytes, mode: int = 0o666) -> None:
             temporary.unlink()
         raise
     _sync(path.parent)
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Write a folder whole or not at all, making the one that it is in.
+
+    What is there stays until the end of this context, and for good if an exception ends it.
+
+    Parameters
+    ----------
+    path : Path
+        A link is replaced, not followed.
+
+    Yields
+    ------
+    Path
+        The new folder, to be made and written in this context.
+
+    Raises
+    ------
+    UserError
+        If it cannot be written; in the place of an OSError in this context, too.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # beside it, so that replacing it is one step, and of a name that nothing else has
+        scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+        new = scratch / "new"
+        old = scratch / "old"
+        try:
+            yield new
+            with uninterrupted():
+                _exchange(path, new, old)
+        finally:
+            lost = old.exists() and not path.exists()  # it could not be put back either
+            shutil.rmtree(new if lost else scratch, ignore_errors=True)
+    except OSError as error:
+        raise UserError(f"cannot write {path}: {error.strerror or error}") from error
+    _sync(path.parent)
+
+
+def _exchange(path: Path, new: Path, old: Path) -> None:
+    """Move a folder away, if there is one, and a new one to its place."""
+    if path.exists():
+        path.rename(old)
+    try:
+        new.rename(path)
+    except OSError:
+        if old.exists():
+            old.rename(path)
+        raise
 
 
 def _sync(folder: Path) -> None:

@@ -208,7 +208,7 @@ def as_model(model: AnyModel) -> Model:
     return built(as_runnable(model))
 
 
-def as_measured(model: AnyModel, effects: Sequence[str] = (), runtime: str = "native") -> Model:
+def as_measured(model: AnyModel, effects: Sequence[str] = (), runtime: str | None = None) -> Model:
     """Return a model like `as_runnable`, to be held against a record: a system is fused if it can.
 
     Parameters
@@ -229,7 +229,7 @@ def as_measured(model: AnyModel, effects: Sequence[str] = (), runtime: str = "na
     return as_runnable(model, effects, runtime)
 
 
-def as_runnable(model: AnyModel, effects: Sequence[str] = (), runtime: str = "native") -> Model:
+def as_runnable(model: AnyModel, effects: Sequence[str] = (), runtime: str | None = None) -> Model:
     """Return a model like `as_model`, but unbuilt: a record is read, and refused, before.
 
     Parameters
@@ -237,13 +237,13 @@ def as_runnable(model: AnyModel, effects: Sequence[str] = (), runtime: str = "na
     model : Model, System, type[Component] or str
     effects : sequence of str
         Laid over a component that is found by its name.
-    runtime : {"native", "python"}
-        Of the members of a system that ships.
+    runtime : {"native", "python"}, optional
+        Of the members of a system that ships; native unless given.
 
     Raises
     ------
     UserError
-        If there is none, or effects are given for a system.
+        If there is none, effects are given for a system, or a runtime for one from a file.
     """
     if isinstance(model, System):
         return system_model(model)

@@ -146,8 +146,8 @@ def experiment_on_system(options: SimulateCommand) -> Experiment:
         if value:
             raise UserError(f"{option} is about one model; {name} is a system")
     tables: dict[str, Any] = {"system": name}
-    spans = {"duration": options["stop"], "step": options["step"]}
-    tables |= {key: value for key, value in spans.items() if value is not None}
+    own = {key: options[key] for key in ("step", "runtime")} | {"duration": options["stop"]}
+    tables |= {key: value for key, value in own.items() if value is not None}
     with subject(parse(tables, name, "."), name) as system:
         inputs = _recorded(options, system.inputs, tables)
         settings = options["settings"] or {}

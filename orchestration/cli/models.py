@@ -23,7 +23,7 @@ class MeasuredModel(NamedTuple):
     parameters: dict[str, Value]
 
 
-def open_measured(options: MeasuredOptions, runtime: str = "native") -> MeasuredModel:
+def open_measured(options: MeasuredOptions, runtime: str | None = None) -> MeasuredModel:
     """Open a model and a record of it; tell what was repaired, and which inputs nothing gives.
 
     Raises
@@ -54,7 +54,7 @@ def model_file(name: str) -> Path | None:
     return Path(file_of_class(name) if names_class(name) else name)
 
 
-def open_model(name: str, runtime: str = "native", effects: Sequence[str] = ()) -> Model:
+def open_model(name: str, runtime: str | None = None, effects: Sequence[str] = ()) -> Model:
     """Find a model or a system; see :func:`orchestration.fmu.model.find_model`.
 
     Raises
@@ -67,13 +67,13 @@ def open_model(name: str, runtime: str = "native", effects: Sequence[str] = ()) 
     return build_model(as_runnable(name, effects, runtime), runtime)
 
 
-def build_model(declared: Model, runtime: str = "native") -> Model:
+def build_model(declared: Model, runtime: str | None = None) -> Model:
     """Build the FMU of a model that is declared, if it has none; tell what to know of it."""
     from orchestration.fmu import built, source_of
 
     with progress() as tell:
         if declared.cls is not None and not declared.foreign:
-            tell(f"building {declared.title} ({runtime}) unless it is there")
+            tell(f"building {declared.title} ({runtime or 'native'}) unless it is there")
         model = built(declared, runtime)
     for text in model.notes:
         note(text)

@@ -135,10 +135,9 @@ class RuntimeOption(TypedDict, total=False):
     """The build of a component that is run."""
 
     runtime: Annotated[
-        str,
+        str | None,
         Option(
-            "Which build of a component to run: native or python.",
-            default="native",
+            "Which build of components to run: native (default) or python.",
             choices=("native", "python"),
         ),
     ]

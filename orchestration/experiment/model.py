@@ -124,6 +124,11 @@ class Experiment(ValueTable):
     variants: dict[str, Settings] = {}
     work_loop: WorkLoopTable | None = None
 
+    @property
+    def chosen_runtime(self) -> str | None:
+        """The kind of build if the file says one; FMUs from a file have none to choose."""
+        return self.runtime if "runtime" in self.model_fields_set else None
+
     @model_validator(mode="after")
     def _one_subject(self) -> Experiment:
         if (self.component is None) == (self.system is None):

@@ -101,6 +101,9 @@ def _from_result(path: Path, unchanged: bool) -> dict[str, Any]:
                 f" ({option('settings')} starts anew)"
             )
         given["duration"] = float(result.time[-1])
+    subject = given.get("system") or given["component"]
+    if Path(subject).suffix.lower() in (".fmu", *ENDINGS) and not given.get("effects"):
+        given.pop("runtime", None)  # a result names one for every subject; here nothing is built
     for name, stimulus in given.get("inputs", {}).items():
         # random levels and chirps of a shorter duration are others, not the beginning of these
         if stimulus["kind"] == "file" or is_part:

@@ -15,7 +15,15 @@ from fmus.kit.record import CompiledModel
 from fmus.kit.storage import scratch
 from orchestration import master
 from orchestration.experiment.model import Experiment, Master
-from orchestration.fmu import LimitOutputs, Signal, Value, find_model, read_description, read_signal
+from orchestration.fmu import (
+    LimitOutputs,
+    Signal,
+    Value,
+    find_model,
+    read_description,
+    read_signal,
+    refuse_runtime,
+)
 from orchestration.fmu.isolation import Limits
 from orchestration.master.reference import Mechanical, fuse, mechanical
 from orchestration.system import Member, Port, System, library, ssp
@@ -130,7 +138,7 @@ def subject(experiment: Experiment, where: str) -> Iterator[Subject]:
 
 def _component(experiment: Experiment, name: str) -> Subject:
     """Wrap a component as a system of one member, whose signals need no ``member.`` before them."""
-    model = find_model(name, experiment.runtime, experiment.effects)
+    model = find_model(name, experiment.chosen_runtime, experiment.effects)
     usual = read_description(model.path).defaultExperiment
     duration = float(getattr(usual, "stopTime", None) or 10.0)
     member = model.path.stem.replace(".", "_")
@@ -148,6 +156,7 @@ def _component(experiment: Experiment, name: str) -> Subject:
 def _system(experiment: Experiment, name: str, folder: Path) -> Subject:
     """Read a system from its file, or build one that ships."""
     if Path(name).suffix.lower() in ENDINGS:
+        refuse_runtime(experiment.chosen_runtime, name)
         return subject_of(ssp.read(Path(name), folder), experiment.master)
     return subject_of(library.system(name, experiment.runtime), experiment.master)
 

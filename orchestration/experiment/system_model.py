@@ -24,7 +24,7 @@ from fmus.kit.record import CompiledModel
 from fmus.kit.storage import scratch
 from orchestration.experiment.model import Master
 from orchestration.experiment.subjects import Subject, subject_of
-from orchestration.fmu import FmuSource, Model, Signal, Value, known_class, numeric
+from orchestration.fmu import FmuSource, Model, Signal, Value, known_class, numeric, refuse_runtime
 from orchestration.master.reference import fuse
 from orchestration.system import NAMES, System, interface, library, ssp
 
@@ -39,24 +39,25 @@ def is_system(name: str) -> bool:
     return (name in NAMES and name not in MODELS) or Path(name).suffix.lower() in ssp.ENDINGS
 
 
-def find_system(name: str, runtime: str = "native") -> System:
+def find_system(name: str, runtime: str | None = None) -> System:
     """Find a system by its name or its file, whose FMUs are unpacked until the process ends.
 
     Parameters
     ----------
     name : str
         One that ships, or an ``.ssp`` or ``.ssd`` file.
-    runtime : {"native", "python"}
-        Kind of build of one that ships.
+    runtime : {"native", "python"}, optional
+        Kind of build of one that ships; native unless given.
 
     Raises
     ------
     UserError
-        If there is no such system, or it cannot be read.
+        If there is no such system, it cannot be read, or a kind of build is given for a file.
     """
     if Path(name).suffix.lower() in ssp.ENDINGS:
+        refuse_runtime(runtime, name)
         return ssp.read(Path(name), scratch.make("system"))
-    return library.system(name, runtime)
+    return library.system(name, runtime or "native")
 
 
 def system_model(system: System, master: Master | None = None, name: str = "") -> Model:

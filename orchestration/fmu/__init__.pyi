@@ -26,6 +26,7 @@ from .model import find_model as find_model
 from .model import known_class as known_class
 from .model import model_of as model_of
 from .model import read_settings as read_settings
+from .model import refuse_runtime as refuse_runtime
 from .repeated import FmuSource as FmuSource
 from .repeated import RepeatedFmu as RepeatedFmu
 from .repeated import source_of as source_of
@@ -49,4 +50,6 @@ from .simulation import simulate as simulate
 from .simulation import simulate_instance as simulate_instance
 from .source import RepeatedRuns as RepeatedRuns
 from .source import Source as Source
+from .wrapping import MOST_ELEMENTS as MOST_ELEMENTS
 from .wrapping import DeclaredVariable as DeclaredVariable
+from .wrapping import element_names as element_names

@@ -42,6 +42,7 @@ __all__ = [
     "model_of",
     "names_class",
     "read_settings",
+    "refuse_runtime",
 ]
 
 
@@ -227,22 +228,23 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
     return stacked
 
 
-def find_model(name_or_path: str, runtime: str = "native", effects: Sequence[str] = ()) -> Model:
+def find_model(name_or_path: str, runtime: str | None = None, effects: Sequence[str] = ()) -> Model:
     """Find a model by component name or path; its FMU is built if needed and not in the cache.
 
     Parameters
     ----------
     name_or_path : str
         One of our components, ``path/to/file.py:Class``, or an FMU file.
-    runtime : {"native", "python"}
-        Kind of build of a component.
+    runtime : {"native", "python"}, optional
+        Kind of build of a component; native unless given.
     effects : sequence of str
         Names of effects to add, innermost first; see :func:`find_class`.
 
     Raises
     ------
     UserError
-        If there is no such component, class, effect or file, or the FMU cannot be read.
+        If there is no such component, class, effect or file, the FMU cannot be read, or a kind of
+        build is given for a file.
 
     Examples
     --------
@@ -292,12 +294,33 @@ def declared_model_of(cls: type[Component]) -> Model:
     return Model(cls.name, _NOT_BUILT, cls, inputs, outputs, parameters)
 
 
-def built(model: Model, runtime: str = "native") -> Model:
-    """Return a model with its FMU, which is built if it is not in the cache."""
-    if model.path != _NOT_BUILT or model.cls is None:
+def built(model: Model, runtime: str | None = None) -> Model:
+    """Return a model with its FMU, which is built if it is not in the cache.
+
+    Raises
+    ------
+    UserError
+        See `find_model`.
+    """
+    if model.system is not None:
         return model
-    made = model_of(model.cls, runtime)
+    if model.path != _NOT_BUILT or model.cls is None:
+        refuse_runtime(runtime, model.name)
+        return model
+    made = model_of(model.cls, runtime or "native")
     return replace(made, name=model.name, effects=model.effects, notes=model.notes)
+
+
+def refuse_runtime(runtime: str | None, file: str) -> None:
+    """Refuse a kind of build that is chosen for FMUs from a file, which are taken as they are.
+
+    Raises
+    ------
+    UserError
+    """
+    if runtime is not None:
+        given = option("runtime", runtime)
+        raise UserError(f"{given}: {Path(file).name} is taken as it is; only components are built")
 
 
 def model_of(cls: type[Component], runtime: str = "native") -> Model:

@@ -19,6 +19,7 @@ import numpy as np
 
 from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic import Graph
 from orchestration.linear.operating_point import OperatingPoint
 from orchestration.reporting import option
@@ -263,6 +264,7 @@ def _listed(names: Sequence[str] | Mapping[str, object]) -> str:
 _MOST_LISTED = 12
 
 
+@uninterrupted()
 def jacobians(graph: Graph) -> ca.Function:
     """Return the Jacobians of all laws by states, discrete states and inputs, as a function."""
     moving = ca.vertcat(graph.states, graph.discretes, graph.inputs)
@@ -271,6 +273,7 @@ def jacobians(graph: Graph) -> ca.Function:
     return ca.Function("jacobians", graph.arguments, ca.cse(matrices))
 
 
+@uninterrupted()
 def blocks_of(
     graph: Graph, point: OperatingPoint, function: ca.Function | None = None
 ) -> LinearBlocks:

@@ -17,6 +17,7 @@ import numpy as np
 
 from fmus.kit import Declaration, UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic import Graph
 from orchestration.linear.operating_point import OperatingPoint
 from orchestration.reporting import option
@@ -58,6 +59,7 @@ class _Equations(NamedTuple):
     start: Array
 
 
+@uninterrupted()
 def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingPoint:
     """Find an equilibrium.
 

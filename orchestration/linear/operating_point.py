@@ -10,6 +10,7 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from fmus.kit.interrupt import uninterrupted
 from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import Graph
 from orchestration.reporting import option
@@ -71,6 +72,7 @@ class OperatingPoint:
         return [np.array([self.time]), *vectors]
 
 
+@uninterrupted()
 def with_outputs(graph: Graph, point: OperatingPoint) -> OperatingPoint:
     """Return an operating point with the values of outputs that belong to its other values."""
     values = ca.Function("outputs", graph.arguments, [graph.outputs])(*point.arguments(graph))

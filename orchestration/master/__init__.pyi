@@ -1,5 +1,3 @@
-from .interrupt import Interrupt as Interrupt
-from .interrupt import deferred as deferred
 from .pacing import Pacer as Pacer
 from .pacing import Pacing as Pacing
 from .pacing import RealTime as RealTime

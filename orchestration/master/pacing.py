@@ -10,7 +10,7 @@ from math import isfinite
 from time import perf_counter, sleep
 
 from fmus.kit import UserError
-from orchestration.master.interrupt import Interrupt
+from fmus.kit.interrupt import Interrupt
 
 MISSED = ("warn", "stop")
 # Upper bounds in s of the bins of the histogram of lateness; one more bin has no bound.

@@ -13,13 +13,13 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from fmus.kit.interrupt import Interrupt, deferred
 from orchestration.fmu.isolation import Limits, describe_rows
 from orchestration.fmu.kernel import load_stepper
 from orchestration.fmu.signal import read_signal
 from orchestration.master.dependency_graph import describe_loop
 from orchestration.master.executor import Executor
 from orchestration.master.instances import Clock, SavedState
-from orchestration.master.interrupt import Interrupt, deferred
 from orchestration.master.isolated import RowDescription, RowRecorder, run_isolated
 from orchestration.master.kernel_run import KernelRun
 from orchestration.master.pacing import Pacer, RealTime

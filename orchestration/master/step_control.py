@@ -8,9 +8,9 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from fmus.kit.interrupt import Interrupt
 from orchestration.master.executor import Executor
 from orchestration.master.instances import SavedState
-from orchestration.master.interrupt import Interrupt
 
 _SHORTEST = 1e-12  # relative to the time, or to a second
 _LARGEST_GROWTH = 5.0  # of the step size from step to step

@@ -154,9 +154,9 @@ def _model(stated: Experiment, where: str) -> Model:
     if stated.noise:
         raise UserError(f"{where}: noise is of what is measured; a sweep has none")
     if stated.component is None:
-        system = find_system(str(stated.system), stated.runtime)
+        system = find_system(str(stated.system), stated.chosen_runtime)
         return system_model(replace(system, step=stated.step or system.step), stated.master)
-    return find_model(stated.component, stated.runtime, stated.effects)
+    return find_model(stated.component, stated.chosen_runtime, stated.effects)
 
 
 def _over(table: SweepTable) -> dict[str, str]:

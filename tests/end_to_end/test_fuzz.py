@@ -25,6 +25,8 @@ COUNTS = {
     "xml": 150,
     "ssp": 30,
     "ssd": 80,
+    "2.0.ssd": 80,
+    "ssv": 40,
     "mat": 6,
     "parquet": 6,
 }

@@ -8,6 +8,7 @@ in ``build/fuzz``.
 from __future__ import annotations
 
 import argparse
+import copy
 import json
 import random
 import re
@@ -21,11 +22,30 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
 LONGEST, MEMORY = 10, 1_000_000_000  # s for a file, and bytes for all of them
-KINDS = ("csv", "mat", "tdms", "parquet", "nc", "toml", "fmu", "xml", "ssp", "ssd")
+# the last two are of SSP 2.0
+KINDS = (
+    "csv",
+    "mat",
+    "tdms",
+    "parquet",
+    "nc",
+    "toml",
+    "fmu",
+    "xml",
+    "ssp",
+    "ssd",
+    "2.0.ssd",
+    "ssv",
+)
+SYSTEMS = ("ssd", "2.0.ssd", "ssv")  # descriptions, and parameters
+_ATTRIBUTES = ("startIndices", "endIndices", "size", "sizeConnector", "unit", "kind", "version")
+_VALUES = ("", "0", "-1", "1", "2", "1 1", "nan", "1e400", "9" * 30, "two", "../x", "\u0663", "1_0")
+_PARAMETERS = "resources/new.ssv"  # of the system of SSP 2.0
 _TIME = 0.1 * np.arange(200)
 _FAMILIAR = [
     b"0",
@@ -66,6 +86,7 @@ def originals(folder: Path) -> dict[str, bytes]:
     from orchestration.system import library
     from orchestration.system.ssp.writing import write
     from tests.support.hosts import build_one_state_fmu
+    from tests.support.system.mixed import mixed
 
     voltage = np.sin(_TIME)
     made: dict[str, bytes] = {}
@@ -86,12 +107,13 @@ def originals(folder: Path) -> dict[str, bytes]:
     for kind in ("mat", "tdms", "parquet", "nc", "ssp", "fmu"):
         made[kind] = (folder / f"r.{kind}").read_bytes()
     made["toml"] = (Path(__file__).parents[2] / "examples" / "release.toml").read_bytes()
-    for kind, archive, inside in (
-        ("xml", "fmu", "modelDescription.xml"),
-        ("ssd", "ssp", "SystemStructure.ssd"),
-    ):
-        with zipfile.ZipFile(folder / f"r.{archive}") as opened:
-            made[kind] = opened.read(inside)
+    with zipfile.ZipFile(folder / "r.fmu") as opened:
+        made["xml"] = opened.read("modelDescription.xml")
+    # with the files that they name beside them
+    write(library.system("dma_bench", "native"), folder / "r.ssd")
+    write(mixed(folder), folder / "r.2.0.ssd", connectors=True)
+    for kind, file in (("ssd", "r.ssd"), ("2.0.ssd", "r.2.0.ssd"), ("ssv", _PARAMETERS)):
+        made[kind] = (folder / file).read_bytes()
     return made
 
 
@@ -121,6 +143,30 @@ def damaged(data: bytes, draw: random.Random) -> bytes:
     return bytes(changed)
 
 
+def tangled(data: bytes, draw: random.Random) -> bytes:
+    """One to three changes of XML that leave it well-formed: values, attributes and elements that
+    change, come twice, go or get the name of another.
+    """
+    root = ElementTree.fromstring(data)
+    for _ in range(draw.randint(1, 3)):
+        nodes = list(root.iter())
+        node = draw.choice(nodes)
+        other = draw.choice(nodes)
+        key = draw.choice([*node.keys(), *other.keys(), *_ATTRIBUTES])
+        act = draw.randrange(5)
+        if act == 0:
+            node.set(key, draw.choice([*other.attrib.values(), *_VALUES]))
+        elif act == 1:
+            node.attrib.pop(key, None)
+        elif act == 2:
+            node.append(copy.deepcopy(other))
+        elif act == 3 and len(node):
+            node.remove(draw.choice(list(node)))
+        elif act == 4:
+            node.tag = other.tag
+    return ElementTree.tostring(root)
+
+
 def readers() -> dict[str, Callable[[Path], Any]]:
     """What reads each kind, as a command does."""
     from orchestration.experiment import results
@@ -129,6 +175,7 @@ def readers() -> dict[str, Callable[[Path], Any]]:
     from orchestration.records import read_record
     from orchestration.sweeps.file import read_sweep
     from orchestration.system.ssp.reading import read
+    from orchestration.system.ssp.writing import write
 
     def record(path: Path) -> Any:
         return read_record(path, {"voltage": "V", "current": "A"})
@@ -142,9 +189,13 @@ def readers() -> dict[str, Callable[[Path], Any]]:
             opened.writestr("modelDescription.xml", path.read_bytes())
         return fmu(archive)
 
-    def system(path: Path) -> Any:
+    def system(path: Path) -> None:
         with tempfile.TemporaryDirectory() as folder:
-            return read(path, Path(folder))
+            write(read(path, Path(folder)), Path(folder, "again.ssp"))  # checks it first
+
+    def parameters(path: Path) -> None:
+        (path.parent / _PARAMETERS).write_bytes(path.read_bytes())
+        system(path.with_name("r.2.0.ssd"))
 
     records = dict.fromkeys(("csv", "mat", "tdms", "parquet"), record)
     return {
@@ -154,6 +205,8 @@ def readers() -> dict[str, Callable[[Path], Any]]:
         "xml": packed,
         "ssp": system,
         "ssd": system,
+        "2.0.ssd": system,
+        "ssv": parameters,
         "toml": lambda path: read_sweep(path, lambda line: None),
     }
 
@@ -200,7 +253,8 @@ def fuzz(
         while time.monotonic() < end and any(done[kind] < counts[kind] for kind in counts):
             kind = draw.choice([kind for kind in counts if done[kind] < counts[kind]])
             path = Path(folder) / f"damaged.{kind}"
-            path.write_bytes(damaged(made[kind], draw))
+            damage = draw.choice([damaged, tangled]) if kind in SYSTEMS else damaged
+            path.write_bytes(damage(made[kind], draw))
             done[kind] += 1
             if told := tried(reading[kind], path):
                 found.append(f"{kind} {done[kind]} of seed {seed}: {told}")

@@ -13,6 +13,7 @@ from .parameters import SSC as SSC
 from .parameters import SSV as SSV
 from .parameters import Typed as Typed
 from .parameters import define_units as define_units
+from .parameters import serialized as serialized
 from .parameters import to_ssv as to_ssv
 from .provenance import Provenance as Provenance
 from .provenance import read_provenance as read_provenance

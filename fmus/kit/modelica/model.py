@@ -10,6 +10,7 @@ import casadi as ca
 
 from fmus.kit.component import Component
 from fmus.kit.declare import summary
+from fmus.kit.interrupt import uninterrupted
 from fmus.kit.layout import Clock, Layout
 from fmus.kit.modelica.annotations import annotation
 from fmus.kit.modelica.connectors import port_equations
@@ -29,6 +30,7 @@ from fmus.kit.symbolic import Graph, carry_out, trace_with_laws, units_of_laws
 from fmus.kit.units import to_modelica
 
 
+@uninterrupted()
 def model_text(cls: type[Component]) -> str:
     """Write a component as a model.
 

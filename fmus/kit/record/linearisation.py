@@ -24,6 +24,7 @@ import casadi as ca
 import numpy as np
 
 from fmus.kit.arrays import Array
+from fmus.kit.interrupt import uninterrupted
 from fmus.kit.record.buffered_function import BufferedFunction
 from fmus.kit.symbolic import Graph
 
@@ -220,6 +221,7 @@ class Linearisation:
         return tuple(resampled)
 
     @cached_property
+    @uninterrupted()
     def _blocks(self) -> tuple[BufferedFunction, bool]:
         """J and all H at the first step, row by row, and whether J depends on its inputs.
 
@@ -257,6 +259,7 @@ class Linearisation:
             self._known_affine[key] = self._is_affine(linear, resampled)
         return self._known_affine[key]
 
+    @uninterrupted()
     def _is_affine(self, linear: bool, resampled: tuple[bool, ...]) -> bool:
         """Work out what `_affine` returns and remembers."""
         graph = self._base

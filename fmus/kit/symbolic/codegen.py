@@ -21,6 +21,7 @@ from fmus.kit.declare import (
     ParameterDeclaration,
     StateDeclaration,
 )
+from fmus.kit.interrupt import uninterrupted
 from fmus.kit.layout import LONGEST_SHIFT, Clock, Layout
 from fmus.kit.storage import scratch
 from fmus.kit.symbolic.tracing import Graph
@@ -145,6 +146,7 @@ def _clock(clock: Clock, index: Mapping[str, int]) -> str:
     return f"{{{_c_double(seconds)}, {at}, {{{', '.join(map(str, shifts))}}}}}"
 
 
+@uninterrupted()
 def native_sources(graph: Graph, guid: str, hosted: bool = True, fmi: int = 2) -> dict[str, str]:
     """Write every generated file of the native build.
 

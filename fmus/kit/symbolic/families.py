@@ -24,6 +24,7 @@ from fmus.kit.curves import SHAPES, EffectNames, curve, variable
 from fmus.kit.declare import Declaration, ParameterDeclaration
 from fmus.kit.generic import force_offset
 from fmus.kit.inputs import INPUT_CURVES, INPUT_MEMORIES
+from fmus.kit.interrupt import uninterrupted
 from fmus.kit.sampling import Sampling
 from fmus.kit.symbolic.calls import Calls
 from fmus.kit.symbolic.quantities import Quantity, Unit
@@ -232,6 +233,7 @@ def list_laws(cls: type[Component]) -> list[LawOfModel]:
     return laws
 
 
+@uninterrupted()
 def families_for(
     cls: type[Component],
     scales: Mapping[str, float] | None = None,

@@ -20,6 +20,7 @@ from fmus.kit.arrays import Array
 from fmus.kit.component import Component, Effect, stack
 from fmus.kit.declare import Declaration
 from fmus.kit.errors import UserError
+from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic.tracing import Graph, trace
 
 Values = Mapping[str, float]
@@ -100,6 +101,7 @@ class ComponentAlong:
         self.parameters = _with_defaults(cls, parameters)
         _refuse_feedback(cls, self.parameters, float(np.ptp(begin.time)))
 
+    @uninterrupted()
     def linearised(self, at: Points) -> StateJacobians:
         """Return the derivatives at n points."""
         graph = trace(self.cls)
@@ -260,6 +262,7 @@ class EffectForcing:
         }
         return _OwnCourses(own.values | after)
 
+    @uninterrupted()
     def _integrated(self, parameters: _Numbers, own: _OwnCourses, count: int) -> _OwnCourses:
         """Integrate the effect's own states in all settings.
 
@@ -429,6 +432,7 @@ def _difference(values: Sequence[Any], base: Sequence[Any], per: Array, at: Poin
     return result
 
 
+@uninterrupted()
 def _refuse_feedback(
     cls: type[Component], parameters: _Numbers, duration: float, effect: type[Effect] | None = None
 ) -> None:

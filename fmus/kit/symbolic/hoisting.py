@@ -12,12 +12,14 @@ from typing import NamedTuple
 import casadi as ca
 
 from fmus.kit.declare import ParameterDeclaration, name_declaration
+from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic.instructions import apply_to_symbols, carry_out
 from fmus.kit.symbolic.tracing import Graph
 
 _PARAMETERS = 1  # their place among the arguments of a graph
 
 
+@uninterrupted()
 def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
     """Replace the largest expressions that depend on parameters only by new parameters.
 

@@ -17,6 +17,7 @@ import numpy as np
 from fmus.kit.arrays import Array
 from fmus.kit.component import Component
 from fmus.kit.declare import Declaration
+from fmus.kit.interrupt import uninterrupted
 from fmus.kit.layout import law_of
 from fmus.kit.symbolic.tracing import Graph, trace
 
@@ -162,6 +163,7 @@ class PerturbedLaws:
             return is_state or not self._read[law] - set(self.names)
         return is_state and law in {s.rate for s in layout.states}
 
+    @uninterrupted()
     def acts_beside(self, law: str) -> set[str]:
         """Return the inputs and states in the rates and outputs that depend on a law."""
         graph = self._perturbed
@@ -173,6 +175,7 @@ class PerturbedLaws:
         """Return the inputs and states that a law depends on; for another signal that itself."""
         return self._signals_in(self._values[signal]) if signal in self._values else {signal}
 
+    @uninterrupted()
     def _signals_in(self, expression: ca.SX) -> set[str]:
         """Return the inputs and states in an expression."""
         return {symbol.name() for symbol in ca.symvar(expression)} & self._signals
@@ -196,6 +199,7 @@ class PerturbedLaws:
         """
         return signal in self._read[law]
 
+    @uninterrupted()
     def calls(self, law: str, other: str) -> bool:
         """Return whether a law is computed from another, directly or through laws in between.
 
@@ -209,6 +213,7 @@ class PerturbedLaws:
         return bool(ca.depends_on(self._values[law], self._added[other]))
 
     @cached_property
+    @uninterrupted()
     def _function(self) -> ca.Function:
         """Jacobians and values, in the order of :class:`Jacobians`, from the arguments of laws."""
         graph = self._perturbed

@@ -22,9 +22,11 @@ from fmus.kit.declare import (
     name_declaration,
 )
 from fmus.kit.errors import UserError
+from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic.tracing import Graph
 
 
+@uninterrupted()
 def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
     """Extend a graph by the sensitivities to some of its parameters.
 

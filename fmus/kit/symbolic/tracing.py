@@ -19,6 +19,7 @@ import numpy as np
 from fmus.kit.component import Component
 from fmus.kit.declare import Declaration
 from fmus.kit.errors import UserError
+from fmus.kit.interrupt import uninterrupted
 from fmus.kit.layout import Layout
 from fmus.kit.symbolic.calls import Calls
 from fmus.kit.symbolic.switching import event_indicators
@@ -64,6 +65,7 @@ class Graph:
         return [self.time, self.parameters, self.inputs, self.states, self.discretes]
 
     @property
+    @uninterrupted()
     def continuous(self) -> ca.SX:
         """Inputs and states, on which outputs, derivatives and indicators depend between events."""
         return ca.vertcat(self.inputs, self.states)
@@ -79,11 +81,13 @@ class Graph:
         return starts(self.layout.states), starts(self.layout.discretes)
 
     @cached_property
+    @uninterrupted()
     def indicators(self) -> ca.SX:
         """Event indicators: expressions that change their sign where rates or outputs switch."""
         moving = (0, 2, 3)  # time, inputs and states
         return event_indicators([self.rates, self.outputs], self.arguments, self.layout, moving)
 
+    @uninterrupted()
     def functions(self, tangent: bool = True) -> list[ca.Function]:
         """Make the CasADi functions that the native engine calls (``fmi/engine.h``).
 
@@ -123,6 +127,7 @@ class Graph:
             functions.append(ca.Function("tangent", [*arguments, *seeds], tangents))
         return functions
 
+    @uninterrupted()
     def functions_of_fmi_3(self) -> list[ca.Function]:
         """Make the CasADi functions that FMI 3.0 needs in addition (``fmi/engine.h``).
 
@@ -148,6 +153,7 @@ class Graph:
             ca.Function("adjoint", [*arguments, *weights], parts),
         ]
 
+    @uninterrupted()
     def depends(self, expressions: ca.SX, symbols: ca.SX) -> list[list[int]]:
         """Return the sparsity of expressions.
 
@@ -166,6 +172,7 @@ class Graph:
         pattern = np.array(ca.DM(ca.jacobian_sparsity(expressions, symbols), 1).full(), dtype=bool)
         return [[int(k) for k in np.flatnonzero(row)] for row in pattern]
 
+    @uninterrupted()
     def linearise(self, **values: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Linearise about an operating point.
 
@@ -258,6 +265,7 @@ def trace_with_laws(cls: type[Component]) -> tuple[Graph, dict[str, ca.SX]]:
     return graph, laws
 
 
+@uninterrupted()
 def _traced(cls: type[Component], component: Component) -> Graph:
     """Return the graph of a component, whose variables become symbols."""
     layout = cls.layout
@@ -303,6 +311,7 @@ def _column(values: list[Any]) -> ca.SX:
     return ca.vertcat(ca.SX(0, 1), *values)
 
 
+@uninterrupted()
 def dependencies(graph: Graph, states_known: bool = True) -> dict[str, dict[int, list[int]]]:
     """Return the dependencies of every unknown of ``ModelStructure``, by value reference.
 

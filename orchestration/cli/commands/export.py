@@ -51,8 +51,12 @@ def modelica(options: ExportModelicaCommand) -> None:
     _check_empty(package)
     classes = [find_class(name, options["laid_over"]) for name in names or COMPONENTS]
     contents = package_files(classes, version(), _fmus(classes) if options["fmus"] else None)
-    for path, data in contents.items():
-        files.write(folder / path, data)
+    with files.replacing(package) as new:
+        for path, data in contents.items():
+            target = new / Path(path).relative_to(PACKAGE)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            files.put(target, data)
+        _check_empty(package)  # FMUs take their time
     wrote(package)
 
 

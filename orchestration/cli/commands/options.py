@@ -234,15 +234,6 @@ class ExperimentOptions(TypedDict, total=False):
     ]
 
 
-class ExperimentRuntimeOption(TypedDict, total=False):
-    """The build of components that an experiment runs, in place of that in its file."""
-
-    runtime: Annotated[
-        str | None,
-        Option("Which build of components to run: native, python.", choices=("native", "python")),
-    ]
-
-
 class ListOption(TypedDict, total=False):
     """The list in place of a run."""
 
@@ -254,7 +245,7 @@ class ListOption(TypedDict, total=False):
 class RunCommand(
     ExperimentOptions,
     JsonOption,
-    ExperimentRuntimeOption,
+    RuntimeOption,
     RealTimeOptions,
     IsolationOptions,
     ListOption,

@@ -171,8 +171,9 @@ def _drive(
     """Drive the rig, with a journal on the disk and a status line."""
     from contextlib import ExitStack
 
+    from fmus.kit.interrupt import deferred
     from fmus.rig_proxy import Link
-    from orchestration.master import deferred, realtime_priority
+    from orchestration.master import realtime_priority
     from orchestration.reporting import alarm, err, note
     from orchestration.rig import on_termination
     from orchestration.rig.record import RecordingObserver, dataset, drive

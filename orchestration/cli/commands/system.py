@@ -145,9 +145,10 @@ def check_file(options: CheckSystemCommand) -> None:
 
 
 @contextmanager
-def _opened(name_or_file: str, runtime: str = "native") -> Iterator[System]:
+def _opened(name_or_file: str, runtime: str | None = None) -> Iterator[System]:
     """Open a system that ships, or one from a file; an archive's FMUs are there only meanwhile."""
     from fmus.kit.storage import scratch
+    from orchestration.fmu import refuse_runtime
     from orchestration.reporting import progress
     from orchestration.system import library, ssp
     from orchestration.system.ssp import ENDINGS
@@ -159,13 +160,15 @@ def _opened(name_or_file: str, runtime: str = "native") -> Iterator[System]:
                 f"{path}: a system is a file {' or '.join(ENDINGS)}, or one of"
                 f" {', '.join(library.NAMES)}"
             )
+        refuse_runtime(runtime, name_or_file)
         with scratch.folder("ssp") as folder:
             yield ssp.read(path, folder)
         return
+    kind = runtime or "native"
     with progress() as tell:
         if name_or_file in library.NAMES:
-            tell(f"building the members of {name_or_file} ({runtime}) unless they are there")
-        system = library.system(name_or_file, runtime)
+            tell(f"building the members of {name_or_file} ({kind}) unless they are there")
+        system = library.system(name_or_file, kind)
     yield system
 
 

@@ -38,7 +38,7 @@ _WIDE = ("UInt32", "Int64", "UInt64")  # beyond the integers of FMI 2.0
 _RANGES = {"Int8": (-128, 127), "UInt8": (0, 255), "Int16": (-(2**15), 2**15 - 1)}
 _RANGES |= {"UInt16": (0, 2**16 - 1)} | dict.fromkeys(("UInt32", "UInt64"), (0, 2**31 - 1))
 _PARAMETERS = ("parameter", "calculatedParameter", "structuralParameter")
-_MOST_ELEMENTS = 200_000  # of all variables
+MOST_ELEMENTS = 200_000  # of all variables
 _MOST_DEPENDENCIES = 1_000_000  # beyond these an unknown may depend on all, which FMI 2.0 assumes
 
 _OF_MODEL = {
@@ -204,13 +204,28 @@ class _Variable:
 
     def names(self, name: str) -> Iterator[str]:
         """Yield the names of its elements under its own name, or that of an alias."""
-        if not self.shape:
-            yield name
-            return
-        # the index of a derivative belongs to the variable: der(x[2])
-        stem, end = (name[:-1], ")") if name.startswith("der(") else (name, "")
-        for indices in itertools.product(*(range(1, size + 1) for size in self.shape)):
-            yield f"{stem}[{','.join(map(str, indices))}]{end}"
+        return element_names(name, self.shape)
+
+
+def element_names(name: str, shape: tuple[int, ...]) -> Iterator[str]:
+    """Yield the names of the elements of an array in row-major order; of a scalar its own.
+
+    Parameters
+    ----------
+    name : str
+    shape : tuple of int
+
+    Yields
+    ------
+    str
+    """
+    if not shape:
+        yield name
+        return
+    # the index of a derivative belongs to the variable: der(x[2])
+    stem, end = (name[:-1], ")") if name.startswith("der(") else (name, "")
+    for indices in itertools.product(*(range(1, size + 1) for size in shape)):
+        yield f"{stem}[{','.join(map(str, indices))}]{end}"
 
 
 class _Translator:
@@ -289,9 +304,9 @@ class _Translator:
             variable = _Variable(node, reference, shape, first)
             variable.attributes = self._declared(node) | node.attrib
             first += variable.count
-            if first > _MOST_ELEMENTS:
+            if first > MOST_ELEMENTS:
                 raise UserError(
-                    f"{self._where}: its arrays have more than {_MOST_ELEMENTS:,} elements; these"
+                    f"{self._where}: its arrays have more than {MOST_ELEMENTS:,} elements; these"
                     " are not taken one by one"
                 )
             self._variables[reference] = variable

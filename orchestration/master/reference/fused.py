@@ -31,10 +31,12 @@ from fmus.kit import (
     make_start_parameter,
     name_declaration,
 )
+from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic import Graph, trace
 from orchestration.system import Member, System, check
 
 
+@uninterrupted()
 def fuse(system: System) -> Graph:
     """Flatten a system of our own components into one model.
 

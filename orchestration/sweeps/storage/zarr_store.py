@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
-import tempfile
 from collections.abc import Hashable
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,7 +12,7 @@ from typing import Any
 
 import xarray
 
-from fmus.kit import UserError
+from fmus.kit import UserError, files
 
 _CHUNK = "8MiB"
 _OF_ZARR = re.compile(r"\.zgroup|\.zattrs|\.zmetadata|\.zarray|\d+(\.\d+)*")
@@ -97,30 +95,10 @@ def write(data: xarray.Dataset, path: Path) -> None:
     }
     if "time" in data.dims:
         chunks["time"] = -1
-    try:
-        check(path)  # it may have changed during the sweep
-        # beside it, so that replacing it is one step, and of a name that nothing else has
-        scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror or error}") from error
-    new = scratch / "new"
-    old = scratch / "old"
-    try:
-        # one chunk after the other: several threads would have as many in memory
-        with dask.config.set({"array.chunk-size": _CHUNK, "scheduler": "synchronous"}):
-            # format 2 has a place in its specification for texts of one length, which format 3 has
-            # not yet
-            data.chunk(chunks).to_zarr(new, mode="w-", zarr_format=2)
-        if path.exists():
-            path.rename(old)
-        try:
-            new.rename(path)
-        except OSError:
-            if old.exists():
-                old.rename(path)
-            raise
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        lost = old.exists() and not path.exists()  # it could not be put back either
-        shutil.rmtree(new if lost else scratch, ignore_errors=True)
+    check(path)  # it may have changed during the sweep
+    # one chunk after the other: several threads would have as many in memory
+    in_turn = dask.config.set({"array.chunk-size": _CHUNK, "scheduler": "synchronous"})
+    with files.replacing(path) as new, in_turn:
+        # format 2 has a place in its specification for texts of one length, which format 3 has
+        # not yet
+        data.chunk(chunks).to_zarr(new, mode="w-", zarr_format=2)

@@ -1,30 +1,105 @@
-"""Variables of FMUs of FMI 3.0 in a system: types and arrays, which SSP 2.0 has and SSP 1.0 not."""
+"""Variables of members as SSP has them: whole, with their types and sizes, or an element of one."""
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from orchestration.fmu import Archive, DeclaredVariable
-from orchestration.system.model import Connection, Member, Port
+import numpy as np
+
+from fmus.kit import UserError
+from orchestration.fmu import Archive, DeclaredVariable, read_description
+from orchestration.system.model import Connection, Member
 
 
-class Wire(NamedTuple):
-    """A connection as SSP has it: of two whole variables, or of two elements.
+class End(NamedTuple):
+    """An end of a connection.
 
     Attributes
     ----------
-    source, target : Port
-        Whole variables, or elements under names that only this program knows.
-    connection : Connection
-        The connection, or the first of those of all elements.
+    member : str or None
+        None at a connector of the system.
+    connector : str
+    indices : tuple of int
+        Of an element of an array, from 1; none for the whole connector.
     """
 
-    source: Port
-    target: Port
-    connection: Connection
+    member: str | None
+    connector: str
+    indices: tuple[int, ...] = ()
+
+
+class Wire(NamedTuple):
+    """A connection of two whole variables, or of two elements.
+
+    Attributes
+    ----------
+    source, target : End
+    factor, offset : float
+        As those of a `Connection`.
+    """
+
+    source: End
+    target: End
+    factor: float = 1.0
+    offset: float = 0.0
+
+    @property
+    def passes_on(self) -> bool:
+        """True if the target receives the value unchanged."""
+        return (self.factor, self.offset) == (1.0, 0.0)
+
+
+class _Variables(NamedTuple):
+    """The variables of an FMU.
+
+    Attributes
+    ----------
+    scalars : dict of str to Any
+        Those of fmpy, by name.
+    declared : dict of str to DeclaredVariable
+        Those of FMI 3.0, by name.
+    places : dict of str to tuple
+        Name of the variable of FMI 3.0, and indices, by the name of an element.
+    """
+
+    scalars: dict[str, Any]
+    declared: dict[str, DeclaredVariable]
+    places: dict[str, tuple[str, tuple[int, ...]]]
+
+
+def _variables(member: Member) -> _Variables:
+    path = member.fmu.absolute()
+    return _read(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=64)
+def _read(path: Path, modified: int) -> _Variables:
+    """Read an FMU once for each time at which its file was modified."""
+    with Archive(path) as archive:
+        declared = archive.declared
+    places = {
+        element: (name, tuple(index + 1 for index in indices))
+        for name, variable in declared.items()
+        for element, indices in zip(variable.elements, np.ndindex(variable.shape), strict=True)
+    }
+    scalars = {scalar.name: scalar for scalar in read_description(path).modelVariables}
+    return _Variables(scalars, declared, places)
+
+
+def scalars(member: Member) -> dict[str, Any]:
+    """Return the scalar variables of a member by name, as fmpy has them.
+
+    Raises
+    ------
+    UserError
+        If its FMU cannot be read.
+    """
+    return _variables(member).scalars
 
 
 def declared(member: Member) -> dict[str, DeclaredVariable]:
@@ -35,31 +110,55 @@ def declared(member: Member) -> dict[str, DeclaredVariable]:
     UserError
         If its FMU cannot be read.
     """
-    path = member.fmu.absolute()
-    return _read(path, path.stat().st_mtime_ns)
+    return _variables(member).declared
 
 
-@lru_cache(maxsize=64)
-def _read(path: Path, modified: int) -> dict[str, DeclaredVariable]:
-    """Read an FMU once for each time at which its file was modified."""
-    with Archive(path) as archive:
-        return archive.declared
+def variable_of(member: Member, name: str) -> DeclaredVariable:
+    """Return a variable of FMI 3.0; a scalar where there is none of that name."""
+    return declared(member).get(name, DeclaredVariable("", (), (name,)))
 
 
-def variable_of(member: Member, element: str) -> tuple[str, DeclaredVariable] | None:
-    """Return the variable of FMI 3.0 to which an element belongs, and its name."""
-    variables = declared(member)
-    if element in variables:
-        return element, variables[element]
-    name = element.rpartition("[")[0]
-    found = variables.get(name)
-    return (name, found) if found is not None and element in found.elements else None
+def type_name(member: Member, element: str) -> str:
+    """Return the type of a variable, or of an element, by its name in the version of its FMU."""
+    found = _variables(member)
+    name, _ = found.places.get(element, (element, ()))
+    kind: str = found.declared[name].kind if name in found.declared else found.scalars[element].type
+    return kind
 
 
-def elements(member: Member, name: str) -> tuple[str, ...]:
-    """Return the elements of a variable; the name itself where it is no array of FMI 3.0."""
-    found = declared(member).get(name)
-    return (name,) if found is None else found.elements
+def end_of(member: Member, element: str) -> End:
+    """Return the end of a connection that is an element, or a scalar, of a member."""
+    return End(member.name, *_variables(member).places.get(element, (element, ())))
+
+
+def element_at(variable: DeclaredVariable, indices: Sequence[int]) -> str:
+    """Return the name of an element.
+
+    Parameters
+    ----------
+    variable : DeclaredVariable
+    indices : sequence of int
+        From 1, one for each dimension.
+
+    Raises
+    ------
+    UserError
+        If there is no such element.
+    """
+    shape = variable.shape
+    if len(indices) != len(shape) or not all(
+        1 <= index <= size for index, size in zip(indices, shape, strict=True)
+    ):
+        raise UserError(
+            f"there is no element {','.join(map(str, indices))}; it has {show_shape(shape)}"
+        )
+    position = np.ravel_multi_index([index - 1 for index in indices], shape)
+    return variable.elements[int(position)]
+
+
+def show_shape(shape: Sequence[int]) -> str:
+    """Return the size of an array for a message."""
+    return f"{' by '.join(map(str, shape))} elements" if shape else "no dimension"
 
 
 def wires(connections: Sequence[Connection], members: Mapping[str, Member]) -> list[Wire]:
@@ -75,48 +174,40 @@ def wires(connections: Sequence[Connection], members: Mapping[str, Member]) -> l
     list of Wire
         In the order of the connections.
     """
-    plain = {
-        (connection.source, connection.target): connection
-        for connection in connections
-        if connection.passes_on
-    }
-    found = []
-    done: set[Port] = set()
-    for connection in connections:
-        if connection.target in done:
-            continue
-        whole = _whole(connection, members)
-        parts = _elementwise(*whole, members) if whole is not None else []
-        if whole is not None and len(parts) > 1 and all(part in plain for part in parts):
-            found.append(Wire(*whole, connection))
-            done.update(target for _, target in parts)
-        else:
-            found.append(Wire(connection.source, connection.target, connection))
-    return found
-
-
-def _whole(connection: Connection, members: Mapping[str, Member]) -> tuple[Port, Port] | None:
-    """Return the two arrays of which a connection joins elements, if they are of one shape."""
-    ports = []
-    shapes = []
-    for port in (connection.source, connection.target):
-        variable = variable_of(members[port.member], port.variable)
-        if variable is None:
-            return None
-        ports.append(Port(port.member, variable[0]))
-        shapes.append(variable[1].shape)
-    return (ports[0], ports[1]) if shapes[0] == shapes[1] else None
-
-
-def _elementwise(
-    source: Port, target: Port, members: Mapping[str, Member]
-) -> list[tuple[Port, Port]]:
-    """Return the pairs of elements of two variables."""
-    return [
-        (Port(source.member, a), Port(target.member, b))
-        for a, b in zip(
-            elements(members[source.member], source.variable),
-            elements(members[target.member], target.variable),
-            strict=True,
+    single = [
+        Wire(
+            end_of(members[connection.source.member], connection.source.variable),
+            end_of(members[connection.target.member], connection.target.variable),
+            connection.factor,
+            connection.offset,
         )
+        for connection in connections
     ]
+    complete = _complete(single, members)
+    # of a complete pair the first connection stands for all
+    found = [_whole(wire) if _whole(wire) in complete else wire for wire in single]
+    return list(dict.fromkeys(found))
+
+
+def _complete(wires: Sequence[Wire], members: Mapping[str, Member]) -> set[Wire]:
+    """Return the connections of variables of one shape that join each element with the same."""
+    counts = Counter(
+        _whole(wire)
+        for wire in wires
+        if wire.source.indices == wire.target.indices and wire.passes_on
+    )
+    return {
+        wire
+        for wire, count in counts.items()
+        if _shape(wire.source, members) == _shape(wire.target, members)
+        and count == math.prod(_shape(wire.source, members))
+    }
+
+
+def _whole(wire: Wire) -> Wire:
+    """Return the connection of whole variables to which one of elements belongs."""
+    return Wire(wire.source._replace(indices=()), wire.target._replace(indices=()))
+
+
+def _shape(end: End, members: Mapping[str, Member]) -> tuple[int, ...]:
+    return variable_of(members[end.member or ""], end.connector).shape

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from pathlib import Path
-from typing import Any
 from xml.etree.ElementTree import Element
 
-from fmus.kit import UserError, suggestion, units
-from orchestration.fmu import Value, read_description
+from fmus.kit import UserError, units
+from orchestration.fmu import MOST_ELEMENTS, DeclaredVariable, Value, element_names
 from orchestration.fmu.bounded import parse_xml
-from orchestration.fmu.signal import read_signal, type_of
 from orchestration.system.checking import conversion, interface, variable
 from orchestration.system.model import Connection, Member, Port, System
-from orchestration.system.ssp.arrays import declared, elements
+from orchestration.system.ssp.arrays import (
+    element_at,
+    scalars,
+    show_shape,
+    variable_of,
+)
+from orchestration.system.ssp.declarations import (
+    check_connectors,
+    check_shape,
+    check_type_and_unit,
+)
 from orchestration.system.ssp.package import Package
 from orchestration.system.ssp.vocabulary import (
     CONNECTORS,
@@ -33,13 +41,20 @@ from orchestration.system.ssp.vocabulary import (
 )
 
 _PARAMETER_TYPES = {tag(f"ssv:{name}"): kinds for name, kinds in TYPES.items()}
-_CONNECTOR_TYPES = {tag(f"ssc:{name}"): kinds for name, kinds in TYPES.items()}
 _OTHER_IMPLEMENTATIONS = {
     "ModelExchange": "model exchange",
     "ScheduledExecution": "scheduled execution",
 }
 _BOOLEANS = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
 _IDENTITY = (1.0, 0.0)  # factor and offset
+_SIDES = ("start", "end")
+# attributes of an end of a connection, and those of the other
+_OTHER_SIDE = {
+    f"{side}{what}": f"{other}{what}"
+    for side, other in (_SIDES, _SIDES[::-1])
+    for what in ("Element", "Connector", "Indices")
+}
+_WHOLE = re.compile(r"[0-9]{1,18}")
 
 
 def read(path: Path, folder: Path) -> System:
@@ -86,6 +101,15 @@ def _parse(package: Package, name: str) -> Element:
     return parse_xml(package.text(name), str(package.path), name)
 
 
+def _show_wire(wire: Element) -> str:
+    """Return the ends of a connection as they are written, for a message."""
+    ends = []
+    for side in _SIDES:
+        names = [wire.get(f"{side}Element"), wire.get(f"{side}Connector")]
+        ends.append(".".join(name for name in names if name is not None))
+    return " -> ".join(ends)
+
+
 def _find_all(parts: Sequence[Element], path: str) -> list[Element]:
     return [node for part in parts for node in part.findall(path, NAMESPACES)]
 
@@ -96,16 +120,16 @@ class _SystemConnectors:
 
     Attributes
     ----------
+    declared : dict of str to DeclaredVariable
+        By name; of an array with its elements, each of which is an input or an output here.
     inputs : dict of str to list of Port
-    output_names : list of str
-        In the order of their declaration.
-    outputs : dict of str to Port
-        Those whose connection was read.
+    outputs : dict of str to Port or None
+        None until the connection is read.
     """
 
-    inputs: dict[str, list[Port]]
-    output_names: list[str]
-    outputs: dict[str, Port] = field(default_factory=dict)
+    declared: dict[str, DeclaredVariable] = field(default_factory=dict)
+    inputs: dict[str, list[Port]] = field(default_factory=dict)
+    outputs: dict[str, Port | None] = field(default_factory=dict)
 
 
 class _SspReader:
@@ -157,8 +181,10 @@ class _SspReader:
         connectors = self._read_system_connectors(declared)
         connections = []
         for wire in _find_all(parts, "ssd:Connections/ssd:Connection"):
-            connections += self._read_connection(wire, members, connectors)
-        unconnected = set(connectors.output_names) - set(connectors.outputs)
+            turned = _turned(wire, members, connectors)
+            connections += self._read_connection(turned, members, connectors)
+        outputs = {name: port for name, port in connectors.outputs.items() if port is not None}
+        unconnected = connectors.outputs.keys() - outputs.keys()
         if unconnected:
             raise self._error(f"system output {min(unconnected)} is connected with nothing")
         for connector in declared:
@@ -169,7 +195,7 @@ class _SspReader:
             tuple(members.values()),
             tuple(connections),
             {name: tuple(ports) for name, ports in connectors.inputs.items()},
-            {name: connectors.outputs[name] for name in connectors.output_names},
+            outputs,
             top.get("description", ""),
             **({} if experiment is None else self._read_experiment(experiment)),
         )
@@ -236,7 +262,7 @@ class _SspReader:
             )
         try:
             member = Member(name, self._package.fmu(self._get(element, "source"), self._folder))
-            _check_connectors(element, member)
+            check_connectors(element, member)
         except UserError as error:
             text = str(error).removeprefix(f"{self._package.path}: ")
             raise self._error(f"member {name}: {text}") from error
@@ -281,14 +307,14 @@ class _SspReader:
     def _values(self, member: Member, name: str, parameter: Element) -> dict[str, Value]:
         """Return the value of a parameter, of an array those of all elements in row-major order."""
         element = parameter[0]
-        names = elements(member, name)
+        names = variable_of(member, name).elements
         texts = [node.get("value", "") for node in element.iterfind("ssv:Value", NAMESPACES)]
         is_array = len(names) > 1
         if not texts:
             text = element.get("value", "")
             texts = text.split() if is_array else [text]
         try:
-            _check_shape(parameter, name, member, f"member {member.name}: {name}")
+            check_shape(parameter, name, member, f"member {member.name}: {name}")
         except UserError as error:
             raise self._error(str(error)) from error
         if len(texts) != len(names):
@@ -328,7 +354,7 @@ class _SspReader:
 
     def _item(self, member: Member, name: str, text: str) -> float:
         """Return the number of an item of an enumeration, given its name."""
-        enumeration = _variables_of(member)[name].declaredType
+        enumeration = scalars(member)[name].declaredType
         listed = enumeration.items if enumeration is not None else None
         items = {item.name: float(item.value) for item in listed or ()}
         if text not in items:
@@ -342,37 +368,57 @@ class _SspReader:
 
     def _read_system_connectors(self, declared: Sequence[Element]) -> _SystemConnectors:
         """Read the connectors of the system, which are not connected yet."""
+        found = _SystemConnectors()
         for connector in declared:
+            name = self._get(connector, "name")
             kind = self._get(connector, "kind")
+            where = f"connector {name!r} of the system"
             if kind not in ("input", "output"):
-                raise self._error(
-                    f"connector {connector.get('name')!r} of the system is {kind}; known: input,"
-                    " output"
-                )
-            where = f"connector {connector.get('name')!r} of the system"
+                raise self._error(f"{where} is {kind}; known: input, output")
             self._check_exchanged(connector, where)
-            if connector.find("ssc:Dimension", NAMESPACES) is not None:
-                raise self._error(f"{where} is an array (it has a Dimension); known are scalars")
-        inputs = [self._get(c, "name") for c in declared if c.get("kind") == "input"]
-        outputs = [self._get(c, "name") for c in declared if c.get("kind") == "output"]
-        return _SystemConnectors({name: [] for name in inputs}, outputs)
+            if name in found.declared:
+                raise self._error(f"two connectors of the system are named {name!r}")
+            shape = self._read_shape(connector, where)
+            elements = tuple(element_names(name, shape))
+            found.declared[name] = DeclaredVariable("", shape, elements)
+            if kind == "input":
+                found.inputs |= {element: [] for element in elements}
+            else:
+                found.outputs |= dict.fromkeys(elements)
+        return found
+
+    def _read_shape(self, connector: Element, where: str) -> tuple[int, ...]:
+        """Read the size of a connector of the system, which no FMU knows."""
+        texts = [node.get("size", "") for node in connector.iterfind("ssc:Dimension", NAMESPACES)]
+        for text in texts:
+            if _WHOLE.fullmatch(text) is None:
+                raise self._error(
+                    f"{where} is an array with a dimension of size"
+                    f" {repr(text[:40]) if text else 'not stated'}; known are whole numbers"
+                )
+        shape = tuple(map(int, texts))
+        if math.prod(shape) > MOST_ELEMENTS:
+            raise self._error(
+                f"{where} has {show_shape(shape)}; at most {MOST_ELEMENTS:,} are taken"
+            )
+        return shape
 
     def _check_system_connector(
         self, connector: Element, members: Mapping[str, Member], connectors: _SystemConnectors
     ) -> None:
         """Compare type and unit of a connector with those of the ports that it is connected to."""
-        name = self._get(connector, "name")
-        is_input = connector.get("kind") == "input"
-        ports = connectors.inputs[name] if is_input else [connectors.outputs[name]]
-        for port in ports:
-            scalar = _variables_of(members[port.member]).get(port.variable)
-            if scalar is None:
-                continue
-            where = f"connector {connector.get('name')!r} of the system, that is {port},"
-            try:
-                _check_type_and_unit(connector, scalar, where)
-            except UserError as error:
-                raise self._error(str(error)) from error
+        for element in connectors.declared[self._get(connector, "name")].elements:
+            output = connectors.outputs.get(element)
+            ports = connectors.inputs.get(element, [] if output is None else [output])
+            for port in ports:
+                scalar = scalars(members[port.member]).get(port.variable)
+                if scalar is None:
+                    continue
+                where = f"connector {element!r} of the system, that is {port},"
+                try:
+                    check_type_and_unit(connector, scalar, where)
+                except UserError as error:
+                    raise self._error(str(error)) from error
 
     def _read_connection(
         self, wire: Element, members: Mapping[str, Member], connectors: _SystemConnectors
@@ -381,64 +427,73 @@ class _SspReader:
 
         One to a connector of the system is noted there.
         """
-        start = wire.get("startElement")
-        source = self._get(wire, "startConnector")
-        end = wire.get("endElement")
-        target = self._get(wire, "endConnector")
-        where = " -> ".join(
-            connector if element is None else f"{element}.{connector}"
-            for element, connector in ((start, source), (end, target))
-        )
-        for element in (start, end):
-            if element is not None and element not in members:
-                raise self._error(f"connection {where}: there is no member named {element!r}")
+        start, end = (self._read_end(wire, side, members, connectors) for side in _SIDES)
+        where = f"connection {_show_wire(wire)}"
+        if start.shape != end.shape:
+            raise self._error(f"{where}: from {show_shape(start.shape)} to {show_shape(end.shape)}")
         transformation = self._read_transformation(wire)
-        if start is not None and end is not None:
-            whole = Connection(Port(start, source), Port(end, target), *transformation)
-            connections = self._of_elements(whole, members, where)
-            if wire.get("suppressUnitConversion", "false") not in ("true", "1"):
-                for connection in connections:
-                    self._refuse_ambiguous_factor(connection, members, where)
-            return connections
-        if transformation != _IDENTITY:
-            raise self._error(
-                f"connection {where}: a transformation at a connector of the system is not known"
-            )
-        outputs = connectors.outputs
-        if start is None and end is not None and source in connectors.inputs:
-            connectors.inputs[source].append(Port(end, target))
-        elif (
-            start is not None
-            and end is None
-            and target in connectors.output_names
-            and target not in outputs
-        ):
-            outputs[target] = Port(start, source)
-        elif target in outputs:
-            raise self._error(
-                f"connection {where}: system output {target} has two sources, {outputs[target]}"
-                " is one"
-            )
-        else:
-            raise self._error(
-                f"connection {where}: leads from no input of the system, nor to an output of it"
-            )
-        return []
-
-    def _of_elements(
-        self, whole: Connection, members: Mapping[str, Member], where: str
-    ) -> list[Connection]:
-        """Return the connections of the elements of two variables, each with the next."""
-        source = whole.source
-        target = whole.target
-        sources = elements(members[source.member], source.variable)
-        targets = elements(members[target.member], target.variable)
-        if len(sources) != len(targets):
-            raise self._error(f"connection {where}: from {len(sources)} elements to {len(targets)}")
-        return [
-            replace(whole, source=Port(source.member, a), target=Port(target.member, b))
-            for a, b in zip(sources, targets, strict=True)
+        pairs = zip(start.elements, end.elements, strict=True)
+        source = wire.get("startElement")
+        target = wire.get("endElement")
+        if source is None or target is None:
+            if transformation != _IDENTITY:
+                raise self._error(
+                    f"{where}: a transformation at a connector of the system is not known"
+                )
+            for a, b in pairs:
+                self._join(Port(source or "", a), Port(target or "", b), connectors, where)
+            return []
+        connections = [
+            Connection(Port(source, a), Port(target, b), *transformation) for a, b in pairs
         ]
+        if wire.get("suppressUnitConversion", "false") not in ("true", "1"):
+            for connection in connections:
+                self._refuse_ambiguous_factor(connection, members, where)
+        return connections
+
+    def _read_end(
+        self,
+        wire: Element,
+        side: str,
+        members: Mapping[str, Member],
+        connectors: _SystemConnectors,
+    ) -> DeclaredVariable:
+        """Return what is at an end of a connection: a whole variable, or an element as a scalar."""
+        where = f"connection {_show_wire(wire)}"
+        owner = wire.get(f"{side}Element")
+        name = self._get(wire, f"{side}Connector")
+        if owner is not None and owner not in members:
+            raise self._error(f"{where}: there is no member named {owner!r}")
+        if owner is not None:
+            found = variable_of(members[owner], name)
+        else:
+            found = connectors.declared.get(name, DeclaredVariable("", (), (name,)))
+        indices = wire.get(f"{side}Indices", "").split()
+        if not indices:
+            return found
+        if not all(map(_WHOLE.fullmatch, indices)):
+            raise self._error(
+                f"{where}: {side}Indices {' '.join(indices)[:40]!r} are no whole numbers"
+            )
+        try:
+            element = element_at(found, tuple(map(int, indices)))
+        except UserError as error:
+            raise self._error(f"{where}: {name}: {error}") from error
+        return DeclaredVariable(found.kind, (), (element,))
+
+    def _join(self, source: Port, target: Port, connectors: _SystemConnectors, where: str) -> None:
+        """Note a connection to a connector of the system, whose port has no member."""
+        if not source.member and target.member and source.variable in connectors.inputs:
+            connectors.inputs[source.variable].append(target)
+            return
+        if target.member or not source.member or target.variable not in connectors.outputs:
+            raise self._error(f"{where}: leads from no input of the system, nor to an output of it")
+        other = connectors.outputs[target.variable]
+        if other is not None:
+            raise self._error(
+                f"{where}: system output {target.variable} has two sources, {other} is one"
+            )
+        connectors.outputs[target.variable] = source
 
     def _read_transformation(self, wire: Element) -> tuple[float, float]:
         """Read the factor and the offset of a connection."""
@@ -465,99 +520,39 @@ class _SspReader:
         converts = conversion(output.unit, input_.unit) not in (None, _IDENTITY)
         if converts:
             raise self._error(
-                f"connection {where}: from {output.unit!r} to {input_.unit!r}, by a factor that may"
+                f"{where}: from {output.unit!r} to {input_.unit!r}, by a factor that may"
                 ' come on top of the conversion or be all of it; say suppressUnitConversion="true"'
                 " if it is all"
             )
 
 
-# --- connectors
+# --- the direction of connections
 
 
-def _check_connectors(element: Element, member: Member) -> None:
-    """Compare all connectors of a member with the variables of its FMU.
+def _turned(wire: Element, members: Mapping[str, Member], connectors: _SystemConnectors) -> Element:
+    """Return a connection that starts at its source.
 
-    Parameters
-    ----------
-    element : Element
-        The ``Component``.
-    member : Member
-
-    Raises
-    ------
-    UserError
-        If there is no variable of a connector's name, or it is of another kind, type or unit than
-        declared.
+    The names of its ends do not tell its direction in SSP, their connectors do.
     """
-    variables = _variables_of(member)
-    for connector in element.iterfind("ssd:Connectors/ssd:Connector", NAMESPACES):
-        name = connector.get("name", "")
-        where = f"connector {name!r}"
-        check_exchanged(connector, where)
-        _check_shape(connector, name, member, where)
-        for element_name in elements(member, name):
-            if element_name not in variables:
-                raise UserError(
-                    f"{where}: the FMU has no variable of this name{suggestion(name, variables)}"
-                )
-            scalar = variables[element_name]
-            kind = connector.get("kind", "")
-            actual = scalar.causality or "local"
-            # a size of arrays is a parameter here
-            if kind != actual and (kind, actual) != ("structuralParameter", "parameter"):
-                raise UserError(
-                    f"{where} is declared as {kind or 'no kind'}, but in the FMU it is {actual}"
-                )
-            _check_type_and_unit(connector, scalar, where)
+    start, end = (_receives(wire, side, members, connectors) for side in _SIDES)
+    if end or not start:
+        return wire
+    turned = Element(wire.tag, {_OTHER_SIDE.get(key, key): wire.attrib[key] for key in wire.attrib})
+    turned.extend(wire)
+    return turned
 
 
-def _check_shape(element: Element, name: str, member: Member, where: str) -> None:
-    """Compare the declared size of an array with that of the variable; UserError if it differs.
-
-    A size that is not declared, or is that of another connector, is the variable's own.
-    """
-    sizes = [node.get("size") for node in element.iterfind("ssc:Dimension", NAMESPACES)]
-    found = declared(member).get(name)
-    actual = [] if found is None else [str(size) for size in found.shape]
-    is_same = [size or own for size, own in zip(sizes, actual, strict=False)] == actual
-    if sizes and not (is_same and len(sizes) == len(actual)):
-        given = " by ".join(size or "any" for size in sizes)
-        raise UserError(
-            f"{where} is declared as {given} elements, but in the FMU it has"
-            f" {' by '.join(actual) or 'no dimension'}"
-        )
-
-
-def _check_type_and_unit(connector: Element, scalar: Any, where: str) -> None:
-    """Compare the declared type and unit of a connector with those of fmpy's scalar variable.
-
-    Raises
-    ------
-    UserError
-        If they differ, with both.
-    """
-    for node in connector:
-        if node.tag not in _CONNECTOR_TYPES:
-            continue
-        if type_of(scalar) not in _CONNECTOR_TYPES[node.tag]:
-            raise UserError(
-                f"{where} is declared as {local_name(node)}, but in the FMU it is {scalar.type}"
-            )
-        unit = node.get("unit")
-        if unit is None:
-            continue
-        actual = read_signal(scalar).unit
-        if conversion(unit, actual) != _IDENTITY:
-            raise UserError(f"{where} is declared in {unit!r}, but in the FMU it is in {actual!r}")
-
-
-def _variables_of(member: Member) -> dict[str, Any]:
-    """Return all scalar variables of a member's FMU by name; UserError if it cannot be read."""
-    path = member.fmu.absolute()
-    return _read_variables(path, path.stat().st_mtime_ns)
-
-
-@lru_cache(maxsize=64)
-def _read_variables(path: Path, modified: int) -> dict[str, Any]:
-    """Read an FMU once for each time at which its file was modified."""
-    return {variable.name: variable for variable in read_description(path).modelVariables}
+def _receives(
+    wire: Element, side: str, members: Mapping[str, Member], connectors: _SystemConnectors
+) -> bool:
+    """Return whether what is at an end is an input of a member or an output of the system."""
+    owner = wire.get(f"{side}Element")
+    name = wire.get(f"{side}Connector", "")
+    if owner is None:
+        elements = connectors.declared[name].elements if name in connectors.declared else ()
+        return any(element in connectors.outputs for element in elements[:1])
+    if owner not in members:
+        return False
+    known = scalars(members[owner])
+    elements = variable_of(members[owner], name).elements[:1]
+    return any(each in known and known[each].causality == "input" for each in elements)

@@ -1,25 +1,26 @@
 """Writing of systems as SSP files; the same system gives the same bytes.
 
 A system with an FMU of FMI 3.0 is of SSP 2.0, any other of SSP 1.0. A connection of all elements
-of two arrays is one of the arrays; a single element, for which SSP has no word, stands by its name.
+of two arrays is one of the arrays; that of single elements has their indices.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
+from xml.etree.ElementTree import Element, SubElement, register_namespace
 
 import numpy as np
 
-from fmus.kit import UserError, files, units
-from fmus.kit.build import archive, define_units, to_ssv
-from orchestration.fmu import DeclaredVariable, Model, Signal
-from orchestration.system.checking import check, interface, variable
-from orchestration.system.model import Member, Port, System
-from orchestration.system.ssp.arrays import Wire, declared, variable_of, wires
+from fmus.kit import UserError, files
+from fmus.kit.build import archive, serialized
+from orchestration.system.checking import check, interface
+from orchestration.system.model import Member, System
+from orchestration.system.ssp.arrays import End, Wire, declared, end_of, variable_of, wires
+from orchestration.system.ssp.connectors import Definitions, connector, type_of
+from orchestration.system.ssp.parameters import write_parameters
 from orchestration.system.ssp.vocabulary import (
     CONNECTORS,
     DESCRIPTION,
@@ -28,11 +29,8 @@ from orchestration.system.ssp.vocabulary import (
     MASTER,
     NAMESPACES,
     OUTSIDE,
-    PARAMETER_SET,
     PARAMETERS,
-    SSD,
     STEP,
-    TYPES,
     tag,
 )
 
@@ -78,6 +76,9 @@ def write(system: System, path: Path, connectors: bool = False) -> None:
     files.write(path, description)
 
 
+# --- the other files
+
+
 @dataclass(frozen=True)
 class _Places:
     """The paths in the package of a member's FMU, and of its parameters if it has any."""
@@ -97,7 +98,7 @@ def _collect_resources(system: System) -> tuple[dict[str, _Places], dict[str, by
         fmu = _store(resources, member.fmu.stem, ".fmu", member.fmu.read_bytes())
         parameters = None
         if member.parameters:
-            parameters = _store(resources, member.name, ".ssv", _write_parameters(member))
+            parameters = _store(resources, member.name, ".ssv", write_parameters(member))
         places[member.name] = _Places(fmu, parameters)
     return places, resources
 
@@ -122,69 +123,145 @@ def _store(resources: dict[str, bytes], name: str, ending: str, contents: bytes)
     return path
 
 
-def _write_parameters(member: Member) -> bytes:
-    signals = {name: _with_known_unit(variable(member, name)) for name in member.parameters}
-    return to_ssv(PARAMETER_SET, member.parameters, signals)
-
-
-def _with_known_unit(signal: Signal) -> Signal:
-    """Return a signal without its unit if that cannot be defined, for an FMU may name any."""
-    try:
-        units.base_unit(signal.unit)
-    except UserError:
-        return replace(signal, unit="")
-    return signal
+# --- the description
 
 
 def _describe(system: System, places: Mapping[str, _Places], connectors: bool) -> bytes:
     """Describe a system as an SSD, UTF-8 XML."""
     for prefix, namespace in NAMESPACES.items():
         register_namespace(prefix, namespace)
-    models = {member.name: interface(member) for member in system.members}
-    members = {member.name: member for member in system.members}
     version = "2.0" if any(map(declared, system.members)) else "1.0"
     root = Element(tag("ssd:SystemStructureDescription"), version=version, name=system.name)
-    top = SubElement(root, tag("ssd:System"), name=system.name)
+    definitions = Definitions()
+    root.append(_top(system, places, connectors, definitions))
+    definitions.append_to(root)
+    root.append(_experiment(system))
+    return serialized(root)
+
+
+def _top(
+    system: System, places: Mapping[str, _Places], connectors: bool, definitions: Definitions
+) -> Element:
+    """Describe what is in a system; `connectors` is that of `write`."""
+    members = {member.name: member for member in system.members}
+    outside = _connectors_of_system(system, members, definitions)
+    outer = _wires_of_system(system, members)
+    inner = wires(system.connections, members)
+    shown = [*inner, *outer] if connectors else inner
+    ends = {end for wire in shown for end in (wire.source, wire.target)}
+    components = [
+        _component(member, _connectors_of(member, ends, definitions), places[member.name])
+        for member in system.members
+    ]
+    annotations = [_master_annotation(system.step)]  # OMSimulator reads the first one only
+    if outside and not connectors:
+        annotations.append(_outside_annotation(outside, outer))
+    top = Element(tag("ssd:System"), name=system.name)
     if system.doc:
         top.set("description", system.doc)
-    used_units: set[str] = set()
-    outer, outer_wires = _system_connectors(system, models, used_units)
-    inner = wires(system.connections, members)
-    used = {port for wire in inner for port in (wire.source, wire.target)}
-    if connectors:
-        used |= {port for ports in system.inputs.values() for port in ports}
-        used |= set(system.outputs.values())
-        top.extend([outer] if len(outer) else [])
-    elements = SubElement(top, tag("ssd:Elements"))
-    for member in system.members:
-        own = _connectors(member, models[member.name], used, used_units)
-        elements.append(_component(member, own, places[member.name]))
-    connections = Element(tag("ssd:Connections"))
-    connections.extend(map(_wire, inner))
-    if connectors:
-        connections.extend(outer_wires)
-    top.extend([connections] if len(connections) else [])
-    annotations = SubElement(top, tag("ssd:Annotations"))
-    annotations.append(_master_annotation(system.step))  # OMSimulator reads the first one only
-    if len(outer) and not connectors:
-        annotation = SubElement(annotations, tag("ssc:Annotation"), type=CONNECTORS)
-        # an annotation has one element
-        SubElement(annotation, OUTSIDE).extend([outer, outer_wires])
-    define_units(root, SSD, used_units)
-    _add_experiment(root, system)
-    indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+    top.extend(_group("ssd:Connectors", outside if connectors else []))
+    top.extend(_group("ssd:Elements", components))
+    top.extend(_group("ssd:Connections", map(_connection, shown)))
+    top.extend(_group("ssd:Annotations", annotations))
+    return top
 
 
-def _add_experiment(root: Element, system: System) -> None:
-    """Add the default experiment, with libcosim's annotation of the communication step."""
-    experiment = SubElement(
-        root, tag("ssd:DefaultExperiment"), startTime="0.0", stopTime=repr(float(system.stop))
+def _group(name: str, children: Iterable[Element]) -> list[Element]:
+    """Return an element with children; nothing without any, for SSP has no empty groups."""
+    element = Element(tag(name))
+    element.extend(children)
+    return [element] if len(element) else []
+
+
+def _component(member: Member, connectors: Sequence[Element], places: _Places) -> Element:
+    """Describe a member."""
+    component = Element(
+        tag("ssd:Component"),
+        name=member.name,
+        type=FMU,
+        source=places.fmu,
+        implementation="CoSimulation",
     )
-    annotations = SubElement(experiment, tag("ssd:Annotations"))
-    annotation = SubElement(annotations, tag("ssc:Annotation"), type=STEP)
-    algorithm = SubElement(annotation, tag("osp:Algorithm"))
-    SubElement(algorithm, tag("osp:FixedStepAlgorithm"), baseStepSize=repr(float(system.step)))
+    component.extend(_group("ssd:Connectors", connectors))
+    if places.parameters is not None:
+        bindings = SubElement(component, tag("ssd:ParameterBindings"))
+        SubElement(bindings, tag("ssd:ParameterBinding"), type=PARAMETERS, source=places.parameters)
+    return component
+
+
+def _connectors_of(member: Member, ends: Container[End], definitions: Definitions) -> list[Element]:
+    """Describe the outputs of a member, and those inputs that are connected.
+
+    fmpy fails on an input connector without a connection, so the others are omitted; they can be
+    set all the same.
+    """
+    model = interface(member)
+    described: dict[str, Element] = {}
+    for kind, signals in (("input", model.inputs), ("output", model.outputs)):
+        for element in signals:
+            end = end_of(member, element)
+            name = end.connector
+            is_used = end in ends or End(member.name, name) in ends
+            if name not in described and (is_used or kind == "output"):
+                own_type = type_of(member, element, definitions)
+                shape = variable_of(member, name).shape
+                described[name] = connector(name, kind, own_type, shape)
+    return list(described.values())
+
+
+def _connectors_of_system(
+    system: System, members: Mapping[str, Member], definitions: Definitions
+) -> list[Element]:
+    """Describe the connectors of the system: scalars, with the type of what they are joined to."""
+    inputs = [("input", name, ports) for name, ports in system.inputs.items()]
+    outputs = [("output", name, (port,)) for name, port in system.outputs.items()]
+    return [
+        connector(
+            name,
+            kind,
+            type_of(members[ports[0].member], ports[0].variable, definitions) if ports else None,
+        )
+        for kind, name, ports in (*inputs, *outputs)
+    ]
+
+
+def _wires_of_system(system: System, members: Mapping[str, Member]) -> list[Wire]:
+    """Return the connections of the connectors of the system to its members."""
+    inputs = [
+        Wire(End(None, name), end_of(members[port.member], port.variable))
+        for name, ports in system.inputs.items()
+        for port in ports
+    ]
+    outputs = [
+        Wire(end_of(members[port.member], port.variable), End(None, name))
+        for name, port in system.outputs.items()
+    ]
+    return inputs + outputs
+
+
+def _connection(wire: Wire) -> Element:
+    """Describe a connection."""
+    element = Element(tag("ssd:Connection"))
+    for side, end in (("start", wire.source), ("end", wire.target)):
+        if end.member is not None:
+            element.set(f"{side}Element", end.member)
+        element.set(f"{side}Connector", end.connector)
+        if end.indices:
+            element.set(f"{side}Indices", " ".join(map(str, end.indices)))
+    if not wire.passes_on:
+        element.set("suppressUnitConversion", "true")  # the factor includes the conversion
+        values = {"factor": repr(float(wire.factor)), "offset": repr(float(wire.offset))}
+        SubElement(element, tag("ssc:LinearTransformation"), values)
+    return element
+
+
+def _outside_annotation(connectors: Sequence[Element], outer: Sequence[Wire]) -> Element:
+    """Return our annotation with the connectors of the system, and their connections."""
+    annotation = Element(tag("ssc:Annotation"), type=CONNECTORS)
+    outside = SubElement(annotation, OUTSIDE)  # an annotation has one element
+    outside.extend(_group("ssd:Connectors", connectors))
+    outside.extend(_group("ssd:Connections", map(_connection, outer)))
+    return annotation
 
 
 def _master_annotation(step: float) -> Element:
@@ -203,122 +280,13 @@ def _master_annotation(step: float) -> Element:
     return annotation
 
 
-def _system_connectors(
-    system: System, models: Mapping[str, Model], used_units: set[str]
-) -> tuple[Element, Element]:
-    """Return the connectors of the system, and their connections to its members."""
-    connectors = Element(tag("ssd:Connectors"))
-    wires = Element(tag("ssd:Connections"))
-    for name, ports in system.inputs.items():
-        signal = None
-        if ports:
-            signal = models[ports[0].member].inputs[ports[0].variable]
-        connectors.append(_connector(name, "input", signal, used_units))
-        for port in ports:
-            ends = {
-                "startConnector": name,
-                "endElement": port.member,
-                "endConnector": port.variable,
-            }
-            SubElement(wires, tag("ssd:Connection"), ends)
-    for name, port in system.outputs.items():
-        signal = models[port.member].outputs[port.variable]
-        connectors.append(_connector(name, "output", signal, used_units))
-        ends = {"startElement": port.member, "startConnector": port.variable, "endConnector": name}
-        SubElement(wires, tag("ssd:Connection"), ends)
-    return connectors, wires
-
-
-def _connectors(
-    member: Member, model: Model, used: Container[Port], used_units: set[str]
-) -> list[Element]:
-    """Describe the outputs of a member, and those inputs that are connected.
-
-    fmpy fails on an input connector without a connection, so the others are omitted; they can be
-    set all the same.
-    """
-    described: dict[str, Element] = {}
-    for kind, signals in (("input", model.inputs), ("output", model.outputs)):
-        for name, signal in signals.items():
-            found = variable_of(member, name)
-            whole = name if found is None else found[0]
-            is_used = Port(member.name, whole) in used
-            if whole not in described and (is_used or kind == "output"):
-                described[whole] = _connector(whole, kind, signal, used_units, found and found[1])
-            if whole != name and Port(member.name, name) in used:
-                described[name] = _connector(name, kind, signal, used_units)
-    return list(described.values())
-
-
-def _component(member: Member, connectors: Sequence[Element], places: _Places) -> Element:
-    """Describe a member."""
-    component = Element(
-        tag("ssd:Component"),
-        name=member.name,
-        type=FMU,
-        source=places.fmu,
-        implementation="CoSimulation",
+def _experiment(system: System) -> Element:
+    """Describe the default experiment, with libcosim's annotation of the communication step."""
+    experiment = Element(
+        tag("ssd:DefaultExperiment"), startTime="0.0", stopTime=repr(float(system.stop))
     )
-    if connectors:
-        SubElement(component, tag("ssd:Connectors")).extend(connectors)
-    if places.parameters is not None:
-        bindings = SubElement(component, tag("ssd:ParameterBindings"))
-        SubElement(bindings, tag("ssd:ParameterBinding"), type=PARAMETERS, source=places.parameters)
-    return component
-
-
-def _connector(
-    name: str,
-    kind: str,
-    signal: Signal | None,
-    used_units: set[str],
-    variable: DeclaredVariable | None = None,
-) -> Element:
-    """Describe a connector.
-
-    Parameters
-    ----------
-    name, kind : str
-    signal : Signal, optional
-        Type and unit, of an array those of an element.
-    used_units : set of str
-        Its unit is added.
-    variable : DeclaredVariable, optional
-        The variable of FMI 3.0, with its own type.
-    """
-    connector = Element(tag("ssd:Connector"), name=name, kind=kind)
-    if signal is None:
-        return connector
-    type_name = signal.type.capitalize()
-    if variable is not None and variable.kind != "Enumeration":
-        type_name = variable.kind
-    node = SubElement(connector, tag(f"ssc:{type_name}"))
-    unit = _with_known_unit(signal).unit
-    if TYPES[type_name] == ("real",) and unit:
-        node.set("unit", unit)
-        used_units.add(unit)
-    for size in variable.shape if variable is not None else ():
-        SubElement(connector, tag("ssc:Dimension"), size=str(size))
-    return connector
-
-
-def _wire(own: Wire) -> Element:
-    """Return the element of a connection."""
-    connection = own.connection
-    wire = Element(
-        tag("ssd:Connection"),
-        {
-            "startElement": own.source.member,
-            "startConnector": own.source.variable,
-            "endElement": own.target.member,
-            "endConnector": own.target.variable,
-        },
-    )
-    if not connection.passes_on:
-        wire.set("suppressUnitConversion", "true")  # the factor includes the conversion
-        values = {
-            "factor": repr(float(connection.factor)),
-            "offset": repr(float(connection.offset)),
-        }
-        SubElement(wire, tag("ssc:LinearTransformation"), values)
-    return wire
+    annotations = SubElement(experiment, tag("ssd:Annotations"))
+    annotation = SubElement(annotations, tag("ssc:Annotation"), type=STEP)
+    algorithm = SubElement(annotation, tag("osp:Algorithm"))
+    SubElement(algorithm, tag("osp:FixedStepAlgorithm"), baseStepSize=repr(float(system.step)))
+    return experiment

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -27,10 +28,18 @@ def contents(system):
     return replace(system, members=bare)
 
 
-def validate(text, schema):
-    """Hold XML against a schema of the standard."""
-    found = etree.XMLSchema(file=str(SCHEMAS / schema))
+def validate(text, schema, folder=SCHEMAS):
+    """Hold XML against a schema of the standard, of SSP 1.0 unless another folder is given."""
+    found = etree.XMLSchema(file=str(folder / schema))
     assert found.validate(etree.fromstring(text)), found.error_log
+
+
+def schemas_of_2():
+    """The folder of the schemas of SSP 2.0."""
+    package = importlib.util.find_spec("pyssp_standard")
+    if package is None:
+        pytest.skip("pyssp-standard is not installed, which has the schemas of SSP 2.0")
+    return Path(package.origin).parent / "resources" / "ssp2"
 
 
 def refused(path, folder, *parts):

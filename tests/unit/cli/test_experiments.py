@@ -6,8 +6,14 @@ Oracle: two gains in a row, 3 and 2, whose product is known.
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
+from fmus import component
+from fmus.kit.build import build_cached
+from orchestration.experiment import results
+from orchestration.fmu import read_description
 from orchestration.records import read_record
 from orchestration.system import Member, Port, System, connect, ssp
 from tests.support.amplifier import Amplifier
@@ -56,6 +62,30 @@ def test_a_record_drives_a_system(row):
 def test_a_system_is_run_and_made_again(row):
     works("run", "row.ssp", "--set", "inputs.drive=1V", "--out", "out.nc", cwd=row)
     assert "the same to the last bit" in works("run", "out.nc", cwd=row)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["run"],
+        ["simulate"],
+        ["sweep", "--over", "first.factor=1,2"],
+        ["system", "export", "--out", "again.ssp"],
+    ],
+    ids=lambda command: command[0],
+)
+def test_a_file_of_a_system_has_no_other_build_to_choose(row, command):
+    told = "--runtime native: row.ssp is taken as it is; only components are built"
+    refused(row, *command, "row.ssp", "--runtime", "native", parts=[told])
+
+
+def test_a_system_that_ships_is_simulated_in_the_build_that_is_chosen(tmp_path):
+    arguments = ("simulate", "dma_bench", "--set", "force_reference=1N", "--stop", "20ms")
+    works(*arguments, "--runtime", "python", "--out", "run.nc", cwd=tmp_path)
+    guids = json.loads(results.read(tmp_path / "run.nc").attrs["guids"])
+    assert (
+        guids["bench"] == read_description(build_cached(component("voice_coil_dma"), "python")).guid
+    )
 
 
 @pytest.mark.parametrize("command", ["run", "simulate"])

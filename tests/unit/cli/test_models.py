@@ -326,6 +326,28 @@ def test_a_fit_and_a_diagnosis_work_on_an_fmu(folder):
     assert answer["verdict"] in ("consistent", "recalibrate")
 
 
+@pytest.mark.parametrize("runtime", ["python", "native"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["simulate", "native.fmu"],
+        ["sweep", "native.fmu", "--over", "R1=0.5,0.6"],
+        ["compare", "record.csv", "--model", "native.fmu"],
+    ],
+    ids=lambda command: command[0],
+)
+def test_an_fmu_has_no_other_build_to_choose(folder, command, runtime):
+    told = f"--runtime {runtime}: native.fmu is taken as it is; only components are built"
+    refused(folder, *command, "--runtime", runtime, parts=[told])
+
+
+def test_a_component_that_an_fmu_gives_back_is_built_as_chosen(folder):
+    effects = ("--with", "sensor_gain(voltage)", "--runtime", "python")
+    done = here("simulate", "native.fmu", *effects, "--stop", "1s", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "building native.fmu with sensor_gain(voltage) (python)" in done.stderr
+
+
 def test_an_fmu_is_built_again_to_the_byte(folder, tmp_path):
     """Also by its own name: an FMU for another platform starts from one for this."""
     works("build", "native.fmu", "--out", tmp_path, cwd=folder)

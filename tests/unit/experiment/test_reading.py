@@ -46,6 +46,17 @@ def edited(path, target, edit, upto=None):
     return target
 
 
+def test_a_result_of_an_fmu_is_made_again_as_that_is(fmu, tmp_path):
+    """A result names a build whatever it was made on; an FMU has one, which was not chosen."""
+    (tmp_path / "x.fmu").write_bytes(fmu("galvanostat", "python").read_bytes())
+    (tmp_path / "x.toml").write_text('component = "x.fmu"\nduration = 1\n', encoding="utf-8")
+    works("run", "x.toml", "--out", "x.nc", cwd=tmp_path)
+    assert "runtime" in json.loads(results.read(tmp_path / "x.nc").attrs["experiment"])
+    assert "the same to the last bit" in works("run", "x.nc", cwd=tmp_path)
+    for given in ("x.toml", "x.nc"):
+        refused(tmp_path, "run", given, "--runtime", "python", parts=["x.fmu is taken as it is"])
+
+
 def test_a_result_finds_its_system_where_both_were_moved_to(tmp_path):
     """Beside it, or below; and beside it when it was made elsewhere and the system has come after
     it.

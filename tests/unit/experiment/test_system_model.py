@@ -212,6 +212,11 @@ def test_bad_names_are_refused_in_a_line(act, message):
     assert str(refused.value) == message
 
 
+def test_a_system_of_a_file_has_no_other_build_to_choose():
+    with pytest.raises(UserError, match=r"runtime='python': any\.ssp is taken as it is"):
+        find_system("any.ssp", "python")
+
+
 def test_a_component_comes_before_a_system_of_its_name():
     assert is_system("dma_bench")
     assert is_system("any.ssp")

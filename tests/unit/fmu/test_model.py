@@ -119,6 +119,15 @@ def test_a_model_that_is_declared_has_the_signals_of_its_fmu(name):
     assert built(declared, "python") == made
 
 
+def test_an_fmu_has_no_other_build_to_choose(fmu):
+    path = str(fmu("galvanostat", "python"))
+    for runtime in ("native", "python"):
+        with pytest.raises(UserError) as refused:
+            find_model(path, runtime)
+        told = f"runtime='{runtime}': galvanostat.fmu is taken as it is; only components are built"
+        assert str(refused.value) == told
+
+
 def test_effects_are_declared_as_they_are_built():
     effects = ["strain_saturation", "sensor_lag(voltage)"]
     declared = declared_model("ppy_actuator", effects)

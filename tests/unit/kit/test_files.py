@@ -39,3 +39,46 @@ def test_unwritable_places_are_told_in_one_line(tmp_path):
     with pytest.raises(UserError, match="cannot write"):
         files.write(tmp_path / "x.fmu", b"")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "x.fmu"]
+
+
+def test_a_folder_is_there_when_it_is_whole(tmp_path):
+    target = tmp_path / "new" / "folder"
+    for text in ("one", "two"):
+        before = target.exists()
+        with files.replacing(target) as folder:
+            folder.mkdir()
+            (folder / text).touch()
+            assert target.exists() == before
+        assert [p.name for p in target.iterdir()] == [text]
+    assert list(target.parent.iterdir()) == [target]
+
+
+def write_folder(path, error):
+    with files.replacing(path) as folder:
+        folder.mkdir()
+        (folder / "new").touch()
+        raise error
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
+def test_interrupted_writing_leaves_the_old_folder(error, tmp_path):
+    target = tmp_path / "folder"
+    target.mkdir()
+    (target / "old").touch()
+    with pytest.raises((KeyboardInterrupt, UserError)) as caught:
+        write_folder(target, error)
+    if caught.type is UserError:
+        assert str(caught.value) == f"cannot write {target}: No space left on device"
+    assert [p.name for p in target.iterdir()] == ["old"]
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_what_cannot_be_replaced_is_put_back(tmp_path):
+    """The new folder was not made."""
+    (tmp_path / "folder").mkdir()
+    with (
+        pytest.raises(UserError, match=r"cannot write .*folder: No such file"),
+        files.replacing(tmp_path / "folder"),
+    ):
+        pass
+    assert [p.name for p in tmp_path.iterdir()] == ["folder"]

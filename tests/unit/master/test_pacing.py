@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 
 from fmus.kit.errors import UserError
+from fmus.kit.interrupt import Interrupt
 from orchestration.master import RealTime, Stopped, run
-from orchestration.master.interrupt import Interrupt
 from orchestration.master.pacing import EDGES, Pacer
 from orchestration.system import Member, System
 from tests.support.command import posix

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import rumoca
 
+from fmus.kit import files
 from fmus.kit.build import host_platform
 from tests.support.command import here, works
 
@@ -83,3 +84,19 @@ def test_a_folder_that_cannot_be_written_to_is_told(tmp_path):
     done = here("export", "modelica", "pid", "--out", "locked", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr == "error: cannot write locked: " + f"{locked} is read-only\n"
+
+
+def test_a_package_that_comes_meanwhile_stays(tmp_path, monkeypatch):
+    plain = files.put
+
+    def put(path, contents):
+        plain(path, contents)
+        mine = tmp_path / "modelica" / "PpyRig" / "mine.mo"
+        mine.parent.mkdir(exist_ok=True)
+        mine.touch()
+
+    monkeypatch.setattr(files, "put", put)
+    done = here("export", "modelica", "pid", cwd=tmp_path)
+    assert done.returncode == 2
+    assert f"{Path('modelica') / 'PpyRig'} is there and not empty" in done.stderr
+    assert [p.name for p in tmp_path.rglob("*")] == ["modelica", "PpyRig", "mine.mo"]

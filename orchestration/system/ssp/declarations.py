@@ -1,0 +1,120 @@
+"""Declarations in a description, compared with the variables of the FMUs."""
+
+from __future__ import annotations
+
+from typing import Any
+from xml.etree.ElementTree import Element
+
+from fmus.kit import UserError, suggestion
+from orchestration.fmu.signal import read_signal, type_of
+from orchestration.system.checking import conversion
+from orchestration.system.model import Member
+from orchestration.system.ssp.arrays import scalars, variable_of
+from orchestration.system.ssp.vocabulary import (
+    NAMESPACES,
+    TYPES,
+    check_exchanged,
+    local_name,
+    tag,
+)
+
+_TYPES = {tag(f"ssc:{name}"): kinds for name, kinds in TYPES.items()}
+
+
+def check_connectors(element: Element, member: Member) -> None:
+    """Compare all connectors of a member with the variables of its FMU.
+
+    Parameters
+    ----------
+    element : Element
+        The ``Component``.
+    member : Member
+
+    Raises
+    ------
+    UserError
+        If there is no variable of a connector's name, or it is of another kind, type or unit than
+        declared.
+    """
+    variables = scalars(member)
+    for connector in element.iterfind("ssd:Connectors/ssd:Connector", NAMESPACES):
+        name = connector.get("name", "")
+        where = f"connector {name!r}"
+        check_exchanged(connector, where)
+        check_shape(connector, name, member, where)
+        for element_name in variable_of(member, name).elements:
+            if element_name not in variables:
+                raise UserError(
+                    f"{where}: the FMU has no variable of this name{suggestion(name, variables)}"
+                )
+            scalar = variables[element_name]
+            kind = connector.get("kind", "")
+            actual = scalar.causality or "local"
+            # a size of arrays is settled, and local here
+            if kind != actual and (kind, actual) != ("structuralParameter", "local"):
+                raise UserError(
+                    f"{where} is declared as {kind or 'no kind'}, but in the FMU it is {actual}"
+                )
+            check_type_and_unit(connector, scalar, where)
+
+
+def check_shape(element: Element, name: str, member: Member, where: str) -> None:
+    """Compare the declared size of an array with that of the variable.
+
+    A size that is not declared, or is that of another connector, is the variable's own.
+
+    Parameters
+    ----------
+    element : Element
+        A connector or a parameter.
+    name : str
+        Of its variable.
+    member : Member
+    where : str
+        Beginning of the message.
+
+    Raises
+    ------
+    UserError
+        If they differ, with both.
+    """
+    sizes = [node.get("size") for node in element.iterfind("ssc:Dimension", NAMESPACES)]
+    actual = [str(size) for size in variable_of(member, name).shape]
+    is_same = [size or own for size, own in zip(sizes, actual, strict=False)] == actual
+    if sizes and not (is_same and len(sizes) == len(actual)):
+        given = " by ".join(size or "any" for size in sizes)
+        raise UserError(
+            f"{where} is declared as {given} elements, but in the FMU it has"
+            f" {' by '.join(actual) or 'no dimension'}"
+        )
+
+
+def check_type_and_unit(connector: Element, scalar: Any, where: str) -> None:
+    """Compare the declared type and unit of a connector with those of a variable.
+
+    Parameters
+    ----------
+    connector : Element
+    scalar : Any
+        Scalar variable of fmpy.
+    where : str
+        Beginning of the message.
+
+    Raises
+    ------
+    UserError
+        If they differ, with both.
+    """
+    for node in connector:
+        if node.tag not in _TYPES:
+            continue
+        if type_of(scalar) not in _TYPES[node.tag]:
+            raise UserError(
+                f"{where} is declared as {local_name(node)}, but in the FMU it is {scalar.type}"
+            )
+        unit = node.get("unit")
+        if unit is None:
+            continue
+        actual = read_signal(scalar).unit
+        if conversion(unit, actual) != (1.0, 0.0):
+            raise UserError(f"{where} is declared in {unit!r}, but in the FMU it is in {actual!r}")

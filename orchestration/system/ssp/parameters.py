@@ -1,0 +1,102 @@
+"""Writing of the parameters of a member, for FMI 3.0 with its types and whole arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from xml.etree.ElementTree import Element, SubElement
+
+from fmus.kit import UserError
+from fmus.kit.build import define_units, serialized, to_ssv
+from orchestration.fmu import DeclaredVariable, Signal, Value
+from orchestration.system.checking import variable
+from orchestration.system.model import Member
+from orchestration.system.ssp.arrays import declared, end_of, scalars
+from orchestration.system.ssp.connectors import known_unit
+from orchestration.system.ssp.vocabulary import PARAMETER_SET, SSV, TYPES, tag
+
+
+def write_parameters(member: Member) -> bytes:
+    """Write the parameters of a member as a parameter set, of SSP 2.0 if it is of FMI 3.0.
+
+    SSP has values of whole arrays only: elements that have no value here are written with their
+    start values.
+
+    Parameters
+    ----------
+    member : Member
+
+    Returns
+    -------
+    bytes
+        UTF-8 XML.
+
+    Raises
+    ------
+    UserError
+        If a value is no item of its enumeration.
+    """
+    variables = declared(member)
+    if not variables:
+        signals = {name: known_unit(variable(member, name)) for name in member.parameters}
+        return to_ssv(PARAMETER_SET, member.parameters, signals)
+    root = Element(tag("ssv:ParameterSet"), version="2.0", name=PARAMETER_SET)
+    parameters = SubElement(root, tag("ssv:Parameters"))
+    used: set[str] = set()
+    # each array once, where its first element stands
+    for name in dict.fromkeys(end_of(member, each).connector for each in member.parameters):
+        node = SubElement(parameters, tag("ssv:Parameter"), name=name)
+        node.append(_value(member, variables[name], used))
+        for size in variables[name].shape:
+            SubElement(node, tag("ssc:Dimension"), size=str(size))
+    define_units(root, SSV, used)
+    return serialized(root)
+
+
+def _value(member: Member, whole: DeclaredVariable, used_units: set[str]) -> Element:
+    """Return the element with type, unit and values of a variable; its unit is added."""
+    signals = [known_unit(variable(member, element)) for element in whole.elements]
+    texts = [
+        _text(member, whole.kind, signal, member.parameters.get(signal.name, signal.default))
+        for signal in signals
+    ]
+    node = Element(tag(f"ssv:{whole.kind}"))
+    unit = signals[0].unit
+    if TYPES[whole.kind] == ("real",) and unit:
+        node.set("unit", unit)
+        used_units.add(unit)
+    _set_values(node, whole, texts)
+    return node
+
+
+def _set_values(node: Element, whole: DeclaredVariable, texts: Sequence[str]) -> None:
+    """Give an element its values: in a list, but texts, which may have spaces, each on its own."""
+    if whole.shape and whole.kind in ("String", "Enumeration"):
+        for text in texts:
+            SubElement(node, tag("ssv:Value"), value=text)
+    else:
+        node.set("value", " ".join(texts))
+
+
+def _text(member: Member, kind: str, signal: Signal, value: Value) -> str:
+    """Write a value as XML does."""
+    if kind == "Enumeration":
+        return _item(member, signal.name, value)
+    if signal.type == "real":
+        return repr(float(value))
+    if signal.type == "boolean":
+        return str(bool(value)).lower()
+    return str(value) if signal.type == "string" else str(int(value))
+
+
+def _item(member: Member, name: str, value: Value) -> str:
+    """Return the name of an item of an enumeration, by which SSP has its values."""
+    enumeration = scalars(member)[name].declaredType
+    listed = enumeration.items if enumeration is not None else None
+    items = {float(item.value): str(item.name) for item in listed or ()}
+    if value not in items:
+        known = ", ".join(f"{number:g}" for number in items)
+        raise UserError(
+            f"member {member.name}: {name}: {value:g} is no item of its enumeration; items are"
+            f" {known or 'none'}"
+        )
+    return items[float(value)]
