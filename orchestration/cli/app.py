@@ -182,17 +182,23 @@ def main() -> None:
         if code == _INTERRUPTED:  # typer has taken the interrupt for itself
             raise KeyboardInterrupt
     except (KeyboardInterrupt, typer.Abort):
-        # pressed twice, it would end Python on its way out
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        print("interrupted", file=sys.stderr)
-        sys.exit(_INTERRUPTED)
+        _end_interrupted()
     except BrokenPipeError:  # the reader of our output left, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except Exception as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # in a class that Python 3.11 makes
+            _end_interrupted()
         if os.environ.get("PPY_DEBUG") and not _is_expected(error):
             raise
         _fail(_message(error), 1 if isinstance(error, IncompleteRecord) else 2)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _end_interrupted() -> NoReturn:
+    # pressed twice, it would end Python on its way out
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    print("interrupted", file=sys.stderr)
+    sys.exit(_INTERRUPTED)
 
 
 def _is_expected(error: Exception) -> bool:
