@@ -20,6 +20,7 @@ from orchestration.api.forms import seconds
 from orchestration.api.options import SimulateKeywords
 from orchestration.experiment import find_system, fused_model, is_system, system_model
 from orchestration.fmu import (
+    EndedSimulation,
     Model,
     Value,
     built,
@@ -143,6 +144,7 @@ def simulate(
     Returns
     -------
     Simulation
+        It ends sooner if the FMU asks for it.
 
     Raises
     ------
@@ -160,13 +162,17 @@ def simulate(
     subject = as_model(model)
     points = points_of(subject, options["time"], options["stop"], options["step"])
     driven = inputs_over(subject, inputs or {}, points)
-    outputs = run_fmu(
-        subject,
-        points,
-        driven,
-        values_of(subject, options["settings"]),
-        isolation=isolation(options["isolate"]),
-    )
+    try:
+        outputs = run_fmu(
+            subject,
+            points,
+            driven,
+            values_of(subject, options["settings"]),
+            isolation=isolation(options["isolate"]),
+        )
+    except EndedSimulation as ended:
+        until_then = {name: values[: ended.time.size] for name, values in driven.items()}
+        return Simulation(subject, ended.time, until_then, ended.outputs)
     return Simulation(subject, points, driven, outputs)
 
 

@@ -42,6 +42,7 @@ from .signal import read_setting as read_setting
 from .signal import read_signal as read_signal
 from .signal import show as show
 from .simulation import Array as Array
+from .simulation import EndedSimulation as EndedSimulation
 from .simulation import draw_signals as draw_signals
 from .simulation import grid as grid
 from .simulation import held as held

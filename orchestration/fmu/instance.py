@@ -28,6 +28,10 @@ from orchestration.fmu.signal import Value, check_type, is_text, type_of
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 
+class EndRequested(UserError):
+    """The error that an FMU makes no step because it asks to end the simulation."""
+
+
 class ValueTransfer(NamedTuple):
     """One call that moves all values of one type between an FMU and a row of numbers.
 
@@ -289,8 +293,25 @@ class Fmu:
         """
         status = self._do_step(self._slave.component, time, size, 1)
         if status > fmi2.fmi2Warning:
-            raise self.failed(f"step from {time:g} s", status)
+            raise self.step_failed(time, status)
         self.warnings += status
+
+    def step_failed(self, time: float, status: int) -> UserError:
+        """Return the error for a status worse than a warning of a step from a time in s."""
+        if status != fmi2.fmi2Discard or not self.asks_to_end():
+            return self.failed(f"step from {time:g} s", status)
+        return EndRequested(
+            f"{self.path.name}: asks to end the simulation in place of a step from {time:g} s:"
+            f" {self._log.last('no message')}"
+        )
+
+    def asks_to_end(self) -> bool:
+        """Return whether the FMU, which has discarded a step, asks to end the simulation."""
+        terminated = ctypes.c_int()
+        get_terminated = self.bound(
+            "fmi2GetBooleanStatus", ctypes.c_int(fmi2.fmi2Terminated), ctypes.byref(terminated)
+        )
+        return get_terminated() <= fmi2.fmi2Warning and bool(terminated.value)
 
     def save(self) -> Any:
         """Return a copy of the whole state, for `restore` any number of times, then `release`.

@@ -11,7 +11,7 @@ import numpy as np
 from fmus.kit import UserError, units
 from fmus.kit.arrays import Array
 from orchestration.fmu import stepping
-from orchestration.fmu.instance import Fmu
+from orchestration.fmu.instance import EndRequested, Fmu
 from orchestration.fmu.isolation import Ended, Limits, Process, allocate_rows
 from orchestration.fmu.kernel import library, one_fmu
 from orchestration.fmu.model import Model
@@ -154,7 +154,7 @@ def simulate(
     UserError
         If the FMU refuses or fails; see :class:`orchestration.fmu.instance.Fmu`.
     UnfinishedSimulation
-        If it fails after the first point.
+        If it fails after the first point; `EndedSimulation` if it asks to end there.
     """
     outputs = list(model.outputs)
     given = (outputs, time, dict(inputs), dict(parameters))
@@ -250,7 +250,17 @@ class UnfinishedSimulation(UserError):
         return str(self.args[0])
 
 
-def _unfinished(message: str, time: Array, names: Sequence[str], rows: Array | None) -> UserError:
+class EndedSimulation(UnfinishedSimulation):
+    """The error that a simulation is shorter than asked for because its FMU asked to end it."""
+
+
+def _unfinished(
+    message: str,
+    time: Array,
+    names: Sequence[str],
+    rows: Array | None,
+    kind: type[UnfinishedSimulation] = UnfinishedSimulation,
+) -> UserError:
     """Return the error of a simulation, with its results if there are any.
 
     Parameters
@@ -261,11 +271,12 @@ def _unfinished(message: str, time: Array, names: Sequence[str], rows: Array | N
         Outputs in the columns of `rows`.
     rows : ndarray, shape (m, outputs), or None
         Outputs at the points that were reached.
+    kind : type of UnfinishedSimulation
     """
     if rows is None or not len(rows):
         return UserError(message)
     outputs = {name: rows[:, k].copy() for k, name in enumerate(names)}
-    return UnfinishedSimulation(message, time[: len(rows)], outputs)
+    return kind(message, time[: len(rows)], outputs)
 
 
 def simulate_instance(
@@ -320,7 +331,9 @@ def simulate_instance(
     try:
         follow_course(fmu, course, names, result, progress, max(1, len(time) // 200))
     except stepping.StepFailed as failure:
-        raise _unfinished(str(failure), time, names, result[: failure.point]) from failure
+        wanted = isinstance(failure.__cause__, EndRequested)
+        kind = EndedSimulation if wanted else UnfinishedSimulation
+        raise _unfinished(str(failure), time, names, result[: failure.point], kind) from failure
     progress(len(time))
     return {name: result[:, i] for i, name in enumerate(names)}
 

@@ -11,7 +11,6 @@ from fmpy.fmi2 import (
     fmi2DoStepStatus,
     fmi2LastSuccessfulTime,
     fmi2Pending,
-    fmi2Terminated,
     fmi2Warning,
 )
 
@@ -158,11 +157,7 @@ class Instance:
         reached = self.last_time()
         if reached is not None:
             remark = f", it reached {reached:.10g} s"
-        terminated = ctypes.c_int()
-        get_terminated = self.fmu.bound(
-            "fmi2GetBooleanStatus", ctypes.c_int(fmi2Terminated), ctypes.byref(terminated)
-        )
-        if get_terminated() <= fmi2Warning and terminated.value:
+        if self.fmu.asks_to_end():
             remark += ", it asks to end the simulation"
         return remark
 

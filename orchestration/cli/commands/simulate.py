@@ -75,6 +75,10 @@ def _simulate_model(options: SimulateCommand) -> None:
                 note=note,
                 isolation=isolation,
             )
+    except work.EndedSimulation as ended:
+        note(f"{ended}; the results end at {ended.time[-1]:g} s")
+        time, outputs = ended.time, ended.outputs
+        inputs = _until(time, inputs)
     except work.UnfinishedSimulation as stopped:
         if out is None:
             raise
@@ -170,9 +174,13 @@ def _write_part(
 ) -> Path:
     """Write what was computed of a run that ended early, beside where all of it was to be."""
     part = out.with_name(f"{out.stem}.part{out.suffix}")
-    until_then = {name: values[: len(time)] for name, values in inputs.items()}
-    _write(part, model, time, until_then, outputs)
+    _write(part, model, time, _until(time, inputs), outputs)
     return part
+
+
+def _until(time: Array, inputs: Mapping[str, Array]) -> dict[str, Array]:
+    """Return inputs at the points that were reached."""
+    return {name: values[: time.size] for name, values in inputs.items()}
 
 
 def _write(

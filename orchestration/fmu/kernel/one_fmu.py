@@ -151,7 +151,7 @@ def _add_part(program: Program, fmu: Fmu, course: Course, part: StepPart) -> Non
         program.add_real(library.SET_SLOPES, call, references, slopes, slopes_failed)
 
     def step_failed(returned: KernelReturn) -> NoReturn:
-        raise fmu.failed(f"step from {part.begins[returned.point]:g} s", returned.status)
+        raise fmu.step_failed(part.begins[returned.point], returned.status)
 
     begins = Values.in_rows(part.begins)
     ends = Values.in_rows(part.ends)

@@ -131,6 +131,7 @@ FMI2_Export fmi2Status fmi2GetFMUstate(fmi2Component p, fmi2FMUstate *state) {
 FMI2_Export fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate state) {
     component *c = p;
     c->entered = 1; /* nobody saves the state of what has not begun */
+    c->terminated = 0;
     return CALL(c, SetFMUState, state);
 }
 
@@ -168,12 +169,19 @@ static fmi2Status advance(component *c, double size, double end, fmi2Boolean no_
     return status;
 }
 
+/* An FMU of FMI 3.0 may complete the step with which it ends the simulation; one of FMI 2.0 discards it. */
+static fmi2Status refuse_to_go_on(const component *c) {
+    tell(c, fmi2Discard, "its simulation ends at %.10g s", c->reached);
+    return fmi2Discard;
+}
+
 /* A step from which the FMU returns early goes on, to its end. */
 FMI2_Export fmi2Status fmi2DoStep(fmi2Component p, fmi2Real start, fmi2Real size, fmi2Boolean no_state_set_before) {
     component *c = p;
     fmi2Status worst = fmi2OK;
     double end = start + size;
     int events = 0;
+    if (c->terminated) return refuse_to_go_on(c);
     c->reached = start;
     do {
         double before = c->reached;
@@ -181,8 +189,8 @@ FMI2_Export fmi2Status fmi2DoStep(fmi2Component p, fmi2Real start, fmi2Real size
         if (status > fmi2Warning) return status;
         if (status > worst) worst = status;
         if (c->terminated) {
-            tell(c, fmi2Discard, "it asks to end the simulation at %.10g s", c->reached);
-            return fmi2Discard;
+            if (end - c->reached > 1e-6 * size) return refuse_to_go_on(c);
+            break;
         }
         if (c->reached < end && !(c->reached > before)) {
             tell(c, fmi2Error, "it returned early from a step at %.10g s, and got no further", before);

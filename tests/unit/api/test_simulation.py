@@ -10,6 +10,7 @@ import pytest
 import orchestration as ppy
 from fmus.kit import Component, Output, Parameter, State, UserError
 from orchestration.api.simulation import points_of, values_of
+from tests.support.fmi3_fmus import foreign
 
 
 def test_a_component_is_simulated_as_its_equations_say():
@@ -99,3 +100,11 @@ def test_a_class_of_a_notebook_is_checked_before_it_is_built():
     Cell.__module__ = "__main__"
     with pytest.raises(UserError, match=r"charge_rate gives 1/A/h, but it is the rate of charge"):
         ppy.simulate(Cell)
+
+
+@pytest.mark.parametrize("isolate", [False, True])
+def test_it_ends_when_its_fmu_asks_for_it(isolate):
+    options = {"settings": {"manner": 3}, "stop": 2, "step": 0.1, "isolate": isolate}
+    run = ppy.simulate(str(foreign("sawtooth")), **options)
+    np.testing.assert_allclose(run.time, [0.0, 0.1, 0.2, 0.3], rtol=1e-15)
+    np.testing.assert_allclose(run["x"], [0.0, 0.1, 0.2, 0.0], rtol=1e-12)

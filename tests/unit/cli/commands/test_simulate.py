@@ -5,6 +5,7 @@ import pytest
 
 from orchestration.records import read_record
 from tests.support.command import PNG, UNITS, works
+from tests.support.fmi3_fmus import foreign
 
 
 def test_simulate_a_recorded_stimulus(record, tmp_path):
@@ -105,3 +106,11 @@ def test_a_system_is_simulated_by_its_name(tmp_path):
     arguments = ["--set", "force_reference=1N", "--stop", "0.1s"]
     assert "bench.force_measured" in works("simulate", "dma_bench", *arguments, cwd=tmp_path)
     assert "stand." not in works("simulate", "isotonic_stand", "--stop", "1s", cwd=tmp_path)
+
+
+def test_a_simulation_that_its_fmu_ends_is_no_failure(tmp_path):
+    arguments = [foreign("sawtooth"), "--set", "manner=3", "--step", "0.1s", "--out", "run.csv"]
+    told = works("simulate", *arguments, cwd=tmp_path)
+    assert "4 points from 0 s to 0.3 s" in told
+    rows = (tmp_path / "run.csv").read_text().splitlines()
+    assert [float(row.split(",")[2]) for row in rows[1:]] == [0.0, 0.0, 0.0, 1.0]

@@ -16,9 +16,10 @@ from scipy.linalg import expm
 
 from fmus.kit import UserError
 from fmus.kit.build import toolchain
-from orchestration.fmu import Fmu, RepeatedFmu, simulate_instance, unpack
+from orchestration.fmu import EndedSimulation, Fmu, RepeatedFmu, simulate_instance, unpack
 from orchestration.fmu.check.shared_library import read_library
 from orchestration.fmu.exchange import ExchangeFmu
+from orchestration.fmu.kernel import library
 from orchestration.fmu.wrapping import wrapping
 from tests.support.archive import edited
 from tests.support.fmi3_fmus import build, build_wide, changed, foreign
@@ -138,13 +139,27 @@ def test_one_that_asks_for_event_mode_is_warned_of():
 @pytest.mark.parametrize(
     ("manner", "message"),
     [
-        (3, r"step from 0 s failed \(discard\): it asks to end the simulation at 0.3 s"),
+        (3, r"asks to end the simulation in place of a step from 0.3 s: .* ends at 0.3 s"),
         (4, r"step from 0 s failed \(error\): it returned early .* and got no further"),
     ],
 )
 def test_one_that_cannot_go_on_says_so(manner, message):
     with pytest.raises(UserError, match=message):
         run(foreign("sawtooth"), {"manner": manner}, time=0.3 * np.arange(4))
+
+
+@pytest.mark.parametrize("kernel", [True, False])
+@pytest.mark.parametrize(("step", "count"), [(0.1, 4), (0.2, 2)])
+def test_one_that_ends_its_simulation_leaves_all_until_then(step, count, kernel, monkeypatch):
+    """A step that is complete counts; one that is cut short does not."""
+    if not kernel:
+        monkeypatch.setattr(library, "load_stepper", lambda: None)
+    points = step * np.arange(8)
+    with pytest.raises(EndedSimulation, match=r"its simulation ends at 0\.3 s") as ended:
+        run(foreign("sawtooth"), {"manner": 3}, time=points)
+    np.testing.assert_array_equal(ended.value.time, points[:count])
+    assert ended.value.outputs["count"][-1] == (step == 0.1)
+    run(foreign("sawtooth"), {"manner": 3}, time=points[:count])
 
 
 TYPES = {
