@@ -1,5 +1,16 @@
-"""``python -m orchestration.cli`` is ``ppy``."""
+"""The command ``ppy``, which is ``python -m orchestration.cli`` too."""
 
-from orchestration.cli.app import main
+from orchestration.cli.ending import end_interrupted
 
-main()
+
+def main() -> None:
+    """Import the command line, a Ctrl-C during which is one as later, and run it."""
+    try:
+        from orchestration.cli.app import main as run
+    except KeyboardInterrupt:
+        end_interrupted()
+    run()
+
+
+if __name__ == "__main__":
+    main()

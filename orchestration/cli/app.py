@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import signal
 import sys
 from importlib import import_module
 from inspect import cleandoc
@@ -14,12 +13,12 @@ import typer
 from typer.core import TyperGroup
 
 from fmus.kit import UserError
+from orchestration.cli.ending import INTERRUPTED, end_interrupted
 from orchestration.cli.examples import epilog
 from orchestration.cli.real_time import IncompleteRecord
 from orchestration.reporting import in_shell
 
 _LONGEST = 300  # characters of a name that are shown
-_INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 # By what they are for: a line for ``ppy --help``, which has room for one at 80 columns, and the
 # function or group of commands in a module of `commands`.
 _GROUPS = {
@@ -179,16 +178,15 @@ def main() -> None:
     try:
         with in_shell():
             code = app(standalone_mode=False, prog_name="ppy")
-        if code == _INTERRUPTED:  # typer has taken the interrupt for itself
+        if code == INTERRUPTED:  # typer has taken the interrupt for itself
             raise KeyboardInterrupt
     except (KeyboardInterrupt, typer.Abort):
-        # pressed twice, it would end Python on its way out
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        print("interrupted", file=sys.stderr)
-        sys.exit(_INTERRUPTED)
+        end_interrupted()
     except BrokenPipeError:  # the reader of our output left, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except Exception as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # in a class that Python 3.11 makes
+            end_interrupted()
         if os.environ.get("PPY_DEBUG") and not _is_expected(error):
             raise
         _fail(_message(error), 1 if isinstance(error, IncompleteRecord) else 2)
@@ -226,7 +224,3 @@ def _message(error: Exception) -> str:
 def _fail(message: str, status: int = 2) -> NoReturn:
     print("error: " + " ".join(message.split()), file=sys.stderr)
     sys.exit(status)
-
-
-if __name__ == "__main__":
-    main()

@@ -347,8 +347,8 @@ def _read_model(name: str) -> Model:
         )
     model = _read_signals(path)
     model_name, made_from = name_and_provenance(path)
-    if made_from is None:
-        return model
+    if made_from in (None, Provenance(component=model_name)):
+        return model  # of a component alone the GUID tells more: see `known_class`
     try:
         return replace(model, cls=restore_class(model_name, made_from, model.parameters))
     except UserError as error:
@@ -362,8 +362,9 @@ def _read_model(name: str) -> Model:
 def known_class(path: Path) -> type[Component] | None:
     """Return the class of an FMU: what it was made from, or the component that it is a build of.
 
-    An unchanged component tells no origin. Its GUID is made from its contents: where a build of the
-    component of that name has the same, so are its laws. Start values in its description count.
+    That a component alone tells its name is not enough, for its laws may have been others. Its GUID
+    is made from its contents: where a build of the component here has the same, so are its laws.
+    Start values in its description count.
 
     Parameters
     ----------

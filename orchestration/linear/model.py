@@ -13,6 +13,7 @@ import numpy as np
 
 from fmus.kit import UserError, files, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.interrupt import uninterrupted
 from orchestration.linear.discretisation import Matrices
 from orchestration.linear.operating_point import OperatingPoint
 from orchestration.reporting import Displayable, one_line, plain_table
@@ -102,7 +103,8 @@ class LinearModel(Displayable):
 
         A full stop, which that does not allow in names, is a slash there: ``bench/tension``.
         """
-        import control
+        with uninterrupted():  # matplotlib, which it loads, discards a Ctrl-C
+            import control
 
         m = self.matrices
         names = {

@@ -439,7 +439,7 @@ def test_an_interrupt_ends_a_long_simulation_at_once(folder):
     command = [
         sys.executable,
         "-m",
-        "orchestration.cli.app",
+        "orchestration.cli",
         "simulate",
         "ppy_actuator",
         "--stop",

@@ -21,7 +21,7 @@ from studies.emulator.emulator import EmulatedRig
 from tests.support.command import measure, posix, works
 
 TRIES = 15
-START = "from orchestration.cli.app import main; print(flush=True); main()"
+START = "from orchestration.cli.__main__ import main; print(flush=True); main()"
 EXPORT = ["export", "modelica", "pid", "galvanostat"]
 
 

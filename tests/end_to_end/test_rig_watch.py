@@ -442,8 +442,7 @@ def test_the_emulated_rig_behind_its_own_server(tab, tmp_path):
     with Server(tmp_path, "emulator") as server:
         port = server.wait_ready().rsplit(":", 1)[1]
         arguments = recording(server.endpoint, "experiment.toml", out="run.csv")
-        driving = running(*arguments, cwd=tmp_path)
-        with watching(port) as watch:
+        with running(*arguments, cwd=tmp_path) as driving, watching(port) as watch:
             tab.open(watch.address, 1280)
             until(lambda: text(tab, "client") == "ppy rig record")
             until(lambda: tab.run(SHOWN)["force"]["value"] == "1.500")

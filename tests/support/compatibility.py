@@ -7,22 +7,23 @@ with the digest of the FMU, and ``badges/TOOL-fmiN.svg``.
 from __future__ import annotations
 
 import argparse
-import importlib.metadata
 import json
 from collections.abc import Callable, Sequence
+from functools import partial
 from hashlib import sha256
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
 
 import numpy as np
-from fmpy import read_model_description, simulate_fmu
+from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 
 from fmus import COMPONENTS, component
 from fmus.kit.build import build_cached
-from tests.support import hosts
-from tests.support.exchange import both_ways, distance
+from tests.support import fmusim, hosts
+from tests.support.exchange import BY_FMPY, both_ways, distance
 from tests.support.stimuli import STIMULI
 
 POINTS = 50
@@ -31,6 +32,8 @@ ROUNDED = 1e-7  # by a master that counts time in nanoseconds, over steps of som
 SOLVED = 1e-5  # a solver of its own
 GOOD, BAD = "#2e7d32", "#b3261e"
 _Runs = Callable[[str], float]
+_Version = Callable[[], str]
+_Tool = tuple[str, _Version, int, str, _Runs, float]
 
 
 def _signals(name: str) -> tuple[np.ndarray, dict[str, float], list[str]]:
@@ -65,16 +68,21 @@ def stepped_by(run: Callable[..., Any]) -> _Runs:
     return deviation
 
 
-def co_simulated_by_fmpy(fmi: int) -> _Runs:
-    """Validation and co-simulation by fmpy, beside the bare functions of the build of FMI 2.0."""
+def by_fmpy(path: str, **options: Any) -> Any:
+    """Simulate what fmpy finds no fault with."""
+    problems = validate_fmu(path)
+    if problems:
+        raise ValueError(problems[0])
+    return BY_FMPY(path, **options)
+
+
+def co_simulated(simulate: Callable[..., Any], fmi: int) -> _Runs:
+    """Co-simulation by a tool, beside fmpy's bare functions and the build of FMI 2.0."""
 
     def deviation(name: str) -> float:
         time, inputs, outputs = _signals(name)
         path = build_cached(component(name), "native", fmi)
-        problems = validate_fmu(str(path))
-        if problems:
-            raise ValueError(problems[0])
-        found = simulate_fmu(
+        found = simulate(
             str(path),
             stop_time=time[-1],
             output_interval=time[1],
@@ -88,36 +96,50 @@ def co_simulated_by_fmpy(fmi: int) -> _Runs:
     return deviation
 
 
-def solved_by_fmpy(fmi: int) -> _Runs:
-    """Model exchange by CVode of fmpy, beside co-simulation."""
+def solved(simulate: Callable[..., Any], fmi: int) -> _Runs:
+    """Model exchange by a tool's CVode, beside co-simulation."""
 
     def deviation(name: str) -> float:
         fmu, native = (build_cached(component(name), "native", n) for n in (fmi, 2))
-        found = both_ways(fmu, native, *STIMULI[name], solver="CVode", relative_tolerance=1e-9)
+        how = {"simulate": simulate, "solver": "CVode", "relative_tolerance": 1e-9}
+        found = both_ways(fmu, native, *STIMULI[name], **how)
         return max(distance(*pair) for pair in found.values())
 
     return deviation
 
 
-# tool, package, version of FMI, interface, what runs it and how far it may be off
+def _all(tool: str, version: _Version, simulate: Callable[..., Any]) -> list[_Tool]:
+    """Both interfaces of both versions of FMI."""
+    interfaces = [("co-simulation", co_simulated, SAME), ("model exchange", solved, SOLVED)]
+    return [
+        (tool, version, fmi, interface, runs(simulate, fmi), allowed)
+        for fmi in (2, 3)
+        for interface, runs, allowed in interfaces
+    ]
+
+
+_with_events = partial(fmusim.simulate_fmu, flags=fmusim.EVENT_MODE)
+_libcosim, _ecos = stepped_by(hosts.run_libcosim), stepped_by(hosts.run_ecos)
+# tool, its version, version of FMI, interface, what runs it and how far it may be off
 TOOLS = [
-    ("fmpy", "fmpy", 2, "co-simulation", co_simulated_by_fmpy(2), SAME),
-    ("fmpy", "fmpy", 2, "model exchange", solved_by_fmpy(2), SOLVED),
-    ("fmpy", "fmpy", 3, "co-simulation", co_simulated_by_fmpy(3), SAME),
-    ("fmpy", "fmpy", 3, "model exchange", solved_by_fmpy(3), SOLVED),
-    ("libcosim", "libcosimpy", 2, "co-simulation", stepped_by(hosts.run_libcosim), ROUNDED),
-    ("Ecos", "ecospy", 2, "co-simulation", stepped_by(hosts.run_ecos), SAME),
+    *_all("fmpy", partial(metadata.version, "fmpy"), by_fmpy),
+    ("libcosim", partial(metadata.version, "libcosimpy"), 2, "co-simulation", _libcosim, ROUNDED),
+    ("Ecos", partial(metadata.version, "ecospy"), 2, "co-simulation", _ecos, SAME),
+]
+FMUSIM = [
+    *_all("fmusim", fmusim.version, fmusim.simulate_fmu),
+    ("fmusim", fmusim.version, 3, "event mode", co_simulated(_with_events, 3), SAME),
 ]
 
 
-def log(names: Sequence[str] = COMPONENTS, tools: Sequence[Any] = TOOLS) -> list[dict[str, Any]]:
+def log(names: Sequence[str] = COMPONENTS, tools: Sequence[_Tool] = TOOLS) -> list[dict[str, Any]]:
     """Run every tool on every component; an error is an outcome."""
     entries = []
-    for tool, package, fmi, interface, run, allowed in tools:
+    for tool, version_of, fmi, interface, run, allowed in tools:
         for name in names:
             entry = {
                 "tool": tool,
-                "version": importlib.metadata.version(package),
+                "version": version_of(),
                 "fmi": f"{fmi}.0",
                 "interface": interface,
                 "component": name,
@@ -168,7 +190,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Run our FMUs in every tool that is here.")
     parser.add_argument("--out", type=Path, default=Path("dist/release"))
     out = parser.parse_args().out
-    entries = log()
+    entries = log() + (log(tools=FMUSIM) if fmusim.BINARY else [])
     folder = out / "badges"
     folder.mkdir(parents=True, exist_ok=True)
     lines = "".join(json.dumps(entry) + "\n" for entry in entries)
@@ -180,6 +202,8 @@ def main() -> None:
             print(*(entry.get(k, "") for k in ("tool", "fmi", "interface", "component")), end=": ")
             print(entry.get("error", entry.get("deviation")))
     print(f"{sum(e['outcome'] == 'passed' for e in entries)} of {len(entries)} runs passed")
+    if not fmusim.BINARY:
+        print(f"fmusim is left out: {fmusim.MISSING}")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
-"""Model exchange in fmpy beside co-simulation in our master."""
+"""Model exchange in another tool, fmpy where none is named, beside co-simulation in our master."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import numpy as np
 from fmpy import read_model_description, simulate_fmu
@@ -9,12 +11,21 @@ from orchestration.fmu.instance import Fmu
 from orchestration.fmu.simulation import simulate_instance
 
 HELD = 10  # communication steps
+BY_FMPY = partial(simulate_fmu, record_events=False)
 
 
 def both_ways(
-    exchanged_fmu, stepped_fmu, stop, step, stimuli, refined=1, start_values=None, **options
+    exchanged_fmu,
+    stepped_fmu,
+    stop,
+    step,
+    stimuli,
+    refined=1,
+    start_values=None,
+    simulate=BY_FMPY,
+    **options,
 ):
-    """Results of model exchange in fmpy and of co-simulation in our master, where no input
+    """Results of model exchange in a tool and of co-simulation in our master, where no input
     jumps: of one FMU that offers both, or of two builds.
     """
     time = np.arange(0.0, stop, step)
@@ -32,16 +43,14 @@ def both_ways(
         for v in read_model_description(str(exchanged_fmu)).modelVariables
         if v.causality == "output" and v.type in ("Real", "Float64")
     ]
-    exchanged = simulate_fmu(
+    exchanged = simulate(
         str(exchanged_fmu),
         stop_time=time[-1],
         output_interval=step / refined,
         output=outputs,
         input=table,
-        record_events=False,
-        fmi_type="ModelExchange",
         start_values=start_values or {},
-        **options,
+        **{"fmi_type": "ModelExchange"} | options,
     )[::refined]
     with Fmu(stepped_fmu, start_values or {}) as one:
         one.start(0.0)

@@ -1,8 +1,12 @@
 """The provenance of an FMU in its description: the component, effects and remarks it was made from.
 
-From it the class of the FMU can be made again. Only a component that effects or other values were
-laid over (:func:`fmus.kit.stack`) has it; the values themselves are the start values of the FMU's
-parameters. It stands in ``VendorAnnotations`` (FMI 2.0.4, section 2.2.6), in FMI 3.0 in an
+From it the class of the FMU can be made again; the values are the start values of the FMU's
+parameters. Every component of ours has it, and a user's class that effects or other values were
+laid over (:func:`fmus.kit.stack`). A user's class alone has none: the same laws would no longer
+give the same bytes, which would depend on the folder they are built from and on all else in their
+file.
+
+It stands in ``VendorAnnotations`` (FMI 2.0.4, section 2.2.6), in FMI 3.0 in an
 ``Annotation`` of the type ``ppy-rig``::
 
     <Tool name="ppy-rig">
@@ -70,9 +74,9 @@ class Provenance:
 
 
 def annotate_fmi2(root: Element, cls: type[Component]) -> None:
-    """Append the provenance of a stacked component to a model description of FMI 2.0.
+    """Append the provenance of a component to a model description of FMI 2.0.
 
-    Nothing is appended for another component, or for a class that no file gives by name.
+    Nothing is appended for a user's class alone, or for one that no file gives by name.
 
     Parameters
     ----------
@@ -86,7 +90,7 @@ def annotate_fmi2(root: Element, cls: type[Component]) -> None:
 
 
 def annotate_fmi3(root: Element, cls: type[Component]) -> None:
-    """Append the provenance of a stacked component to a model description of FMI 3.0.
+    """Append the provenance of a component to a model description of FMI 3.0.
 
     Parameters
     ----------
@@ -101,12 +105,10 @@ def annotate_fmi3(root: Element, cls: type[Component]) -> None:
 
 
 def _made_from(cls: type[Component]) -> Element | None:
-    """Return the element that says what a stacked component was made from."""
-    if cls is unstack(cls)[0]:
-        return None
+    """Return the element that says what a component was made from."""
     base, effects = unstack(cls)
     origin = _origin(base)
-    if origin is None:
+    if origin is None or (cls is base and "file" in origin):
         return None
     made_from = Element("MadeFrom", origin)
     for effect in effects:

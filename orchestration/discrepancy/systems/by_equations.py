@@ -88,8 +88,8 @@ class LoopDiagnosis:
 def equations_of(member: Member) -> type[Component] | None:
     """Return the class of a member, or None where its equations are not known.
 
-    An FMU tells what it was made from where that has effects; one of a component alone has its
-    name, and must have its parameters.
+    An FMU of a component alone has its name, and must have its parameters; one with effects tells
+    what it was made from.
     """
     from fmus import COMPONENTS, component
 

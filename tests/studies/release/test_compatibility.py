@@ -28,9 +28,9 @@ def test_tools_are_run_and_counted():
 
 def test_what_deviates_or_raises_is_no_pass():
     tools = [
-        ("fmpy", "fmpy", 2, "co-simulation", lambda name: 1e-3, 1e-9),
-        ("fmpy", "fmpy", 2, "model exchange", fails, 1e-9),
-        ("fmpy", "fmpy", 2, "model exchange", lambda name: float("nan"), 1e-9),
+        ("fmpy", str, 2, "co-simulation", lambda name: 1e-3, 1e-9),
+        ("fmpy", str, 2, "model exchange", fails, 1e-9),
+        ("fmpy", str, 2, "model exchange", lambda name: float("nan"), 1e-9),
     ]
     entries = compatibility.log(["pid"], tools)
     assert [entry["outcome"] for entry in entries] == ["failed"] * 3

@@ -147,3 +147,26 @@ def test_one_cannot_have_both(tmp_path):
 def test_quiet_ends_with_the_command(tmp_path):
     here("--quiet", "list", cwd=tmp_path)
     assert "simulating" in here(*SIMULATE, "--stop", 1, cwd=tmp_path).stderr
+
+
+WITHIN_A_CLASS = """
+from orchestration.cli import app
+
+class Pressed:
+    def __set_name__(self, owner, name):
+        raise KeyboardInterrupt
+
+def run(**options):
+    type("Made", (), {"attribute": Pressed()})
+
+app.app = run
+app.main()
+"""
+
+
+def test_ctrl_c_while_a_class_is_made_is_no_other_error(tmp_path):
+    """Python 3.11 makes a RuntimeError of it."""
+    done = subprocess.run(
+        [sys.executable, "-c", WITHIN_A_CLASS], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (130, "interrupted\n")

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fmus.kit.build import Provenance
 from orchestration.fmu.archive import Archive
-from orchestration.fmu.model import find_model
+from orchestration.fmu.model import find_model, name_and_provenance
 from orchestration.fmu.simulation import simulate
 from orchestration.records import read_record
 from studies.emulator.emulator import EmulatedRig
@@ -491,9 +492,11 @@ def test_nothing_in_an_fmu_is_run_for_its_class(creep):
     assert "there is no file own.py here" in here("info", "evil.fmu", cwd=creep).stderr
 
 
-def test_plain_components_tell_nothing(fmu):
-    with Archive(fmu("ppy_actuator", "native")) as archive:
-        assert archive.description.find("VendorAnnotations") is None
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_plain_components_tell_their_name_which_is_not_taken_for_their_laws(fmu, fmi):
+    path = fmu("ppy_actuator", "native", fmi)
+    assert name_and_provenance(path) == ("ppy_actuator", Provenance(component="ppy_actuator"))
+    assert find_model(str(path)).cls is None
 
 
 # --- a record is read before a model is built

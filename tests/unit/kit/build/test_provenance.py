@@ -1,10 +1,13 @@
-"""Claims: a description gives back the parts of a stacked component, and nothing of others."""
+"""Claims: a description gives back the parts of a component, and builds stay reproducible."""
 
 from hashlib import sha256
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
+import pytest
+
 from fmus.kit import stack
+from fmus.kit.build import plan_build
 from fmus.kit.build.provenance import Provenance, annotate_fmi2, read_provenance
 from fmus.kit.sampling import Sampling
 from fmus.kit.sensors import sensor_lag
@@ -49,7 +52,23 @@ def test_a_user_s_class_is_given_back_by_its_file(monkeypatch):
     assert origin.place == "kit_samples.py:Thermostat"
 
 
-def test_of_another_component_nothing_is_written():
-    assert read_provenance(annotated(PpyActuator)) is None
+def test_a_component_of_ours_alone_tells_its_name():
+    assert read_provenance(annotated(PpyActuator)) == Provenance(component="ppy_actuator")
+
+
+def test_of_a_user_s_class_alone_or_without_a_file_nothing_is_written():
+    assert read_provenance(annotated(kit_samples.Thermostat)) is None
     local = type("Local", (PpyActuator,), {"name": "local"})
     assert read_provenance(annotated(stack(local, EFFECTS["quadratic_strain"]))) is None
+
+
+@pytest.mark.parametrize("cls", [PpyActuator, kit_samples.Thermostat])
+@pytest.mark.parametrize(("runtime", "fmi"), [("native", 2), ("python", 2), ("native", 3)])
+def test_a_component_alone_is_the_same_bytes_from_every_folder(
+    cls, runtime, fmi, tmp_path, monkeypatch
+):
+    plans = []
+    for folder in (Path(kit_samples.__file__).parent, tmp_path):
+        monkeypatch.chdir(folder)
+        plans.append(plan_build(cls, runtime, fmi))
+    assert plans[0] == plans[1]

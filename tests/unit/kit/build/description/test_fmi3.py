@@ -134,6 +134,8 @@ def test_provenance_of_a_stack_is_read_back():
     )
     origin = read_provenance(lxml.etree.fromstring(description(cls)))
     assert (origin.component, origin.effects) == ("ppy_actuator", ("quadratic_strain",))
+    plain = read_provenance(lxml.etree.fromstring(description(fmus.component("ppy_actuator"))))
+    assert (plain.component, plain.effects) == ("ppy_actuator", ())
     assert read_provenance(lxml.etree.fromstring(description(Divider))) is None
 
 
