@@ -452,7 +452,7 @@ def test_the_emulated_rig_behind_its_own_server(tab, tmp_path):
             time.sleep(1.0)  # ten rows
             press_stop(tab)
             until(lambda: re.fullmatch(rf"safe \(reached after {DURATION}\)", text(tab, "state")))
-            assert re.fullmatch(rf"Safe: reached after {DURATION}\.", text(tab, "pressed"))
+            until(lambda: re.fullmatch(rf"Safe: reached after {DURATION}\.", text(tab, "pressed")))
             assert "stop button of ppy rig watch" in text(tab, "reason")
             until(lambda: tab.run(SHOWN)["force"]["value"] == "0.000")
             _, complaint = driving.communicate(timeout=60)
