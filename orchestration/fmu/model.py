@@ -423,9 +423,10 @@ def _read_signals(path: Path) -> Model:
                 groups[causality][variable.name] = read_signal(variable)
             except UserError as error:
                 raise UserError(f"{path}: {error}") from error
+    inputs, outputs, parameters = groups.values()
     with Archive(path) as archive:
         reasons = left_out(archive.description)
-    return Model(path.name, path, None, *groups.values(), left_out=reasons)
+    return Model(path.name, path, None, inputs, outputs, parameters, left_out=reasons)
 
 
 def name_and_provenance(path: Path) -> tuple[str, Provenance | None]:
