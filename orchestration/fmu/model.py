@@ -7,9 +7,10 @@ that is its equations, is restored from that; no code of the FMU is run for it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError, suggestion
@@ -18,6 +19,7 @@ from fmus.kit.files import is_file, is_folder
 from fmus.kit.units import format_range, format_value
 from orchestration.fmu.archive import Archive, read_description
 from orchestration.fmu.effects import catalogue, check_catalogue, find_effects
+from orchestration.fmu.left_out import left_out
 from orchestration.fmu.loading import load_class, names_class, remarks_on
 from orchestration.fmu.signal import Signal, Value, declared_signal, read_setting, read_signal
 from orchestration.fmu.source import Source
@@ -71,6 +73,8 @@ class Model(Displayable):
         Outputs that are kept unless others are named; all unless given.
     of_others : bool
         Whether a system has an FMU that is none of ours.
+    left_out : dict of str to str
+        Why other variables can be neither set nor read, by name.
     """
 
     name: str
@@ -84,6 +88,7 @@ class Model(Displayable):
     system: Source | None = None
     kept: tuple[str, ...] = ()
     of_others: bool = False
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         inputs = ", ".join(self.inputs) or "no inputs"
@@ -143,7 +148,8 @@ class Model(Displayable):
                     f" {', '.join(presets) or 'none'}"
                 )
             values |= dict(presets[preset].values)
-        return values | read_settings(self.name, texts, {**self.parameters, **self.inputs})
+        settable = {**self.parameters, **self.inputs}
+        return values | read_settings(self.name, texts, settable, self.left_out)
 
 
 def _described(signal: Signal) -> tuple[str, str]:
@@ -154,7 +160,10 @@ def _described(signal: Signal) -> tuple[str, str]:
 
 
 def read_settings(
-    model_name: str, texts: Sequence[str], known: Mapping[str, Signal]
+    model_name: str,
+    texts: Sequence[str],
+    known: Mapping[str, Signal],
+    left_out: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, Value]:
     """Read ``name=value[unit]`` settings of a model's variables.
 
@@ -165,6 +174,8 @@ def read_settings(
     texts : sequence of str
     known : Mapping of str to Signal
         Variables that can be set.
+    left_out : Mapping of str to str
+        Why others cannot.
 
     Returns
     -------
@@ -181,6 +192,8 @@ def read_settings(
         name, equals, value = (part.strip() for part in text.partition("="))
         if not equals:
             raise UserError(f"{option('settings', text)}: write name=value or name=value[unit]")
+        if name in left_out:
+            raise UserError(f"{model_name}: {name} {left_out[name]}")
         if name not in known:
             raise UserError(f"{model_name}: no parameter named {name!r}{suggestion(name, known)}")
         values[name] = read_setting(value, known[name], option("settings", {name: value}))
@@ -410,7 +423,10 @@ def _read_signals(path: Path) -> Model:
                 groups[causality][variable.name] = read_signal(variable)
             except UserError as error:
                 raise UserError(f"{path}: {error}") from error
-    return Model(path.name, path, None, groups["input"], groups["output"], groups["parameter"])
+    inputs, outputs, parameters = groups.values()
+    with Archive(path) as archive:
+        reasons = left_out(archive.description)
+    return Model(path.name, path, None, inputs, outputs, parameters, left_out=reasons)
 
 
 def name_and_provenance(path: Path) -> tuple[str, Provenance | None]:

@@ -20,7 +20,7 @@ from fmus.kit.units import format_range, format_value
 
 _QUANTITY = re.compile(r"^\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>.*)$")
 _WORDS = {"true": 1.0, "false": 0.0}
-_LARGEST = 2**31 - 1  # integers of FMI 2.0 have 32 bits
+_SMALLEST, _LARGEST = -(2**31), 2**31 - 1  # integers of FMI 2.0 have 32 bits
 
 # the value of a variable: a number in the FMU's unit (0 and 1 for a boolean), or a text
 Value = float | str
@@ -241,8 +241,10 @@ def check_type(kind: str, value: float, where: str) -> None:
     UserError
         If an integer would get a fraction or more than 32 bits, or a boolean anything but 0 and 1.
     """
-    if kind == "integer" and not (abs(value) <= _LARGEST and value == math.floor(value)):
-        raise UserError(f"{where}: {value:g} is not a whole number from {-_LARGEST} to {_LARGEST}")
+    if kind == "integer" and not (_SMALLEST <= value <= _LARGEST and value == math.floor(value)):
+        raise UserError(
+            f"{where}: {value:.12g} is not a whole number from {_SMALLEST} to {_LARGEST}"
+        )
     if kind == "boolean" and value not in (0.0, 1.0):
         raise UserError(f"{where}: {value:g} is neither true (1) nor false (0)")
 

@@ -88,6 +88,12 @@ def linearise_fmu(request: FmuRequest, sampled: bool = False) -> LinearModel:
     """
     _check_names(request, "input", request.inputs, request.model.inputs)
     _check_names(request, "output", request.outputs, request.model.outputs)
+    for role, names in (("input", request.inputs), ("output", request.outputs)):
+        if not names:
+            raise UserError(
+                f"{request.model.name}: has no real {role}; a linear model goes from inputs to"
+                " outputs"
+            )
     with Fmu(request.path, request.settings) as probe:
         exchange = probe.description.modelExchange
         shown = exchange is not None and bool(probe.description.derivatives)

@@ -61,13 +61,15 @@ class Samples:
         self.values = {name: values[selection] for name, values in self.values.items()}
 
 
-def repair_clock(samples: Samples) -> None:
+def repair_clock(samples: Samples, jumps: bool = False) -> None:
     """Make the time strictly increasing, in place.
 
     Parameters
     ----------
     samples : Samples
         The samples as the file has them.
+    jumps : bool
+        Whether values jump between rows of one time, whose mean is taken otherwise.
 
     Raises
     ------
@@ -77,7 +79,10 @@ def repair_clock(samples: Samples) -> None:
     _drop_missing_time(samples)
     _require_two(samples)
     _sort_late_rows(samples)
-    _average_duplicates(samples)
+    if jumps:
+        _keep_ends_of_jumps(samples)
+    else:
+        _average_duplicates(samples)
     _require_two(samples)
     _notice_gaps(samples)
 
@@ -186,6 +191,20 @@ def _fills_a_hole(time: Array, first: int, end: int) -> bool:
     run = time[first:end]
     inside = (time[:first] >= run.min()) & (time[:first] <= run.max())
     return bool(np.all(np.diff(run) >= 0) and not inside.any())
+
+
+def _keep_ends_of_jumps(samples: Samples) -> None:
+    """Keep the last of the rows of one time, in place: the values that are held from there."""
+    last = np.concatenate((np.diff(samples.time) > 0, [True]))
+    if last.all():
+        return
+    passed = samples.rows[~last].tolist()
+    message = (
+        f"{len(passed)} rows have the time of the row after them, with which their values jump"
+        f" ({list_rows(passed)})"
+    )
+    samples.keep(last)
+    samples.repairs.append(Repair("duplicates", message, tuple(passed)))
 
 
 def _average_duplicates(samples: Samples) -> None:

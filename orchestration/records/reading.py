@@ -26,6 +26,7 @@ def read_record(
     mapping: Mapping[str, str] | None = None,
     required: Collection[str] = (),
     inputs: Collection[str] = (),
+    jumps: bool = False,
 ) -> Record:
     """Read a measured record.
 
@@ -44,6 +45,9 @@ def read_record(
     inputs : collection of str
         Which signals drive the model: their short holes are interpolated and long ones refused. A
         hole in any other signal stays NaN.
+    jumps : bool
+        Whether rows of one time are a jump, as in prescribed inputs, of which the last counts; the
+        mean is taken of values that were measured at one time.
 
     Returns
     -------
@@ -56,7 +60,7 @@ def read_record(
         If the file cannot be used: file, row, reason.
     """
     samples = _samples(_table(path, signals, required, inputs), signals, mapping or {}, required)
-    return _record(samples, signals, required, inputs)
+    return _record(samples, signals, required, inputs, jumps=jumps)
 
 
 def read_columns(
@@ -177,13 +181,15 @@ def _record(
     required: Collection[str],
     inputs: Collection[str],
     label: str = "",
+    *,
+    jumps: bool = False,
 ) -> Record:
     """Repair what can be repaired of one run, and refuse or notice what cannot."""
     # absurd values near the largest double overflow in differences; they are the file's, and no
     # reason for a traceback
     with np.errstate(over="ignore", invalid="ignore"):
         mask_infinite(samples)
-        repair_clock(samples)
+        repair_clock(samples, jumps)
         repair_holes(samples, inputs, required)
         declared = {name: signals[name] for name in samples.values}
         notice_channels(samples, declared, inputs)

@@ -29,6 +29,7 @@ MISSING_CELLS = frozenset(
     }
 )
 INFINITE_CELLS = {"1.#inf": np.inf, "-1.#inf": -np.inf}
+_TRUTH_CELLS = {"true": 1.0, "false": 0.0}  # as tools for FMUs write them
 _HEADER_CELL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
 # of an element of an array, which belongs to its name: A[2,1]
 INDEX = re.compile(r"(?<=\S)\[\d+(?:,\d+)*\]")
@@ -141,6 +142,8 @@ def parse_cell(cell: str) -> float | None:
         return float("nan")
     if text in INFINITE_CELLS:
         return INFINITE_CELLS[text]
+    if text in _TRUTH_CELLS:
+        return _TRUTH_CELLS[text]
     return float(text) if _NUMBER.fullmatch(text) else None
 
 

@@ -111,7 +111,8 @@ def _recorded(
     if file is None:
         return None
     units = {signal.name: signal.unit for signal in model.inputs.values()}
-    record = read_record(file, units, mapping=options["mapping"], inputs=list(units))
+    mapping = options["mapping"]
+    record = read_record(file, units, mapping=mapping, inputs=list(units), jumps=True)
     tell_repairs(record.repairs)
     check_inputs(model, record.signals, parameters)
     return record

@@ -102,7 +102,7 @@ static double seconds(void) {
 /* Whether an integer or a boolean holds the value; a number that is none holds nothing. */
 static int fits(kind k, double value) {
     if (k == SET_BOOLEAN) return value == 0.0 || value == 1.0;
-    return value >= -2147483647.0 && value <= 2147483647.0 && value == (double)(int)value;
+    return value >= -2147483648.0 && value <= 2147483647.0 && value == (double)(int)value;
 }
 
 /* Pass values on; returns the number of the first that is no number, or the count. */

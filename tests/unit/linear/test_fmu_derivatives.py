@@ -14,6 +14,7 @@ from fmus.kit import UserError
 from fmus.kit.build import build_cached
 from orchestration.fmu import find_model
 from orchestration.linear.fmu_derivatives import FmuRequest, linearise_fmu
+from tests.support import fmi3_fmus
 from tests.support.archive import edited
 from tests.support.hosts import build_one_state_fmu
 
@@ -115,6 +116,12 @@ def test_one_in_which_something_is_sampled_is_realised_at_its_period(folder):
     between = request(model, ["force_reference"], ["coil_voltage"], 0.01, voltage_command_start=2.0)
     with pytest.raises(UserError, match="take a multiple of that period"):
         linearise_fmu(between)
+
+
+def test_one_that_nothing_drives_has_no_linear_model():
+    model = find_model(str(fmi3_fmus.foreign("sawtooth")))
+    with pytest.raises(UserError, match=r"sawtooth\.fmu: has no real input; a linear model goes"):
+        linearise_fmu(request(model, [], ["x"]))
 
 
 def test_signals_that_it_has_not_are_refused(folder):

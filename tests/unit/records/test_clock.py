@@ -16,6 +16,7 @@ from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.identify.noise.autoregression import fit_autoregression
+from orchestration.records import read_record
 from orchestration.records.clock import JITTER, evenly_sampled, sample_period
 from tests.support.intersample_records import TRUE, record
 from tests.support.record_rows import read, refusal, varied_rows, write_rows
@@ -108,6 +109,16 @@ def test_repeated_times_are_averaged_and_counted(tmp_path):
     assert set(kinds) == {"duplicates"}
     assert kinds["duplicates"].rows == (4, 5)
     assert "5 rows became 3" in kinds["duplicates"].message
+
+
+def test_prescribed_values_jump_between_rows_of_one_time(tmp_path):
+    rows = [[0, 1, 2], [1, 1, 2], [1, 3, 4], [2, 5, 6], [2, 0, 1]]
+    record = read_record(write_rows(tmp_path, rows), {"u": "V", "y": "m"}, jumps=True)
+    assert record.time.tolist() == [0, 1, 2]
+    assert record.signals["u"].tolist() == [1, 3, 0]
+    assert record.signals["y"].tolist() == [2, 4, 1]
+    (repair,) = (repair for repair in record.repairs if repair.kind == "duplicates")
+    assert repair.rows == (3, 5)
 
 
 def test_rows_that_repeat_exactly_keep_their_exact_value(tmp_path):

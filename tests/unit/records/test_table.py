@@ -35,6 +35,10 @@ def test_a_number_is_read_as_python_writes_it(value):
     assert parse_cell(f" {value!r} ") == value
 
 
+def test_a_truth_value_is_a_number():
+    assert [parse_cell(cell) for cell in ("true", " False")] == [1.0, 0.0]
+
+
 @pytest.mark.parametrize("cell", ["", " NaN", "n/a", "#N/A", "-1.#IND"])
 def test_a_missing_value_is_no_number_and_no_mistake(cell):
     assert np.isnan(parse_cell(cell))

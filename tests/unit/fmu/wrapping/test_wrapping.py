@@ -206,6 +206,14 @@ def test_every_type_is_exchanged_exactly():
     assert {name: values[-1] for name, values in found.items()} == ANSWERS
 
 
+@pytest.mark.parametrize("smallest", [-(2**31), 2**31 - 1])
+def test_the_largest_integers_go_in(smallest):
+    settings = {"i64_in": smallest, "i32_in": min(smallest, 2**31 - 2)}
+    found = run(foreign("types"), settings, {"i64_in": np.full(2, smallest)}, time=TIME[:2])
+    assert found["i64_out"][-1] == smallest - 2**50
+    assert found["i32_out"][-1] == settings["i32_in"] + 1
+
+
 def test_texts_are_read_whole():
     with Fmu(foreign("types"), {"words[1]": "first"}) as fmu:
         fmu.start()
