@@ -342,7 +342,7 @@ class _Translator:
         return texts
 
     def _unknowns(self, tag: str) -> Iterator[tuple[_Variable | None, Element]]:
-        """Yield the variables of a part of the model structure; None for one that is left out."""
+        """Yield the variables of a part of the model structure; None for one not exchanged."""
         for unknown in self._root.iterfind(f"ModelStructure/{tag}"):
             reference = self._whole(unknown.get("valueReference"), tag, "valueReference")
             yield self._variables.get(reference), unknown
@@ -505,7 +505,7 @@ class _Translator:
                 SubElement(section, "Unknown", index=str(index + 1)).attrib |= dependencies
 
     def _dependencies(self, variable: _Variable, unknown: Element) -> dict[str, str]:
-        """Return the attributes that tell on which elements those of an unknown depend."""
+        """Return the dependencies of an unknown, and their kinds, as attributes."""
         text = unknown.get("dependencies")
         if text is None:
             return {}
