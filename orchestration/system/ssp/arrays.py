@@ -102,6 +102,13 @@ def scalars(member: Member) -> dict[str, Any]:
     return _variables(member).scalars
 
 
+def enumeration_items(member: Member, name: str) -> dict[str, float]:
+    """Return the values of the items of an enumeration by name, none where it has no items."""
+    enumeration = scalars(member)[name].declaredType
+    listed = enumeration.items if enumeration is not None else None
+    return {str(item.name): float(item.value) for item in listed or ()}
+
+
 def declared(member: Member) -> dict[str, DeclaredVariable]:
     """Return the variables of a member by name, nothing of one of FMI 2.0.
 

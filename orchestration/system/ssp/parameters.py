@@ -10,7 +10,7 @@ from fmus.kit.build import define_units, serialized, to_ssv
 from orchestration.fmu import DeclaredVariable, Signal, Value
 from orchestration.system.checking import variable
 from orchestration.system.model import Member
-from orchestration.system.ssp.arrays import declared, end_of, scalars
+from orchestration.system.ssp.arrays import declared, end_of, enumeration_items
 from orchestration.system.ssp.connectors import known_unit
 from orchestration.system.ssp.vocabulary import PARAMETER_SET, SSV, TYPES, tag
 
@@ -90,9 +90,7 @@ def _text(member: Member, kind: str, signal: Signal, value: Value) -> str:
 
 def _item(member: Member, name: str, value: Value) -> str:
     """Return the name of an item of an enumeration, by which SSP has its values."""
-    enumeration = scalars(member)[name].declaredType
-    listed = enumeration.items if enumeration is not None else None
-    items = {float(item.value): str(item.name) for item in listed or ()}
+    items = {number: item for item, number in enumeration_items(member, name).items()}
     if value not in items:
         known = ", ".join(f"{number:g}" for number in items)
         raise UserError(

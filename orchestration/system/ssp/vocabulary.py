@@ -6,7 +6,9 @@ are those of 1.0.
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Iterable
 from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError
@@ -137,6 +139,43 @@ def check_exchanged(element: Element, where: str) -> None:
     for node in element:
         if local_name(node) in _NOT_EXCHANGED:
             raise UserError(f"{where} is {local_name(node)}; known are {', '.join(TYPES)}")
+
+
+def attribute(element: Element, name: str) -> str:
+    """Return an attribute of an element.
+
+    Raises
+    ------
+    UserError
+        If it has none of that name.
+    """
+    value = element.get(name)
+    if value is None:
+        raise UserError(f"a {local_name(element)} has no attribute {name!r}")
+    return value
+
+
+def number(element: Element, name: str, default: str) -> float:
+    """Return an attribute that is a number.
+
+    Raises
+    ------
+    UserError
+        If it, or the default in its place, is not a finite number.
+    """
+    text = element.get(name, default)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise UserError(f"{name} {text!r} of a {local_name(element)} is not a finite number")
+    return value
+
+
+def find_all(parts: Iterable[Element], path: str) -> list[Element]:
+    """Return the elements at a path in several elements."""
+    return [node for part in parts for node in part.findall(path, NAMESPACES)]
 
 
 def local_name(element: Element) -> str:

@@ -1,0 +1,303 @@
+"""Reading of the connections of a system: between members, and to connectors of its own."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from xml.etree.ElementTree import Element
+
+from fmus.kit import UserError
+from orchestration.fmu import MOST_ELEMENTS, DeclaredVariable, element_names
+from orchestration.system.checking import conversion, interface
+from orchestration.system.model import Connection, Member, Port
+from orchestration.system.ssp.arrays import element_at, scalars, show_shape, variable_of
+from orchestration.system.ssp.declarations import check_type_and_unit
+from orchestration.system.ssp.vocabulary import (
+    NAMESPACES,
+    attribute,
+    check_exchanged,
+    find_all,
+    number,
+)
+
+_IDENTITY = (1.0, 0.0)  # factor and offset
+_SIDES = ("start", "end")
+# attributes of an end of a connection, and those of the other
+_OTHER_SIDE = {
+    f"{side}{part}": f"{other}{part}"
+    for side, other in (_SIDES, _SIDES[::-1])
+    for part in ("Element", "Connector", "Indices")
+}
+_WHOLE = re.compile(r"[0-9]{1,18}")
+
+
+@dataclass
+class SystemConnectors:
+    """The connectors of the system, and the ports of members to which they are connected.
+
+    Attributes
+    ----------
+    declared : dict of str to DeclaredVariable
+        By name; of an array with its elements, each of which is an input or an output here.
+    inputs : dict of str to list of Port
+    outputs : dict of str to Port or None
+        None until the connection is read.
+    """
+
+    declared: dict[str, DeclaredVariable] = field(default_factory=dict)
+    inputs: dict[str, list[Port]] = field(default_factory=dict)
+    outputs: dict[str, Port | None] = field(default_factory=dict)
+
+    def connected_outputs(self) -> dict[str, Port]:
+        """Return the outputs.
+
+        Raises
+        ------
+        UserError
+            If one is not connected.
+        """
+        connected = {name: port for name, port in self.outputs.items() if port is not None}
+        unconnected = self.outputs.keys() - connected.keys()
+        if unconnected:
+            raise UserError(f"system output {min(unconnected)} is connected with nothing")
+        return connected
+
+    def connect(self, source: Port, target: Port, where: str) -> None:
+        """Note a connection to a connector of the system, whose port has no member.
+
+        Raises
+        ------
+        UserError
+            If neither end is one, or an output has a source already; the message begins with
+            `where`.
+        """
+        if not source.member and target.member and source.variable in self.inputs:
+            self.inputs[source.variable].append(target)
+            return
+        if target.member or not source.member or target.variable not in self.outputs:
+            raise UserError(f"{where}: leads from no input of the system, nor to an output of it")
+        other = self.outputs[target.variable]
+        if other is not None:
+            raise UserError(
+                f"{where}: system output {target.variable} has two sources, {other} is one"
+            )
+        self.outputs[target.variable] = source
+
+
+def read_connections(
+    parts: Sequence[Element], members: Mapping[str, Member]
+) -> tuple[list[Connection], SystemConnectors]:
+    """Read the connections of a system, and its connectors.
+
+    Parameters
+    ----------
+    parts : sequence of Element
+        The ``System``, and the elements of annotations with further connectors and connections.
+    members : Mapping of str to Member
+
+    Returns
+    -------
+    list of Connection
+        Between members, of arrays one for each element.
+    SystemConnectors
+        With the ports that they are connected to.
+
+    Raises
+    ------
+    UserError
+        If a connector is declared otherwise than the port that it is connected to, or a connection
+        leads nowhere.
+    """
+    declared = find_all(parts, "ssd:Connectors/ssd:Connector")
+    connectors = _read_system_connectors(declared)
+    reader = _ConnectionReader(members, connectors)
+    connections = [
+        connection
+        for wire in find_all(parts, "ssd:Connections/ssd:Connection")
+        for connection in reader.read(wire)
+    ]
+    connectors.connected_outputs()
+    for connector in declared:
+        _check_system_connector(connector, members, connectors)
+    return connections, connectors
+
+
+def _read_system_connectors(declared: Sequence[Element]) -> SystemConnectors:
+    """Read the connectors of the system, which are not connected yet."""
+    connectors = SystemConnectors()
+    for connector in declared:
+        name = attribute(connector, "name")
+        kind = attribute(connector, "kind")
+        where = f"connector {name!r} of the system"
+        if kind not in ("input", "output"):
+            raise UserError(f"{where} is {kind}; known: input, output")
+        check_exchanged(connector, where)
+        if name in connectors.declared:
+            raise UserError(f"two connectors of the system are named {name!r}")
+        shape = _read_shape(connector, where)
+        elements = tuple(element_names(name, shape))
+        connectors.declared[name] = DeclaredVariable("", shape, elements)
+        if kind == "input":
+            connectors.inputs |= {element: [] for element in elements}
+        else:
+            connectors.outputs |= dict.fromkeys(elements)
+    return connectors
+
+
+def _read_shape(connector: Element, where: str) -> tuple[int, ...]:
+    """Read the size of a connector of the system, which no FMU knows."""
+    texts = [node.get("size", "") for node in connector.iterfind("ssc:Dimension", NAMESPACES)]
+    for text in texts:
+        if _WHOLE.fullmatch(text) is None:
+            raise UserError(
+                f"{where} is an array with a dimension of size"
+                f" {repr(text[:40]) if text else 'not stated'}; known are whole numbers"
+            )
+    shape = tuple(map(int, texts))
+    if math.prod(shape) > MOST_ELEMENTS:
+        raise UserError(f"{where} has {show_shape(shape)}; at most {MOST_ELEMENTS:,} are taken")
+    return shape
+
+
+def _check_system_connector(
+    connector: Element, members: Mapping[str, Member], connectors: SystemConnectors
+) -> None:
+    """Compare type and unit of a connector with those of the ports that it is connected to."""
+    for element in connectors.declared[attribute(connector, "name")].elements:
+        output = connectors.outputs.get(element)
+        ports = connectors.inputs.get(element, [] if output is None else [output])
+        for port in ports:
+            scalar = scalars(members[port.member]).get(port.variable)
+            if scalar is None:
+                continue
+            where = f"connector {element!r} of the system, that is {port},"
+            check_type_and_unit(connector, scalar, where)
+
+
+class _ConnectionReader:
+    """A reader of connections among members and connectors of the system."""
+
+    def __init__(self, members: Mapping[str, Member], connectors: SystemConnectors):
+        self._members = members
+        self._connectors = connectors
+
+    def read(self, wire: Element) -> list[Connection]:
+        """Read a connection of members, of arrays one for each element.
+
+        One to a connector of the system is noted there.
+        """
+        wire = self._from_source(wire)
+        start, end = (self._read_end(wire, side) for side in _SIDES)
+        where = f"connection {_show_wire(wire)}"
+        if start.shape != end.shape:
+            raise UserError(f"{where}: from {show_shape(start.shape)} to {show_shape(end.shape)}")
+        transformation = _read_transformation(wire)
+        pairs = zip(start.elements, end.elements, strict=True)
+        source = wire.get("startElement")
+        target = wire.get("endElement")
+        if source is None or target is None:
+            if transformation != _IDENTITY:
+                raise UserError(
+                    f"{where}: a transformation at a connector of the system is not known"
+                )
+            for a, b in pairs:
+                self._connectors.connect(Port(source or "", a), Port(target or "", b), where)
+            return []
+        connections = [
+            Connection(Port(source, a), Port(target, b), *transformation) for a, b in pairs
+        ]
+        if wire.get("suppressUnitConversion", "false") not in ("true", "1"):
+            for connection in connections:
+                self._refuse_ambiguous_factor(connection, where)
+        return connections
+
+    def _read_end(self, wire: Element, side: str) -> DeclaredVariable:
+        """Read an end of a connection: a whole variable, or an element of it as a scalar."""
+        where = f"connection {_show_wire(wire)}"
+        owner = wire.get(f"{side}Element")
+        name = attribute(wire, f"{side}Connector")
+        if owner is not None and owner not in self._members:
+            raise UserError(f"{where}: there is no member named {owner!r}")
+        if owner is not None:
+            whole = variable_of(self._members[owner], name)
+        else:
+            whole = self._connectors.declared.get(name, DeclaredVariable("", (), (name,)))
+        indices = wire.get(f"{side}Indices", "").split()
+        if not indices:
+            return whole
+        if not all(map(_WHOLE.fullmatch, indices)):
+            raise UserError(
+                f"{where}: {side}Indices {' '.join(indices)[:40]!r} are no whole numbers"
+            )
+        try:
+            element = element_at(whole, tuple(map(int, indices)))
+        except UserError as error:
+            raise UserError(f"{where}: {name}: {error}") from error
+        return DeclaredVariable(whole.kind, (), (element,))
+
+    def _refuse_ambiguous_factor(self, connection: Connection, where: str) -> None:
+        """Raise an error if a connection has a factor and its ends have different units.
+
+        In SSP the factor comes on top of the conversion of units, in some tools it is all of it.
+        """
+        if connection.passes_on:  # without a factor
+            return
+        source = connection.source
+        target = connection.target
+        output = interface(self._members[source.member]).outputs.get(source.variable)
+        input_ = interface(self._members[target.member]).inputs.get(target.variable)
+        if output is None or input_ is None:  # refused when the system is checked
+            return
+        converts = conversion(output.unit, input_.unit) not in (None, _IDENTITY)
+        if converts:
+            raise UserError(
+                f"{where}: from {output.unit!r} to {input_.unit!r}, by a factor that may"
+                ' come on top of the conversion or be all of it; say suppressUnitConversion="true"'
+                " if it is all"
+            )
+
+    def _from_source(self, wire: Element) -> Element:
+        """Return a connection that starts at its source.
+
+        The names of its ends do not give its direction in SSP, their connectors do.
+        """
+        start, end = (self._receives(wire, side) for side in _SIDES)
+        if end or not start:
+            return wire
+        swapped = {_OTHER_SIDE.get(name, name): text for name, text in wire.attrib.items()}
+        turned = Element(wire.tag, swapped)
+        turned.extend(wire)
+        return turned
+
+    def _receives(self, wire: Element, side: str) -> bool:
+        """Return whether an end is an input of a member or an output of the system."""
+        owner = wire.get(f"{side}Element")
+        name = wire.get(f"{side}Connector", "")
+        if owner is None:
+            declared = self._connectors.declared.get(name)
+            elements = declared.elements[:1] if declared is not None else ()
+            return any(element in self._connectors.outputs for element in elements)
+        if owner not in self._members:
+            return False
+        known = scalars(self._members[owner])
+        elements = variable_of(self._members[owner], name).elements[:1]
+        return any(each in known and known[each].causality == "input" for each in elements)
+
+
+def _show_wire(wire: Element) -> str:
+    """Return the ends of a connection as they are written, for a message."""
+    ends = []
+    for side in _SIDES:
+        names = [wire.get(f"{side}Element"), wire.get(f"{side}Connector")]
+        ends.append(".".join(name for name in names if name is not None))
+    return " -> ".join(ends)
+
+
+def _read_transformation(wire: Element) -> tuple[float, float]:
+    """Read the factor and the offset of a connection."""
+    linear = wire.find("ssc:LinearTransformation", NAMESPACES)
+    if linear is None:
+        return _IDENTITY
+    return number(linear, "factor", "1"), number(linear, "offset", "0")

@@ -1,0 +1,190 @@
+"""Reading of the members of a system, with the parameters that are bound to them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from fmus.kit import UserError, units
+from orchestration.fmu import Value
+from orchestration.fmu.bounded import parse_xml
+from orchestration.system.checking import variable
+from orchestration.system.model import Member
+from orchestration.system.ssp.arrays import enumeration_items, variable_of
+from orchestration.system.ssp.declarations import check_connectors, check_shape
+from orchestration.system.ssp.package import Package
+from orchestration.system.ssp.vocabulary import (
+    FMU,
+    NAMESPACES,
+    TYPES,
+    attribute,
+    check_elements,
+    check_version,
+    find_all,
+    local_name,
+    tag,
+)
+
+_PARAMETER_TYPES = {tag(f"ssv:{name}"): kinds for name, kinds in TYPES.items()}
+_OTHER_IMPLEMENTATIONS = {
+    "ModelExchange": "model exchange",
+    "ScheduledExecution": "scheduled execution",
+}
+_BOOLEANS = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
+
+
+def read_members(top: Element, package: Package, folder: Path) -> dict[str, Member]:
+    """Read the members, with the parameters that are bound to them or to the system.
+
+    Parameters
+    ----------
+    top : Element
+        The ``System``.
+    package : Package
+    folder : Path
+        The FMUs of an archive are unpacked into it.
+
+    Returns
+    -------
+    dict of str to Member
+        By name.
+
+    Raises
+    ------
+    UserError
+        If a member is no FMU for co-simulation, is declared otherwise than its FMU is, or has a
+        parameter that cannot be set.
+    """
+    listed = [
+        _read_member(element, package, folder)
+        for element in top.findall("ssd:Elements/*", NAMESPACES)
+    ]
+    members = {member.name: member for member in listed}
+    if len(members) != len(listed):
+        raise UserError("two members have one name")
+    for name, value in _read_bindings(top, package, "system"):
+        owner, dot, parameter = name.partition(".")
+        if not dot or owner not in members:
+            raise UserError(f"parameter {name!r} of the system is not of the form member.parameter")
+        member = members[owner]
+        parameters = {**member.parameters, **_values(member, parameter, value)}
+        members[owner] = replace(member, parameters=parameters)
+    return members
+
+
+def _read_member(element: Element, package: Package, folder: Path) -> Member:
+    name = attribute(element, "name")
+    if element.tag == tag("ssd:System"):
+        raise UserError(
+            f"{name} is a system within the system; this program runs one level of members"
+        )
+    if element.tag != tag("ssd:Component"):
+        raise UserError(
+            f"{name} is a {local_name(element)}; this program runs components that are FMUs"
+        )
+    kind = element.get("type", FMU)
+    if kind != FMU:
+        raise UserError(f"member {name} is of type {kind}; this program runs FMUs")
+    other = _OTHER_IMPLEMENTATIONS.get(element.get("implementation", "any"))
+    if other is not None:
+        raise UserError(f"member {name} is to be run by {other}; this program runs co-simulation")
+    try:
+        member = Member(name, package.fmu(attribute(element, "source"), folder))
+        check_connectors(element, member)
+    except UserError as error:
+        text = str(error).removeprefix(f"{package.path}: ")
+        raise UserError(f"member {name}: {text}") from error
+    parameters: dict[str, Value] = {}
+    for key, value in _read_bindings(element, package, f"member {name}"):
+        parameters |= _values(member, key, value)
+    return replace(member, parameters=parameters)
+
+
+def _read_bindings(element: Element, package: Package, where: str) -> Iterator[tuple[str, Element]]:
+    """Yield names and values of all parameters that are bound to an element."""
+    for binding in element.findall("ssd:ParameterBindings/ssd:ParameterBinding", NAMESPACES):
+        if binding.find("ssd:ParameterMapping", NAMESPACES) is not None:
+            raise UserError(f"{where}: parameter mappings are not known to this program")
+        if binding.get("sourceBase", "SSD") != "SSD":
+            raise UserError(f"{where}: parameters inside of an FMU are not known to this program")
+        for parameter in _read_parameters(binding, package, where):
+            name = binding.get("prefix", "") + attribute(parameter, "name")
+            if len(parameter) == 0 or parameter[0].tag not in _PARAMETER_TYPES:
+                kind = local_name(parameter[0]) if len(parameter) else "nothing"
+                known = ", ".join(TYPES)
+                raise UserError(f"{where}: parameter {name} is {kind}; known are {known}")
+            yield name, parameter
+
+
+def _read_parameters(binding: Element, package: Package, where: str) -> list[Element]:
+    """Return the parameters in a binding, and in the file that it refers to."""
+    sets = binding.findall("ssd:ParameterValues/ssv:ParameterSet", NAMESPACES)
+    source = binding.get("source")
+    if source is not None:
+        parameter_set = parse_xml(package.text(source), str(package.path), source)
+        check_elements(parameter_set)
+        if parameter_set.tag != tag("ssv:ParameterSet"):
+            raise UserError(
+                f"{where}: {source} is a {local_name(parameter_set)}, not a ParameterSet"
+            )
+        sets.append(parameter_set)
+    for each in sets:
+        check_version(each, f"{where}: {source or 'a ParameterSet'}")
+    return find_all(sets, "ssv:Parameters/ssv:Parameter")
+
+
+def _values(member: Member, name: str, parameter: Element) -> dict[str, Value]:
+    """Return the value of a parameter, of an array those of all elements in row-major order."""
+    element = parameter[0]
+    names = variable_of(member, name).elements
+    texts = [node.get("value", "") for node in element.iterfind("ssv:Value", NAMESPACES)]
+    is_array = len(names) > 1
+    if not texts:
+        text = element.get("value", "")
+        texts = text.split() if is_array else [text]
+    where = f"member {member.name}: {name}"
+    check_shape(parameter, name, member, where)
+    if len(texts) != len(names):
+        raise UserError(f"{where}: has {len(texts)} values; expected {len(names)}")
+    return {
+        each: _value(member, each, element, text) for each, text in zip(names, texts, strict=True)
+    }
+
+
+def _value(member: Member, name: str, element: Element, text: str) -> Value:
+    """Return the value of a scalar parameter in the FMU's unit."""
+    signal = variable(member, name)
+    where = f"member {member.name}: {name}"
+    kinds = _PARAMETER_TYPES[element.tag]
+    if signal.type not in kinds:
+        raise UserError(f"{where}: given as {kinds[0]}, but the FMU has it as {signal.type}")
+    if signal.type == "string":
+        return text
+    if element.tag == tag("ssv:Enumeration"):
+        return _item(member, name, text)
+    if signal.type == "boolean":
+        if text not in _BOOLEANS:
+            raise UserError(f"{where}: {text!r} is neither true nor false")
+        return _BOOLEANS[text]
+    try:
+        value = float(text)
+        return float(units.convert(value, element.get("unit", signal.unit), signal.unit, where))
+    except UserError as error:
+        if where in str(error):
+            raise
+        raise UserError(f"{where}: {error}") from error
+    except ValueError as error:
+        raise UserError(f"{where}: {text!r} is not a number") from error
+
+
+def _item(member: Member, name: str, text: str) -> float:
+    """Return the number of an item of an enumeration, given its name."""
+    items = enumeration_items(member, name)
+    if text not in items:
+        raise UserError(
+            f"member {member.name}: {name}: {text!r} is no item of its enumeration; items are"
+            f" {', '.join(items) or 'none'}"
+        )
+    return items[text]
