@@ -9,6 +9,7 @@ from fmus.kit import UserError, suggestion, units
 from fmus.kit.arrays import Array
 from orchestration.records.channels import mask_infinite, notice_channels, repair_holes
 from orchestration.records.clock import Samples, repair_clock
+from orchestration.records.elements import split_arrays
 from orchestration.records.formats import read_table
 from orchestration.records.frames import Arrays, table_of
 from orchestration.records.instants import FORMS, holds_instants, seconds
@@ -140,7 +141,7 @@ def _table(
     for name in (*required, *inputs):
         if name not in signals:
             raise UserError(f"'{name}' is not a signal of the model; it has: {', '.join(signals)}")
-    return _read(path)
+    return split_arrays(_read(path), signals)
 
 
 def _read(path: str | Path | Arrays) -> Table:

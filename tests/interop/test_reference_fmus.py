@@ -116,7 +116,7 @@ def test_it_gives_its_reference(path, tmp_path):
     works("simulate", path, *stimulus, "--out", "found.csv", cwd=tmp_path)
     reference = columns(references[0])
     found = columns(tmp_path / "found.csv")
-    places = np.searchsorted(found["time"], reference["time"] - 1e-9)
+    places = np.searchsorted(found["time"][:-1], reference["time"] - 1e-9)
     common = np.isclose(found["time"][places], reference["time"], rtol=0, atol=1e-9)
     assert common.all() or inputs
     assert common.sum() > 1
