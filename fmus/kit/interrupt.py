@@ -1,4 +1,4 @@
-"""Ctrl-C that takes effect where nothing is left half done, and nothing swallows it."""
+"""Ctrl-C that takes effect only where no work is half done and no exception is discarded."""
 
 from __future__ import annotations
 

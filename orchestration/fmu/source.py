@@ -1,4 +1,4 @@
-"""What many runs of a model are made of: one FMU, or a system of them."""
+"""The source of many runs of a model: one FMU, or a system of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from orchestration.fmu.signal import Value
 
 
 class RepeatedRuns(Protocol):
-    """What is opened once, to be run many times; a context manager."""
+    """A model that is opened once and run many times; a context manager."""
 
     def __enter__(self) -> Self: ...
 
@@ -41,15 +41,15 @@ class RepeatedRuns(Protocol):
 
 
 class Source(Protocol):
-    """Where the runs of a model come from; it can be sent to another process."""
+    """A model to be run many times; it can be sent to another process."""
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """Name in messages."""
 
     @property
     def guid(self) -> str:
-        """What tells it from any other source."""
+        """Identifier that no other source has."""
 
     @property
     def experiment(self) -> tuple[float | None, float | None]:
@@ -67,7 +67,7 @@ class Source(Protocol):
         """Return it with copies of its files."""
 
     def points(self, time: Array) -> Array:
-        """Return the points (n,) at which something is exchanged, for those that are asked for."""
+        """Return the communication points (n,) of runs with outputs at `time` (n,), s."""
 
     def open(self) -> RepeatedRuns:
-        """Return what makes the runs; UserError if it cannot be opened."""
+        """Return the opened model; UserError if it cannot be opened."""

@@ -45,7 +45,7 @@ def copied(folder):
 
 @pytest.fixture(scope="module")
 def dist(tmp_path_factory):
-    """What `make dist` makes of the packages: a source distribution, and a wheel of it."""
+    """The packages of `make dist`: a source distribution, and a wheel of it."""
     folder = tmp_path_factory.mktemp("dist")
     source = copied(tmp_path_factory.mktemp("source"))
     run([sys.executable, "-m", "build", "--outdir", str(folder), str(source)], folder)

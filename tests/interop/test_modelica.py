@@ -81,7 +81,7 @@ def courses_of(name):
 
 @dataclass(frozen=True)
 class Reference:
-    """What an FMU does.
+    """The trajectories of an FMU.
 
     Attributes
     ----------

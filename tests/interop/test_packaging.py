@@ -1,4 +1,4 @@
-"""What is installed is enough: a wheel, unpacked anywhere, plans the FMU of every component."""
+"""Claims: a wheel is complete: unpacked anywhere, it plans the FMU of every component."""
 
 import os
 import re

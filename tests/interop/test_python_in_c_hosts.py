@@ -128,7 +128,7 @@ def real_output(fmu: Path) -> int:
 
 
 def last_value(fmu: Path, reference: int) -> float:
-    """What the variable with this value reference has at the end."""
+    """Return the last value of the variable with this value reference."""
     variables = fmpy.read_model_description(str(fmu), validate=False).modelVariables
     name = next(v.name for v in variables if v.valueReference == reference)
     return hosts.run_fmpy(fmu, TIMES, {}, [name])[name][-1]

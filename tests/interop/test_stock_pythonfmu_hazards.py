@@ -1,5 +1,4 @@
-"""What stock pythonfmu 0.7.0 does when things go wrong: the measured reasons for this project's own
-FMU front-end.
+"""Hazards of stock pythonfmu 0.7.0: the measured reasons for this project's own FMU front-end.
 
 Every test asserts the hazard. When one fails, pythonfmu has been repaired, and the explanation in
 the documentation and perhaps a part of the front-end can go. Whatever may crash runs in a process
@@ -149,7 +148,7 @@ def play(fmu: str, sequence: list[str], logging: bool = False) -> list[Any]:
 
 
 def try_to_instantiate(fmu: str, folder: str | None = None, guid: str | None = None) -> bool:
-    """Whether fmi2Instantiate gives an instance (from a given folder, under a given GUID)."""
+    """Return whether fmi2Instantiate gives an instance, from a folder and under a GUID."""
     import fmpy
 
     with hosts.extracted(fmu) as unzipped:

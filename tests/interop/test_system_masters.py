@@ -177,8 +177,8 @@ def _same_a_step_later(tables):
 
 @pytest.mark.parametrize("runtime", slow_but(RUNTIMES, "native"))
 def test_a_voltage_is_measured_with_an_error_in_every_master(exported, runtime):
-    """Where outputs are read before inputs are set, what is measured is a step old; Ecos reads it
-    after.
+    """The reading is a step old in masters that read outputs before they set inputs; Ecos reads
+    them after.
     """
     held = {"charge_start": 2.0, "current": 0.0, "force": 0.0}
     actuator = Member.of("actuator", component("ppy_actuator"), held, runtime)
@@ -200,9 +200,7 @@ def test_a_voltage_is_measured_with_an_error_in_every_master(exported, runtime):
 
 
 def test_ecos_reads_an_answer_after_it_has_passed_on_the_inputs(exported):
-    """What answers to an input at once is one exchange ahead in Ecos; the trajectories are the
-    same.
-    """
+    """Outputs with direct feedthrough are one exchange ahead in Ecos, on equal trajectories."""
     inputs, count, _, (tension,) = RUNS["dma_bench"]
     system = library.system("dma_bench")
     path = exported(system)

@@ -1,4 +1,4 @@
-"""Which tools run our FMUs: each is run on every component, and badges are drawn from the log.
+"""Compatibility of our FMUs: every tool is run on every component, and badges show the log.
 
 ``python -m tests.support.compatibility --out FOLDER`` writes ``tools.jsonl``, a line for each run
 with the digest of the FMU, and ``badges/TOOL-fmiN.svg``.

@@ -59,9 +59,11 @@ def simulate_fmu(
             np.savetxt(table, input, "%.17g", delimiter=",", header=columns, comments="")
             command += ["--input-file", str(table)]
         done = subprocess.run([*command, filename], capture_output=True, text=True, timeout=300)
-        said = (done.stdout + done.stderr).splitlines()
-        if done.returncode or said:
-            raise RuntimeError(said[-1] if said else f"fmusim: exit status {done.returncode}")
+        messages = (done.stdout + done.stderr).splitlines()
+        if done.returncode or messages:
+            raise RuntimeError(
+                messages[-1] if messages else f"fmusim: exit status {done.returncode}"
+            )
         rows = np.genfromtxt(result, delimiter=",", names=True, deletechars='"')
     regular = output_interval * np.arange(round(stop_time / output_interval) + 1)
     return rows[np.searchsorted(rows["time"], regular + 1e-9, side="right") - 1]

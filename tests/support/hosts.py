@@ -65,7 +65,7 @@ class HostError(RuntimeError):
 
 @dataclass(frozen=True)
 class Finished:
-    """What became of a function that ran in its own process.
+    """The outcome of a function that ran in its own process.
 
     Attributes
     ----------

@@ -37,7 +37,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Auxiliary:
-    """A variable of type Real for what a law gives, or what stands in several places.
+    """A variable of type Real for the value of a law, or for a common subexpression.
 
     Attributes
     ----------
@@ -115,19 +115,19 @@ def define(
 
 
 def _name_of_law(law: str, taken: set[str]) -> str:
-    """Return the name of a law, which another one stands for if it is evaluated at samples too."""
+    """Return the name of a law, or another one if the law is evaluated at samples too."""
     return identifier(f"sampled_{law}" if law in taken else law, taken)
 
 
 def _numbered(taken: set[str]) -> str:
-    """Return a name for what has none."""
+    """Return a name for a common subexpression."""
     return next(name for k in range(1, len(taken) + 2) if (name := f"term_{k}") not in taken)
 
 
 def _shared(
     roots: Sequence[ExpressionNode], laws: Mapping[ExpressionNode, str]
 ) -> list[ExpressionNode]:
-    """Return the expressions that laws give, or that stand in several places, operands first."""
+    """Return the values of laws and the common subexpressions, operands first."""
     order: dict[ExpressionNode, None] = {}
     for root in roots:
         _visit(root, order)

@@ -76,7 +76,7 @@ def indented(lines: Iterable[str]) -> list[str]:
 
 
 def wrapped(lines: Iterable[str], indent: str = "  ") -> list[str]:
-    """Indent lines in which no string stands, and break long ones."""
+    """Indent lines without strings, and break long ones."""
     return [
         part
         for line in lines

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from fmus.kit import Component
 
 
-class _Asked(NamedTuple):
-    """An FMU that is asked for, and its place."""
+class _PlannedFmu(NamedTuple):
+    """An FMU to be built, and the path that it is written to."""
 
     cls: type[Component]
     runtime: str
@@ -44,9 +44,9 @@ def build(options: BuildCommand) -> None:
     from orchestration.reporting import note
 
     platforms = platform_list(options["platforms"])
-    asked = _asked(options)
-    _check(asked, platforms, options)
-    complete = _make(asked, platforms)
+    planned = _plan(options)
+    _check(planned, platforms, options)
+    complete = _build_all(planned, platforms)
     if options["runtime"] == kit.STOCK:
         for limit in LIMITS:
             note(f"{kit.STOCK} promises less: {limit}")
@@ -54,8 +54,8 @@ def build(options: BuildCommand) -> None:
         raise typer.Exit(1)
 
 
-def _asked(options: BuildCommand) -> list[_Asked]:
-    """Return the FMUs that options ask for."""
+def _plan(options: BuildCommand) -> list[_PlannedFmu]:
+    """Return the FMUs that options select."""
     from fmus import COMPONENTS, MODELS
     from fmus.kit import build as kit
 
@@ -68,7 +68,9 @@ def _asked(options: BuildCommand) -> list[_Asked]:
     runtimes = kit.RUNTIMES if runtime == "both" else (runtime,)
     classes = [_component(name, options) for name in names or known]
     return [
-        _Asked(cls, kind, fmi, options["out"] / ("fmi3" if fmi == 3 else kind) / f"{cls.name}.fmu")
+        _PlannedFmu(
+            cls, kind, fmi, options["out"] / ("fmi3" if fmi == 3 else kind) / f"{cls.name}.fmu"
+        )
         for cls in classes
         for kind in runtimes
     ]
@@ -86,37 +88,39 @@ def _component(name: str, options: BuildCommand) -> type[Component]:
     return stack(cls, name=f"{cls.name}_set", defaults=values) if values else cls
 
 
-def _check(asked: Sequence[_Asked], platforms: list[str] | None, options: BuildCommand) -> None:
+def _check(
+    planned: Sequence[_PlannedFmu], platforms: list[str] | None, options: BuildCommand
+) -> None:
     """Refuse, before any work is done, what cannot be built or written."""
     from fmus.kit import build as kit
     from orchestration.cli.models import model_file
 
-    for one in asked:
+    for one in planned:
         kit.check_build(one.cls, one.runtime, platforms, one.fmi)
     Outputs(
         {f"the model {name}": model_file(name) for name in options["names"] or ()},
-        {f"{one.cls.name} ({one.runtime})": one.path for one in asked},
+        {f"{one.cls.name} ({one.runtime})": one.path for one in planned},
         folders={"--out": options["out"]},
     ).check()
 
 
-def _make(asked: Sequence[_Asked], platforms: list[str] | None) -> bool:
-    """Build FMUs; return False if one of all platforms had to be left out, which is told."""
+def _build_all(planned: Sequence[_PlannedFmu], platforms: list[str] | None) -> bool:
+    """Build FMUs; return False if one lacks a platform, which is noted, as its build failed."""
     from fmus.kit import build as kit
     from fmus.kit import files
     from orchestration.reporting import note, out, progress
 
     failures: list[str] = []
 
-    def left_out(path: Path, platform: str, error: UserError) -> None:
+    def skip_platform(path: Path, platform: str, error: UserError) -> None:
         failures.append(platform)
         note(f"{path} is without {platform}: {error}")
 
     with progress() as tell:
-        tell(f"building {len(asked)} FMUs")
-        for k, (cls, runtime, fmi, path) in enumerate(asked):
-            failed = partial(left_out, path) if platforms is None else None
-            done = partial(tell.done, k, len(asked))
+        tell(f"building {len(planned)} FMUs")
+        for k, (cls, runtime, fmi, path) in enumerate(planned):
+            failed = partial(skip_platform, path) if platforms is None else None
+            done = partial(tell.done, k, len(planned))
             files.write(path, kit.build(cls, runtime, platforms, done, failed, fmi))
             out.print(str(path))
     return not failures

@@ -132,7 +132,7 @@ class ExportModelicaCommand(LaidOverOption, ExportOptions, total=False):
 
 
 class NewOptions(TypedDict, total=False):
-    """What is written to start from, and where."""
+    """Options of the template that is written, and of its place."""
 
     kind: Annotated[
         str,

@@ -69,7 +69,7 @@ def _is_of_aliases(problem: str, aliases: Set[str]) -> bool:
 
 
 def _beyond_fmi2(root: Element) -> Iterator[Finding]:
-    """Tell what this program leaves out of an FMU of FMI 3.0."""
+    """Note the parts of an FMU of FMI 3.0 that this program ignores."""
     variables = root.findall("ModelVariables/*")
     groups = {
         "clocks, which keep it from being run here": "Clock",

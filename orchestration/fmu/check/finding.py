@@ -50,9 +50,9 @@ class Findings(Displayable, list[Finding]):
 
     @property
     def _counts(self) -> str:
-        """How many there are of each severity."""
-        found = [finding.severity for finding in self]
-        return ", ".join(f"{found.count(severity)} {severity}s" for severity in SEVERITIES)
+        """Number of findings of each severity."""
+        listed = [finding.severity for finding in self]
+        return ", ".join(f"{listed.count(severity)} {severity}s" for severity in SEVERITIES)
 
     def overview(self) -> Iterator[RenderableType]:
         """Yield how many there are, and a table of them."""

@@ -7,38 +7,22 @@ counterpart, which are binary or clocks, are left out.
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
-from fmus.kit import UserError
-
-# types that a wrapped FMU can exchange, in the order of their numbers in `wrapper.h`
-_NUMBERS = (
-    "Float32",
-    "Float64",
-    "Int8",
-    "UInt8",
-    "Int16",
-    "UInt16",
-    "Int32",
-    "UInt32",
-    "Int64",
-    "UInt64",
-    "Boolean",
-    "String",
+from orchestration.fmu.wrapping.variables import (
+    NUMBERS,
+    DeclaredVariable,
+    Fmi3Description,
+    Fmi3Variable,
+    number_type,
 )
-_SCALARS = {"Float32": "Real", "Float64": "Real"}
-_SCALARS |= {kind: kind for kind in ("Boolean", "String", "Enumeration")}
+
 _COUNT = "1"  # the unit of wide integers
-_WIDE = ("UInt32", "Int64", "UInt64")  # beyond the integers of FMI 2.0
 _RANGES = {"Int8": (-128, 127), "UInt8": (0, 255), "Int16": (-(2**15), 2**15 - 1)}
 _RANGES |= {"UInt16": (0, 2**16 - 1)} | dict.fromkeys(("UInt32", "UInt64"), (0, 2**31 - 1))
-_PARAMETERS = ("parameter", "calculatedParameter", "structuralParameter")
-MOST_ELEMENTS = 200_000  # of all variables
 _MOST_DEPENDENCIES = 1_000_000  # beyond these an unknown may depend on all, which FMI 2.0 assumes
 
 _OF_MODEL = {
@@ -90,24 +74,6 @@ class TableRow(NamedTuple):
     elements: int
 
 
-class DeclaredVariable(NamedTuple):
-    """A variable as FMI 3.0 has it.
-
-    Attributes
-    ----------
-    kind : str
-        Its type in FMI 3.0.
-    shape : tuple of int
-        Empty for a scalar.
-    elements : tuple of str
-        Names of its elements in FMI 2.0; of a scalar its own.
-    """
-
-    kind: str
-    shape: tuple[int, ...]
-    elements: tuple[str, ...]
-
-
 @dataclass(frozen=True)
 class Translation:
     """A translated model description.
@@ -150,107 +116,29 @@ def translate(root: Element, label: str) -> Translation:
     return _Translator(root, label).translated()
 
 
-class _Variable:
-    """A variable of FMI 3.0 with the attributes of its declared type.
-
-    Attributes
-    ----------
-    node : Element
-    kind : str
-        Its type in FMI 3.0.
-    reference : int
-    shape : tuple of int
-        Empty for a scalar.
-    attributes : Mapping of str to str
-    first : int
-        Index of its first element among all elements.
-    """
-
-    def __init__(self, node: Element, reference: int, shape: tuple[int, ...], first: int):
-        self.node = node
-        self.kind = node.tag
-        self.reference = reference
-        self.shape = shape
-        self.first = first
-        self.count = math.prod(shape)
-        self.attributes: Mapping[str, str] = node.attrib
-
-    @property
-    def causality(self) -> str:
-        return self.attributes.get("causality", "local")
-
-    @property
-    def variability(self) -> str:
-        usual = "continuous" if self.kind.startswith("Float") else "discrete"
-        if self.causality in _PARAMETERS:
-            usual = "fixed"
-        return self.attributes.get("variability", usual)
-
-    @property
-    def is_wide(self) -> bool:
-        """True if its values may be beyond the integers of FMI 2.0; those that are set are not."""
-        is_set = self.causality in ("parameter", "input", "structuralParameter")
-        return self.kind in _WIDE and not is_set
-
-    @property
-    def scalar_type(self) -> str:
-        """Type of its elements in FMI 2.0; wide integers are exact as reals up to 2**53."""
-        return "Real" if self.is_wide else _SCALARS.get(self.kind, "Integer")
-
-    @property
-    def elements(self) -> range:
-        """Indices of its elements."""
-        return range(self.first, self.first + self.count)
-
-    def names(self, name: str) -> Iterator[str]:
-        """Yield the names of its elements under its own name, or that of an alias."""
-        return element_names(name, self.shape)
-
-
-def element_names(name: str, shape: tuple[int, ...]) -> Iterator[str]:
-    """Yield the names of the elements of an array in row-major order; of a scalar its own.
-
-    Parameters
-    ----------
-    name : str
-    shape : tuple of int
-
-    Yields
-    ------
-    str
-    """
-    if not shape:
-        yield name
-        return
-    # the index of a derivative belongs to the variable: der(x[2])
-    stem, end = (name[:-1], ")") if name.startswith("der(") else (name, "")
-    for indices in itertools.product(*(range(1, size + 1) for size in shape)):
-        yield f"{stem}[{','.join(map(str, indices))}]{end}"
-
-
 class _Translator:
     """The translation of one description."""
 
     def __init__(self, root: Element, label: str):
         self._root = root
-        self._where = f"{label}: modelDescription.xml"
-        self._types = {node.get("name", ""): node for node in root.iterfind("TypeDefinitions/*")}
+        self._description = Fmi3Description(root, label)
         self._inverse_units = {
             (unit.get("name"), display.get("name"))
             for unit in root.iterfind("UnitDefinitions/Unit")
             for display in unit.iterfind("DisplayUnit")
             if display.get("inverse") in ("true", "1")
         }
-        self._variables: dict[int, _Variable] = {}
+        self._variables = self._description.variables
         self._aliases: dict[int, list[int]] = {}  # of outputs, by the index of an element
-        self._read_variables()
 
     def translated(self) -> Translation:
         root = Element("fmiModelDescription", fmiVersion="2.0")
         self._copy(self._root, root, _OF_MODEL)
         root.set("guid", self._root.get("instantiationToken", ""))
         indicators = sum(
-            variable.count for variable, _ in self._unknowns("EventIndicator") if variable
+            variable.count
+            for variable, _ in self._description.unknowns("EventIndicator")
+            if variable
         )
         if indicators:
             root.set("numberOfEventIndicators", str(indicators))
@@ -263,91 +151,10 @@ class _Translator:
         self._add_variables(root)
         self._add_structure(root)
         table = [
-            TableRow(_NUMBERS.index(_number_type(v.kind)), v.reference, v.count)
+            TableRow(NUMBERS.index(number_type(v.kind)), v.reference, v.count)
             for v in self._variables.values()
         ]
-        return Translation(root, table, self._declared_variables())
-
-    def _declared_variables(self) -> dict[str, DeclaredVariable]:
-        declared = {}
-        for variable in self._variables.values():
-            for own in (variable.node, *variable.node.iterfind("Alias")):
-                name = own.get("name", "")
-                elements = tuple(variable.names(name))
-                declared[name] = DeclaredVariable(variable.kind, variable.shape, elements)
-        return declared
-
-    # --- what is read
-
-    def _fail(self, name: str, problem: str) -> UserError:
-        return UserError(f"{self._where}: {name}: {problem}")
-
-    def _whole(self, text: str | None, name: str, attribute: str) -> int:
-        if text is None or not text.strip().isascii() or not text.strip().isdigit():
-            raise self._fail(name, f"{attribute} {(text or '')[:40]!r} is no whole number")
-        return int(text)
-
-    def _read_variables(self) -> None:
-        nodes: dict[int, Element] = {}
-        for node in self._root.iterfind("ModelVariables/*"):
-            name = node.get("name", "")
-            reference = self._whole(node.get("valueReference"), name, "valueReference")
-            if reference in nodes:
-                other = nodes[reference].get("name", "")
-                raise self._fail(name, f"has the value reference {reference} of {other}")
-            nodes[reference] = node
-        first = 0
-        for reference, node in nodes.items():
-            if _number_type(node.tag) not in _NUMBERS:
-                continue
-            shape = tuple(self._size(size, node, nodes) for size in node.iterfind("Dimension"))
-            variable = _Variable(node, reference, shape, first)
-            variable.attributes = self._declared(node) | node.attrib
-            first += variable.count
-            if first > MOST_ELEMENTS:
-                raise UserError(
-                    f"{self._where}: its arrays have more than {MOST_ELEMENTS:,} elements; these"
-                    " are not taken one by one"
-                )
-            self._variables[reference] = variable
-
-    def _declared(self, node: Element) -> dict[str, str]:
-        """Return the attributes of the declared type of a variable."""
-        declared = self._types.get(node.get("declaredType", ""))
-        if declared is None:
-            return {}
-        return {name: text for name, text in declared.attrib.items() if name != "description"}
-
-    def _size(self, size: Element, node: Element, nodes: Mapping[int, Element]) -> int:
-        name = node.get("name", "")
-        if size.get("start") is not None:
-            return self._whole(size.get("start"), name, "the size")
-        reference = self._whole(size.get("valueReference"), name, "valueReference of a dimension")
-        if reference not in nodes:
-            raise self._fail(name, f"there is no variable {reference}, which is its dimension")
-        return self._whole(nodes[reference].get("start"), name, "the size")
-
-    def _starts(self, variable: _Variable) -> list[str]:
-        """Return a start value for each element; nothing if none are declared."""
-        if variable.kind == "String":
-            texts = [start.get("value", "") for start in variable.node.iterfind("Start")]
-        else:
-            texts = variable.node.get("start", "").split()
-        if len(texts) == 1:
-            texts *= variable.count
-        if texts and len(texts) != variable.count:
-            name = variable.attributes.get("name", "")
-            expected = "1" if variable.count == 1 else f"1 or {variable.count}"
-            raise self._fail(name, f"has {len(texts)} start values; expected {expected}")
-        return texts
-
-    def _unknowns(self, tag: str) -> Iterator[tuple[_Variable | None, Element]]:
-        """Yield the variables of a part of the model structure; None for one that is left out."""
-        for unknown in self._root.iterfind(f"ModelStructure/{tag}"):
-            reference = self._whole(unknown.get("valueReference"), tag, "valueReference")
-            yield self._variables.get(reference), unknown
-
-    # --- what is written
+        return Translation(root, table, self._description.declared_variables())
 
     @staticmethod
     def _copy(source: Element, target: Element, names: Mapping[str, str]) -> None:
@@ -383,7 +190,9 @@ class _Translator:
                     self._copy(display, SubElement(own, "DisplayUnit"), _OF_DISPLAY_UNIT)
 
     def _add_enumerations(self, root: Element) -> None:
-        enumerations = [node for node in self._types.values() if node.tag == "EnumerationType"]
+        enumerations = [
+            node for node in self._description.types.values() if node.tag == "EnumerationType"
+        ]
         if not enumerations:
             return
         definitions = SubElement(root, "TypeDefinitions")
@@ -419,7 +228,7 @@ class _Translator:
                     index += 1
 
     def _add_scalars(
-        self, parent: Element, variable: _Variable, own: Element, causality: str
+        self, parent: Element, variable: Fmi3Variable, own: Element, causality: str
     ) -> None:
         """Append the elements of a variable, under its name or an alias.
 
@@ -427,7 +236,7 @@ class _Translator:
         ----------
         parent : Element
             ``ModelVariables``.
-        variable : _Variable
+        variable : Fmi3Variable
         own : Element
             What gives name, description and display unit: the variable, or its alias.
         causality : str
@@ -445,7 +254,7 @@ class _Translator:
             shared["description"] = description
         attributes = self._scalar_attributes(variable, own)
         derivative = self._derivative(variable) if not is_alias else None
-        starts = self._starts(variable) if not is_alias and not fixed else []
+        starts = self._description.starts(variable) if not is_alias and not fixed else []
         for k, name in enumerate(variable.names(own.get("name", ""))):
             reference = str(variable.first + k)
             scalar = SubElement(parent, "ScalarVariable", name=name, valueReference=reference)
@@ -456,7 +265,7 @@ class _Translator:
             if starts:
                 value.set("start", starts[k])
 
-    def _scalar_attributes(self, variable: _Variable, own: Element) -> dict[str, str]:
+    def _scalar_attributes(self, variable: Fmi3Variable, own: Element) -> dict[str, str]:
         """Return the attributes that the elements of a variable share, without their start."""
         given = dict(variable.attributes)
         if own.get("displayUnit") is not None:
@@ -477,45 +286,49 @@ class _Translator:
             attributes["unbounded"] = "true"
         return attributes
 
-    def _derivative(self, variable: _Variable) -> _Variable | None:
+    def _derivative(self, variable: Fmi3Variable) -> Fmi3Variable | None:
         """Return the variable of which one is the derivative."""
         text = variable.node.get("derivative")
         if text is None:
             return None
         name = variable.node.get("name", "")
-        state = self._variables.get(self._whole(text, name, "derivative"))
+        state = self._variables.get(self._description.whole_number(text, name, "derivative"))
         if state is None or state.count != variable.count:
-            raise self._fail(name, f"is the derivative of {text}, which is no variable of its size")
+            raise self._description.error(
+                name, f"is the derivative of {text}, which is no variable of its size"
+            )
         return state
 
     def _add_structure(self, root: Element) -> None:
         structure = SubElement(root, "ModelStructure")
         for plural, tag in _STRUCTURE.items():
             section = SubElement(structure, plural)
-            for variable, unknown in self._unknowns(tag):
+            for variable, unknown in self._description.unknowns(tag):
                 if variable is not None:
                     self._add_unknowns(section, variable, unknown)
             if not len(section):
                 structure.remove(section)
 
-    def _add_unknowns(self, section: Element, variable: _Variable, unknown: Element) -> None:
+    def _add_unknowns(self, section: Element, variable: Fmi3Variable, unknown: Element) -> None:
         dependencies = self._dependencies(variable, unknown)
         for element in variable.elements:
             for index in (element, *self._aliases.get(element, ())):
                 SubElement(section, "Unknown", index=str(index + 1)).attrib |= dependencies
 
-    def _dependencies(self, variable: _Variable, unknown: Element) -> dict[str, str]:
-        """Return the attributes that tell on which elements those of an unknown depend."""
+    def _dependencies(self, variable: Fmi3Variable, unknown: Element) -> dict[str, str]:
+        """Return the dependencies of an unknown, and their kinds, as attributes."""
         text = unknown.get("dependencies")
         if text is None:
             return {}
         name = variable.node.get("name", "")
-        references = [self._whole(word, name, "a dependency") for word in text.split()]
+        references = [
+            self._description.whole_number(word, name, "a dependency") for word in text.split()
+        ]
         kinds: Sequence[str | None] = unknown.get("dependenciesKind", "").split() or [None] * len(
             references
         )
         if len(kinds) != len(references):
-            raise self._fail(
+            raise self._description.error(
                 name, f"has {len(references)} dependencies, but {len(kinds)} kinds of them"
             )
         knowns = [
@@ -537,8 +350,3 @@ class _Translator:
             ]
             attributes["dependenciesKind"] = " ".join(own)
         return attributes
-
-
-def _number_type(kind: str) -> str:
-    """Return the type with whose functions a type of FMI 3.0 is exchanged."""
-    return "Int64" if kind == "Enumeration" else kind

@@ -144,7 +144,7 @@ static void remember(component *c, direct_call *d, const fmi2ValueReference elem
     memcpy(references, c->references, s->variables * sizeof *references);
 }
 
-static fmi2Status worse(fmi2Status a, fmi2Status b) { return a > b ? a : b; }
+fmi2Status worse(fmi2Status a, fmi2Status b) { return a > b ? a : b; }
 
 /* Read numbers of any types. */
 static fmi2Status read_row(component *c, const fmi2ValueReference elements[], size_t count, double row[]) {

@@ -100,8 +100,7 @@ FMI2_Export fmi2Status fmi2EnterInitializationMode(fmi2Component p) {
     fmi2Status status = CALL(c, EnterInitializationMode, c->tolerance_defined != 0, c->tolerance, c->start,
                              c->stop_defined != 0, c->stop);
     if (status > fmi2Warning) return status;
-    fmi2Status late = write_late(c);
-    return late > status ? late : status;
+    return worse(status, write_late(c));
 }
 
 FMI2_Export fmi2Status fmi2ExitInitializationMode(fmi2Component p) {
@@ -187,7 +186,7 @@ FMI2_Export fmi2Status fmi2DoStep(fmi2Component p, fmi2Real start, fmi2Real size
         double before = c->reached;
         fmi2Status status = advance(c, before == start ? size : end - before, end, no_state_set_before, &events);
         if (status > fmi2Warning) return status;
-        if (status > worst) worst = status;
+        worst = worse(worst, status);
         if (c->terminated) {
             if (end - c->reached > 1e-6 * size) return refuse_to_go_on(c);
             break;

@@ -89,6 +89,7 @@ fmi2Status lacking(const component *c, const char *function);
 void tell(const component *c, fmi2Status status, const char *format, ...);
 int load(component *c); /* read the table and load the library of the FMU; tells why not */
 void unload(component *c);
+fmi2Status worse(fmi2Status a, fmi2Status b);
 fmi2Status write_late(component *c); /* set what had to wait for initialization mode */
 
 #endif

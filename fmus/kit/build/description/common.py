@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
@@ -322,11 +322,11 @@ def variable_attributes(reference: int, variable: Declaration) -> dict[str, str]
     if variable.type != "real" and kind["variability"] == "continuous":
         kind["variability"] = "discrete"
     description = variable.doc + (f" [{variable.source}]" if variable.source else "")
-    return {
-        "name": variable.name,
-        "valueReference": str(reference),
-        "description": description,
-    } | kind
+    return _identity(variable.name, reference, description) | kind
+
+
+def _identity(name: str, reference: int, description: str) -> dict[str, str]:
+    return {"name": name, "valueReference": str(reference), "description": description}
 
 
 def value_attributes(variable: Declaration) -> dict[str, str]:
@@ -368,14 +368,28 @@ def calculated(name: str, reference: int, description: str) -> dict[str, str]:
     -------
     dict of str to str
     """
-    return {
-        "name": name,
-        "valueReference": str(reference),
-        "description": description,
-        "causality": "local",
-        "variability": "continuous",
-        "initial": "calculated",
-    }
+    return _identity(name, reference, description) | _KINDS[StateDeclaration]
+
+
+def derivatives(layout: Layout) -> Iterator[tuple[dict[str, str], str, int]]:
+    """Yield the attributes of derivatives, their units, and the references of their states.
+
+    Parameters
+    ----------
+    layout : Layout
+
+    Yields
+    ------
+    attributes : dict of str to str
+    unit : str
+    state : int
+        Its value reference.
+    """
+    first_state = len(layout.parameters) + len(layout.inputs)
+    first = len(layout.variables)
+    for index, (name, unit) in enumerate(layout.derivatives):
+        description = f"time derivative of {layout.states[index].name}"
+        yield calculated(name, first + index, description), to_modelica(unit), first_state + index
 
 
 def text_attributes(reference: int, parameter: TextDeclaration) -> dict[str, str]:
@@ -391,14 +405,7 @@ def text_attributes(reference: int, parameter: TextDeclaration) -> dict[str, str
     -------
     dict of str to str
     """
-    return {
-        "name": parameter.name,
-        "valueReference": str(reference),
-        "description": parameter.doc,
-        "causality": "parameter",
-        "variability": "fixed",
-        "initial": "exact",
-    }
+    return _identity(parameter.name, reference, parameter.doc) | _KINDS[ParameterDeclaration]
 
 
 def model_description(cls: type[Component], version: str, identity: dict[str, str]) -> Element:

@@ -11,7 +11,6 @@ from fmus.kit.build.provenance import annotate_fmi2
 from fmus.kit.component import Component
 from fmus.kit.layout import Layout
 from fmus.kit.symbolic import Graph, dependencies
-from fmus.kit.units import to_modelica
 
 
 def describe_fmi2(
@@ -85,12 +84,9 @@ def _variables(root: Element, layout: Layout) -> None:
     for reference, variable in enumerate(layout.variables):
         node = SubElement(parent, "ScalarVariable", common.variable_attributes(reference, variable))
         SubElement(node, variable.type.capitalize(), common.value_attributes(variable))
-    first_state = len(layout.parameters) + len(layout.inputs)
-    for index, (name, unit) in enumerate(layout.derivatives):
-        description = f"time derivative of {layout.states[index].name}"
-        reference = len(layout.variables) + index
-        node = SubElement(parent, "ScalarVariable", common.calculated(name, reference, description))
-        SubElement(node, "Real", unit=to_modelica(unit), derivative=str(first_state + index + 1))
+    for attributes, unit, state in common.derivatives(layout):
+        node = SubElement(parent, "ScalarVariable", attributes)
+        SubElement(node, "Real", unit=unit, derivative=str(state + 1))
     for reference, parameter in enumerate(layout.texts, len(layout.names)):
         node = SubElement(parent, "ScalarVariable", common.text_attributes(reference, parameter))
         SubElement(node, "String", start=parameter.start)

@@ -12,7 +12,6 @@ from fmus.kit.build.toolchain import FOLDERS_OF_FMI_3
 from fmus.kit.component import Component
 from fmus.kit.layout import Layout
 from fmus.kit.symbolic import Graph, dependencies
-from fmus.kit.units import to_modelica
 
 _TYPES = {"real": "Float64", "integer": "Int32", "boolean": "Boolean"}
 # by the names that FMI 2.0 has for the elements around them
@@ -123,12 +122,8 @@ def _variables(root: Element, layout: Layout, indicators: int) -> None:
     for reference, variable in enumerate(layout.variables):
         attributes = common.variable_attributes(reference, variable)
         SubElement(parent, _TYPES[variable.type], attributes | common.value_attributes(variable))
-    first_state = len(layout.parameters) + len(layout.inputs)
-    for index, (name, unit) in enumerate(layout.derivatives):
-        description = f"time derivative of {layout.states[index].name}"
-        attributes = common.calculated(name, len(layout.variables) + index, description)
-        own = {"unit": to_modelica(unit), "derivative": str(first_state + index)}
-        SubElement(parent, "Float64", attributes | own)
+    for attributes, unit, state in common.derivatives(layout):
+        SubElement(parent, "Float64", attributes, unit=unit, derivative=str(state))
     for reference, parameter in enumerate(layout.texts, len(layout.names)):
         node = SubElement(parent, "String", common.text_attributes(reference, parameter))
         SubElement(node, "Start", value=parameter.start)

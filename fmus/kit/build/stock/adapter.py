@@ -72,7 +72,7 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
         return array("d", [*defaults, *computed, *internals, *counters])
 
     def _register_variables(self) -> None:
-        """Tell pythonfmu the variables and how to read and write them."""
+        """Register the variables with pythonfmu, with their getters and setters."""
         layout = self.model.layout
         kinds = [_KINDS[v.type] for v in layout.variables] + [Real] * len(layout.states)
         for i, (name, kind) in enumerate(zip(layout.names, kinds, strict=True)):

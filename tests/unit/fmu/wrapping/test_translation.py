@@ -147,14 +147,6 @@ def test_dependencies_of_very_many_elements_are_not_listed():
 @pytest.mark.parametrize(
     ("name", "old", "new", "message"),
     [
-        ("arrays", '<Dimension start="2"/>', '<Dimension start="-2"/>', "B: the size '-2' is no"),
-        ("arrays", '<Dimension start="2"/>', '<Dimension start="900000"/>', "more than 200,000"),
-        ("arrays", 'valueReference="1"/>', 'valueReference="77"/>', "A: there is no variable 77"),
-        ("arrays", 'start="3"', 'start="many"', "A: the size 'many' is no whole number"),
-        ("arrays", 'start="3"', 'start="9"', "A: has 9 start values; expected 1 or 81"),
-        ("arrays", 'start="0.1 0.2 0.3"', 'start="0.1 0.2"', "x: has 2 start values; expected 1"),
-        ("lag", 'valueReference="10"', 'valueReference="ten"', "u: valueReference 'ten' is no"),
-        ("lag", 'valueReference="7"', 'valueReference="10"', "k: has the value reference 10 of u"),
         ("lag", 'derivative="12"', 'derivative="99"', r"der\(x\): is the derivative of 99"),
         ("lag", 'dependencies="12"', 'dependencies="a"', "y: a dependency 'a' is no whole number"),
         ("lag", '"fixed fixed"', '"fixed"', "has 2 dependencies, but 1 kinds of them"),

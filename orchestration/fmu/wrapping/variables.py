@@ -1,0 +1,249 @@
+"""The variables of a model description of FMI 3.0: their types, sizes and elements."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+from xml.etree.ElementTree import Element
+
+from fmus.kit import UserError
+
+# types that a wrapped FMU can exchange, in the order of their numbers in `wrapper.h`
+NUMBERS = (
+    "Float32",
+    "Float64",
+    "Int8",
+    "UInt8",
+    "Int16",
+    "UInt16",
+    "Int32",
+    "UInt32",
+    "Int64",
+    "UInt64",
+    "Boolean",
+    "String",
+)
+_SCALARS = {"Float32": "Real", "Float64": "Real"}
+_SCALARS |= {kind: kind for kind in ("Boolean", "String", "Enumeration")}
+_WIDE = ("UInt32", "Int64", "UInt64")  # beyond the integers of FMI 2.0
+_PARAMETERS = ("parameter", "calculatedParameter", "structuralParameter")
+MOST_ELEMENTS = 200_000  # of all variables
+
+
+class DeclaredVariable(NamedTuple):
+    """A variable as FMI 3.0 has it.
+
+    Attributes
+    ----------
+    kind : str
+        Its type in FMI 3.0.
+    shape : tuple of int
+        Empty for a scalar.
+    elements : tuple of str
+        Names of its elements in FMI 2.0; of a scalar its own.
+    """
+
+    kind: str
+    shape: tuple[int, ...]
+    elements: tuple[str, ...]
+
+
+class Fmi3Variable:
+    """A variable of FMI 3.0 with the attributes of its declared type.
+
+    Attributes
+    ----------
+    node : Element
+    kind : str
+        Its type in FMI 3.0.
+    reference : int
+    shape : tuple of int
+        Empty for a scalar.
+    attributes : Mapping of str to str
+    first : int
+        Index of its first element among all elements.
+    """
+
+    def __init__(self, node: Element, reference: int, shape: tuple[int, ...], first: int):
+        self.node = node
+        self.kind = node.tag
+        self.reference = reference
+        self.shape = shape
+        self.first = first
+        self.count = math.prod(shape)
+        self.attributes: Mapping[str, str] = node.attrib
+
+    @property
+    def causality(self) -> str:
+        """Causality, as declared or by default."""
+        return self.attributes.get("causality", "local")
+
+    @property
+    def variability(self) -> str:
+        """Variability, as declared or by default."""
+        usual = "continuous" if self.kind.startswith("Float") else "discrete"
+        if self.causality in _PARAMETERS:
+            usual = "fixed"
+        return self.attributes.get("variability", usual)
+
+    @property
+    def is_wide(self) -> bool:
+        """True if its values may be beyond the integers of FMI 2.0; those that are set are not."""
+        is_set = self.causality in ("parameter", "input", "structuralParameter")
+        return self.kind in _WIDE and not is_set
+
+    @property
+    def scalar_type(self) -> str:
+        """Type of its elements in FMI 2.0; wide integers are exact as reals up to 2**53."""
+        return "Real" if self.is_wide else _SCALARS.get(self.kind, "Integer")
+
+    @property
+    def elements(self) -> range:
+        """Indices of its elements."""
+        return range(self.first, self.first + self.count)
+
+    def names(self, name: str) -> Iterator[str]:
+        """Yield the names of its elements under its own name, or that of an alias."""
+        return element_names(name, self.shape)
+
+
+def element_names(name: str, shape: tuple[int, ...]) -> Iterator[str]:
+    """Yield the names of the elements of an array in row-major order; of a scalar its own.
+
+    Parameters
+    ----------
+    name : str
+    shape : tuple of int
+
+    Yields
+    ------
+    str
+    """
+    if not shape:
+        yield name
+        return
+    # the index of a derivative belongs to the variable: der(x[2])
+    stem, end = (name[:-1], ")") if name.startswith("der(") else (name, "")
+    for indices in itertools.product(*(range(1, size + 1) for size in shape)):
+        yield f"{stem}[{','.join(map(str, indices))}]{end}"
+
+
+class Fmi3Description:
+    """A model description of FMI 3.0.
+
+    Parameters
+    ----------
+    root : Element
+        ``fmiModelDescription``.
+    label : str
+        Name of the FMU in messages.
+
+    Attributes
+    ----------
+    root : Element
+    types : dict of str to Element
+        Type definitions by name.
+    variables : dict of int to Fmi3Variable
+        Those that can be exchanged, by value reference.
+
+    Raises
+    ------
+    UserError
+        If a value reference or a size makes no sense, or arrays are too large.
+    """
+
+    def __init__(self, root: Element, label: str):
+        self.root = root
+        self.types = {node.get("name", ""): node for node in root.iterfind("TypeDefinitions/*")}
+        self._where = f"{label}: modelDescription.xml"
+        self.variables: dict[int, Fmi3Variable] = {}
+        self._read_variables()
+
+    def error(self, name: str, problem: str) -> UserError:
+        """Return an error about an element of that name."""
+        return UserError(f"{self._where}: {name}: {problem}")
+
+    def whole_number(self, text: str | None, name: str, attribute: str) -> int:
+        """Read a number without sign; UserError if the text is none."""
+        if text is None or not text.strip().isascii() or not text.strip().isdigit():
+            raise self.error(name, f"{attribute} {(text or '')[:40]!r} is no whole number")
+        return int(text)
+
+    def _read_variables(self) -> None:
+        nodes: dict[int, Element] = {}
+        for node in self.root.iterfind("ModelVariables/*"):
+            name = node.get("name", "")
+            reference = self.whole_number(node.get("valueReference"), name, "valueReference")
+            if reference in nodes:
+                other = nodes[reference].get("name", "")
+                raise self.error(name, f"has the value reference {reference} of {other}")
+            nodes[reference] = node
+        first = 0
+        for reference, node in nodes.items():
+            if number_type(node.tag) not in NUMBERS:
+                continue
+            shape = tuple(self._size(size, node, nodes) for size in node.iterfind("Dimension"))
+            variable = Fmi3Variable(node, reference, shape, first)
+            variable.attributes = self._declared(node) | node.attrib
+            first += variable.count
+            if first > MOST_ELEMENTS:
+                raise UserError(
+                    f"{self._where}: its arrays have more than {MOST_ELEMENTS:,} elements; these"
+                    " are not taken one by one"
+                )
+            self.variables[reference] = variable
+
+    def _declared(self, node: Element) -> dict[str, str]:
+        """Return the attributes of the declared type of a variable."""
+        declared = self.types.get(node.get("declaredType", ""))
+        if declared is None:
+            return {}
+        return {name: text for name, text in declared.attrib.items() if name != "description"}
+
+    def _size(self, size: Element, node: Element, nodes: Mapping[int, Element]) -> int:
+        name = node.get("name", "")
+        if size.get("start") is not None:
+            return self.whole_number(size.get("start"), name, "the size")
+        reference = self.whole_number(
+            size.get("valueReference"), name, "valueReference of a dimension"
+        )
+        if reference not in nodes:
+            raise self.error(name, f"there is no variable {reference}, which is its dimension")
+        return self.whole_number(nodes[reference].get("start"), name, "the size")
+
+    def starts(self, variable: Fmi3Variable) -> list[str]:
+        """Return a start value for each element; nothing if none are declared."""
+        if variable.kind == "String":
+            texts = [start.get("value", "") for start in variable.node.iterfind("Start")]
+        else:
+            texts = variable.node.get("start", "").split()
+        if len(texts) == 1:
+            texts *= variable.count
+        if texts and len(texts) != variable.count:
+            name = variable.attributes.get("name", "")
+            expected = "1" if variable.count == 1 else f"1 or {variable.count}"
+            raise self.error(name, f"has {len(texts)} start values; expected {expected}")
+        return texts
+
+    def unknowns(self, tag: str) -> Iterator[tuple[Fmi3Variable | None, Element]]:
+        """Yield the variables of a part of the model structure; None for one not exchanged."""
+        for unknown in self.root.iterfind(f"ModelStructure/{tag}"):
+            reference = self.whole_number(unknown.get("valueReference"), tag, "valueReference")
+            yield self.variables.get(reference), unknown
+
+    def declared_variables(self) -> dict[str, DeclaredVariable]:
+        """Return the variables, and their aliases, by name."""
+        declared = {}
+        for variable in self.variables.values():
+            for own in (variable.node, *variable.node.iterfind("Alias")):
+                name = own.get("name", "")
+                elements = tuple(variable.names(name))
+                declared[name] = DeclaredVariable(variable.kind, variable.shape, elements)
+        return declared
+
+
+def number_type(kind: str) -> str:
+    """Return the type with whose functions a type of FMI 3.0 is exchanged."""
+    return "Int64" if kind == "Enumeration" else kind
