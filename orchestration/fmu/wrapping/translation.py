@@ -7,7 +7,7 @@ counterpart, which are binary or clocks, are left out.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
@@ -324,9 +324,9 @@ class _Translator:
         references = [
             self._description.whole_number(word, name, "a dependency") for word in text.split()
         ]
-        kinds: Sequence[str | None] = unknown.get("dependenciesKind", "").split() or [None] * len(
-            references
-        )
+        declared_kinds = unknown.get("dependenciesKind", "").split()
+        # without kinds, FMI assumes the most general one
+        kinds = declared_kinds or ["dependent"] * len(references)
         if len(kinds) != len(references):
             raise self._description.error(
                 name, f"has {len(references)} dependencies, but {len(kinds)} kinds of them"
@@ -340,11 +340,11 @@ class _Translator:
             return {}
         indices = [str(index + 1) for known, _ in knowns for index in known.elements]
         attributes = {"dependencies": " ".join(indices)}
-        if all(kind is not None for kind in kinds) and kinds:
+        if declared_kinds:
             # of an array one element may depend otherwise than another
             is_scalar = variable.count == 1
             own = [
-                kind if is_scalar and known.count == 1 and kind else "dependent"
+                kind if is_scalar and known.count == 1 else "dependent"
                 for known, kind in knowns
                 for _ in known.elements
             ]

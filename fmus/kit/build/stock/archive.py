@@ -157,26 +157,26 @@ def _built(
             files.write(inside / path, text)
         script = folder / f"{stem}.py"
         files.write(script, _SCRIPT.format(package=inside.name, name=name).encode())
-        command = [
-            sys.executable,
-            "-m",
-            "pythonfmu",
-            "build",
-            "-f",
-            str(script),
-            "-d",
-            str(built),
-            str(inside),
-        ]
-        done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
-        if done.returncode != 0:
-            lines = (done.stderr.strip() or "no message").splitlines()
-            raise UserError(f"pythonfmu failed for {name}: {lines[-1]}")
+        _run_pythonfmu(name, script, inside, built)
         archived = io.BytesIO(built.read_bytes())
     with zipfile.ZipFile(archived) as unpacked:
         entries = [entry for entry in unpacked.namelist() if entry != "modelDescription.xml"]
         contents = {entry: unpacked.read(entry) for entry in entries}
     return _for_platforms(contents, platforms)
+
+
+def _run_pythonfmu(name: str, script: Path, package: Path, built: Path) -> None:
+    """Build an archive from a script and a package; UserError with the last line if it fails."""
+    arguments = ["build", "-f", str(script), "-d", str(built), str(package)]
+    done = subprocess.run(
+        [sys.executable, "-m", "pythonfmu", *arguments],
+        capture_output=True,
+        text=True,
+        stdin=subprocess.DEVNULL,
+    )
+    if done.returncode != 0:
+        lines = (done.stderr.strip() or "no message").splitlines()
+        raise UserError(f"pythonfmu failed for {name}: {lines[-1]}")
 
 
 def _for_platforms(built: dict[str, bytes], platforms: Sequence[str] | None) -> dict[str, bytes]:
