@@ -159,6 +159,10 @@ class Archive:
                     " co-simulation"
                 )
             raise UserError(f"{where} has neither an element CoSimulation nor ModelExchange")
+        for interface in self.interfaces():
+            if not interface.get("modelIdentifier"):
+                raise UserError(f"{where}: {interface.tag} has no attribute modelIdentifier")
+        self._check_experiment(where)
         variables = self.description.find(_VARIABLES)
         if variables is None:
             raise UserError(f"{where} has no element {_VARIABLES}")
@@ -167,6 +171,16 @@ class Archive:
             raise UserError(
                 f"{self.path}: an FMU with clocks, such as {clocks[0]}; this program ticks none"
             )
+
+    def _check_experiment(self, where: str) -> None:
+        experiment = self.description.find("DefaultExperiment")
+        for name, text in () if experiment is None else experiment.items():
+            try:
+                float(text)
+            except ValueError:
+                raise UserError(
+                    f"{where}: DefaultExperiment: {name} {text[:40]!a} is no number"
+                ) from None
 
 
 def read_description(path: Path) -> Any:

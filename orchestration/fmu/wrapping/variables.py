@@ -30,6 +30,7 @@ _SCALARS |= {kind: kind for kind in ("Boolean", "String", "Enumeration")}
 _WIDE = ("UInt32", "Int64", "UInt64")  # beyond the integers of FMI 2.0
 _PARAMETERS = ("parameter", "calculatedParameter", "structuralParameter")
 MOST_ELEMENTS = 200_000  # of all variables
+_MOST_DIGITS = len(str(2**32))
 
 
 class DeclaredVariable(NamedTuple):
@@ -166,15 +167,22 @@ class Fmi3Description:
         return UserError(f"{self._where}: {name}: {problem}")
 
     def whole_number(self, text: str | None, name: str, attribute: str) -> int:
-        """Read a number without sign; UserError if the text is none."""
-        if text is None or not text.strip().isascii() or not text.strip().isdigit():
-            raise self.error(name, f"{attribute} {(text or '')[:40]!r} is no whole number")
-        return int(text)
+        """Read a number without sign, of 32 bits; UserError if the text is none."""
+        digits = (text or "").strip()
+        if not digits.isascii() or not digits.isdigit():
+            raise self.error(name, f"{attribute} {digits[:40]!r} is no whole number")
+        if len(digits) > _MOST_DIGITS or int(digits) >= 2**32:  # C would take the lower bits
+            raise self.error(name, f"{attribute} {digits[:40]} is beyond 32 bits")
+        return int(digits)
 
     def _read_variables(self) -> None:
         nodes: dict[int, Element] = {}
+        names: set[str] = set()
         for node in self.root.iterfind("ModelVariables/*"):
             name = node.get("name", "")
+            if name in names:
+                raise self.error(name, "is the name of two variables")
+            names.add(name)
             reference = self.whole_number(node.get("valueReference"), name, "valueReference")
             if reference in nodes:
                 other = nodes[reference].get("name", "")

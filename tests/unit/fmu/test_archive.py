@@ -44,6 +44,14 @@ from tests.support.fmi3_fmus import foreign
             r"Description\.xml has no element ModelVariables$",
         ),
         (lambda n, c: (n, c[:500]), r"modelDescription\.xml cannot be read: "),
+        (
+            lambda n, c: (n, c.replace(b"modelIdentifier", b"identifier")),
+            r"Description\.xml: \w+ has no attribute modelIdentifier$",
+        ),
+        (
+            lambda n, c: (n, c.replace(b'stopTime="', b'stopTime="soon ')),
+            r"Description\.xml: DefaultExperiment: stopTime 'soon [\d.]+' is no number$",
+        ),
     ],
 )
 def test_descriptions_that_cannot_be_run_are_refused(fmu, tmp_path, edit, message):

@@ -46,6 +46,9 @@ def test_elements_are_named_in_row_major_order():
         ("arrays", 'start="0.1 0.2 0.3"', 'start="0.1 0.2"', "x: has 2 start values; expected 1"),
         ("lag", 'valueReference="10"', 'valueReference="ten"', "u: valueReference 'ten' is no"),
         ("lag", 'valueReference="7"', 'valueReference="10"', "k: has the value reference 10 of u"),
+        ("lag", 'valueReference="10"', 'valueReference="4294967296"', "u: valueReference 42949672"),
+        ("lag", 'valueReference="10"', f'valueReference="{"1" * 9999}"', "111 is beyond 32 bits$"),
+        ("lag", 'name="k"', 'name="u"', "u: is the name of two variables$"),
     ],
 )
 def test_a_declaration_that_makes_no_sense_is_refused(name, old, new, message):
