@@ -18,6 +18,7 @@ from tests.contract.raw import (
 from tests.contract.subjects import Subject
 
 WARM_UP = 100  # cycles or steps before memory is counted
+WINDOWS = 6  # threads of a messaging library give back late on a busy machine
 LEAST = 16  # bytes of the smallest block, of C and of Python
 
 
@@ -25,7 +26,7 @@ def left_allocated(use: Callable[[int], object], cycles: int) -> int:
     """Return the bytes that repeated use leaves allocated; what settles only once is no leak."""
     use(WARM_UP)
     counts = [allocated()]
-    for _ in range(6):  # threads of a messaging library give back late on a busy machine
+    for _ in range(WINDOWS):
         use(cycles)
         counts.append(allocated())
     return min(after - before for before, after in pairwise(counts))
