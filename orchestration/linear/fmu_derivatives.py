@@ -39,7 +39,7 @@ _FAITHFUL = 1e-4
 
 @dataclass(frozen=True)
 class FmuRequest:
-    """What of an FMU is linearised.
+    """The variables and the point of an FMU that are linearised.
 
     Attributes
     ----------

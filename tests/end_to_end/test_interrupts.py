@@ -106,7 +106,7 @@ def test_a_package_is_there_whole_or_not_at_all(number, tmp_path):
 
 @pytest.fixture
 def operators(monkeypatch):
-    """Where operators of CasADi were called, by whether Ctrl-C would be lost there."""
+    """Places that called operators of CasADi: those that lose a Ctrl-C, and those that do not."""
     plain = ca.DM_from_array
     called = {True: [], False: []}
 

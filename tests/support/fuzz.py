@@ -168,7 +168,7 @@ def tangled(data: bytes, draw: random.Random) -> bytes:
 
 
 def readers() -> dict[str, Callable[[Path], Any]]:
-    """What reads each kind, as a command does."""
+    """Return the reader of each kind of file, the one that a command uses."""
     from orchestration.experiment import results
     from orchestration.fmu.check import check_fmu
     from orchestration.fmu.model import find_model

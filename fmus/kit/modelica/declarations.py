@@ -13,6 +13,12 @@ from fmus.kit.modelica.names import comment, identifier, real, string
 from fmus.kit.units import to_modelica
 
 
+def declared_identifiers(cls: type[Component]) -> set[str]:
+    """Return the identifiers of the variables and connectors of a component."""
+    connectors = {identifier(c) for port in cls.ports for c in port.connectors}
+    return connectors | {identifier(name) for name in cls.layout.names}
+
+
 def declarations(cls: type[Component], states: bool = True) -> list[str]:
     """Declare the variables of a component, and the connectors of its ports.
 

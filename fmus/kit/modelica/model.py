@@ -14,7 +14,7 @@ from fmus.kit.interrupt import uninterrupted
 from fmus.kit.layout import Clock, Layout
 from fmus.kit.modelica.annotations import annotation
 from fmus.kit.modelica.connectors import port_equations
-from fmus.kit.modelica.declarations import declarations
+from fmus.kit.modelica.declarations import declarations, declared_identifiers
 from fmus.kit.modelica.equations import Auxiliary, EquationSet, Target, define
 from fmus.kit.modelica.expressions import ExpressionNode, apply, constant, symbol
 from fmus.kit.modelica.names import (
@@ -114,8 +114,7 @@ class _Model:
 
     def _equations(self) -> _ModelEquations:
         """Write the equations, and give their auxiliary variables names that are free."""
-        taken = {identifier(n) for n in self.layout.names}
-        taken |= {identifier(c) for port in self.cls.ports for c in port.connectors}
+        taken = declared_identifiers(self.cls)
         numbers = range(1, self.graph.indicators.numel() + 1)
         events = [identifier(f"event_{k}", taken) for k in numbers]
         taken.update(events)

@@ -12,7 +12,7 @@ from fmus.kit.component import Component
 from fmus.kit.declare import Declaration, summary
 from fmus.kit.modelica.annotations import annotation
 from fmus.kit.modelica.connectors import port_equations
-from fmus.kit.modelica.declarations import declarations
+from fmus.kit.modelica.declarations import declarations, declared_identifiers
 from fmus.kit.modelica.names import (
     class_name,
     comment,
@@ -89,8 +89,7 @@ def wrapper_text(cls: type[Component], guid: str) -> str:
     """
     layout = cls.layout
     name = class_name(cls.name)
-    taken = {identifier(v) for v in layout.names}
-    taken |= {identifier(c) for port in cls.ports for c in port.connectors}
+    taken = declared_identifiers(cls)
     step, fmu, values = (
         identifier(each, taken) for each in ("communication_step", "fmu", "results")
     )

@@ -86,7 +86,7 @@ class Ladder:
 
 @dataclass(frozen=True)
 class _Clock:
-    """What a ladder depends on of the instants of a record."""
+    """The properties of the instants of a record on which a ladder depends."""
 
     samples: int  # but the first
     duration: float  # s

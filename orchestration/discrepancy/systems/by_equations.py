@@ -45,7 +45,7 @@ _TIME = 15.0  # s of processor time for the search for a cause, beside the fits 
 
 @dataclass(frozen=True)
 class LoopDiagnosis:
-    """What a record of a loop says of the model of all its members.
+    """The diagnosis of the model of all members of a loop, by one record.
 
     Attributes
     ----------
