@@ -1,6 +1,7 @@
 """Claims: variables have type, causality and attributes; what an FMU computes has no start."""
 
-from fmus.kit.modelica.declarations import declarations
+from fmus import component
+from fmus.kit.modelica.declarations import declarations, declared_identifiers
 from tests.support.kit_samples import Thermostat
 
 
@@ -29,3 +30,9 @@ def test_of_what_is_computed_elsewhere_only_the_interface_is_there():
     assert any(line.startswith("Interfaces.BooleanOutput on ") for line in lines)
     assert not any(" energy(" in line or " changes(" in line for line in lines)
     assert not any("fixed" in line for line in lines)
+
+
+def test_names_of_variables_and_of_connectors_are_taken():
+    taken = declared_identifiers(component("ppy_actuator"))
+    assert {"p", "n", "flange_a", "flange_b"} <= taken
+    assert {"voltage", "charge", "R1"} <= taken
