@@ -13,14 +13,13 @@ from orchestration.api.declaration import Form, Option
 from orchestration.api.forms import (
     BAND,
     EFFECTS,
-    EFFECTS_OR_NONE,
     LEFT_OUT,
     MAPPING,
     NAMES,
     ONE_OR_ALL,
     RATIOS,
+    RECORDS,
     SETTINGS,
-    TEXTS,
     TIME,
     TIMES,
     numbers,
@@ -99,7 +98,7 @@ class RecordOptions(MappingOption, total=False):
             " of several records.",
             kind="Record, str or Path, or sequence of these, optional",
             metavar="RECORD",
-            form=TEXTS,
+            form=RECORDS,
         ),
     ]
     interpolate: Annotated[
@@ -215,7 +214,7 @@ class LawsOptions(RecordOptions, SearchOptions, total=False):
             "Looked for before the laws are asked, as in `diagnose`; what is named there is part of"
             " the model that is asked. None unless given.",
             default=(),
-            form=EFFECTS_OR_NONE,
+            form=EFFECTS,
             complete="effect",
         ),
     ]
@@ -424,8 +423,6 @@ class FrequencyKeywords(MappingOption, SettingsOption, ResponseOptions, total=Fa
 
 # --- black-box models ----------------------------------------------------------------------------
 
-_AT_LEAST_ONE = some_of("name at least one, or leave the option out")
-
 
 class StudyOptions(TypedDict, total=False):
     """The models that are tried on a record, and what chooses among them."""
@@ -445,7 +442,7 @@ class StudyOptions(TypedDict, total=False):
             "Ljung's; SS is a subspace method, BJ has a denominator of its own for every input.",
             default=("ARX", "ARMAX", "OE", "SS", "BJ"),
             kind='sequence of {"ARX", "ARMAX", "OE", "SS", "BJ"}',
-            form=_AT_LEAST_ONE,
+            form=NAMES,
         ),
     ]
     path_orders: Annotated[
@@ -513,7 +510,7 @@ class InputsOption(TypedDict, total=False):
             "Columns; all but the first and the output unless given.",
             default=(),
             metavar="COLUMNS",
-            form=_AT_LEAST_ONE,
+            form=NAMES,
         ),
     ]
 

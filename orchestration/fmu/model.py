@@ -226,19 +226,23 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
         cls = load_class(name_or_path)
         check_catalogue(cls)
     else:
-        model = _read_model(name_or_path)
-        if model.cls is None:
-            reason = f"{name_or_path} is an FMU without equations"
-            if model.notes:
-                reason = model.notes[0]
-            raise UserError(f"{reason}; name a component (see ppy list) or file.py:Class")
-        cls = model.cls
+        cls = _class_of_file(name_or_path)
     if not effects:
         return cls
     stacked = stack(cls, *find_effects(cls, effects, name_or_path))
     if any(map(names_class, (name_or_path, *effects))):
         check_component(stacked)
     return stacked
+
+
+def _class_of_file(name: str) -> type[Component]:
+    """Return the class that an FMU was built from."""
+    model = _read_model(name)
+    cls = model.cls or known_class(Path(name))
+    if cls is None:
+        reason = model.notes[0] if model.notes else f"{name} is an FMU without equations"
+        raise UserError(f"{reason}; name a component (see ppy list) or file.py:Class")
+    return cls
 
 
 def find_model(name_or_path: str, runtime: str | None = None, effects: Sequence[str] = ()) -> Model:
