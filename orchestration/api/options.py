@@ -811,6 +811,10 @@ class SweepKeywords(
     """Keyword arguments of ``sweep``."""
 
 
+MOST_LEVELS = 10_000
+MOST_STARTS = 2**20
+
+
 class OptimiseOptions(TypedDict, total=False):
     """The objectives of an optimisation, and how finely and long is searched."""
 
@@ -841,6 +845,7 @@ class OptimiseOptions(TypedDict, total=False):
             "Levels of the second objective at which the best of the first is searched.",
             default=21,
             least=2,
+            most=MOST_LEVELS,
             metavar="N",
         ),
     ]
@@ -851,6 +856,7 @@ class OptimiseOptions(TypedDict, total=False):
             "Points of a Sobol sequence from which the search starts, a power of 2.",
             default=256,
             least=16,
+            most=MOST_STARTS,
             metavar="N",
         ),
     ]
