@@ -21,7 +21,6 @@ from orchestration.experiment import with_classes
 from orchestration.fmu import (
     Model,
     declared_signal,
-    known_class,
     numeric,
     read_description,
     read_setting,
@@ -104,8 +103,7 @@ def _subject(model: Any) -> Iterator[LinearSubject | Model]:
         yield subject_of(with_classes(name))
         return
     declared = as_declared(name)
-    cls = declared.cls or known_class(declared.path)
-    yield declared if cls is None else subject_of(cls, declared.title)
+    yield declared if declared.cls is None else subject_of(declared.cls, declared.title)
 
 
 # --- equations -----------------------------------------------------------------------------------

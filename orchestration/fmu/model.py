@@ -39,7 +39,6 @@ __all__ = [
     "declared_model_of",
     "find_class",
     "find_model",
-    "known_class",
     "load_class",
     "model_of",
     "names_class",
@@ -360,8 +359,8 @@ def _read_model(name: str) -> Model:
         )
     model = _read_signals(path)
     model_name, made_from = name_and_provenance(path)
-    if made_from in (None, Provenance(component=model_name)):
-        return model  # of a component alone the GUID tells more: see `known_class`
+    if made_from is None:
+        return model
     try:
         return replace(model, cls=restore_class(model_name, made_from, model.parameters))
     except UserError as error:
@@ -370,47 +369,6 @@ def _read_model(name: str) -> Model:
             " equations"
         )
         return replace(model, notes=(note,))
-
-
-def known_class(path: Path) -> type[Component] | None:
-    """Return the class of an FMU: what it was made from, or the component that it is a build of.
-
-    That a component alone tells its name is not enough, for its laws may have been others. Its GUID
-    is made from its contents: where a build of the component here has the same, so are its laws.
-    Start values in its description count.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    type[Component] or None
-        None where its equations are not known.
-
-    Raises
-    ------
-    UserError
-        If it cannot be read.
-    """
-    from fmus import MODELS, component
-    from fmus.kit.build import RUNTIMES, build_cached
-
-    model = _read_model(str(path))
-    described = read_description(path)
-    name = described.modelName
-    if model.cls is not None or name not in MODELS:
-        return model.cls
-    base = component(name)
-    with Archive(path) as archive:
-        version = archive.version
-    if version == 3 and base.engine is not None:  # a proxy, of which there is no such build
-        return None
-    runtimes = RUNTIMES if version == 2 else ("native",)
-    builds = (build_cached(base, runtime, version) for runtime in runtimes)
-    if described.guid not in {read_description(build).guid for build in builds}:
-        return None
-    return restore_class(name, Provenance(component=name), model.parameters)
 
 
 def _read_signals(path: Path) -> Model:
@@ -447,7 +405,8 @@ def restore_class(
     """Make the class again from which an FMU was built.
 
     No code of the FMU is run: the class is one of ours, or it is in a file that has not changed
-    since.
+    since. It counts where its laws have the digest that the FMU tells, as laws of a component, of
+    an effect or of what a user's file imports may be others by now.
 
     Parameters
     ----------
@@ -461,9 +420,10 @@ def restore_class(
     ------
     UserError
         With the reason why it cannot be made: no such component or file, another content, other
-        effects or parameters.
+        effects, parameters or laws.
     """
     from fmus.kit import stack
+    from fmus.kit.symbolic import trace
 
     base = _base_class(made_from)
     effects = [
@@ -483,6 +443,10 @@ def restore_class(
         n: parameters[n].default for n, start in declared.items() if parameters[n].default != start
     }
     restored = stack(base, *effects, name=name, defaults=changed)
+    if not made_from.laws:
+        raise UserError("its description does not tell by which laws, as builds do now")
+    if trace(restored).digest != made_from.laws:
+        raise UserError("the laws here are others than those it was built with")
     restored.remark = "\n".join(made_from.remarks)
     return restored
 
