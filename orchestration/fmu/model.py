@@ -117,6 +117,12 @@ class Model(Displayable):
         """True if code of the user runs, false for FMUs that were built here for this run."""
         return self.of_others if self.system else self.name == self.path.name
 
+    @property
+    def without_equations(self) -> str:
+        """The clause for messages that no equations of it are known, with the reason if any."""
+        is_restorable = self.system is None and bool(self.notes)
+        return self.notes[0] if is_restorable else f"{self.name} is an FMU without equations"
+
     def settings(self, texts: Sequence[str], preset: str | None = None) -> dict[str, Value]:
         """Read ``name=value[unit]`` settings, after those of a preset.
 
@@ -227,10 +233,9 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
     else:
         model = _read_model(name_or_path)
         if model.cls is None:
-            reason = f"{name_or_path} is an FMU without equations"
-            if model.notes:
-                reason = model.notes[0]
-            raise UserError(f"{reason}; name a component (see ppy list) or file.py:Class")
+            raise UserError(
+                f"{model.without_equations}; name a component (see ppy list) or file.py:Class"
+            )
         cls = model.cls
     if not effects:
         return cls

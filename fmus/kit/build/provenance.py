@@ -19,7 +19,8 @@ It stands in ``VendorAnnotations`` (FMI 2.0.4, section 2.2.6), in FMI 3.0 in an
 
 ``laws`` is the digest of the laws, effects included (:attr:`fmus.kit.symbolic.Graph.digest`): where
 the class that is made again has the same, its equations are those of the FMU. A user's class is
-given as ``<MadeFrom file="models/creep.py" class="Creep" sha256="..." laws="...">``. Of an effect that was made for a record, sample time and length of that are given in seconds:
+given as ``<MadeFrom file="models/creep.py" class="Creep" sha256="..." laws="...">``. Of an effect
+that was made for a record, sample time and length of that are given in seconds:
 ``<Effect name="transport_delay(voltage)" step="60" duration="86400"/>``.
 """
 

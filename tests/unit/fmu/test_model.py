@@ -206,10 +206,17 @@ def test_an_fmu_of_other_laws_is_an_fmu_without_equations(
         " with; it serves as an FMU without equations"
     )
     assert model.notes == (told,)
-    with pytest.raises(UserError, match="but the laws here are others than"):
-        find_class(str(path))
+    refusals = [
+        lambda: find_class(str(path)),
+        lambda: ppy.optimise(str(path), {"R1": "0.3..0.5"}, maximise=["voltage"]),
+        lambda: ppy.linearise(path, trim=True),
+    ]
+    for call in refusals:
+        with pytest.raises(UserError, match="but the laws here are others than"):
+            call()
     if runtime == "native":
-        assert ppy.linearise(path).method == "directional derivatives of the FMU"
+        linear = ppy.linearise(path)
+        assert (linear.method, linear.notes) == ("directional derivatives of the FMU", (told,))
     if not effects:
         time = np.array([0.0, 1.0])
         ours, old = (
