@@ -5,11 +5,13 @@ Not part of the FMU; the libraries that it needs are imported where they are use
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fmus.kit import Component, UserError, stack
+from fmus.kit.units import format_range
 
 from .state_feedback import StateFeedback, described
 
@@ -57,6 +59,7 @@ def _linearised(plant: type[Component], values: dict[str, float]) -> tuple[Array
     states, inputs, outputs = (
         [held.index(name) for name in few] for few, held in zip(wanted, names, strict=True)
     )
+    _check_values(plant, values)
     A, B, C, D = trace(plant).linearise(**values)
     return (
         A[np.ix_(states, states)],
@@ -64,6 +67,26 @@ def _linearised(plant: type[Component], values: dict[str, float]) -> tuple[Array
         C[np.ix_(outputs, states)],
         D[np.ix_(outputs, inputs)],
     )
+
+
+def _check_values(plant: type[Component], values: dict[str, float]) -> None:
+    """Refuse a value that is none, or out of the range of its variable."""
+    layout = plant.layout
+    for held in (*layout.parameters, *layout.inputs, *layout.states):
+        value = values.get(held.name, held.start)
+        if not held.min <= value <= held.max:
+            raise UserError(
+                f"{plant.name}: {held.name} = {value:g} {held.unit} is out of range,"
+                f" {format_range(held) or 'a number'}"
+            )
+
+
+def _check_times(sample_period: float, time_constants: Sequence[float]) -> None:
+    if not 0.0 < sample_period < np.inf:
+        raise UserError(f"sample period {sample_period:g} s: a time above 0 s")
+    if len({*time_constants}) != 2 or not all(0.0 < one < np.inf for one in time_constants):
+        shown = ", ".join(f"{one:g}" for one in time_constants)
+        raise UserError(f"time constants {shown} s: two unequal times above 0 s")
 
 
 def gains(
@@ -99,10 +122,12 @@ def gains(
     Raises
     ------
     UserError
-        If the plant has other states, or states that move one another.
+        If the plant has other states, or states that move one another, or a value or a time is none
+        that there can be.
     """
     import control
 
+    _check_times(sample_period, time_constants)
     continuous = control.ss(*_linearised(plant, values))
     sampled: Any = control.sample_system(continuous, sample_period, method="zoh")
     A, B, C, D = sampled.A, sampled.B, sampled.C, sampled.D

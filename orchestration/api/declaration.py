@@ -19,7 +19,7 @@ from inspect import Parameter, cleandoc, signature
 from types import UnionType
 from typing import Any, ForwardRef, NamedTuple, TypeVar, Union, cast, get_args, get_origin
 
-from fmus.kit import suggestion
+from fmus.kit import UserError, suggestion
 from orchestration.reporting import flag
 
 Declared = TypeVar("Declared")
@@ -124,7 +124,11 @@ class Option(NamedTuple):
         """Return the value for what was typed, which is None or empty where nothing was."""
         if typed is None or typed == []:
             return self.default
-        return self.form.read(typed, self.flags[0])
+        value = self.form.read(typed, self.flags[0])
+        if self.choices and value not in self.choices:
+            name = self.metavar if self.argument else self.flags[0]
+            raise UserError(f"{name} {value!r}: there are {', '.join(self.choices)}")
+        return value
 
     def given(self, value: Any) -> Any:
         """Return a value that was given in Python as it is used."""

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import partial
 from math import isfinite
 
 from fmus.kit import UserError
 from orchestration.api.declaration import Form
 
+_ADVICE = "name at least one, or leave the option out"
 
-def comma_list(text: str | None, flag: str) -> list[str]:
-    """Return names that are separated by commas; none of them may be empty or there twice."""
-    if text is None or not text.strip():
-        return []
+
+def comma_list(text: str, flag: str, advice: str = _ADVICE) -> list[str]:
+    """Return names that are separated by commas; none of them may be empty or there twice.
+
+    Without a name it is refused with advice.
+    """
+    if not text.strip():
+        raise UserError(f"{flag} {text!r}: {advice}")
     # a comma within parentheses is part of a name, such as thermal_node(loss, room)
     names = [name.strip() for name in re.split(r",(?![^()]*\))", text)]
     if "" in names:
@@ -26,14 +32,7 @@ def comma_list(text: str | None, flag: str) -> list[str]:
 
 def some_of(advice: str) -> Form:
     """Return the form of names separated by commas; without a name it is refused with advice."""
-
-    def read(text: str, flag: str) -> list[str]:
-        names = comma_list(text, flag)
-        if not names:
-            raise UserError(f"{flag} {text!r}: {advice}")
-        return names
-
-    return NAMES._replace(read=read)
+    return NAMES._replace(read=partial(comma_list, advice=advice))
 
 
 def given_names(value: str | Sequence[str], name: str) -> list[str]:
@@ -43,12 +42,13 @@ def given_names(value: str | Sequence[str], name: str) -> list[str]:
 
 def names_among(known: Sequence[str]) -> Form:
     """Return the form of names separated by commas, each of them one of those known."""
+    allowed = f"there are {', '.join(known)}"
 
     def read(text: str, flag: str) -> list[str]:
-        names = comma_list(text, flag)
+        names = comma_list(text, flag, allowed)
         for name in names:
             if name not in known:
-                raise UserError(f"{flag} {name}: there are {', '.join(known)}")
+                raise UserError(f"{flag} {name}: {allowed}")
         return names
 
     return Form(read, _joined, str | None)
@@ -121,9 +121,16 @@ def _one_or_all(values: list[int]) -> int | list[int]:
     return values[0] if len(values) == 1 else values
 
 
-def _read_effects(text: str, flag: str) -> list[str] | None:
-    names = comma_list(text, flag)
-    return [] if names == ["none"] else names or None
+def _read_effects(text: str, flag: str) -> list[str]:
+    names = comma_list(text, flag, "name effects, see ppy info, or none")
+    return [] if names == ["none"] else names
+
+
+def _read_records(texts: list[str], flag: str) -> list[str]:
+    for text in texts:
+        if not text.strip():
+            raise UserError(f"{flag} {text!r}: name a record, or labels such as 7,8,9")
+    return texts
 
 
 def _read_mapping(texts: Sequence[str], flag: str) -> dict[str, str]:
@@ -158,6 +165,7 @@ EFFECTS = Form(
 MAPPING = Form(_read_mapping, _pairs, list[str] | None)
 SETTINGS = Form(_read_settings, _pairs, list[str] | None)
 TEXTS = Form(typed=list[str] | None, write=list)
+RECORDS = TEXTS._replace(read=_read_records)
 RATIOS = TEXTS._replace(given=lambda value, name: [value] if isinstance(value, str) else [*value])
 BAND = Form(
     band,
@@ -174,7 +182,6 @@ TIMES = Form(
 )
 PERCENT = Form(write=lambda value: [f"{value:g}%"], typed=float | None, parse=percent)
 LEFT_OUT = Form(read=lambda typed, flag: not typed, typed=bool)
-EFFECTS_OR_NONE = EFFECTS._replace(read=lambda text, flag: _read_effects(text, flag) or [])
 ONE_OR_ALL = Form(
     lambda text, flag: _one_or_all(numbers(0).read(text, flag)),
     lambda value: _joined(value if isinstance(value, Sequence) else [value]),

@@ -11,7 +11,7 @@ from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
 from orchestration.api.declaration import takes
 from orchestration.api.forms import seconds
-from orchestration.api.options import OptimiseKeywords
+from orchestration.api.options import MOST_LEVELS, MOST_STARTS, OptimiseKeywords
 from orchestration.api.simulation import Inputs, as_declared, inputs_over, values_of
 from orchestration.fmu import Model, grid
 from orchestration.reporting import option
@@ -77,8 +77,13 @@ def optimise(
     if len({one.name for one in objectives}) < len(objectives):
         raise UserError(f"{objectives[0].name} is named by both objectives")
     starts = options["starts"]
-    if starts < 1 or starts & (starts - 1):
-        raise UserError(f"{option('starts', starts)}: a power of 2, such as 256")
+    if not 1 <= starts <= MOST_STARTS or starts & (starts - 1):
+        raise UserError(
+            f"{option('starts', starts)}: a power of 2, such as 256, up to {MOST_STARTS:,}"
+        )
+    levels = options["levels"]
+    if not 2 <= levels <= MOST_LEVELS:
+        raise UserError(f"{option('levels', levels)}: from 2 to {MOST_LEVELS:,}")
     ranges = _ranges(subject, over)
     points = _points(subject.cls, options)
     settings = values_of(subject, options["settings"])
@@ -89,7 +94,7 @@ def optimise(
     driven = inputs_over(subject, {**held, **(inputs or {})}, points)
     numbers = {name: float(value) for name, value in settings.items()}
     search = Objectives(subject.cls, ranges, objectives, points, driven, numbers)
-    return pareto_front(search, options["levels"], starts, options["seed"], options["progress"])
+    return pareto_front(search, levels, starts, options["seed"], options["progress"])
 
 
 def _ranges(subject: Model, over: Mapping[str, str]) -> list[Range]:

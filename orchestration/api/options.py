@@ -13,14 +13,13 @@ from orchestration.api.declaration import Form, Option
 from orchestration.api.forms import (
     BAND,
     EFFECTS,
-    EFFECTS_OR_NONE,
     LEFT_OUT,
     MAPPING,
     NAMES,
     ONE_OR_ALL,
     RATIOS,
+    RECORDS,
     SETTINGS,
-    TEXTS,
     TIME,
     TIMES,
     numbers,
@@ -99,7 +98,7 @@ class RecordOptions(MappingOption, total=False):
             " of several records.",
             kind="Record, str or Path, or sequence of these, optional",
             metavar="RECORD",
-            form=TEXTS,
+            form=RECORDS,
         ),
     ]
     interpolate: Annotated[
@@ -215,7 +214,7 @@ class LawsOptions(RecordOptions, SearchOptions, total=False):
             "Looked for before the laws are asked, as in `diagnose`; what is named there is part of"
             " the model that is asked. None unless given.",
             default=(),
-            form=EFFECTS_OR_NONE,
+            form=EFFECTS,
             complete="effect",
         ),
     ]
@@ -424,8 +423,6 @@ class FrequencyKeywords(MappingOption, SettingsOption, ResponseOptions, total=Fa
 
 # --- black-box models ----------------------------------------------------------------------------
 
-_AT_LEAST_ONE = some_of("name at least one, or leave the option out")
-
 
 class StudyOptions(TypedDict, total=False):
     """The models that are tried on a record, and what chooses among them."""
@@ -445,7 +442,7 @@ class StudyOptions(TypedDict, total=False):
             "Ljung's; SS is a subspace method, BJ has a denominator of its own for every input.",
             default=("ARX", "ARMAX", "OE", "SS", "BJ"),
             kind='sequence of {"ARX", "ARMAX", "OE", "SS", "BJ"}',
-            form=_AT_LEAST_ONE,
+            form=NAMES,
         ),
     ]
     path_orders: Annotated[
@@ -513,7 +510,7 @@ class InputsOption(TypedDict, total=False):
             "Columns; all but the first and the output unless given.",
             default=(),
             metavar="COLUMNS",
-            form=_AT_LEAST_ONE,
+            form=NAMES,
         ),
     ]
 
@@ -814,6 +811,10 @@ class SweepKeywords(
     """Keyword arguments of ``sweep``."""
 
 
+MOST_LEVELS = 10_000
+MOST_STARTS = 2**20
+
+
 class OptimiseOptions(TypedDict, total=False):
     """The objectives of an optimisation, and how finely and long is searched."""
 
@@ -844,6 +845,7 @@ class OptimiseOptions(TypedDict, total=False):
             "Levels of the second objective at which the best of the first is searched.",
             default=21,
             least=2,
+            most=MOST_LEVELS,
             metavar="N",
         ),
     ]
@@ -854,6 +856,7 @@ class OptimiseOptions(TypedDict, total=False):
             "Points of a Sobol sequence from which the search starts, a power of 2.",
             default=256,
             least=16,
+            most=MOST_STARTS,
             metavar="N",
         ),
     ]

@@ -100,6 +100,7 @@ class ProposedExperiment(Displayable):
         declared = {v.name: v.unit for v in self.design.model.candidate.cls.layout.inputs}
         for axis, (name, values) in zip(axes, stimuli.items(), strict=True):
             axis.plot(stimuli.index, values, color=pictures.MODEL, drawstyle="steps-post")
+            pictures.fit_values(axis)
             pictures.label(axis, str(name), declared[str(name)])
         return figure
 

@@ -49,15 +49,13 @@ _GROUPS = {
         ),
         "demo": ("Do everything once, with pictures and a report.", "thesis:demo"),
     },
-    "Models and FMUs": {
+    "Models, systems, experiments, rigs": {
         "list": ("List the components.", "list:list_components"),
         "info": ("Show a model's variables, units, ranges, effects, sources.", "info:info"),
         "new": ("Write a model, an effect or a rig's backend to start from.", "new:new"),
         "build": ("Build FMUs: OUT/python/NAME.fmu and OUT/native/NAME.fmu.", "build:build"),
         "export": ("Write components as a package of Modelica.", "export:exports"),
         "check": ("Check FMUs: structure, units, documentation, binaries.", "check:check"),
-    },
-    "Systems, experiments, sweeps": {
         "linearise": (
             "State space, Bode, margins, poles of a component, FMU, system.",
             "linearise:linearise",
@@ -68,14 +66,10 @@ _GROUPS = {
         "thesis": ("Recompute the thesis: what holds, what does not and why.", "thesis:thesis"),
         "sweep": ("Run a model over many values of its parameters.", "sweep:sweep"),
         "optimise": ("Search parameters for the best, or for a Pareto front.", "optimise:optimise"),
-    },
-    "Rig": {
         "rig": ("Serve a rig, watch it, record from it, stop it.", "rig:rig"),
     },
 }
 _COMMANDS = {name: about for group in _GROUPS.values() for name, about in group.items()}
-# named by the help of `diagnose` and of `build`; there is no room for them in the overview
-_MODES = {"laws", "export"}
 _OPTIONS = "-q|-v|--version|--install-completion"
 
 
@@ -112,8 +106,7 @@ class _Commands(TyperGroup):
         for title, group in _GROUPS.items():
             formatter.write(typer.style(title, bold=True) + "\n")
             for name, (summary, _) in group.items():
-                if name not in _MODES:
-                    formatter.write(f"  {name:{width}}  {summary}\n")
+                formatter.write(f"  {name:{width}}  {summary}\n")
 
 
 def names() -> list[str]:

@@ -66,6 +66,7 @@ def figure(data: xarray.Dataset) -> Figure:
     for panel, name in zip(panels, names, strict=False):
         for variant in signals[name]:
             _draw_signal(panel, across, data[variant], over)
+        pictures.fit_values(panel, data[signals[name][0]].attrs.get("type") == "boolean")
         pictures.label(panel, name, results.displayed(data[signals[name][0]])[1])
     panels[-1].set_xlabel(over.replace("_", " ") + ("" if unit == "1" else f" [{unit}]"))
     return drawn

@@ -90,6 +90,7 @@ def dataset(
                 "long_name": signals[name].doc or name,
                 "display_units": signals[name].display,
                 "role": "input" if name in inputs else "output",
+                "type": signals[name].type,
             },
         )
         for name, array in values.items()

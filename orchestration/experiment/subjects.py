@@ -132,7 +132,10 @@ def subject(experiment: Experiment, where: str) -> Iterator[Subject]:
             else:
                 made_on = _system(experiment, str(experiment.system), folder)
         except UserError as error:
-            raise UserError(f"{where}: {error}") from error
+            system = experiment.system
+            itself = system is not None and Path(where).absolute() == Path(system)
+            told = str(error).removeprefix(f"{system}: ") if itself else error
+            raise UserError(f"{where}: {told}") from error
         yield made_on
 
 

@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element
 from fmus.kit import UserError
 from fmus.kit.storage import scratch
 from orchestration.fmu.bounded import FILE, TEXT, UNREADABLE, check_size, open_zip, parse_xml
+from orchestration.fmu.default_experiment import experiment_faults
 from orchestration.fmu.wrapping import DeclaredVariable, Translation, translate, wrap
 
 _DESCRIPTION = "modelDescription.xml"
@@ -162,7 +163,8 @@ class Archive:
         for interface in self.interfaces():
             if not interface.get("modelIdentifier"):
                 raise UserError(f"{where}: {interface.tag} has no attribute modelIdentifier")
-        self._check_experiment(where)
+        for fault in experiment_faults(self.description):
+            raise UserError(f"{where}: {fault}")
         variables = self.description.find(_VARIABLES)
         if variables is None:
             raise UserError(f"{where} has no element {_VARIABLES}")
@@ -171,16 +173,6 @@ class Archive:
             raise UserError(
                 f"{self.path}: an FMU with clocks, such as {clocks[0]}; this program ticks none"
             )
-
-    def _check_experiment(self, where: str) -> None:
-        experiment = self.description.find("DefaultExperiment")
-        for name, text in () if experiment is None else experiment.items():
-            try:
-                float(text)
-            except ValueError:
-                raise UserError(
-                    f"{where}: DefaultExperiment: {name} {text[:40]!a} is no number"
-                ) from None
 
 
 def read_description(path: Path) -> Any:

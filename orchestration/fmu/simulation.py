@@ -380,5 +380,6 @@ def draw_signals(
             color=pictures.MODEL,
             drawstyle=style,
         )
+        pictures.fit_values(panel, signal.type == "boolean")
         pictures.label(panel, name, signal.display)
     return figure

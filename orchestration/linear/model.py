@@ -16,6 +16,7 @@ from fmus.kit.arrays import Array
 from fmus.kit.interrupt import uninterrupted
 from orchestration.linear.discretisation import Matrices
 from orchestration.linear.operating_point import OperatingPoint
+from orchestration.linear.poles import poles_table
 from orchestration.reporting import Displayable, one_line, plain_table
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import RenderableType
 
+_MATLAB = ".mat"
 _UNITY = 1e-6  # |L| - 1 at a crossover that is one
 _POINTS = 4000  # of the frequencies between which margins are interpolated
 _DECADES = 1.0  # beyond the slowest and the fastest pole or zero
@@ -230,7 +232,7 @@ class LinearModel(Displayable):
                 table.add_row(name, kind.removesuffix("s"), shown, self.units.get(name, ""))
         yield table
         if self.matrices.states:
-            yield _poles_table(self)
+            yield poles_table(self.matrices.A, self.period)
         yield from self.notes
 
     def __repr__(self) -> str:
@@ -281,11 +283,14 @@ class LinearModel(Displayable):
         Raises
         ------
         UserError
-            If it cannot be written.
+            If it cannot be written, or its name has another ending than ``.mat``.
         """
         import io
 
         from scipy.io import savemat
+
+        if Path(path).suffix.lower() != _MATLAB:
+            raise UserError(f"cannot write {path}: its name must end in {_MATLAB}")
 
         m = self.matrices
         cells = {
@@ -357,17 +362,3 @@ def _margin_words(margins: LoopMargins) -> str:
     if np.isfinite(margins.gain):
         gain = f"gain margin {margins.gain:.4g} at {margins.phase_crossover:.4g} Hz"
     return f"{phase}, {gain}"
-
-
-def _poles_table(model: LinearModel) -> Any:
-    columns = ("pole", "frequency [Hz]", "damping")
-    table = plain_table(None, *columns, right=columns)
-    poles = np.atleast_1d(model.poles())
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rates = np.log(poles + 0j) / model.period if model.period else poles
-    for pole, rate in zip(poles, rates, strict=True):
-        size = abs(rate)
-        shown = f"{pole.real:.6g}" if pole.imag == 0.0 else f"{pole.real:.6g}{pole.imag:+.6g}j"
-        damping = f"{-rate.real / size:.4g}" if 0.0 < size < np.inf else ""
-        table.add_row(shown, f"{size / (2.0 * pi):.4g}", damping)
-    return table

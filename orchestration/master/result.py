@@ -137,6 +137,7 @@ class Run(Displayable):
         figure, axes = pictures.panels(len(shown), self._extent)
         for axis, (name, values) in zip(axes, shown, strict=True):
             axis.plot(self.time, values, color=pictures.MODEL)
+            pictures.fit_values(axis)
             pictures.label(axis, name, self.units[name])
         return figure
 

@@ -145,6 +145,7 @@ class Record(Displayable):
         figure, axes = pictures.panels(len(self.signals), self.source.name)
         for axis, (name, values) in zip(axes, self.signals.items(), strict=True):
             axis.plot(self.time, values, color=pictures.MEASURED, lw=1)
+            pictures.fit_values(axis)
             pictures.label(axis, name, self.units[name])
         pictures.logarithmic(axes, self.time)
         return figure

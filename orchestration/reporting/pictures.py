@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 FORMATS = (".png", ".svg", ".pdf")
 MEASURED, MODEL, FITTED = "#8a97a3", "#0b6aa2", "#d1495b"
 _LINE = 26  # characters that go beside a panel of the usual height
+_ROUNDING = 1e-12  # of a value: less than that is no course
+_BESIDE_TRUTH = 0.1  # of an axis from false to true, below and above
 _STYLE = {
     "axes.grid": True,
     "grid.color": "#e3e8ec",
@@ -99,6 +101,20 @@ def label(axis: Axes, name: str, unit: str) -> None:
     lines = [line for part in name.splitlines() for line in wrap(part.replace("_", " "), _LINE)]
     text = plain("\n".join(lines))
     axis.set_ylabel(text if unit == "1" else f"{text}\n[{unit}]")
+
+
+def fit_values(axis: Axes, boolean: bool = False) -> None:
+    """Fit the vertical axis to lines that do not vary, whose rounding is not to look like noise.
+
+    Of values of truth it goes from false to true.
+    """
+    low, high = axis.dataLim.intervaly
+    if boolean:
+        axis.set_ylim(-_BESIDE_TRUTH, 1.0 + _BESIDE_TRUTH)
+        axis.set_yticks([0.0, 1.0], ["false", "true"])
+    elif 0.0 <= high - low <= _ROUNDING * max(abs(low), abs(high)):
+        room = 0.5 * abs(low) or 0.5
+        axis.set_ylim(low - room, high + room)
 
 
 def logarithmic(axes: list[Axes], time: Array) -> None:

@@ -83,7 +83,7 @@ def test_suggestions(name, options, text):
         (["--set", "R1=nan"], ["R1=nan", "'nan' is not a number"]),
         (["--set", "R1"], ["'R1'", "name=value"]),
         (["--preset", "six_layer"], ["no preset named 'six_layer'", "five_layer"]),
-        (["--runtime", "fortran"], ["unknown runtime 'fortran'", "python, native"]),
+        (["--runtime", "fortran"], ["--runtime 'fortran'", "native, python"]),
         (["--step", "0"], ["by 0 s", "--step be positive"]),
         (["--step", "-0.1"], ["by -0.1 s", "--step be positive"]),
         (["--step", "nan"], ["by nan s"]),

@@ -106,6 +106,21 @@ def until(condition, within=PATIENCE):
     return time.monotonic() - began, found
 
 
+def until_it_reads(tab, place, pattern):
+    """Wait until a text of the page matches; says which did not."""
+    shown = ""
+
+    def matches():
+        nonlocal shown
+        shown = text(tab, place)
+        return re.fullmatch(pattern, shown)
+
+    try:
+        until(matches)
+    except AssertionError as late:
+        raise AssertionError(f"{late}: {place} reads {shown!r}, not {pattern!r}") from None
+
+
 @contextmanager
 def idle_page(tab, rig_port, *more, width=1280):
     """The page of a rig at rest, open in a tab; the command that serves it."""
@@ -389,7 +404,7 @@ def test_stop_pressed_by_mouse_stops_the_rig(tab):
         for kind in ("mousePressed", "mouseReleased"):
             tab.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
         until(lambda: rig.of_type("stop"))
-        until(lambda: re.fullmatch(rf"Safe: reached after {DURATION}\.", text(tab, "pressed")))
+        until_it_reads(tab, "pressed", rf"Safe: reached after {DURATION}\.")
         until(lambda: is_safe(tab))
         until(lambda: tab.run(SHOWN)["current"]["value"] == "0.000")
         (message,) = rig.of_type("stop")
@@ -451,8 +466,8 @@ def test_the_emulated_rig_behind_its_own_server(tab, tmp_path):
             assert tab.run(SHOWN)["displacement"]["unit"] == "mm"
             time.sleep(1.0)  # ten rows
             press_stop(tab)
-            until(lambda: re.fullmatch(rf"safe \(reached after {DURATION}\)", text(tab, "state")))
-            until(lambda: re.fullmatch(rf"Safe: reached after {DURATION}\.", text(tab, "pressed")))
+            until_it_reads(tab, "state", rf"safe \(reached after {DURATION}\)")
+            until_it_reads(tab, "pressed", rf"Safe: reached after {DURATION}\.")
             assert "stop button of ppy rig watch" in text(tab, "reason")
             until(lambda: tab.run(SHOWN)["force"]["value"] == "0.000")
             _, complaint = driving.communicate(timeout=60)

@@ -6,6 +6,7 @@ from orchestration.api.declaration import only
 from orchestration.api.options import OptimiseKeywords
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import OptimiseCommand
+from orchestration.cli.commands.sweep import ranges_of
 from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
 
 
@@ -27,10 +28,7 @@ def optimise(options: OptimiseCommand) -> None:
         {"--plot": plot, "--json": options["json"]},
         {"--plot": pictures.FORMATS, "--json": JSON},
     ).check()
-    over: dict[str, str] = {}
-    for text in options["over"]:
-        name, _, span = (part.strip() for part in text.partition("="))
-        over[name] = span
+    over = ranges_of(options["over"])
     model = declared_model(options["model"], options["laid_over"])
     chosen = only(OptimiseKeywords, options)
     chosen["settings"] = values_of(model, options["settings"], options["preset"])

@@ -37,6 +37,7 @@ _NO_PHRASES: Mapping[str, str] = MappingProxyType({})
 UNSEEN = "data that no fit has seen"
 REFUTED = "unseen data refute it"
 _LISTED = 5  # names of many that are listed
+_MORE_DIGITS = 4  # that may tell two shares apart; beyond it is no gain
 _UNCOUNTED = 1e4  # percent, from which on a share is not written out
 _NO_DIFFERENCE = 0.05  # of BIC, below which a choice makes none
 # notes without which a verdict is misread
@@ -384,11 +385,10 @@ def _remaining_error(diagnosis: Diagnosis) -> list[str]:
     output = max(diagnosis.before, key=lambda o: diagnosis.before[o])
     if not math.isfinite(diagnosis.before[output]):
         return []
-    after = format_percent(diagnosis.before[output])
     nominal = diagnosis.judged_errors.get("untouched", {}).get(output, math.nan)
+    before, after = _told_apart(nominal, diagnosis.before[output])
     subject = f"the error{_of_output(diagnosis, output)}"
-    if diagnosis.changed and nominal > diagnosis.before[output]:
-        before = format_percent(nominal)
+    if diagnosis.changed and nominal > diagnosis.before[output] and before != after:
         return [f"Refitted, {subject} is {after} instead of {before} on {UNSEEN}."]
     return [f"{capitalised(subject)} is {after} on {UNSEEN}."]
 
@@ -481,10 +481,9 @@ def _gain(diagnosis: Diagnosis) -> list[str]:
     if not after[output] < before[output]:
         return []
     effects = "them" if diagnosis.causes[1:] else "it"
+    moves = format_move(before[output], after[output], f" ({REFITTED})")
     return [
-        f"With {effects} in the model the error{_of_output(diagnosis, output)} falls from"
-        f" {format_percent(before[output])} ({REFITTED}) to {format_percent(after[output])} on"
-        f" {UNSEEN}."
+        f"With {effects} in the model the error{_of_output(diagnosis, output)} {moves} on {UNSEEN}."
     ]
 
 
@@ -728,11 +727,11 @@ def format_interval(interval: tuple[float, float], write: Callable[[float], str]
     return " … ".join(map(write, interval))
 
 
-def format_percent(share: float) -> str:
+def format_percent(share: float, more: int = 0) -> str:
     """Return a share in percent, with one decimal; below 1 % with two digits, from 100 % on whole.
 
-    A simulation that runs away misses a record by any number, which tells no more; of a constant
-    signal there is no share.
+    With `more` digits it has these besides. A simulation that runs away misses a record by any
+    number, which tells no more; of a constant signal there is no share.
     """
     value = 100.0 * share
     if math.isnan(value):
@@ -740,8 +739,24 @@ def format_percent(share: float) -> str:
     if not value < _UNCOUNTED:
         return f"more than {_UNCOUNTED:.0f} %"
     if value >= 99.95:
-        return f"{value:.0f} %"
-    return f"{value:.1f} %" if value >= 1.0 else f"{value:.2g} %"
+        return f"{value:.{more}f} %"
+    return f"{value:.{1 + more}f} %" if value >= 1.0 else f"{value:.{2 + more}g} %"
+
+
+def _told_apart(before: float, after: float) -> tuple[str, str]:
+    """Return two shares with as many digits as tell them apart, or as usual if these are many."""
+    pairs = [
+        (format_percent(before, more), format_percent(after, more)) for more in range(_MORE_DIGITS)
+    ]
+    return next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
+
+
+def format_move(before: float, after: float, about: str = "") -> str:
+    """Return from where to where an error goes, with words about the first of them."""
+    first, last = _told_apart(before, after)
+    if first == last:
+        return f"stays at {last}"
+    return f"{'falls' if after < before else 'goes'} from {first}{about} to {last}"
 
 
 def _format_signed_share(share: float) -> str:

@@ -10,6 +10,7 @@ from xml.etree.ElementTree import Element
 from fmus.kit import UserError
 from orchestration.fmu.archive import Archive
 from orchestration.fmu.check.finding import Finding, listed
+from orchestration.fmu.default_experiment import experiment_faults
 
 _TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 _BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
@@ -260,6 +261,8 @@ def _capabilities(root: Element, own_names: Mapping[str, str]) -> Iterator[Findi
     yield from _flags(interface, own_names)
     if root.find("LogCategories") is None:
         yield Finding(4, "note", "no LogCategories are declared: hosts cannot choose messages")
+    for fault in experiment_faults(root):
+        yield Finding(10, "error", fault)
     if root.find("DefaultExperiment") is None:
         yield Finding(
             10, "note", "there is no DefaultExperiment: users must guess stop time and step size"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus.kit.arrays import Array, Mask
+from fmus.kit.units import convert
 from orchestration.reporting import Displayable, one_line
 
 if TYPE_CHECKING:
@@ -35,6 +36,8 @@ class Front(Displayable):
         In the model's units.
     units : dict of str to str
         Of the parameters.
+    display : dict of str to str
+        Unit in which each objective and parameter is displayed.
     nominal : ndarray, shape (m,)
         Of the model as it is.
     evaluations : int
@@ -47,6 +50,7 @@ class Front(Displayable):
     values: Array
     parameters: dict[str, Array]
     units: dict[str, str]
+    display: dict[str, str]
     nominal: Array
     evaluations: int
 
@@ -71,6 +75,7 @@ class Front(Displayable):
             signs * values[order],
             {one.name: np.array([p[one.name] for p in drawn]) for one in objectives.ranges},
             {one.name: one.unit for one in objectives.ranges},
+            objectives.display,
             signs * objectives.nominal(),
             objectives.evaluations,
         )
@@ -87,13 +92,13 @@ class Front(Displayable):
         yield f"{self.model}: {points} by {self.evaluations:,} simulations"
         names = [*self.objectives, *self.parameters]
         table = plain_table(None, *names, right=names)
-        rows = [self.nominal, *self.values]
-        for k, row in enumerate(rows):
-            own = [f"{p[k - 1]:.5g}" for p in self.parameters.values()] if k else None
-            values = [f"{v:.5g}" for v in row]
-            table.add_row(*values, *(own or ["as it is"] * len(self.parameters)))
+        nominal = [f"{self._shown(name, v):.5g}" for name, v in self._ends(self.nominal)]
+        table.add_row(*nominal, *["as it is"] * len(self.parameters))
+        columns = [*self._ends(self.values.T), *self.parameters.items()]
+        for row in zip(*(self._shown(name, column) for name, column in columns), strict=True):
+            table.add_row(*(f"{value:.5g}" for value in row))
         yield table
-        units = {**self.objectives, **self.units}
+        units = {name: self.display[name] for name in names}
         yield "in " + ", ".join(f"{name} {unit}" for name, unit in units.items() if unit != "1")
 
     def to_dict(self) -> dict[str, Any]:
@@ -130,17 +135,28 @@ class Front(Displayable):
         name, *others = self.objectives
         shown = list(self.parameters)[: 6 - len(others)]
         figure, axes = pictures.panels(len(others) + len(shown), self.model, name)
-        below = f"{name.replace('_', ' ')} [{self.objectives[name]}]".removesuffix(" [1]")
+        below = f"{name.replace('_', ' ')} [{self.display[name]}]".removesuffix(" [1]")
         axes[-1].set_xlabel(below)
+        front = [self._shown(one, values) for one, values in self._ends(self.values.T)]
+        nominal = [self._shown(one, value) for one, value in self._ends(self.nominal)]
         for axis, other in zip(axes, others, strict=False):
-            axis.plot(*self.values.T, ".-", color=pictures.MODEL, label="front")
-            axis.plot(*self.nominal, "x", color=pictures.FITTED, label="as it is")
+            axis.plot(*front, ".-", color=pictures.MODEL, label="front")
+            axis.plot(*nominal, "x", color=pictures.FITTED, label="as it is")
             axis.legend()
-            pictures.label(axis, other, self.objectives[other])
+            pictures.label(axis, other, self.display[other])
         for axis, parameter in zip(axes[len(others) :], shown, strict=True):
-            axis.plot(self.values[:, 0], self.parameters[parameter], ".-", color=pictures.MODEL)
-            pictures.label(axis, parameter, self.units[parameter])
+            along = self._shown(parameter, self.parameters[parameter])
+            axis.plot(front[0], along, ".-", color=pictures.MODEL)
+            pictures.label(axis, parameter, self.display[parameter])
         return figure
+
+    def _ends(self, values: Array) -> list[tuple[str, Array]]:
+        """Return the objectives with their values, shape (m, ...)."""
+        return list(zip(self.objectives, values, strict=True))
+
+    def _shown(self, name: str, values: Array) -> Array:
+        """Return values of an objective or a parameter in the unit in which they are displayed."""
+        return convert(values, {**self.objectives, **self.units}[name], self.display[name])
 
 
 def undominated(values: Array) -> Mask:

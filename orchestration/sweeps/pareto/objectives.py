@@ -13,6 +13,7 @@ import numpy as np
 from fmus.kit import Component, UserError, suggestion
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
+from orchestration.fmu import declared_model_of
 from orchestration.reporting import option
 from orchestration.sweeps.ranges import Range
 
@@ -93,6 +94,8 @@ class Objectives:
     ----------
     ranges, objectives : list
     model_name : str
+    display : dict of str to str
+        Unit in which each parameter and each objective is displayed.
     evaluations : int
         Simulations so far.
     """
@@ -109,6 +112,10 @@ class Objectives:
         self.ranges = list(ranges)
         self.objectives = list(objectives)
         self.model_name = cls.name
+        known = declared_model_of(cls)
+        shown = {one.name: known.parameters[one.name] for one in ranges}
+        shown |= {one.name: known.outputs[one.outputs[0]] for one in objectives}
+        self.display = {name: signal.display for name, signal in shown.items()}
         self.evaluations = 0
         self._model = CompiledModel(cls, [one.name for one in ranges])
         self._run = time, dict(inputs), dict(settings)

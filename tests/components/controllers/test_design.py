@@ -1,5 +1,7 @@
 """The designs of state feedback and PID: the defaults that ship, other plants, what is refused."""
 
+import re
+
 import control
 import numpy as np
 import pytest
@@ -43,6 +45,27 @@ def test_another_actuator_follows_its_own_design_by_the_pole_that_was_asked_for(
 def test_an_actuator_with_other_signals_or_states_is_refused_in_a_line(plant):
     with pytest.raises(UserError, match="state feedback is for a force-driven actuator") as caught:
         gains(plant)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"R1": -1.0}, "ppy_actuator: R1 = -1 ohm is out of range, 0 … 1e+06 ohm"),
+        ({"R1": np.nan}, "ppy_actuator: R1 = nan ohm is out of range"),
+        ({"C": 0.0}, "ppy_actuator: C = 0 F is out of range"),
+        ({"nope": 1.0}, "no parameter, input or state named 'nope'"),
+        ({"sample_period": 0.0}, "sample period 0 s: a time above 0 s"),
+        ({"sample_period": np.nan}, "sample period nan s: a time above 0 s"),
+        ({"time_constants": (1.0, 1.0)}, "time constants 1, 1 s: two unequal times above 0 s"),
+        ({"time_constants": (-1.0, 1.0)}, "time constants -1, 1 s: two unequal"),
+        ({"time_constants": (1.0,)}, "time constants 1 s: two unequal"),
+    ],
+    ids=str,
+)
+def test_values_that_no_actuator_has_are_refused_in_a_line(given, told):
+    with pytest.raises(UserError, match=f"{re.escape(told)}") as caught:
+        state_feedback(PpyActuator, **given)
     assert "\n" not in str(caught.value)
 
 

@@ -132,4 +132,3 @@ def test_a_form_of_its_own_reads_before_the_value_is_used():
     option = Option("Twice.", form=Form(lambda typed, flag: 2 * typed), name="a", type=int)
     assert (option.read(3), option.read(None)) == (6, None)
     assert options_of(LawsOptions)["effects"].read("none") == []
-    assert options_of(DiagnoseOptions)["effects"].read("") is None

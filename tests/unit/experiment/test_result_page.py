@@ -31,6 +31,19 @@ def test_a_page_holds_picture_figures_and_the_experiment(folder):
     assert not re.search(r"(src|href)=.https?:", page)
 
 
+def test_a_constant_input_and_a_boolean_have_axes_that_show_no_noise(tmp_path):
+    (tmp_path / "still.toml").write_text(
+        'component = "displacement_controller"\nduration = 1\nstep = 0.1\n[inputs]\nhold = 1\n',
+        encoding="utf-8",
+    )
+    figure = result_page.figure(run(read(str(tmp_path / "still.toml"))))
+    axes = {axis.get_ylabel().split("\n")[0]: axis for axis in figure.axes}
+    assert [text.get_text() for text in axes["hold"].get_yticklabels()] == ["false", "true"]
+    for axis in axes.values():
+        low, high = axis.get_ylim()
+        assert high - low > 0.2
+
+
 @pytest.mark.parametrize("over", ["time", "current"])
 def test_a_picture_has_units_on_every_axis(folder, over):
     done = run(read(str(folder / "play.toml"), [f"over={over}"]))

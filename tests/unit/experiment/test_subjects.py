@@ -24,6 +24,17 @@ def test_an_input_of_a_member_that_is_fed_says_by_what(folder):
         refused(folder, "run", "bad.toml", parts=[f"parameters.{name}: it is an input; {why}"])
 
 
+@pytest.mark.parametrize("command", ["run", "simulate"])
+def test_a_system_that_is_cut_off_is_named_once(folder, command):
+    (folder / "cut.ssp").write_bytes(b"PK\x03\x04")
+    line = refused(folder, command, "cut.ssp")
+    assert line == "error: cut.ssp: not a zip archive, or one that is cut off"
+    (folder / "s.toml").write_text('system = "cut.ssp"', "utf-8")
+    if command == "run":
+        line = refused(folder, "run", "s.toml", parts=["error: s.toml: ", "cut.ssp: not a zip"])
+        assert line.count("cut.ssp") == 1
+
+
 def test_only_systems_whose_laws_are_known_are_fused(folder):
     member = Member.of("one", component("ppy_actuator"), {"force": 0.0})
     ssp.write(System("s", (member,), (), {"current": (Port("one", "current"),)}), folder / "s.ssp")

@@ -50,7 +50,7 @@ from tests.support.fmi3_fmus import foreign
         ),
         (
             lambda n, c: (n, c.replace(b'stopTime="', b'stopTime="soon ')),
-            r"Description\.xml: DefaultExperiment: stopTime 'soon [\d.]+' is no number$",
+            r"Description\.xml: DefaultExperiment: stopTime 'soon [\d.]+' is not a finite number",
         ),
     ],
 )

@@ -130,6 +130,12 @@ def test_matlab_reads_matrices_names_and_units(tmp_path):
     assert held["states"].tolist() == ["x1", "x2", "x3"]
 
 
+def test_another_ending_than_that_of_matlab_is_refused(tmp_path):
+    with pytest.raises(UserError, match=r"cannot write .*m\.txt: its name must end in \.mat"):
+        third_order(2.0).to_mat(tmp_path / "m.txt")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_the_text_tells_margins_poles_and_the_operating_point():
     text = str(third_order(2.0))
     assert "gain margin 3 at 0.2251 Hz" in text

@@ -45,6 +45,42 @@ def test_a_name_stays_beside_its_panel(drawn):
     assert above.x0 > 0.0
 
 
+@pytest.mark.parametrize(
+    ("values", "low", "high"),
+    [
+        ([0.0, 0.0], -0.5, 0.5),
+        ([-2.0, -2.0], -3.0, -1.0),
+        ([0.3, 0.1 + 0.2], 0.15, 0.45),
+        ([np.nan, 4.0], 2.0, 6.0),
+    ],
+)
+def test_a_constant_is_drawn_where_its_rounding_is_no_noise(drawn, values, low, high):
+    _, (upper, _) = drawn
+    upper.plot([0.0, 1.0], values)
+    pictures.fit_values(upper)
+    assert upper.get_ylim() == pytest.approx((low, high))
+
+
+@pytest.mark.parametrize("values", [[1.0, 1.0 + 1e-9], [np.nan, np.nan]])
+def test_an_axis_with_a_course_or_without_values_stays(drawn, values):
+    _, (upper, _) = drawn
+    upper.plot([0.0, 1.0], values)
+    before = upper.get_ylim()
+    pictures.fit_values(upper)
+    assert upper.get_ylim() == before
+
+
+@pytest.mark.parametrize("values", [[0.0, 1.0], [1.0, 1.0], [0.0, 0.0]])
+def test_values_of_truth_are_false_and_true(drawn, values):
+    _, (upper, _) = drawn
+    upper.plot([0.0, 1.0], values)
+    pictures.fit_values(upper, boolean=True)
+    assert [text.get_text() for text in upper.get_yticklabels()] == ["false", "true"]
+    assert upper.get_yticks().tolist() == [0.0, 1.0]
+    low, high = upper.get_ylim()
+    assert -0.2 < low < 0.0 < 1.0 < high < 1.2
+
+
 def test_a_dollar_is_a_dollar(drawn, tmp_path):
     figure, (upper, _) = pictures.panels(2, "$\\nosuch{$")
     pictures.label(upper, "$\\nosuch{$", "1")

@@ -35,7 +35,7 @@ from orchestration.discrepancy.report.laws.law_report import (
     shape_width,
     signal_unit,
 )
-from orchestration.discrepancy.report.wording import Answer, format_percent
+from orchestration.discrepancy.report.wording import Answer, format_move, format_percent
 from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting import option
 
@@ -275,11 +275,8 @@ def describe_errors(correction: Correction) -> str:
     """Return the error that falls most, on data that no fit has seen."""
     before, after = correction.errors
     output = max(before, key=lambda o: (before[o] - after[o]) / (before[o] or 1.0))
-    moves = "falls" if after[output] < before[output] else "goes"
-    return (
-        f"on {wording.UNSEEN} the error of {in_words(output)} {moves} from"
-        f" {format_percent(before[output])} to {format_percent(after[output])}"
-    )
+    moves = format_move(before[output], after[output])
+    return f"on {wording.UNSEEN} the error of {in_words(output)} {moves}"
 
 
 def unseen_data_outcome(correction: Correction) -> str:

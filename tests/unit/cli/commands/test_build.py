@@ -34,6 +34,14 @@ def test_build_then_check_then_simulate_the_file(tmp_path):
     assert (tmp_path / "run.csv").exists()
 
 
+def test_an_fmu_that_was_built_from_a_component_is_built_again(tmp_path):
+    only = ("--runtime", "native", "--platforms", host_platform())
+    works("build", "galvanostat", *only, "--out", "made", cwd=tmp_path)
+    works("build", "made/native/galvanostat.fmu", *only, "--out", "again", cwd=tmp_path)
+    made, again = (tmp_path / f"{at}/native/galvanostat.fmu" for at in ("made", "again"))
+    assert made.read_bytes() == again.read_bytes()
+
+
 def test_build_runtime_builds_only_that(tmp_path):
     printed = works(
         "build",
@@ -126,13 +134,14 @@ def test_fmi_3_is_built_beside_and_checked(tmp_path):
         ("pid --runtime pythonfmu --platforms darwin64", "pythonfmu has no binary for darwin64"),
         ("pid --platforms linux32", "--platforms linux32: there are linux64, win64, "),
         ("pid --platforms all,linux32", "--platforms linux32: there are linux64, win64, "),
+        ("pid --platforms ", "--platforms '': there are linux64, win64, "),
         ("--set kp=1", "--with and --set are about one model; name it"),
     ],
 )
 def test_a_refusal_comes_first_and_alone(given, told, tmp_path):
     if "pythonfmu" in given:
         pytest.importorskip("pythonfmu", reason="pythonfmu is not installed")
-    done = here("build", *given.split(), cwd=tmp_path)
+    done = here("build", *given.split(" "), cwd=tmp_path)
     (line,) = done.stderr.splitlines()
     assert line.startswith(f"error: {told}")
     assert (done.returncode, done.stdout) == (2, "")

@@ -27,6 +27,8 @@ def test_a_front_is_told_drawn_and_written(tmp_path):
         ((*BOTH[:1], "toe_strok"), ["--maximise", "no output named 'toe_strok'"]),
         ((*BOTH, "--plot", "f.txt"), ["--plot", ".png"]),
         ((*BOTH, "--levels", "1"), ["--levels"]),
+        ((*BOTH, "--levels", "1000000000"), ["--levels", "10000"]),
+        ((*BOTH, "--starts", "2097152"), ["--starts", "1048576"]),
         ((*BOTH, "--over", "r_do=20mm"), ["--over", "write parameter=from..to"]),
     ],
 )

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from dataclasses import fields
 
+import pytest
+
+from fmus.kit import UserError
 from orchestration.api.declaration import options_of
+from orchestration.api.forms import BAND
+from orchestration.cli.commands import options
 from orchestration.cli.commands.options import VERDICTS, ServeCommand
 from orchestration.discrepancy import Verdict
 from orchestration.rig.server import ServerSettings
+from tests.support.command import refused
 from tests.support.commands import COMMANDS
 
 
@@ -22,9 +28,64 @@ def test_the_verdicts_that_can_be_required_are_those_that_there_are():
     assert set(VERDICTS) == set(Verdict)
 
 
+DECLARED = [cls for name, cls in vars(options).items() if name.endswith("Command")]
+LISTS = {
+    f"{cls.__name__} {option.flags[0]}": option
+    for cls in DECLARED
+    for option in options_of(cls).values()
+    if option.on_command_line and option.form.typed == str | None and option.form is not BAND
+}
+
+
+@pytest.mark.parametrize("name", LISTS)
+@pytest.mark.parametrize("text", ["", " "])
+def test_a_list_without_a_name_in_it_is_refused_with_what_is_allowed(name, text):
+    option = LISTS[name]
+    with pytest.raises(UserError, match=f"^{option.flags[0]} {text!r}: (name|write|there are) "):
+        option.read(text)
+
+
+def test_every_option_that_takes_names_is_such_a_list():
+    flags = {name.split()[1] for name in LISTS}
+    assert {"--platforms", "--outputs", "--effects", "--with", "--keep", "--require"} <= flags
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["run", "fig_3_3", "--set", ""],
+        ["sweep", "ppy_actuator", "--over", ""],
+        ["frequency", "r.csv", "--of", ""],
+        ["optimise", "foot_design", "--maximise", "toe_stroke", "--over", ""],
+        ["diagnose", "r.csv", "--holdout", ""],
+        ["rig", "serve", "--option", ""],
+        ["rig", "record", "--stimulus", "fig_3_3", "--out", "x.nc", "--set", ""],
+    ],
+    ids=lambda words: " ".join(words[:2]),
+)
+def test_a_repeatable_option_without_a_text_is_refused(arguments, tmp_path):
+    refused(tmp_path, *arguments, parts=[f"{arguments[-2]} ''"])
+
+
+CHOICES = {
+    option.flags[0]: option
+    for cls in DECLARED
+    for option in options_of(cls).values()
+    if option.on_command_line and option.choices
+}
+
+
+@pytest.mark.parametrize("flag", CHOICES)
+def test_a_choice_that_there_is_not_is_refused_before_any_work(flag):
+    option = CHOICES[flag]
+    with pytest.raises(UserError, match=f"'nope': there are {', '.join(option.choices)}$"):
+        option.read("nope")
+    assert [option.read(choice) for choice in option.choices] == [*option.choices]
+
+
 def test_a_server_has_the_defaults_of_its_settings():
     """Where to bind is put together from three options, and what is to be served has to be said."""
     usual = {field.name: field.default for field in fields(ServerSettings)}
-    options = options_of(ServeCommand)
+    served = options_of(ServeCommand)
     for name in ("rate", "watchdog", "lockstep", "keys", "log", "priority", "cpu"):
-        assert options[name].default == usual[name], name
+        assert served[name].default == usual[name], name

@@ -55,7 +55,7 @@ def folder(tmp_path):
             ["good.toml", "--set", "duration.of.it=1"],
             ["--set duration.of.it=1", "duration is a value"],
         ),
-        (["good.toml", "--runtime", "fortran"], ["'native' or 'python'"]),
+        (["good.toml", "--runtime", "fortran"], ["--runtime 'fortran'", "native, python"]),
         (["good.toml", "--out", "out.xls"], ["--out out.xls", ".nc, .csv, .parquet"]),
         (
             ["good.toml", "--out", "good.toml"],

@@ -192,7 +192,7 @@ def test_an_archive_that_escapes(folder):
         (["draw", "dma_bench", "--out", "out.png/x.png"], ["cannot write out.png"]),
         (["export", "dma_bench", "--out", "out.zip"], ["out.zip", ".ssp or .ssd"]),
         (["export", "dma_bench", "--out", "out.ssp/x.ssp"], ["cannot write out.ssp"]),
-        (["export", "dma_bench", "--runtime", "fortran"], ["'fortran'", "python, native"]),
+        (["export", "dma_bench", "--runtime", "fortran"], ["'fortran'", "native, python"]),
         (["export", "bench.ssp", "--out", "bench.ssp"], ["--out bench.ssp", "the system itself"]),
         (["export", "bench.ssp"], ["--out bench.ssp", "the system itself"]),
         ([], ["system --help"]),
@@ -202,6 +202,12 @@ def test_an_archive_that_escapes(folder):
 )
 def test_what_cannot_be_done(folder, arguments, parts):
     refused(folder, "system", *arguments, parts=parts)
+
+
+def test_a_runtime_that_there_is_not_is_refused_before_anything_is_built(folder):
+    process = here("system", "export", "dma_bench", "--runtime", "nope", cwd=folder)
+    assert process.returncode == 2
+    assert process.stderr.splitlines() == ["error: --runtime 'nope': there are native, python"]
 
 
 def test_a_folder_in_the_way(folder):

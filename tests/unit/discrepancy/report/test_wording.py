@@ -826,6 +826,21 @@ def test_a_share_is_a_number_that_people_read(share, text):
     assert wording.format_percent(share) == text
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [
+        (0.10, 0.05, "falls from 10.0 % to 5.0 %"),
+        (0.00704, 0.00698, "falls from 0.704 % to 0.698 %"),
+        (0.100001, 0.099999, "falls from 10.0001 % to 9.9999 %"),
+        (0.05, 0.0502, "goes from 5.00 % to 5.02 %"),
+        (0.05, 0.05, "stays at 5.0 %"),
+        (0.05, 0.05 * (1.0 - 1e-9), "stays at 5.0 %"),
+    ],
+)
+def test_two_errors_are_told_with_as_many_digits_as_tell_them_apart(before, after, told):
+    assert wording.format_move(before, after) == told
+
+
 def test_an_error_and_an_interval_that_are_no_numbers_are_words():
     assert wording.format_error(0.12345) == "12.3 %"
     assert [wording.format_error(e) for e in (np.nan, np.inf)] == ["–", "–"]

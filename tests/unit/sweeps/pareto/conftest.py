@@ -28,7 +28,7 @@ class Bells(Component):
         """The other bell."""
         return 1.0 - exp(-((self.x + APART) ** 2) - (self.y + APART) ** 2)
 
-    @Output("m")
+    @Output("m", display="mm")
     def length(self):
         """A length."""
         return self.x * 1e-3
@@ -59,6 +59,13 @@ def bells():
     return Objectives(
         Bells, [span("x", -4.0, 4.0), span("y", -4.0, 4.0)], objectives, np.zeros(1), {}, {}
     )
+
+
+@pytest.fixture
+def ruler():
+    """The length, maximised, and a bell, minimised, over one parameter."""
+    objectives = [Objective(("length",), "m", 1.0), Objective(("one",), "1", -1.0)]
+    return Objectives(Bells, [span("x", -4.0, 4.0)], objectives, np.zeros(1), {}, {})
 
 
 @pytest.fixture

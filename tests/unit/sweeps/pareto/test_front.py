@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pytest
 
 from orchestration.sweeps.pareto import Front
 from orchestration.sweeps.pareto.front import undominated
@@ -20,6 +21,21 @@ def test_undominated_points_are_those_of_every_pair_compared():
             )
             expected.append(not beaten and one not in values[:k].tolist())
         assert undominated(values).tolist() == expected
+
+
+def test_a_front_is_drawn_and_told_in_display_units(ruler):
+    """The length is 1 mm per unit of x, by the model's own equation."""
+    front = Front.of(ruler, np.array([[0.6], [1.0]]))
+    above, below = front.draw().axes
+    assert above.get_xlabel() == ""
+    assert below.get_xlabel() == "length [mm]"
+    line, nominal = above.get_lines()
+    assert line.get_xdata() == pytest.approx(1e3 * front.values[:, 0])
+    assert nominal.get_xdata() == pytest.approx([0.5])
+    assert below.get_lines()[0].get_xdata() == pytest.approx([0.8, 4.0])
+    assert front.units == {"x": "1"}
+    assert front.objectives["length"] == "m"
+    assert "in length mm" in str(front)
 
 
 def test_a_front_is_a_table_a_picture_and_json(bells, tmp_path):

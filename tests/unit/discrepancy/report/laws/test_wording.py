@@ -53,6 +53,15 @@ def test_the_error_that_falls_most_is_told():
     )
 
 
+@pytest.mark.parametrize(
+    ("after", "told"), [(0.00698, "falls from 0.704 % to 0.698 %"), (0.00704, "stays at 0.7 %")]
+)
+def test_an_error_that_hardly_falls_is_not_told_as_from_one_figure_to_the_same(after, told):
+    _, one = motor_report("linear")
+    one.errors = ({"speed": 0.00704}, {"speed": after})
+    assert wording.describe_errors(one).endswith(f"the error of speed {told}")
+
+
 def test_smoothed_noise_is_told_with_its_size():
     law_report, _ = motor_report("linear")
     assert wording.describe_smoothing(law_report) == ""
