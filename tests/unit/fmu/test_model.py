@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 import orchestration as ppy
-from fmus.kit import UserError
+from fmus import component, effects
+from fmus.kit import UserError, stack
+from fmus.kit.build import build_cached
 from fmus.kit.units import format_value
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.model import built, declared_model, find_class, find_model
@@ -173,11 +175,11 @@ def package(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("runtime", "fmi"), BUILDS)
-@pytest.mark.parametrize("effects", EFFECTS, ids=["plain", "stacked"])
+@pytest.mark.parametrize("added", EFFECTS, ids=["plain", "stacked"])
 def test_an_fmu_of_the_laws_of_today_has_its_class_with_the_values_it_has(
-    package, tmp_path, effects, runtime, fmi
+    package, tmp_path, added, runtime, fmi
 ):
-    path = built_by(package(), tmp_path / "a.fmu", effects, runtime, fmi)
+    path = built_by(package(), tmp_path / "a.fmu", added, runtime, fmi)
     model = find_model(str(path))
     assert model.notes == ()
     assert model.cls().R1 == 0.43
@@ -188,7 +190,7 @@ def test_an_fmu_of_the_laws_of_today_has_its_class_with_the_values_it_has(
 
 @pytest.mark.parametrize(("runtime", "fmi"), BUILDS)
 @pytest.mark.parametrize(
-    ("effects", "what"),
+    ("added", "what"),
     [
         ((), "of the component"),
         (("strain_saturation",), "of the component"),
@@ -196,9 +198,9 @@ def test_an_fmu_of_the_laws_of_today_has_its_class_with_the_values_it_has(
     ],
 )
 def test_an_fmu_of_other_laws_is_an_fmu_without_equations(
-    package, tmp_path, effects, what, runtime, fmi
+    package, tmp_path, added, what, runtime, fmi
 ):
-    path = built_by(package(what), tmp_path / "old.fmu", effects, runtime, fmi)
+    path = built_by(package(what), tmp_path / "old.fmu", added, runtime, fmi)
     model = find_model(str(path))
     assert model.cls is None
     told = (
@@ -217,7 +219,7 @@ def test_an_fmu_of_other_laws_is_an_fmu_without_equations(
     if runtime == "native":
         linear = ppy.linearise(path)
         assert (linear.method, linear.notes) == ("directional derivatives of the FMU", (told,))
-    if not effects:
+    if not added:
         time = np.array([0.0, 1.0])
         ours, old = (
             simulate(of, time, {"current": np.ones(2), "force": np.zeros(2)}, {})
@@ -227,10 +229,10 @@ def test_an_fmu_of_other_laws_is_an_fmu_without_equations(
         assert old["electrochemical_displacement"] == pytest.approx(2.0 * own, rel=1e-9)
 
 
-@pytest.mark.parametrize("effects", EFFECTS, ids=["plain", "stacked"])
-def test_an_fmu_that_does_not_tell_its_laws_is_one_without_equations(tmp_path, effects):
+@pytest.mark.parametrize("added", EFFECTS, ids=["plain", "stacked"])
+def test_an_fmu_that_does_not_tell_its_laws_is_one_without_equations(tmp_path, added):
     """As builds were whose provenance had no digest yet."""
-    made = find_model("ppy_actuator", effects=effects).path
+    made = find_model("ppy_actuator", effects=added).path
     path = edited(
         made, tmp_path / "old.fmu", lambda n, c: (n, re.sub(rb' laws="[0-9a-f]{64}"', b"", c))
     )
@@ -238,6 +240,19 @@ def test_an_fmu_that_does_not_tell_its_laws_is_one_without_equations(tmp_path, e
     assert model.cls is None
     (note,) = model.notes
     assert note.startswith("old.fmu was made from ppy_actuator, but its description does not tell")
+
+
+def test_an_effect_of_a_user_is_not_taken_for_ours_of_the_same_name(tmp_path):
+    ours = effects("ppy_actuator")["strain_saturation"]
+
+    class Doubled(ours):
+        def charge_elongation(self, charge):
+            return 2.0 * super().charge_elongation(charge)
+
+    made = build_cached(stack(component("ppy_actuator"), Doubled), "native")
+    model = find_model(str(made))
+    assert model.cls is None
+    assert "but the laws here are others" in model.notes[0]
 
 
 def test_an_fmu_that_tells_no_origin_is_anybody_s(fmu, tmp_path):
