@@ -63,7 +63,7 @@ def optimise(
     """
     subject = as_declared(model)
     if subject.cls is None:
-        raise UserError(f"{subject.name}: an FMU without equations; a component can be optimised")
+        raise UserError(f"{subject.without_equations}; a component can be optimised")
     units = {name: signal.unit for name, signal in subject.outputs.items()}
     objectives = [
         read_objective(text, sign, units, argument)

@@ -48,6 +48,7 @@ MODES: Mapping[str, Mapping[str, float]] = {
         "all": ("feedback", "feedforward", "learning"),
     }.items()
 }
+_CIRCUIT = ("R1", "R2", "C", "alpha")  # parameters that an actuator shares with its inverse
 _POINTS = 40  # in a period, at which a planned current changes, as often as a learnt one
 _CORRECTION = 0.8  # share of the error that a repetition takes off a plan on the nominal model
 _SMOOTHING = (0.25, 0.5, 0.25)  # of errors, as learning has it
@@ -279,42 +280,45 @@ def planned_current(
         If the model is no actuator by its parameters, or a limit or the number of cycles is not
         above zero.
     """
-    for name, value in {
-        "cycles": cycles,
-        "current_limit": current_limit,
-        "voltage_limit": voltage_limit,
-    }.items():
-        if not value > 0:
-            raise UserError(f"{name} = {value:g}: must be above 0")
-    shared = ("R1", "R2", "C", "alpha")
-    lacking = {*shared} - {one.name for one in model.layout.parameters}
-    if lacking:
-        raise UserError(
-            f"{model.name}: no actuator, as it has no parameter {', '.join(sorted(lacking))}"
-        )
+    _check_plan(model, cycles=cycles, current_limit=current_limit, voltage_limit=voltage_limit)
+    start = dict(parameters or {})
     period = loop.period / _POINTS
     # a cycle more than is wanted, as errors are smoothed over an end that has no error behind it
     time: Array = period * np.arange((cycles + 1) * _POINTS + 1, dtype=np.float64)
-    compiled = CompiledModel(model)
     force, reference = loop.force_at(time), loop.length_at(time)
-    given = dict(parameters or {})
-    films: Any = model(**given)
+    compiled = CompiledModel(model)
+    nominal: Any = model(**start)
     inverse: Any = component("feedforward")(
-        **{name: getattr(films, name) for name in shared},
+        **{name: getattr(nominal, name) for name in _CIRCUIT},
         sample_period=period,
         current_limit=current_limit,
         voltage_limit=voltage_limit,
     )
     current = np.zeros(time.size)
     for _ in range(_REPETITIONS):
-        run = compiled.run(time, {"current": current, "force": force}, given)
-        error = reference - run.signals["displacement"]
-        # a strain that lags answers the highest frequencies with the opposite sign
-        smooth = np.convolve(np.pad(error, 1, mode="edge"), _SMOOTHING, mode="valid")
-        inverse.charge = given.get("charge_start", 0.0)
-        current = _corrected(current, _CORRECTION * smooth, inverse)
+        run = compiled.run(time, {"current": current, "force": force}, start)
+        error = _smoothed(reference - run.signals["displacement"])
+        inverse.charge = start.get("charge_start", 0.0)
+        current = _corrected(current, _CORRECTION * error, inverse)
     wanted = slice(cycles * _POINTS + 1)
     return time[wanted], current[wanted]
+
+
+def _check_plan(model: type[Component], **positive: float) -> None:
+    """Refuse a model without the circuit of an actuator, and values that are not above zero."""
+    for name, value in positive.items():
+        if not value > 0:
+            raise UserError(f"{name} = {value:g}: must be above 0")
+    lacking = {*_CIRCUIT} - {one.name for one in model.layout.parameters}
+    if lacking:
+        raise UserError(
+            f"{model.name}: no actuator, as it has no parameter {', '.join(sorted(lacking))}"
+        )
+
+
+def _smoothed(error: Array) -> Array:
+    """Smooth an error (n,): a strain that lags answers high frequencies with the opposite sign."""
+    return np.convolve(np.pad(error, 1, mode="edge"), _SMOOTHING, mode="valid")
 
 
 def _corrected(current: Array, change: Array, inverse: Any) -> Array:

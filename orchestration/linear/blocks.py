@@ -296,29 +296,19 @@ def blocks_of(
         If a derivative is not finite there.
     """
     layout = graph.layout
-    states = [v.name for v in layout.states]
-    discretes = [v.name for v in layout.discretes]
-    inputs = [v.name for v in layout.inputs]
-    columns = [*states, *discretes, *inputs]
+    states, discretes, inputs = (
+        tuple(variable.name for variable in group)
+        for group in (layout.states, layout.discretes, layout.inputs)
+    )
     matrices = (function or jacobians(graph)).call(point.arguments(graph))
-    rates, outputs, *after = (matrix.full() for matrix in matrices)
-    identity = np.eye(len(columns))
-    signals = {name: identity[k] for k, name in enumerate(columns)}
+    rates, outputs, *sampled = (matrix.full() for matrix in matrices)
+    updates = _updates(graph, point, sampled)
+    columns = (*states, *discretes, *inputs)
+    signals = dict(zip(columns, np.eye(len(columns)), strict=True))
     signals |= {f"der({name})": row for name, row in zip(states, rates, strict=True)}
-    updates = []
-    first = {name: k for k, name in enumerate(discretes)}
-    for (clock, members), matrix in zip(layout.sampled, after, strict=True):
-        rows = tuple(first[member.name] for member in members)
-        updates.append(
-            SampledUpdate(
-                str(clock.period),
-                point.seconds(clock.period),
-                sum(point.seconds(name) for name in clock.shift),
-                rows,
-                matrix[list(rows)],
-            )
-        )
-        signals |= {f"next({discretes[row]})": matrix[row] for row in rows}
+    for update in updates:
+        names = (f"next({discretes[place]})" for place in update.rows)
+        signals |= zip(names, update.matrix, strict=True)
     signals |= {v.name: row for v, row in zip(layout.outputs, outputs, strict=True)}
     for name, row in signals.items():
         if not np.isfinite(row).all():
@@ -327,6 +317,27 @@ def blocks_of(
                 f"{graph.name}: {name} has no finite derivative with respect to {column}"
                 f" {point.words}"
             )
-    return LinearBlocks(
-        tuple(states), tuple(discretes), tuple(inputs), rates, tuple(updates), signals
-    )
+    return LinearBlocks(states, discretes, inputs, rates, updates, signals)
+
+
+def _updates(
+    graph: Graph, point: OperatingPoint, matrices: Sequence[Array]
+) -> tuple[SampledUpdate, ...]:
+    """Return the updates of all clocks.
+
+    Parameters
+    ----------
+    graph : Graph
+    point : OperatingPoint
+    matrices : sequence of ndarray, shape (discretes, n)
+        The discrete states after a sample, by clocks.
+    """
+    layout = graph.layout
+    place_of = {discrete.name: k for k, discrete in enumerate(layout.discretes)}
+    updates = []
+    for (clock, members), matrix in zip(layout.sampled, matrices, strict=True):
+        period = point.seconds(clock.period)
+        shift = sum(point.seconds(name) for name in clock.shift)
+        rows = tuple(place_of[member.name] for member in members)
+        updates.append(SampledUpdate(str(clock.period), period, shift, rows, matrix[list(rows)]))
+    return tuple(updates)

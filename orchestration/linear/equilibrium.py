@@ -134,36 +134,49 @@ def _check(graph: Graph, request: TrimRequest, targets: Mapping[str, float]) -> 
 def _equations(
     graph: Graph, start: OperatingPoint, request: TrimRequest, targets: Mapping[str, float]
 ) -> _Equations:
+    """Make the equations, with the values of all variables that are not unknown."""
+    fixed = _integrals(graph) - {*targets}
+    sought = ({*start.states, *start.discretes} - fixed) | {*request.free}
+    variables = _variables(graph, start)
+    unknowns = [v for v in variables if v.declared.name in sought]
+    known = [v for v in variables if v.declared.name not in sought]
+    nominal = np.array([v.declared.nominal for v in unknowns])
+    scaled = ca.SX.sym("scaled", len(unknowns))
+    rows, laws = _laws(graph, request, targets)
+    symbols = ca.vertcat(*(v.symbol for v in (*unknowns, *known)), graph.time)
+    values = ca.vertcat(scaled * nominal, *(v.value for v in known), start.time)
+    (residual,) = ca.substitute([ca.vertcat(*laws)], [symbols], [values])
+    return _Equations(
+        ca.Function("equations", [scaled], [residual, ca.densify(ca.jacobian(residual, scaled))]),
+        rows,
+        [v.declared for v in unknowns],
+        nominal,
+        np.array([v.value for v in unknowns]) / nominal,
+    )
+
+
+class _Variable(NamedTuple):
+    """A variable of a graph, with its value where the search starts."""
+
+    declared: Declaration
+    symbol: ca.SX
+    value: float
+
+
+def _variables(graph: Graph, start: OperatingPoint) -> list[_Variable]:
+    """Return parameters, inputs, states and discrete states."""
     layout = graph.layout
-    free = set(request.free)
     groups = (
         (layout.parameters, graph.parameters, start.parameters),
         (layout.inputs, graph.inputs, start.inputs),
         (layout.states, graph.states, start.states),
         (layout.discretes, graph.discretes, start.discretes),
     )
-    always = {*start.states, *start.discretes} - (_integrals(graph) - {*targets})
-    unknowns, places, known = [], [], []
-    for group, vector, values in groups:
-        for k, declared in enumerate(group):
-            if declared.name in always or declared.name in free:
-                unknowns.append((declared, vector[k], values[declared.name]))
-            else:
-                places.append(vector[k])
-                known.append(values[declared.name])
-    nominal = np.array([declared.nominal for declared, _, _ in unknowns])
-    scaled = ca.SX.sym("scaled", len(unknowns))
-    rows, laws = _laws(graph, request, targets)
-    symbols = ca.vertcat(*(symbol for _, symbol, _ in unknowns), *places, graph.time)
-    at = ca.vertcat(scaled * nominal, *known, start.time)
-    (placed,) = ca.substitute([ca.vertcat(*laws)], [symbols], [at])
-    return _Equations(
-        ca.Function("equations", [scaled], [placed, ca.densify(ca.jacobian(placed, scaled))]),
-        rows,
-        [declared for declared, _, _ in unknowns],
-        nominal,
-        np.array([value for _, _, value in unknowns]) / nominal,
-    )
+    return [
+        _Variable(declared, symbols[k], values[declared.name])
+        for group, symbols, values in groups
+        for k, declared in enumerate(group)
+    ]
 
 
 def _integrals(graph: Graph) -> set[str]:

@@ -22,7 +22,7 @@ from orchestration.master.dependency_graph import (
     order_exchange,
     order_steps,
 )
-from orchestration.master.instances import STEP, Clock, Instance, SavedState, list_names
+from orchestration.master.instances import STEP, CommunicationStep, Instance, SavedState, list_names
 from orchestration.master.schedule import (
     BufferedConnection,
     ExchangeStage,
@@ -50,7 +50,7 @@ class Executor:
     disturbances : Mapping of Port to list of float
         Values that are added to connected inputs at all communication points.
     settings : MasterSettings
-    clock : Clock
+    present_step : CommunicationStep
 
     Attributes
     ----------
@@ -75,12 +75,12 @@ class Executor:
         external: Mapping[Port, list[float]],
         disturbances: Mapping[Port, list[float]],
         settings: MasterSettings,
-        clock: Clock,
+        present_step: CommunicationStep,
     ):
         self.members = members
         self.structure = structure
         self.settings = settings
-        self.clock = clock
+        self.present_step = present_step
         self._by_name = {member.name: member for member in members}
         self._external = external
         self._disturbances = disturbances
@@ -221,7 +221,7 @@ class Executor:
         if linear or parts > 1 or slow:
             step = MemberStep(
                 member=member,
-                clock=self.clock,
+                present_step=self.present_step,
                 inputs=self.inputs,
                 outputs=self.outputs,
                 linear=linear,
@@ -280,12 +280,14 @@ class Executor:
     def _history(self, member: Instance, linear_count: int) -> StepHistory:
         """Return the history of a member, which all its steps share."""
         if member.name not in self._histories:
-            self._histories[member.name] = StepHistory(self.clock.start, [0.0] * linear_count)
+            self._histories[member.name] = StepHistory(
+                self.present_step.start, [0.0] * linear_count
+            )
         return self._histories[member.name]
 
     def _plain_step_call(self, member: Instance) -> MemberCall:
         adaptive = self.settings.adaptive
-        step = member.bind_step(self.clock.now, self.clock.size, adaptive)
+        step = member.bind_step(self.present_step.now, self.present_step.size, adaptive)
         operation = None if member.may_be_pending else PlainStep(final=not adaptive)
         return MemberCall(step, member, STEP, operation)
 
@@ -297,7 +299,7 @@ class Executor:
             for member in members:
                 own_ports = [port for port in ports if port.member == member.name]
                 calls += self._transfer_calls(verb, member, own_ports)
-        saved = SavedState(members, self.clock)
+        saved = SavedState(members, self.present_step)
         targets = np.array([self._connections[port].target for port in loop.inputs])
         nominal = [self._by_name[port.member].nominal(port.variable) for port in loop.inputs]
         fixed_point = FixedPoint(
@@ -312,7 +314,7 @@ class Executor:
                 fixed_point.solve(self.inputs.values[targets])
             except UserError as error:
                 raise UserError(
-                    f"{describe_loop(loop)}, at {self.clock.end:.10g} s: {error}"
+                    f"{describe_loop(loop)}, at {self.present_step.end:.10g} s: {error}"
                 ) from error
             return 0
 
@@ -357,7 +359,7 @@ class Executor:
         UserError
             If a member fails.
         """
-        self.clock.set(start, end)
+        self.present_step.set(start, end)
         seconds = self.seconds
         schedule.count += 1
         then = perf_counter()
@@ -365,14 +367,14 @@ class Executor:
             for call, member, request, _ in calls:
                 status = call()
                 if status:
-                    member.check_status(status, request, self.clock)
+                    member.check_status(status, request, self.present_step)
             now = perf_counter()
             seconds[number] += now - then
             then = now
 
     def enter_point(self, start: float, end: float, k: int) -> None:
         """Enter a step from `start` to `end` with the external values of point `k`."""
-        self.clock.set(start, end)
+        self.present_step.set(start, end)
         self._point = k
 
     def read_early(self) -> None:
@@ -419,14 +421,15 @@ class Executor:
         for call, member, request, _ in calls:
             status = call()
             if status:
-                member.check_status(status, request, self.clock)
+                member.check_status(status, request, self.present_step)
 
     def raise_not_finite(self, place: int) -> NoReturn:
         """Raise the error that an output, given by its place, is not finite."""
         port = list(self.outputs.at)[place]
         value = self.outputs.cells[place]
         raise UserError(
-            f"{port.member}: its output {port.variable} is {value:g} at {self.clock.end:.10g} s"
+            f"{port.member}: its output {port.variable} is {value:g}"
+            f" at {self.present_step.end:.10g} s"
         )
 
     # --- statistics

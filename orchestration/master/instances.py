@@ -23,8 +23,8 @@ from orchestration.system import Port
 STEP = "step"  # the request to make a step
 
 
-class Clock:
-    """The times of the present step.
+class CommunicationStep:
+    """The times of the communication step that the members make.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ class Instance:
 
         return step_and_wait
 
-    def check_status(self, status: int, request: str, clock: Clock) -> None:
+    def check_status(self, status: int, request: str, step: CommunicationStep) -> None:
         """Count a warning; raise an error on anything worse.
 
         Parameters
@@ -132,7 +132,7 @@ class Instance:
             The FMI status.
         request : str
             What the member was asked to do.
-        clock : Clock
+        step : CommunicationStep
 
         Raises
         ------
@@ -144,11 +144,11 @@ class Instance:
             return
         remark = ""
         if request == STEP:
-            timed_request = f"step from {clock.start:.10g} s to {clock.end:.10g} s"
+            timed_request = f"step from {step.start:.10g} s to {step.end:.10g} s"
             if status == fmi2Discard:
                 remark = self._discard_remark()
         else:
-            timed_request = f"{request} at {clock.end:.10g} s"
+            timed_request = f"{request} at {step.end:.10g} s"
         raise UserError(f"{self.name}: {self.fmu.failed(timed_request, status, remark)}")
 
     def _discard_remark(self) -> str:
@@ -169,18 +169,18 @@ class Instance:
         )
         return reached.value if get_time() <= fmi2Warning else None
 
-    def terminate(self, clock: Clock) -> None:
+    def terminate(self, step: CommunicationStep) -> None:
         """Terminate the simulation; UserError if the FMU refuses."""
         status = self.fmu.bound("fmi2Terminate")()
         if status:
-            self.check_status(status, "termination", clock)
+            self.check_status(status, "termination", step)
 
 
 class SavedState:
     """The saved states of several members, which can be restored any number of times."""
 
-    def __init__(self, members: Sequence[Instance], clock: Clock):
-        self._clock = clock
+    def __init__(self, members: Sequence[Instance], step: CommunicationStep):
+        self._step = step
         self._calls: list[tuple[Instance, FmiCall, FmiCall, FmiCall]] = []
         self._states: list[ctypes.c_void_p] = []
         for member in members:
@@ -197,21 +197,21 @@ class SavedState:
         for member, save, _, _ in self._calls:
             status = save()
             if status:
-                member.check_status(status, "saving the state", self._clock)
+                member.check_status(status, "saving the state", self._step)
 
     def restore(self) -> None:
         """Restore the states that were saved last; UserError if a member refuses."""
         for member, _, restore, _ in self._calls:
             status = restore()
             if status:
-                member.check_status(status, "restoring the state", self._clock)
+                member.check_status(status, "restoring the state", self._step)
 
     def free(self) -> None:
         """Free the saved states; UserError if a member refuses."""
         for member, _, _, free in self._calls:
             status = free()
             if status:
-                member.check_status(status, "releasing a state", self._clock)
+                member.check_status(status, "releasing a state", self._step)
 
     def release(self) -> None:
         """Free states that are still saved, of members that may be called, ignoring failures."""

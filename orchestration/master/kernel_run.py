@@ -218,7 +218,7 @@ class _Translation:
             failed = returned.reason == library.FAILED
             status = returned.status if failed else call.call()
             if status:
-                call.member.check_status(status, call.request, self._executor.clock)
+                call.member.check_status(status, call.request, self._executor.present_step)
 
         return handle
 

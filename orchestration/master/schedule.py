@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from orchestration.master.buffers import Buffer, BufferTransfer, FmiCall, bind, list_transfers
 from orchestration.master.dependency_graph import EvaluationOrder
-from orchestration.master.instances import STEP, Clock, Instance
+from orchestration.master.instances import STEP, CommunicationStep, Instance
 from orchestration.system import Port
 
 _DERIVATIVE_ORDER = 1
@@ -130,7 +130,7 @@ class MemberStep:
     Attributes
     ----------
     member : Instance
-    clock : Clock
+    present_step : CommunicationStep
     inputs, outputs : Buffer
         Of all members.
     linear : sequence of Port
@@ -150,7 +150,7 @@ class MemberStep:
     """
 
     member: Instance
-    clock: Clock
+    present_step: CommunicationStep
     inputs: Buffer
     outputs: Buffer
     linear: Sequence[Port]
@@ -163,9 +163,9 @@ class MemberStep:
 
     def __post_init__(self) -> None:
         fmu = self.member.fmu
-        self._own_clock = Clock()
+        self._own_step = CommunicationStep()
         self._step = self.member.bind_step(
-            self._own_clock.now, self._own_clock.size, self.may_go_back
+            self._own_step.now, self._own_step.size, self.may_go_back
         )
         self._places = [self.inputs.at[port] for port in self.linear]
         index = {place: k for k, place in enumerate(self._places)}
@@ -196,8 +196,8 @@ class MemberStep:
 
     def __call__(self) -> int:
         """Make the step; errors tell the times of the member's own step, not of the system's."""
-        end = self.clock.end
-        start = self.history.time if self.resumes else self.clock.start
+        end = self.present_step.end
+        start = self.history.time if self.resumes else self.present_step.start
         self.history.time = end
         span = end - start
         inputs = self.inputs.cells
@@ -211,7 +211,7 @@ class MemberStep:
         begin = start
         for part in range(1, self.parts + 1):
             until = end if part == self.parts else start + span * part / self.parts
-            self._own_clock.set(begin, until)
+            self._own_step.set(begin, until)
             if self._places:
                 after = begin - start if self._interpolates else 0.5 * (begin + until) - start
                 self._set_inputs(values, slopes, after)
@@ -234,7 +234,7 @@ class MemberStep:
 
     def _check(self, status: int) -> None:
         if status:
-            self.member.check_status(status, STEP, self._own_clock)
+            self.member.check_status(status, STEP, self._own_step)
 
     def update_slopes(self) -> None:
         """Save the slopes over the step just made, for the next one."""

@@ -19,7 +19,7 @@ from orchestration.fmu.kernel import load_stepper
 from orchestration.fmu.signal import read_signal
 from orchestration.master.dependency_graph import describe_loop
 from orchestration.master.executor import Executor
-from orchestration.master.instances import Clock, SavedState
+from orchestration.master.instances import CommunicationStep, SavedState
 from orchestration.master.isolated import RowDescription, RowRecorder, run_isolated
 from orchestration.master.kernel_run import KernelRun
 from orchestration.master.pacing import Pacer, RealTime
@@ -161,8 +161,8 @@ def run(
         members = open_members(system, opened)
         check_capabilities(members, points, settings)
         structure, recorded = make_structure(system, members, list(external), record, settings)
-        clock = Clock()
-        clock.set(points[0], points[0])
+        present_step = CommunicationStep()
+        present_step.set(points[0], points[0])
         enter_initialization(members, points[0], points[-1])
         executor = Executor(
             members,
@@ -171,7 +171,7 @@ def run(
             external=external,
             disturbances=disturbed,
             settings=settings,
-            clock=clock,
+            present_step=present_step,
         )
         opened.callback(_release, executor.saved_states)
         notes = initialize(executor)
@@ -444,7 +444,7 @@ class _Runner:
         for saved in self._executor.saved_states:
             saved.free()
         for member in self._executor.members:
-            member.terminate(self._executor.clock)
+            member.terminate(self._executor.present_step)
         self._progress(len(self._points))
 
     def _result(self, message: str) -> Run:

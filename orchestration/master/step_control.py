@@ -26,7 +26,7 @@ class Checkpoint:
         self._values = [values.copy() for values in self._buffers]
         self._histories = [step.history for step in executor.complete.extrapolating]
         self._slopes: list[list[float]] = []
-        self._states = SavedState(executor.members, executor.clock)
+        self._states = SavedState(executor.members, executor.present_step)
         executor.saved_states.append(self._states)
 
     def save(self) -> None:

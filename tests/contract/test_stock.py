@@ -179,7 +179,7 @@ def test_a_state_survives_as_bytes(stock, name):
 CLOCK = '''
 from fmus.kit import Component, Output, State
 
-class Clock(Component):
+class Chronometer(Component):
     """Shows the time."""
 
     name = "clock"
@@ -216,7 +216,7 @@ def test_outputs_follow_a_step_and_a_restored_state_by_themselves(tmp_path):
     (tmp_path / "clock.py").write_text(CLOCK)
     archive = tmp_path / "clock.fmu"
     archive.write_bytes(
-        kit.build(find_class(f"{tmp_path / 'clock.py'}:Clock"), "pythonfmu", ["linux64"])
+        kit.build(find_class(f"{tmp_path / 'clock.py'}:Chronometer"), "pythonfmu", ["linux64"])
     )
     assert works(watched, archive) == [0.0, 0.5, 0.75, 0.5]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from orchestration.identify.black_box.data import InputOutputData
-from orchestration.identify.black_box.models import LinearModel
+from orchestration.identify.black_box.models import IdentifiedModel
 from orchestration.identify.black_box.residual_tests import ResidualTests, residual_tests
 
 _LAGS = 25  # default of residual tests
@@ -38,7 +38,7 @@ class Identification:
 
     Attributes
     ----------
-    model : LinearModel
+    model : IdentifiedModel
     data : InputOutputData
         Data it was identified from.
     parameters : tuple of Parameter
@@ -55,7 +55,7 @@ class Identification:
         One line each on offsets, weak excitation and instability.
     """
 
-    model: LinearModel
+    model: IdentifiedModel
     data: InputOutputData
     parameters: tuple[Parameter, ...]
     covariance: Array

@@ -7,7 +7,8 @@ with the states, and their derivatives, that the block before ended with.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,74 +19,130 @@ LONGEST = 20_000  # samples that are simulated in one piece
 _BLOCK = 8_192  # samples that are simulated at once of more
 
 
-def simulate_in_blocks(
-    model: CompiledModel,
-    time: Array,
-    inputs: Mapping[str, Array],
-    parameters: Mapping[str, float],
-    *,
-    linear: bool | Collection[str],
-    effort: float,
-    tolerance: float,
-    columns: slice | list[int],
-    measured: Collection[str] | None = None,
-) -> Trajectory:
-    """Simulate a model of continuous states, as `CompiledModel.run` does in one piece.
+class BlockwiseModel:
+    """A compiled model that simulates a long record block by block.
 
     Parameters
     ----------
     model : CompiledModel
-        Without discrete states: a block would begin in the middle of their sample period.
-    time : ndarray, shape (n,)
-        Seconds.
-    inputs : Mapping of str to ndarray, shape (n,)
-        SI.
-    parameters : Mapping of str to float
-        SI.
+    names : sequence of str
+        Those p of the model's parameters by which derivatives are kept, in this order.
     linear : bool or collection of str
         Inputs that are interpolated between samples.
-    effort : float
-        Internal steps per sample of the whole record, of which any block may take what is left.
-    tolerance : float
-    columns : slice or list of int
-        Which p of the model's parameters derivatives are kept by.
     measured : collection of str, optional
-        Outputs and states of which derivatives are kept; all unless given.
-
-    Returns
-    -------
-    Trajectory
-        All signals, and the derivatives (n, p) of those that are measured.
-
-    Raises
-    ------
-    UserError
-        If the simulation fails.
+        Outputs and states of which a simulation in blocks has derivatives; all unless given.
     """
-    n = len(time)
-    layout = model.layout
-    outputs = [o.name for o in layout.outputs]
-    states = [s.name for s in layout.states]
-    count = len(np.arange(len(model.names))[columns])
-    signals = {name: np.empty(n) for name in [*outputs, *states]}
-    kept = [name for name in signals if measured is None or name in measured]
-    slopes = {name: np.empty((n, count)) for name in kept}
-    begin = dict(parameters)
-    left = effort * n
-    first = 0
-    while first < n - 1:
-        last = min(first + _BLOCK, n - 1)  # where the next block begins
-        rows = slice(first, last + 1)
-        fed = {name: np.broadcast_to(values, n)[rows] for name, values in inputs.items()}
-        ran = model.run(time[rows], fed, begin, linear, left / (last + 1 - first), tolerance)
-        left -= ran.steps
-        for name, values in signals.items():
-            values[rows] = ran.signals[name]
-        for name, derivatives in slopes.items():
-            derivatives[rows] = ran.sensitivities[name][:, columns]
-        for state in states:
-            begin[layout.start_of[state]] = float(ran.signals[state][-1])
-            for parameter, slope in zip(model.names, ran.sensitivities[state][-1], strict=True):
-                begin[f"d({state})/d({parameter})_start"] = float(slope)
-        first = last
-    return Trajectory(signals, slopes, effort * n - left)
+
+    def __init__(
+        self,
+        model: CompiledModel,
+        names: Sequence[str],
+        linear: bool | Collection[str],
+        measured: Collection[str] | None = None,
+    ):
+        self._model = model
+        self._linear = linear
+        self._measured = measured
+        places = [model.names.index(name) for name in names]
+        # the first of them, as they usually are, are not copied
+        in_order = places == list(range(len(places)))
+        self._columns: slice | list[int] = slice(len(places)) if in_order else places
+        self._width = len(places)
+
+    def run(
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        parameters: Mapping[str, float],
+        effort: float,
+        tolerance: float,
+    ) -> Trajectory:
+        """Simulate a record as `CompiledModel.run` does, with the derivatives that are wanted.
+
+        With discrete states it is in one piece: a block would begin in the middle of their sample
+        period.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Seconds.
+        inputs : Mapping of str to ndarray, shape (n,)
+            SI.
+        parameters : Mapping of str to float
+            SI.
+        effort : float
+            Internal steps per sample of the whole record.
+        tolerance : float
+            Accuracy of an internal step, if the component's own need not be reached.
+
+        Returns
+        -------
+        Trajectory
+            All signals, and derivatives (n, p).
+
+        Raises
+        ------
+        UserError
+            If the simulation fails.
+        """
+        if len(time) > LONGEST and not self._model.layout.discretes:
+            return self.run_in_blocks(time, inputs, parameters, effort, tolerance)
+        ran = self._model.run(time, inputs, parameters, self._linear, effort, tolerance)
+        wanted = {name: slopes[:, self._columns] for name, slopes in ran.sensitivities.items()}
+        return replace(ran, sensitivities=wanted)
+
+    def run_in_blocks(
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        parameters: Mapping[str, float],
+        effort: float,
+        tolerance: float,
+    ) -> Trajectory:
+        """Simulate like `run`, however short the record is, with derivatives of what is measured.
+
+        Any block may take the internal steps that those before it have left of the record's.
+        """
+        n = len(time)
+        whole = self._empty(n)
+        start = dict(parameters)
+        left = effort * n
+        for rows in _blocks(n):
+            fed = {name: np.broadcast_to(values, n)[rows] for name, values in inputs.items()}
+            share = left / (rows.stop - rows.start)
+            ran = self._model.run(time[rows], fed, start, self._linear, share, tolerance)
+            left -= ran.steps
+            for name, values in whole.signals.items():
+                values[rows] = ran.signals[name]
+            for name, slopes in whole.sensitivities.items():
+                slopes[rows] = ran.sensitivities[name][:, self._columns]
+            start |= self._end_of(ran)
+        return replace(whole, steps=effort * n - left)
+
+    def _empty(self, n: int) -> Trajectory:
+        """Return a trajectory of n samples, to be filled."""
+        layout = self._model.layout
+        names = [v.name for v in (*layout.outputs, *layout.states)]
+        kept = [name for name in names if self._measured is None or name in self._measured]
+        return Trajectory(
+            {name: np.empty(n) for name in names},
+            {name: np.empty((n, self._width)) for name in kept},
+        )
+
+    def _end_of(self, block: Trajectory) -> dict[str, float]:
+        """Return the last states of a block and all their derivatives, as start values."""
+        layout = self._model.layout
+        end = {}
+        for state in (s.name for s in layout.states):
+            end[layout.start_of[state]] = float(block.signals[state][-1])
+            for parameter, slope in zip(
+                self._model.names, block.sensitivities[state][-1], strict=True
+            ):
+                end[f"d({state})/d({parameter})_start"] = float(slope)
+        return end
+
+
+def _blocks(n: int) -> Iterator[slice]:
+    """Yield the samples of every block, the last of which is the first of the next block."""
+    for first in range(0, n - 1, _BLOCK):
+        yield slice(first, min(first + _BLOCK, n - 1) + 1)

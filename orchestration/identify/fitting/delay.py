@@ -17,7 +17,7 @@ import numpy as np
 from fmus.kit import Component, Effect, made_by, stack, transport_delay, unstack
 from fmus.kit.arrays import Array, Indices, Mask
 from fmus.kit.record import CompiledModel, Trajectory, with_knots
-from orchestration.identify.fitting.block_simulation import LONGEST, simulate_in_blocks
+from orchestration.identify.fitting.block_simulation import BlockwiseModel
 
 _NEAR = 1e-3  # of a sample: step of the derivative by time
 
@@ -61,16 +61,11 @@ class DelayedModel:
         self.delays = {delay.output: delay.neutral for delay in delays}
         self._histories = {delay.output: _history_of(delay) for delay in delays}
         self._linear = linear
-        self._measured = measured
         self._names = list(sensitivities)
         names = tuple(n for n in sensitivities if n not in own)
-        self._model = _compiled(base, others, names)
-        of_model = self._model.names
-        places = [of_model.index(name) for name in names]
-        # the first of them, as they usually are, are not copied
-        in_order = places == list(range(len(places)))
-        self._columns: slice | list[int] = slice(len(places)) if in_order else places
-        self._known = {p.name for p in self._model.layout.parameters}
+        model = _compiled(base, others, names)
+        self._undelayed = BlockwiseModel(model, names, linear, measured)
+        self._known = {p.name for p in model.layout.parameters}
 
     def run(
         self,
@@ -107,7 +102,7 @@ class DelayedModel:
         given = {name: value for name, value in parameters.items() if name in self._known}
         clock, fed, samples = with_knots(time, inputs, self._linear)
         if not self.delays:
-            trajectory = self._simulate(clock, fed, given, effort, tolerance)
+            trajectory = self._undelayed.run(clock, fed, given, effort, tolerance)
             return trajectory if samples == slice(None) else _picked(trajectory, samples)
         pasts = {
             output: _past(time, parameters[name])
@@ -118,33 +113,8 @@ class DelayedModel:
         earlier = [instants for past in pasts.values() for instants in (past.then, past.near)]
         instants = np.unique(np.concatenate([time, *earlier, clock]))
         stimulus = self._resampled(clock, fed, instants)
-        trajectory = self._simulate(instants, stimulus, given, effort, tolerance)
+        trajectory = self._undelayed.run(instants, stimulus, given, effort, tolerance)
         return self._with_delays(_Undelayed(instants, trajectory), pasts, time, parameters)
-
-    def _simulate(
-        self,
-        time: Array,
-        inputs: Mapping[str, Array],
-        parameters: Mapping[str, float],
-        effort: float,
-        tolerance: float,
-    ) -> Trajectory:
-        """Simulate the model without delays, with the derivatives that are wanted."""
-        if len(time) > LONGEST and not self._model.layout.discretes:
-            return simulate_in_blocks(
-                self._model,
-                time,
-                inputs,
-                parameters,
-                linear=self._linear,
-                effort=effort,
-                tolerance=tolerance,
-                columns=self._columns,
-                measured=self._measured,
-            )
-        ran = self._model.run(time, inputs, parameters, self._linear, effort, tolerance)
-        chosen = {name: slopes[:, self._columns] for name, slopes in ran.sensitivities.items()}
-        return replace(ran, sensitivities=chosen)
 
     def _with_delays(
         self,

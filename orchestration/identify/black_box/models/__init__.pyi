@@ -1,4 +1,4 @@
-from .linear import LinearModel as LinearModel
+from .identified import IdentifiedModel as IdentifiedModel
 from .polynomial import PolynomialModel as PolynomialModel
 from .state_space import StateSpaceModel as StateSpaceModel
 from .state_space import free_responses as free_responses

@@ -14,7 +14,7 @@ from scipy.signal import tf2ss
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.identify.black_box.models.linear import LinearModel
+from orchestration.identify.black_box.models.identified import IdentifiedModel
 from orchestration.identify.black_box.orders import Orders
 from orchestration.identify.black_box.polynomials import Roots, filtered, roots
 from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
@@ -25,7 +25,7 @@ _INTEGRATES = 1e-9
 
 
 @dataclass(frozen=True)
-class PolynomialModel(LinearModel):
+class PolynomialModel(IdentifiedModel):
     """ARX, ARMAX, OE or Box-Jenkins, in polynomials of q^-1.
 
     Attributes

@@ -13,7 +13,7 @@ from scipy.linalg import eigvals, schur
 from scipy.signal import lfilter
 
 from fmus.kit.arrays import Array
-from orchestration.identify.black_box.models.linear import LinearModel
+from orchestration.identify.black_box.models.identified import IdentifiedModel
 from orchestration.identify.black_box.polynomials import Roots
 
 _INFINITE = 1e8  # modulus of a generalised eigenvalue that is a zero at infinity
@@ -21,7 +21,7 @@ _INTEGRATES = 1e-9  # distance from one at which a pole integrates
 
 
 @dataclass(frozen=True)
-class StateSpaceModel(LinearModel):
+class StateSpaceModel(IdentifiedModel):
     """A state-space model of one output, in innovations form.
 
     Attributes

@@ -9,13 +9,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from fmus.kit import Component
-from orchestration.identify.black_box.models import LinearModel
+from orchestration.identify.black_box.models import IdentifiedModel
 
 _LENGTH = 118  # characters of a line of source code
 _TAKEN = ("name", "experiment", "time")  # attributes of the class with a meaning of their own
 
 
-def source(model: LinearModel, name: str, units: Mapping[str, str], doc: str) -> str:
+def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str) -> str:
     """Write a class that runs freely as the model does, sample by sample.
 
     Its states are those of a state-space form; what they are is arbitrary. The operating point is a
@@ -23,7 +23,7 @@ def source(model: LinearModel, name: str, units: Mapping[str, str], doc: str) ->
 
     Parameters
     ----------
-    model : LinearModel
+    model : IdentifiedModel
     name : str
         Of the component; see `component_name`.
     units : Mapping of str to str
@@ -77,7 +77,7 @@ def source(model: LinearModel, name: str, units: Mapping[str, str], doc: str) ->
 
 
 def _declarations(
-    model: LinearModel,
+    model: IdentifiedModel,
     inputs: list[str],
     output: str,
     states: list[str],

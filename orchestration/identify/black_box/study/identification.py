@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from fmus.kit import files
 from orchestration.identify.black_box.data import InputOutputData
 from orchestration.identify.black_box.excitation import pexcit
-from orchestration.identify.black_box.models import LinearModel
+from orchestration.identify.black_box.models import IdentifiedModel
 from orchestration.identify.black_box.order_search import (
     STRUCTURES,
     OrderSearch,
@@ -55,7 +55,7 @@ class BlackBox(Displayable):
         return self.search.chosen
 
     @property
-    def model(self) -> LinearModel:
+    def model(self) -> IdentifiedModel:
         """The model that is preferred; its transfer functions are `control` objects."""
         return self.chosen.identification.model
 

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from fmus.kit import Component, Input, Output, Parameter, State, UserError
 from fmus.kit.record import CompiledModel
-from orchestration.identify.fitting.block_simulation import LONGEST, simulate_in_blocks
+from orchestration.identify.fitting.block_simulation import LONGEST, BlockwiseModel
 from orchestration.identify.fitting.delay import DelayedModel
 
 STEP = 0.05  # s
@@ -57,11 +57,9 @@ def model():
 
 @pytest.mark.parametrize("linear", [False, True], ids=["held", "smooth"])
 def test_blocks_join_to_what_is_simulated_in_one_piece(model, linear):
-    settings = {"linear": linear, "effort": 50.0, "tolerance": 1e-9}
-    whole = model.run(TIME, {"u": INPUT}, VALUES, **settings)
-    found = simulate_in_blocks(
-        model, TIME, {"u": INPUT}, VALUES, **settings, columns=slice(len(NAMES))
-    )
+    whole = model.run(TIME, {"u": INPUT}, VALUES, linear, effort=50.0, tolerance=1e-9)
+    blockwise = BlockwiseModel(model, NAMES, linear)
+    found = blockwise.run_in_blocks(TIME, {"u": INPUT}, VALUES, effort=50.0, tolerance=1e-9)
     for name in ("y", "plain", "x", "z"):
         assert found.signals[name] == pytest.approx(whole.signals[name], abs=1e-7)
     for name in ("y", "plain", "x", "z"):
@@ -80,9 +78,10 @@ def test_a_measured_state_has_its_derivatives_and_what_is_not_measured_has_none(
 
 
 def test_the_derivatives_that_are_wanted_are_kept_in_their_order(model):
-    settings = {"linear": False, "effort": 50.0, "tolerance": 1e-9}
-    every = simulate_in_blocks(model, TIME, {"u": INPUT}, VALUES, **settings, columns=slice(4))
-    some = simulate_in_blocks(model, TIME, {"u": INPUT}, VALUES, **settings, columns=[2, 0])
+    every, some = (
+        BlockwiseModel(model, names, linear=False).run(TIME, {"u": INPUT}, VALUES, 50.0, 1e-9)
+        for names in (NAMES, [NAMES[2], NAMES[0]])
+    )
     assert np.array_equal(some.sensitivities["y"], every.sensitivities["y"][:, [2, 0]])
 
 
@@ -100,15 +99,8 @@ def test_a_long_record_relaxes_as_in_closed_form():
 def test_a_record_that_just_ends_where_a_block_does_is_complete(model):
     for samples in (8_193, 8_194, 16_385):
         part = slice(0, samples)
-        found = simulate_in_blocks(
-            model,
-            TIME[part],
-            {"u": INPUT[part]},
-            VALUES,
-            linear=False,
-            effort=50.0,
-            tolerance=0.0,
-            columns=slice(4),
+        found = BlockwiseModel(model, NAMES, linear=False).run_in_blocks(
+            TIME[part], {"u": INPUT[part]}, VALUES, effort=50.0, tolerance=0.0
         )
         assert all(np.isfinite(values).all() for values in found.signals.values())
         whole = model.run(TIME[part], {"u": INPUT[part]}, VALUES)
@@ -118,13 +110,6 @@ def test_a_record_that_just_ends_where_a_block_does_is_complete(model):
 def test_a_model_that_is_too_stiff_is_abandoned(model):
     stiff = VALUES | {"cubic": 1e9, "z_start": 1.0}
     with pytest.raises(UserError):
-        simulate_in_blocks(
-            model,
-            TIME,
-            {"u": INPUT},
-            stiff,
-            linear=False,
-            effort=1e-3,
-            tolerance=0.0,
-            columns=slice(4),
+        BlockwiseModel(model, NAMES, linear=False).run_in_blocks(
+            TIME, {"u": INPUT}, stiff, effort=1e-3, tolerance=0.0
         )

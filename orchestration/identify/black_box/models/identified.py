@@ -20,7 +20,7 @@ _RUNS_AWAY = 1e100  # larger than any signal, but its square is still a number
 
 
 @dataclass(frozen=True)
-class LinearModel(ABC):
+class IdentifiedModel(ABC):
     """A linear, discrete-time model of one output, about an operating point.
 
     Attributes
