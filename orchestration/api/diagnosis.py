@@ -114,9 +114,7 @@ def diagnose(
 def _refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
     """Refuse options that the model has no use for."""
     if subject.cls is None and options["compare"] is not None:
-        raise UserError(
-            f"compare: {subject.name} is an FMU without equations; diagnose each record by itself"
-        )
+        raise UserError(f"compare: {subject.without_equations}; diagnose each record by itself")
     if subject.cls is not None and options["fit"]:
         raise UserError(
             f"fit: {subject.name} has equations, and all its parameters are fitted; hold leaves"
@@ -208,7 +206,7 @@ def laws(
     subject = as_declared(model)
     if subject.cls is None:
         raise UserError(
-            f"{subject.path.name}: an FMU without equations has no laws to ask; diagnose searches"
+            f"{subject.without_equations}, which has no laws to ask; diagnose searches"
             " for what its inputs and outputs lack, and for nothing else with"
             f" {option('effects', [])}"
         )

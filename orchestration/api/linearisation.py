@@ -21,7 +21,6 @@ from orchestration.experiment import with_classes
 from orchestration.fmu import (
     Model,
     declared_signal,
-    known_class,
     numeric,
     read_description,
     read_setting,
@@ -104,8 +103,7 @@ def _subject(model: Any) -> Iterator[LinearSubject | Model]:
         yield subject_of(with_classes(name))
         return
     declared = as_declared(name)
-    cls = declared.cls or known_class(declared.path)
-    yield declared if cls is None else subject_of(cls, declared.title)
+    yield declared if declared.cls is None else subject_of(declared.cls, declared.title)
 
 
 # --- equations -----------------------------------------------------------------------------------
@@ -243,8 +241,8 @@ def _of_fmu(model: Model, stimulus: Inputs, options: LineariseKeywords) -> Linea
     for name in ("trim", "cut", "over", "fitted"):
         if options[name]:
             raise UserError(
-                f"{model.name}: {option(name)} needs the equations of a component; an FMU without"
-                " them is linearised at a time"
+                f"{model.without_equations}; {option(name)} needs the equations of a component: an"
+                " FMU without them is linearised at a time"
             )
     varying = next((n for n, v in stimulus.items() if callable(v) or np.ndim(v) > 0), None)
     if varying is not None:
@@ -269,7 +267,7 @@ def _of_fmu(model: Model, stimulus: Inputs, options: LineariseKeywords) -> Linea
         )
         for time in options["at"] or [0.0]
     )
-    return replace(first, further=tuple(further))
+    return replace(first, further=tuple(further), notes=(*model.notes, *first.notes))
 
 
 def _real(signals: Mapping[str, Any]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
@@ -62,7 +63,7 @@ def optimise(
     """
     subject = as_declared(model)
     if subject.cls is None:
-        raise UserError(f"{subject.name}: an FMU without equations; a component can be optimised")
+        raise UserError(f"{subject.without_equations}; a component can be optimised")
     units = {name: signal.unit for name, signal in subject.outputs.items()}
     objectives = [
         read_objective(text, sign, units, argument)
@@ -94,7 +95,8 @@ def optimise(
     driven = inputs_over(subject, {**held, **(inputs or {})}, points)
     numbers = {name: float(value) for name, value in settings.items()}
     search = Objectives(subject.cls, ranges, objectives, points, driven, numbers)
-    return pareto_front(search, levels, starts, options["seed"], options["progress"])
+    folder = None if options["folder"] is None else Path(options["folder"])
+    return pareto_front(search, levels, starts, options["seed"], options["progress"], folder)
 
 
 def _ranges(subject: Model, over: Mapping[str, str]) -> list[Range]:

@@ -868,6 +868,14 @@ class OptimiseKeywords(
 ):
     """Keyword arguments of ``optimise``."""
 
+    folder: Annotated[
+        str | Path | None,
+        Option(
+            doc="Keeps every point that was searched, so that the same call goes on after an"
+            " interrupt; it stays."
+        ),
+    ]
+
 
 class NoteOption(TypedDict, total=False):
     """The words on what a file leaves open."""

@@ -2,13 +2,21 @@
 
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import NoReturn
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 
 
-def end_interrupted() -> NoReturn:
+def end_interrupted(kept: str = "") -> NoReturn:
     """Say that the command was interrupted, and end with the exit code of that.
+
+    Parameters
+    ----------
+    kept : str
+        What is kept of its work.
 
     Raises
     ------
@@ -17,5 +25,32 @@ def end_interrupted() -> NoReturn:
     """
     # pressed twice, it would end Python on its way out
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    print("interrupted", file=sys.stderr)
+    print(f"interrupted: {kept}" if kept else "interrupted", file=sys.stderr)
     sys.exit(INTERRUPTED)
+
+
+@contextmanager
+def kept_in(folder: Path | None, flag: str, what: str) -> Iterator[None]:
+    """End an interrupt with words on what a journal has kept.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        Of the journal.
+    flag : str
+        Option without which there is none.
+    what : str
+        Parts that it keeps.
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        if folder is None:
+            end_interrupted(f"nothing is kept; with {flag} FILE the same command would go on")
+        from orchestration.journal import count_done
+
+        done, whole = count_done(folder)
+        end_interrupted(
+            f"{done:,} of {whole:,} {what} are kept in {folder}, and the same command goes on from"
+            " there"
+        )

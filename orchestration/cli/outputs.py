@@ -109,6 +109,13 @@ def _check_folder(folder: Path, path: Path) -> None:
         )
 
 
+def part_of(out: Path | None) -> Path | None:
+    """Return the folder beside a result that keeps what is done until that is written, if any."""
+    if out is None or out == STANDARD_OUTPUT:
+        return None
+    return out.with_name(f"{out.name}.part")
+
+
 @contextmanager
 def standard_output_for(path: Path | None) -> Iterator[None]:
     """Keep standard output free of anything else while the context lasts, if JSON goes there."""

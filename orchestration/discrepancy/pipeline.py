@@ -246,8 +246,8 @@ def _diagnose_records(
         raise UserError(f"time: {options.time:g} s is no time; inf is without limit")
     if model.cls is None:
         raise UserError(
-            f"{model.name} is an FMU without equations; name a component or file.py:Class, or ask"
-            " ppy diagnose about it"
+            f"{model.without_equations}; name a component or file.py:Class, or ask ppy diagnose"
+            " about it"
         )
     _check_names(options, model)
     records = _listed(record)

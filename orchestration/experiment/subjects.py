@@ -145,9 +145,10 @@ def _component(experiment: Experiment, name: str) -> Subject:
     usual = read_description(model.path).defaultExperiment
     duration = float(getattr(usual, "stopTime", None) or 10.0)
     member = model.path.stem.replace(".", "_")
+    cls = None if model.foreign else model.cls  # whatever its laws, its binary is the user's
     system = System(
         model.name,
-        members=(Member(member, model.path, model.settings([], experiment.preset), model.cls),),
+        members=(Member(member, model.path, model.settings([], experiment.preset), cls),),
         connections=(),
         inputs={name: (Port(member, name),) for name in model.inputs},
         step=float(getattr(usual, "stepSize", None) or duration / 1000),

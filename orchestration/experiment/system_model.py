@@ -24,7 +24,15 @@ from fmus.kit.record import CompiledModel
 from fmus.kit.storage import scratch
 from orchestration.experiment.model import Master
 from orchestration.experiment.subjects import Subject, subject_of
-from orchestration.fmu import FmuSource, Model, Signal, Value, known_class, numeric, refuse_runtime
+from orchestration.fmu import (
+    FmuSource,
+    Model,
+    Signal,
+    Value,
+    declared_model,
+    numeric,
+    refuse_runtime,
+)
 from orchestration.master.reference import fuse
 from orchestration.system import NAMES, System, interface, library, ssp
 
@@ -132,7 +140,8 @@ def fused_model(system: System, name: str = "") -> Model:
 def with_classes(system: System) -> System:
     """Return a system whose members have the classes that their FMUs were built from."""
     members = (
-        m if m.cls is not None else replace(m, cls=known_class(m.fmu)) for m in system.members
+        m if m.cls is not None else replace(m, cls=declared_model(str(m.fmu)).cls)
+        for m in system.members
     )
     return replace(system, members=tuple(members))
 

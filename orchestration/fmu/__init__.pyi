@@ -23,7 +23,6 @@ from .model import declared_model as declared_model
 from .model import declared_model_of as declared_model_of
 from .model import find_class as find_class
 from .model import find_model as find_model
-from .model import known_class as known_class
 from .model import model_of as model_of
 from .model import read_settings as read_settings
 from .model import refuse_runtime as refuse_runtime

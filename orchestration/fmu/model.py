@@ -39,7 +39,6 @@ __all__ = [
     "declared_model_of",
     "find_class",
     "find_model",
-    "known_class",
     "load_class",
     "model_of",
     "names_class",
@@ -117,6 +116,12 @@ class Model(Displayable):
     def foreign(self) -> bool:
         """True if code of the user runs, false for FMUs that were built here for this run."""
         return self.of_others if self.system else self.name == self.path.name
+
+    @property
+    def without_equations(self) -> str:
+        """The clause for messages that no equations of it are known, with the reason if any."""
+        is_restorable = self.system is None and bool(self.notes)
+        return self.notes[0] if is_restorable else f"{self.name} is an FMU without equations"
 
     def settings(self, texts: Sequence[str], preset: str | None = None) -> dict[str, Value]:
         """Read ``name=value[unit]`` settings, after those of a preset.
@@ -226,23 +231,18 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
         cls = load_class(name_or_path)
         check_catalogue(cls)
     else:
-        cls = _class_of_file(name_or_path)
+        model = _read_model(name_or_path)
+        if model.cls is None:
+            raise UserError(
+                f"{model.without_equations}; name a component (see ppy list) or file.py:Class"
+            )
+        cls = model.cls
     if not effects:
         return cls
     stacked = stack(cls, *find_effects(cls, effects, name_or_path))
     if any(map(names_class, (name_or_path, *effects))):
         check_component(stacked)
     return stacked
-
-
-def _class_of_file(name: str) -> type[Component]:
-    """Return the class that an FMU was built from."""
-    model = _read_model(name)
-    cls = model.cls or known_class(Path(name))
-    if cls is None:
-        reason = model.notes[0] if model.notes else f"{name} is an FMU without equations"
-        raise UserError(f"{reason}; name a component (see ppy list) or file.py:Class")
-    return cls
 
 
 def find_model(name_or_path: str, runtime: str | None = None, effects: Sequence[str] = ()) -> Model:
@@ -364,8 +364,8 @@ def _read_model(name: str) -> Model:
         )
     model = _read_signals(path)
     model_name, made_from = name_and_provenance(path)
-    if made_from in (None, Provenance(component=model_name)):
-        return model  # of a component alone the GUID tells more: see `known_class`
+    if made_from is None:
+        return model
     try:
         return replace(model, cls=restore_class(model_name, made_from, model.parameters))
     except UserError as error:
@@ -374,47 +374,6 @@ def _read_model(name: str) -> Model:
             " equations"
         )
         return replace(model, notes=(note,))
-
-
-def known_class(path: Path) -> type[Component] | None:
-    """Return the class of an FMU: what it was made from, or the component that it is a build of.
-
-    That a component alone tells its name is not enough, for its laws may have been others. Its GUID
-    is made from its contents: where a build of the component here has the same, so are its laws.
-    Start values in its description count.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    type[Component] or None
-        None where its equations are not known.
-
-    Raises
-    ------
-    UserError
-        If it cannot be read.
-    """
-    from fmus import MODELS, component
-    from fmus.kit.build import RUNTIMES, build_cached
-
-    model = _read_model(str(path))
-    described = read_description(path)
-    name = described.modelName
-    if model.cls is not None or name not in MODELS:
-        return model.cls
-    base = component(name)
-    with Archive(path) as archive:
-        version = archive.version
-    if version == 3 and base.engine is not None:  # a proxy, of which there is no such build
-        return None
-    runtimes = RUNTIMES if version == 2 else ("native",)
-    builds = (build_cached(base, runtime, version) for runtime in runtimes)
-    if described.guid not in {read_description(build).guid for build in builds}:
-        return None
-    return restore_class(name, Provenance(component=name), model.parameters)
 
 
 def _read_signals(path: Path) -> Model:
@@ -451,7 +410,8 @@ def restore_class(
     """Make the class again from which an FMU was built.
 
     No code of the FMU is run: the class is one of ours, or it is in a file that has not changed
-    since.
+    since. It counts where its laws have the digest that the FMU tells, as laws of a component, of
+    an effect or of what a user's file imports may be others by now.
 
     Parameters
     ----------
@@ -465,9 +425,10 @@ def restore_class(
     ------
     UserError
         With the reason why it cannot be made: no such component or file, another content, other
-        effects or parameters.
+        effects, parameters or laws.
     """
     from fmus.kit import stack
+    from fmus.kit.symbolic import trace
 
     base = _base_class(made_from)
     effects = [
@@ -487,6 +448,10 @@ def restore_class(
         n: parameters[n].default for n, start in declared.items() if parameters[n].default != start
     }
     restored = stack(base, *effects, name=name, defaults=changed)
+    if not made_from.laws:
+        raise UserError("its description does not tell by which laws, as builds do now")
+    if trace(restored).digest != made_from.laws:
+        raise UserError("the laws here are others than those it was built with")
     restored.remark = "\n".join(made_from.remarks)
     return restored
 

@@ -81,11 +81,11 @@ def choose_equations(model: Model, engine: str) -> Equations | None:
 
 
 def _equations(model: Model) -> Equations:
-    from fmus.kit.build import plan_build
     from fmus.kit.record import plain_library
 
     cls = model.cls
-    if cls is None or plan_build(cls, "native").guid != read_description(model.path).guid:
+    needs_python = read_description(model.path).coSimulation.needsExecutionTool
+    if cls is None or model.foreign or needs_python:
         raise UserError(
             f"{model.name} is run as an FMU; native builds of components here can be compiled"
         )

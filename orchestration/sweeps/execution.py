@@ -13,13 +13,14 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from orchestration.fmu import Model, Signal
+from orchestration.journal import check, locked_folder
 from orchestration.reporting import option
 from orchestration.sweeps.cluster import run_on_cluster
 from orchestration.sweeps.designs import Design
 from orchestration.sweeps.local_workers import RowsAndOutcomes, run_cases
 from orchestration.sweeps.reductions import TRACE
 from orchestration.sweeps.result import SweepResult
-from orchestration.sweeps.storage import SweepJournal, check, locked_folder
+from orchestration.sweeps.storage import SweepJournal
 from orchestration.sweeps.task import Outcomes, Task
 
 _Variable = tuple[Sequence[str], Any, dict[str, str]]  # dimensions, values, attributes
@@ -74,7 +75,7 @@ def run_sweep(
         check(journal_folder)
         stack.enter_context(locked_folder(journal_folder))
         journal = SweepJournal(journal_folder, task, cases.cases, guid)
-        open_cases = journal.open_cases
+        open_cases = journal.open_rows
         whole = len(cases.cases)
         done = whole - len(open_cases)
         progress(done, whole)

@@ -10,7 +10,7 @@ import pytest
 from fmus import component
 from fmus.kit import stack
 from fmus.kit.build import build_cached
-from orchestration.fmu import Fmu, find_model, known_class, simulate_instance
+from orchestration.fmu import Fmu, find_model, simulate_instance
 from orchestration.fmu.check import check_fmu
 from orchestration.fmu.effects import find_effects
 from tests.support.fmu_faults import lines
@@ -49,7 +49,7 @@ def test_the_check_has_no_fault_to_tell_of(fmu, name):
 
 def test_its_equations_are_known_again(fmu):
     cls = component("ppy_actuator")
-    assert known_class(fmu("ppy_actuator", "native", 3)) is not None
+    assert find_model(str(fmu("ppy_actuator", "native", 3))).cls is not None
     stacked = stack(cls, *find_effects(cls, ["strain_saturation"], "ppy_actuator"))
     model = find_model(str(build_cached(stacked, "native", 3)))
     assert model.notes == ()

@@ -10,15 +10,17 @@ It stands in ``VendorAnnotations`` (FMI 2.0.4, section 2.2.6), in FMI 3.0 in an
 ``Annotation`` of the type ``ppy-rig``::
 
     <Tool name="ppy-rig">
-      <MadeFrom component="ppy_actuator">
+      <MadeFrom component="ppy_actuator" laws="...">
         <Effect name="strain_saturation"/>
         <Effect name="sensor_lag(voltage)"/>
         <Remark>Fitted to hidden.csv</Remark>
       </MadeFrom>
     </Tool>
 
-A user's class is given as ``<MadeFrom file="models/creep.py" class="Creep" sha256="...">``. Of an
-effect that was made for a record, sample time and length of that are given in seconds:
+``laws`` is the digest of the laws, effects included (:attr:`fmus.kit.symbolic.Graph.digest`): where
+the class that is made again has the same, its equations are those of the FMU. A user's class is
+given as ``<MadeFrom file="models/creep.py" class="Creep" sha256="..." laws="...">``. Of an effect
+that was made for a record, sample time and length of that are given in seconds:
 ``<Effect name="transport_delay(voltage)" step="60" duration="86400"/>``.
 """
 
@@ -29,10 +31,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit.component import Component, Effect, effect_name, made_with, unstack
 from fmus.kit.sampling import Sampling
+
+if TYPE_CHECKING:
+    from fmus.kit.symbolic import Graph
 
 _TOOL = "ppy-rig"
 
@@ -50,6 +56,8 @@ class Provenance:
         built if the file is below it.
     sha256 : str
         Digest of the file's contents, in hexadecimal digits.
+    laws : str
+        Digest of the laws; empty if the description does not tell it.
     effects : tuple of str
         Names of the effects laid over it, innermost first; see
         :func:`fmus.kit.component.effect_name`.
@@ -63,6 +71,7 @@ class Provenance:
     file: str = ""
     cls: str = ""
     sha256: str = ""
+    laws: str = ""
     effects: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     samplings: Mapping[str, Sampling] = field(default_factory=dict)
@@ -73,7 +82,7 @@ class Provenance:
         return self.component or f"{self.file}:{self.cls}"
 
 
-def annotate_fmi2(root: Element, cls: type[Component]) -> None:
+def annotate_fmi2(root: Element, cls: type[Component], graph: Graph) -> None:
     """Append the provenance of a component to a model description of FMI 2.0.
 
     Nothing is appended for a user's class alone, or for one that no file gives by name.
@@ -83,34 +92,36 @@ def annotate_fmi2(root: Element, cls: type[Component]) -> None:
     root : Element
         ``fmiModelDescription``, complete up to ``DefaultExperiment``.
     cls : type[Component]
+    graph : Graph
+        The traced component.
     """
-    made_from = _made_from(cls)
+    made_from = _made_from(cls, graph)
     if made_from is not None:
         SubElement(SubElement(root, "VendorAnnotations"), "Tool", name=_TOOL).append(made_from)
 
 
-def annotate_fmi3(root: Element, cls: type[Component]) -> None:
+def annotate_fmi3(root: Element, cls: type[Component], graph: Graph) -> None:
     """Append the provenance of a component to a model description of FMI 3.0.
 
     Parameters
     ----------
     root : Element
         ``fmiModelDescription``, complete up to ``ModelStructure``.
-    cls : type[Component]
+    cls, graph
         See :func:`annotate_fmi2`.
     """
-    made_from = _made_from(cls)
+    made_from = _made_from(cls, graph)
     if made_from is not None:
         SubElement(SubElement(root, "Annotations"), "Annotation", type=_TOOL).append(made_from)
 
 
-def _made_from(cls: type[Component]) -> Element | None:
+def _made_from(cls: type[Component], graph: Graph) -> Element | None:
     """Return the element that says what a component was made from."""
     base, effects = unstack(cls)
     origin = _origin(base)
     if origin is None or (cls is base and "file" in origin):
         return None
-    made_from = Element("MadeFrom", origin)
+    made_from = Element("MadeFrom", origin, laws=graph.digest)
     for effect in effects:
         SubElement(made_from, "Effect", {"name": effect_name(effect)} | _sampling_of(effect))
     for remark in cls.remark.splitlines():
@@ -167,6 +178,7 @@ def read_provenance(root: Element) -> Provenance | None:
         file=element.get("file", ""),
         cls=element.get("class", ""),
         sha256=element.get("sha256", ""),
+        laws=element.get("laws", ""),
         effects=tuple(effects),
         remarks=tuple(remark.text or "" for remark in element.iterfind("Remark")),
         samplings={

@@ -22,6 +22,7 @@ from fmus.kit.errors import UserError
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.layout import Layout
 from fmus.kit.symbolic.calls import Calls
+from fmus.kit.symbolic.digest import digest
 from fmus.kit.symbolic.switching import event_indicators
 
 
@@ -86,6 +87,11 @@ class Graph:
         """Event indicators: expressions that change their sign where rates or outputs switch."""
         moving = (0, 2, 3)  # time, inputs and states
         return event_indicators([self.rates, self.outputs], self.arguments, self.layout, moving)
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the laws, whatever values the parameters start with; see :mod:`.digest`."""
+        return digest(self)
 
     @uninterrupted()
     def functions(self, tangent: bool = True) -> list[ca.Function]:

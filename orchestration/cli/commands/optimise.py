@@ -7,7 +7,8 @@ from orchestration.api.options import OptimiseKeywords
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import OptimiseCommand
 from orchestration.cli.commands.sweep import ranges_of
-from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+from orchestration.cli.ending import kept_in
+from orchestration.cli.outputs import JSON, Outputs, part_of, standard_output_for, write_json
 
 
 @command(OptimiseCommand)
@@ -20,6 +21,7 @@ def optimise(options: OptimiseCommand) -> None:
     from orchestration.api import values_of
     from orchestration.cli.models import model_file
     from orchestration.fmu import declared_model
+    from orchestration.journal import locked_folder, remove
     from orchestration.reporting import console, pictures
 
     plot = options["plot"]
@@ -32,7 +34,9 @@ def optimise(options: OptimiseCommand) -> None:
     model = declared_model(options["model"], options["laid_over"])
     chosen = only(OptimiseKeywords, options)
     chosen["settings"] = values_of(model, options["settings"], options["preset"])
-    with console.progress() as tell:
+    folder = part_of(options["json"])
+    chosen["folder"] = folder
+    with kept_in(folder, "--json", "points"), console.progress() as tell:
         tell(f"optimising {options['model']}")
         chosen["progress"] = tell.done
         front = work(model, over, **chosen)
@@ -42,3 +46,6 @@ def optimise(options: OptimiseCommand) -> None:
         if plot is not None:
             front.plot(plot)
             console.wrote(plot)
+    if folder is not None:
+        with locked_folder(folder):
+            remove(folder)

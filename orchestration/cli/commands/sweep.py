@@ -20,9 +20,10 @@ from orchestration.api.options import (
 )
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import DatasetOption, ReportOption, SweepCommand
+from orchestration.cli.ending import kept_in
 from orchestration.cli.isolation import given_limits
 from orchestration.cli.options import IsolationOptions, PlotOption, RunnableArgument
-from orchestration.cli.outputs import PAGE, Outputs, typed_command
+from orchestration.cli.outputs import PAGE, Outputs, part_of, typed_command
 
 if TYPE_CHECKING:
     import xarray
@@ -55,7 +56,7 @@ def sweep(options: SweepCommand, context: typer.Context) -> None:
     _check_outputs(options)
     model = options["model"]
     out = options["out"]
-    folder = out and out.with_name(f"{out.name}.part")
+    folder = part_of(out)
     how = only(SweepFileKeywords, options)
     how["folder"] = folder
     how["limits"] = given_limits(options["isolate"], options)
@@ -65,7 +66,7 @@ def sweep(options: SweepCommand, context: typer.Context) -> None:
         work = _sweep_of_file(Path(model))
     else:
         work = _sweep_of_options(options)
-    with console.progress() as tell:
+    with kept_in(folder, "--out", "cases"), console.progress() as tell:
         tell(f"sweeping {model}")
         how["progress"] = tell.done
         data = work(how)
@@ -245,13 +246,14 @@ def ranges_of(over: Sequence[str]) -> dict[str, Any]:
 def _keep(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
     """Write the result, and only then remove the parts that it was made of."""
     from orchestration.experiment import results
+    from orchestration.journal import locked_folder, remove
     from orchestration.reporting import wrote
-    from orchestration.sweeps.storage import journal, locked_folder, zarr_store
+    from orchestration.sweeps.storage import zarr_store
 
     with nullcontext() if parts is None else locked_folder(parts):
         (zarr_store if out.suffix.lower() == _ZARR else results).write(data, out)
         if parts is not None:
-            journal.remove(parts)
+            remove(parts)
     wrote(out)
 
 

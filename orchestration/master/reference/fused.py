@@ -153,7 +153,7 @@ def _trace_member(system: System, member: Member) -> Graph:
     if member.cls is None:
         raise UserError(
             f"system {system.name}: {member.name} ({member.fmu.name}) cannot be fused, for only its"
-            " binary is known: the laws must be those of a component of this project"
+            " binary is known: the laws must be those of a component of this project as it is here"
         )
     graph = trace(member.cls)
     layout = graph.layout

@@ -14,6 +14,7 @@ from fmus.kit import Component, UserError, suggestion
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
 from orchestration.fmu import declared_model_of
+from orchestration.journal import digest
 from orchestration.reporting import option
 from orchestration.sweeps.ranges import Range
 
@@ -112,6 +113,7 @@ class Objectives:
         self.ranges = list(ranges)
         self.objectives = list(objectives)
         self.model_name = cls.name
+        self._cls = cls
         known = declared_model_of(cls)
         shown = {one.name: known.parameters[one.name] for one in ranges}
         shown |= {one.name: known.outputs[one.outputs[0]] for one in objectives}
@@ -120,6 +122,20 @@ class Objectives:
         self._model = CompiledModel(cls, [one.name for one in ranges])
         self._run = time, dict(inputs), dict(settings)
         self._last: tuple[bytes, tuple[list[Array], list[Array]]] | None = None
+
+    def digests(self) -> dict[str, str]:
+        """Return digests of what defines them, by what that is."""
+        from fmus.kit.build import plan_build
+
+        time, inputs, settings = self._run
+        ranges = [(one.name, one.logarithmic, *one.values.tolist()) for one in self.ranges]
+        held = sorted(settings.items()), time, sorted(inputs), *inputs.values()
+        return {
+            "the model": plan_build(self._cls, "native").guid,
+            "the ranges": digest(ranges),
+            "the objectives": digest(self.objectives),
+            "settings and inputs": digest(*held),
+        }
 
     def parameters(self, shares: Array) -> dict[str, float]:
         """Return the values of the parameters at their shares of the ranges, shape (p,)."""

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,12 +20,15 @@ import numpy as np
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.sweeps.pareto.front import Front
+from orchestration.sweeps.pareto.kept import kept_points
 from orchestration.sweeps.pareto.objectives import Objectives
 
 _STARTS = 4  # of the local method for a point, besides neighbours
 _GENERATIONS = 60
 _TOLERANCE = 1e-10  # of the local method, where objectives go from 0 to 1
 _FEASIBLE = 1e-7  # of the range of the second objective: how far below its level a point may be
+
+Find = Callable[[int, Callable[[], Array]], Array]  # of a row, and what searches its point
 
 
 @dataclass
@@ -43,6 +48,7 @@ def pareto_front(
     samples: int = 256,
     seed: int = 0,
     progress: Callable[[int, int], None] = lambda done, all_of: None,
+    folder: Path | None = None,
 ) -> Front:
     """Search for the best of one objective, or for the front of two.
 
@@ -58,6 +64,8 @@ def pareto_front(
         Of the sample and of the global method.
     progress : callable
         Called with the number of points that are done, and of all.
+    folder : Path, optional
+        Keeps every point, so that an interrupted search goes on; it stays.
 
     Returns
     -------
@@ -67,25 +75,35 @@ def pareto_front(
     Raises
     ------
     UserError
-        If no run of the sample succeeds.
+        If no run of the sample succeeds, or the folder is not of this search.
     """
     from scipy.stats import qmc
 
     drawn = qmc.Sobol(len(objectives.ranges), seed=seed).random(samples)
-    values = np.array([objectives.worst(shares) for shares in drawn])
-    kept = np.isfinite(values).all(axis=1)
-    if not kept.any():
-        objectives.evaluate(drawn[0])  # which says why
-        raise UserError("no run of the sample gives numbers: set other ranges")
-    drawn, values = drawn[kept], values[kept]
-    low = values.min(axis=0)
-    width = np.where(np.ptp(values, axis=0) > 0.0, np.ptp(values, axis=0), 1.0)
-    search = _Search(objectives, _Scales(low, width), drawn, values, seed)
-    if len(objectives.objectives) == 1:
-        points = [search.best(0)]
-        progress(1, 1)
-    else:
-        points = search.front(count, progress)
+    alone = len(objectives.objectives) == 1
+    # the ends, twice, and what is between them there and back
+    searched = 1 if alone else 4 + 2 * (count - 2)
+    with kept_points(objectives, samples + searched, (samples, count, seed), folder) as kept:
+        for row, shares in enumerate(drawn):
+            kept.find(row, partial(np.copy, shares))
+        values = np.array([kept.worst(row) for row in range(samples)])
+        finite = np.isfinite(values).all(axis=1)
+        if not finite.any():
+            objectives.evaluate(drawn[0])  # which says why
+            raise UserError("no run of the sample gives numbers: set other ranges")
+        drawn, values = drawn[finite], values[finite]
+        low = values.min(axis=0)
+        width = np.where(np.ptp(values, axis=0) > 0.0, np.ptp(values, axis=0), 1.0)
+        search = _Search(objectives, _Scales(low, width), drawn, values, seed)
+
+        def find(row: int, work: Callable[[], Array]) -> Array:
+            return kept.find(samples + row, work)
+
+        if alone:
+            points = [find(0, partial(search.best, 0))]
+            progress(1, 1)
+        else:
+            points = search.front(count, progress, find)
     return Front.of(objectives, np.array(points))
 
 
@@ -125,35 +143,43 @@ class _Search:
         starts = [np.asarray(result.x), *self._drawn[order[:_STARTS]]]
         return self._improved(k, starts, {})
 
-    def front(self, count: int, progress: Callable[[int, int], None]) -> list[Array]:
-        """Return points from where the first objective is best to where the second is."""
-        tops = [self.best(0), self.best(1)]
-        reached = [self._of.worst(top) for top in tops]
-        # at an end, the other objective is as good as it can be there
-        ends = []
-        for k in (0, 1):
-            level = {k: reached[k][k]}
-            starts = self._starts(1 - k, level, tops)
-            ends.append(
-                self._chosen(
-                    [self._local(1 - k, s, level) for s in starts] + [tops[k]], 1 - k, level
-                )
-            )
+    def front(self, count: int, progress: Callable[[int, int], None], find: Find) -> list[Array]:
+        """Return points from where the first objective is best to where the second is.
+
+        Each is found by its row, with a function that searches it.
+        """
+        tops = [find(k, partial(self.best, k)) for k in (0, 1)]
+        ends = [find(2 + k, partial(self._end, k, tops)) for k in (0, 1)]
         levels = np.linspace(self._of.worst(ends[0])[1], self._of.worst(ends[1])[1], count)
         points = [ends[0]]
-        for step, one in enumerate(levels[1:-1]):
-            level = {1: float(one)}
-            starts = self._starts(0, level, [points[-1], ends[1]])
-            points.append(self._improved(0, starts, level))
-            progress(step + 1, count)
+        for place in range(1, count - 1):
+            near = [points[-1], ends[1]]
+            points.append(find(3 + place, partial(self._between, levels[place], near)))
+            progress(place, count)
         # once more from the other side, for a later point may improve one before it
         points.append(ends[1])
-        for place in reversed(range(1, len(points) - 1)):
-            level = {1: float(levels[place])}
-            again = self._local(0, points[place + 1], level)
-            points[place] = self._chosen([again, points[place]], 0, level)
+        for place in reversed(range(1, count - 1)):
+            again = partial(self._again, levels[place], points[place], points[place + 1])
+            points[place] = find(1 + count + place, again)
         progress(count, count)
         return points
+
+    def _end(self, k: int, tops: list[Array]) -> Array:
+        """Return where an objective is best, and the other as good as it can be there."""
+        level = {k: float(self._of.worst(tops[k])[k])}
+        starts = self._starts(1 - k, level, tops)
+        found = [self._local(1 - k, start, level) for start in starts]
+        return self._chosen([*found, tops[k]], 1 - k, level)
+
+    def _between(self, least: float, near: list[Array]) -> Array:
+        """Return where the first objective is best while the second is not below a level."""
+        level = {1: float(least)}
+        return self._improved(0, self._starts(0, level, near), level)
+
+    def _again(self, least: float, point: Array, neighbour: Array) -> Array:
+        """Return the better of a point and of what is found from its neighbour."""
+        level = {1: float(least)}
+        return self._chosen([self._local(0, neighbour, level), point], 0, level)
 
     def _improved(self, k: int, starts: list[Array], level: dict[int, float]) -> Array:
         """Return the best point of some starts and of those that the local method makes of them."""

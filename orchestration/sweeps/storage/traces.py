@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import errno
-import os
-import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import xarray
@@ -15,6 +12,7 @@ from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from fmus.kit.arrays import Array
+from orchestration.journal import opened, reserve
 
 _AT_ONCE = 8_000_000  # bytes of a piece
 
@@ -119,35 +117,3 @@ def iterate_pieces(array: xarray.DataArray) -> Iterator[Array]:
     half = array.sizes[divided] // 2
     for part in (slice(half), slice(half, None)):
         yield from iterate_pieces(array.isel({divided: part}))
-
-
-def opened(path: Path, mode: Literal["r", "r+"], shape: tuple[int, ...], kind: str) -> Any:
-    """Map an existing array of a shape and a type.
-
-    Raises
-    ------
-    ValueError
-        If it does not exist, or is of another shape or type.
-    """
-    if not path.exists():
-        raise ValueError(f"{path.name} is missing")
-    array = np.lib.format.open_memmap(path, mode)
-    if array.shape != shape or array.dtype != np.dtype(kind):
-        raise ValueError(f"{path.name} is of another shape")
-    return array
-
-
-def reserve(path: Path) -> None:
-    """Reserve room on the disk for all of a file.
-
-    Raises
-    ------
-    OSError
-        If there is no room.
-    """
-    size = path.stat().st_size
-    if hasattr(os, "posix_fallocate"):
-        with path.open("r+b") as file:
-            os.posix_fallocate(file.fileno(), 0, size)
-    elif shutil.disk_usage(path.parent).free < size:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

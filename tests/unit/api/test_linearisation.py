@@ -6,6 +6,8 @@ Oracles: thesis eqs. 3.4 and 3.9 on paper.
 from __future__ import annotations
 
 import json
+import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ import orchestration as ppy
 from fmus import component, effects
 from fmus.kit import UserError, stack
 from orchestration.system import library, ssp
+from tests.support.archive import edited
 
 R1, R2, C, ALPHA = 0.43, 2.35, 2.70, 6.8e-5
 POLE = -1.0 / ((R1 + R2) * C)
@@ -157,6 +160,17 @@ def test_an_fmu_without_equations(lag):
             ppy.linearise(lag, **option)
     with pytest.raises(ppy.UserError, match="u varies"):
         ppy.linearise(lag, {"u": np.zeros(3)}, time=np.arange(3.0))
+
+
+def test_a_system_with_an_fmu_of_other_laws_is_refused(tmp_path):
+    from orchestration.system import Member, System
+
+    other = partial(re.sub, rb'laws="[0-9a-f]{64}"', b'laws="0"')
+    made = ppy.find_model("ppy_actuator").path
+    path = edited(made, tmp_path / "old.fmu", lambda name, text: (name, other(text)))
+    told = r"film \(old\.fmu\) cannot be fused, .* of this project as it is here"
+    with pytest.raises(ppy.UserError, match=told):
+        ppy.linearise(System("alone", (Member("film", path),), ()))
 
 
 def test_a_system_with_an_fmu_without_equations_is_refused(lag):

@@ -4,17 +4,23 @@ units.
 
 from __future__ import annotations
 
+import functools
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fmus.kit import UserError
+import orchestration as ppy
+from fmus import component, effects
+from fmus.kit import UserError, stack
+from fmus.kit.build import build_cached
 from fmus.kit.units import format_value
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.model import built, declared_model, find_model, known_class
-from orchestration.fmu.simulation import simulate_instance
-from tests.support.archive import edited
+from orchestration.fmu.model import built, declared_model, find_class, find_model
+from orchestration.fmu.simulation import simulate, simulate_instance
+from tests.support.archive import anonymous, edited
+from tests.support.other_laws import built_by, package_with
 
 
 def test_a_start_value_that_is_none_is_refused(fmu, tmp_path):
@@ -28,8 +34,8 @@ def test_a_start_value_that_is_none_is_refused(fmu, tmp_path):
     assert str(caught.value) == f"{path}: modelDescription.xml: R1: start '0x1' is no number"
 
 
-def test_a_model_knows_its_signals_from_the_description_alone(fmu):
-    path = fmu("ppy_actuator", "native")
+def test_a_model_knows_its_signals_from_the_description_alone(fmu, tmp_path):
+    path = edited(fmu("ppy_actuator", "native"), tmp_path / "ppy_actuator.fmu", anonymous)
     model = find_model(str(path))
     assert (model.name, model.cls, model.path) == ("ppy_actuator.fmu", None, Path(path))
     alpha = model.parameters["alpha"]
@@ -56,8 +62,9 @@ def test_a_model_is_a_line_and_in_a_notebook_a_table_of_its_variables(fmu):
     assert ">0.068 mm/C</td>" in page
 
 
-def test_settings_are_read_with_their_units(fmu):
-    model = find_model(str(fmu("ppy_actuator", "native")))
+def test_settings_are_read_with_their_units(fmu, tmp_path):
+    path = edited(fmu("ppy_actuator", "native"), tmp_path / "other.fmu", anonymous)
+    model = find_model(str(path))
     texts = ["R1=610mohm", "k1 = 6.3[N/mm]", "b1=1.5e6", "alpha=-0.05 mm/C", "current=.5"]
     assert model.settings(texts) == pytest.approx(
         {"R1": 0.61, "k1": 6300.0, "b1": 1.5e6, "alpha": -5e-5, "current": 0.5}
@@ -135,14 +142,121 @@ def test_effects_are_declared_as_they_are_built():
     assert dict(declared.outputs) == dict(find_model("ppy_actuator", "python", effects).outputs)
 
 
-@pytest.mark.parametrize("runtime", ["native", "python"])
-def test_the_class_of_a_plain_build_is_known_by_its_guid_with_the_values_it_has(
-    fmu, tmp_path, runtime
+# --- laws that are those of today, and others
+# -----------------------------------------------------------------------------------------
+
+BUILDS = [("native", 2), ("python", 2), ("native", 3)]
+EFFECTS = [(), ("strain_saturation",)]
+DOUBLED = {
+    "of the component": (
+        "model.py",
+        "return self.alpha * charge",
+        "return 2 * self.alpha * charge",
+    ),
+    "of the effect": (
+        "effects/coupling.py",
+        "square = self.strain_saturation_coefficient *",
+        "square = 2.0 * self.strain_saturation_coefficient *",
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory):
+    """Return copies of the package, in which laws may be others."""
+
+    @functools.cache
+    def changed(what=None):
+        file, *texts = DOUBLED.get(what, ("",))
+        place = file and f"ppy_actuator/{file}"
+        return package_with(tmp_path_factory.mktemp("package"), place, *texts)
+
+    return changed
+
+
+@pytest.mark.parametrize(("runtime", "fmi"), BUILDS)
+@pytest.mark.parametrize("added", EFFECTS, ids=["plain", "stacked"])
+def test_an_fmu_of_the_laws_of_today_has_its_class_with_the_values_it_has(
+    package, tmp_path, added, runtime, fmi
 ):
-    path = fmu("ppy_actuator", runtime)
-    plain = known_class(path)
-    assert (plain.name, plain().R1) == ("ppy_actuator", 0.43)
+    path = built_by(package(), tmp_path / "a.fmu", added, runtime, fmi)
+    model = find_model(str(path))
+    assert model.notes == ()
+    assert model.cls().R1 == 0.43
     other = edited(path, tmp_path / "o.fmu", lambda n, c: (n, c.replace(b'"0.43"', b'"0.6"')))
-    assert known_class(other)().R1 == 0.6
-    renamed = edited(path, tmp_path / "r.fmu", lambda n, c: (n, c.replace(b'guid="{', b'guid="{0')))
-    assert known_class(renamed) is None
+    assert find_model(str(other)).cls().R1 == 0.6
+    assert ppy.linearise(other).method == "Jacobians of the laws"
+
+
+@pytest.mark.parametrize(("runtime", "fmi"), BUILDS)
+@pytest.mark.parametrize(
+    ("added", "what"),
+    [
+        ((), "of the component"),
+        (("strain_saturation",), "of the component"),
+        (("strain_saturation",), "of the effect"),
+    ],
+)
+def test_an_fmu_of_other_laws_is_an_fmu_without_equations(
+    package, tmp_path, added, what, runtime, fmi
+):
+    path = built_by(package(what), tmp_path / "old.fmu", added, runtime, fmi)
+    model = find_model(str(path))
+    assert model.cls is None
+    told = (
+        "old.fmu was made from ppy_actuator, but the laws here are others than those it was built"
+        " with; it serves as an FMU without equations"
+    )
+    assert model.notes == (told,)
+    refusals = [
+        lambda: find_class(str(path)),
+        lambda: ppy.optimise(str(path), {"R1": "0.3..0.5"}, maximise=["voltage"]),
+        lambda: ppy.linearise(path, trim=True),
+    ]
+    for call in refusals:
+        with pytest.raises(UserError, match="but the laws here are others than"):
+            call()
+    if runtime == "native":
+        linear = ppy.linearise(path)
+        assert (linear.method, linear.notes) == ("directional derivatives of the FMU", (told,))
+    if not added:
+        time = np.array([0.0, 1.0])
+        ours, old = (
+            simulate(of, time, {"current": np.ones(2), "force": np.zeros(2)}, {})
+            for of in (find_model("ppy_actuator"), model)
+        )
+        own = ours["electrochemical_displacement"]
+        assert old["electrochemical_displacement"] == pytest.approx(2.0 * own, rel=1e-9)
+
+
+@pytest.mark.parametrize("added", EFFECTS, ids=["plain", "stacked"])
+def test_an_fmu_that_does_not_tell_its_laws_is_one_without_equations(tmp_path, added):
+    """As builds were whose provenance had no digest yet."""
+    made = find_model("ppy_actuator", effects=added).path
+    path = edited(
+        made, tmp_path / "old.fmu", lambda n, c: (n, re.sub(rb' laws="[0-9a-f]{64}"', b"", c))
+    )
+    model = find_model(str(path))
+    assert model.cls is None
+    (note,) = model.notes
+    assert note.startswith("old.fmu was made from ppy_actuator, but its description does not tell")
+
+
+def test_an_effect_of_a_user_is_not_taken_for_ours_of_the_same_name(tmp_path):
+    ours = effects("ppy_actuator")["strain_saturation"]
+
+    class Doubled(ours):
+        def charge_elongation(self, charge):
+            return 2.0 * super().charge_elongation(charge)
+
+    made = build_cached(stack(component("ppy_actuator"), Doubled), "native")
+    model = find_model(str(made))
+    assert model.cls is None
+    assert "but the laws here are others" in model.notes[0]
+
+
+def test_an_fmu_that_tells_no_origin_is_anybody_s(fmu, tmp_path):
+    model = find_model(
+        str(edited(fmu("ppy_actuator", "native"), tmp_path / "other.fmu", anonymous))
+    )
+    assert (model.cls, model.notes) == (None, ())

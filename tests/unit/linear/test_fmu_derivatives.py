@@ -15,20 +15,20 @@ from fmus.kit.build import build_cached
 from orchestration.fmu import find_model
 from orchestration.linear.fmu_derivatives import FmuRequest, linearise_fmu
 from tests.support import fmi3_fmus
-from tests.support.archive import edited
+from tests.support.archive import anonymous, edited
 from tests.support.hosts import build_one_state_fmu
 
 R1, R2, C, ALPHA, K1, B1, K2, B2 = 0.43, 2.35, 2.70, 6.8e-5, 6300.0, 1.7e6, 1.0e4, 2.0e6
 
 
 def foreign(name, path, *changes):
-    """An FMU as anybody's, for an unchanged component tells no origin, with another description."""
+    """An FMU as anybody's, for it tells no origin, with another description."""
 
     def edit(file, content):
         for old, new in changes if file == "modelDescription.xml" else ():
             assert old in content
             content = content.replace(old, new)
-        return file, content
+        return anonymous(file, content)
 
     edited(build_cached(component(name), "native"), path, edit)
     model = find_model(str(path))

@@ -45,7 +45,7 @@ def describe_fmi2(
             node = SubElement(definitions, "SimpleType", name=name)
             SubElement(node, "Real", common.type_attributes(variable))
     common.append_experiment(root, cls)
-    annotate_fmi2(root, cls)
+    annotate_fmi2(root, cls, graph)
     _variables(root, cls.layout)
     structure = dependencies(graph, states_known=can.directional_derivatives)
     _structure(root, structure)

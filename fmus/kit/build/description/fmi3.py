@@ -59,7 +59,7 @@ def describe_fmi3(
     indicators = graph.indicators.numel() if can.model_exchange else 0
     _variables(root, layout, indicators)
     _structure(root, layout, graph, indicators)
-    annotate_fmi3(root, cls)
+    annotate_fmi3(root, cls, graph)
     return serialized(root)
 
 

@@ -1,10 +1,13 @@
 """Claims: ``ppy optimise`` writes a front as a picture and as JSON, and refuses what cannot be."""
 
 import json
+import signal
+import time
 
 import pytest
 
-from tests.support.command import refused, works
+from orchestration.journal import count_done
+from tests.support.command import here, posix, refused, running, works
 
 CALL = ("optimise", "foot_design", "--over", "r_po=30..45mm", "--over", "r_pl=5..30mm")
 BOTH = ("--maximise", "ankle_limited_force & toe_limited_force,toe_stroke", "--levels", "5")
@@ -19,6 +22,48 @@ def test_a_front_is_told_drawn_and_written(tmp_path):
     assert told["parameters"] == {"r_po": "m", "r_pl": "m"}
     alone = works(*CALL, *BOTH, "--json", "-", cwd=tmp_path)
     assert json.loads(alone) == told
+
+
+LONG = ("optimise", "foot_design", "--over", "r_po=30..45mm", "--over", "r_pl=5..30mm", *BOTH[:2])
+
+
+@posix
+def test_an_interrupt_keeps_what_is_done_and_the_same_command_goes_on(tmp_path):
+    call = (*LONG, "--levels", 400, "--json", "f.json")
+    process = running(*call, cwd=tmp_path)
+    part = tmp_path / "f.json.part"
+    while count_done(part)[0] < 265:
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 130
+    last = told.splitlines()[-1]
+    done, whole = count_done(part)
+    assert whole == 256 + 800
+    assert 265 <= done < whole
+    assert last == (
+        f"interrupted: {done:,} of {whole:,} points are kept in f.json.part, and the same command"
+        " goes on from there"
+    )
+    refused(tmp_path, *call, "--seed", 1, parts=["f.json.part", "another optimisation", "search"])
+
+
+def test_without_a_file_an_interrupt_says_what_would_keep_the_points(tmp_path, monkeypatch):
+    def press(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("orchestration.sweeps.pareto.search._Search.front", press)
+    done = here(*LONG, cwd=tmp_path)
+    assert done.returncode == 130
+    assert done.stderr.splitlines()[-1] == (
+        "interrupted: nothing is kept; with --json FILE the same command would go on"
+    )
+
+
+def test_a_front_that_is_written_leaves_no_part_behind(tmp_path):
+    works(*CALL, *BOTH, "--json", "f.json", cwd=tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["f.json"]
 
 
 @pytest.mark.parametrize(

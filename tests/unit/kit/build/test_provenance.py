@@ -11,6 +11,7 @@ from fmus.kit.build import plan_build
 from fmus.kit.build.provenance import Provenance, annotate_fmi2, read_provenance
 from fmus.kit.sampling import Sampling
 from fmus.kit.sensors import sensor_lag
+from fmus.kit.symbolic import trace
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from tests.support import kit_samples
@@ -18,7 +19,7 @@ from tests.support import kit_samples
 
 def annotated(cls):
     root = Element("fmiModelDescription")
-    annotate_fmi2(root, cls)
+    annotate_fmi2(root, cls, trace(cls))
     return root
 
 
@@ -29,6 +30,7 @@ def test_a_component_of_ours_is_given_back_with_its_effects_and_remarks():
     origin = read_provenance(annotated(cls))
     assert origin == Provenance(
         component="ppy_actuator",
+        laws=trace(cls).digest,
         effects=("quadratic_strain", "sensor_lag(voltage)"),
         remarks=("Fitted to hidden.csv", "Once"),
     )
@@ -52,8 +54,9 @@ def test_a_user_s_class_is_given_back_by_its_file(monkeypatch):
     assert origin.place == "kit_samples.py:Thermostat"
 
 
-def test_a_component_of_ours_alone_tells_its_name():
-    assert read_provenance(annotated(PpyActuator)) == Provenance(component="ppy_actuator")
+def test_a_component_of_ours_alone_tells_its_name_and_its_laws():
+    laws = trace(PpyActuator).digest
+    assert read_provenance(annotated(PpyActuator)) == Provenance("ppy_actuator", laws=laws)
 
 
 def test_of_a_user_s_class_alone_or_without_a_file_nothing_is_written():

@@ -21,7 +21,7 @@ import orchestration as ppy
 from fmus.kit import UserError
 from fmus.kit.storage import scratch
 from orchestration.fmu.repeated import RepeatedFmu
-from orchestration.sweeps.storage import journal
+from orchestration.journal import remove
 from orchestration.sweeps.storage import zarr_store as stored
 from tests.support.command import refused, works
 from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, build_pythonfmu
@@ -119,7 +119,7 @@ def test_what_comes_into_the_folder_meanwhile_stays(folder):
     (folder / "part" / "failures.jsonl.0123.part").write_text("left by a process that was killed")
     assert goes_on()["x_last"].shape == (20,)
     (folder / "part" / "mine.txt").write_text("dear")
-    journal.remove(folder / "part")
+    remove(folder / "part")
     assert [path.name for path in (folder / "part").iterdir()] == ["mine.txt"]
 
 
@@ -219,7 +219,7 @@ def test_a_case_that_failed_and_was_not_done_has_no_failure_afterwards(folder):
 
 HOLDS = """
 import sys, time, pathlib
-from orchestration.sweeps.storage import locked_folder
+from orchestration.journal import locked_folder
 with locked_folder(pathlib.Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(60)

@@ -1,0 +1,66 @@
+"""Digest of traced laws, by which it is told that two components have the same."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from hashlib import sha256
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+
+from fmus.kit.interrupt import uninterrupted
+from fmus.kit.symbolic.instructions import carry_out
+
+if TYPE_CHECKING:
+    from fmus.kit.layout import Layout
+    from fmus.kit.symbolic.tracing import Graph
+
+
+@uninterrupted()
+def digest(graph: Graph) -> str:
+    """Return the digest of the laws of a component and of the variables that they are about.
+
+    Values that parameters start with do not enter, for they are symbols in the laws; nor do texts
+    for people. It is a Merkle tree: the digest of an operation is that of its operands' digests, so
+    that neither the order of the instructions nor what CasADi names its symbols matters.
+
+    Parameters
+    ----------
+    graph : Graph
+
+    Returns
+    -------
+    str
+        SHA-256, in hexadecimal digits.
+    """
+    results = [ca.densify(part) for part in (graph.rates, graph.outputs, *graph.updates)]
+    function = ca.Function("laws", graph.arguments, results)
+    symbols = [
+        [_of(index, element) for element in range(function.nnz_in(index))]
+        for index in range(function.n_in())
+    ]
+    laws = carry_out(function, symbols, _of, _of_operation)
+    return _of(laws, _declared(graph.layout), graph.tolerance, graph.restorable)
+
+
+def _of(*parts: Any) -> str:
+    """Return the digest of parts that are numbers, texts, and tuples or lists of these."""
+    return sha256(repr(parts).encode()).hexdigest()
+
+
+def _of_operation(operation: int, operands: Sequence[str]) -> str:
+    return _of(operation, *operands)
+
+
+def _declared(layout: Layout) -> list[Any]:
+    """Return what is declared of the variables and enters a run."""
+    variables = [
+        (v.name, v.unit, v.type, float(v.min), float(v.max), float(v.nominal))
+        for v in layout.variables
+    ]
+    groups = [len(group) for group in (layout.parameters, layout.inputs, layout.states)]
+    inputs = [float(v.start) for v in layout.inputs]
+    clocks = [(discrete.period, discrete.shift) for discrete in layout.discretes]
+    outputs = [v.name for v in layout.shown]
+    texts = [v.name for v in layout.texts]
+    return [variables, groups, inputs, clocks, outputs, texts]

@@ -1,0 +1,10 @@
+from .arrays import opened as opened
+from .arrays import reserve as reserve
+from .folder import FAILURES as FAILURES
+from .folder import TRACES as TRACES
+from .folder import check as check
+from .folder import locked_folder as locked_folder
+from .folder import remove as remove
+from .work import WorkJournal as WorkJournal
+from .work import count_done as count_done
+from .work import digest as digest

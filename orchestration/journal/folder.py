@@ -1,0 +1,107 @@
+"""The folder of a journal: one process works on it, and only what is its own is removed."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from fmus.kit import UserError
+from orchestration.reporting import option
+
+ABOUT = "sweep.json"
+DONE = "done.npy"
+NUMBERS = "numbers.npy"
+TRACES = "traces.npy"
+FAILURES = "failures.jsonl"
+_LOCK = "lock"
+_KNOWN = (ABOUT, DONE, NUMBERS, TRACES, FAILURES, _LOCK)
+
+
+@contextlib.contextmanager
+def locked_folder(folder: Path) -> Iterator[None]:
+    """Lock a folder for this process while the context lasts; it is made if it does not exist.
+
+    The operating system holds the lock, which therefore ends with the process, however that ends.
+
+    Raises
+    ------
+    UserError
+        If another process has it, or it cannot be written.
+    """
+    path = folder.absolute() / _LOCK
+    lock = FileLock(path, timeout=0)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except FileExistsError as error:
+        raise UserError(f"{folder}: is no folder") from error
+    except Timeout as error:
+        raise UserError(
+            f"{folder}: another process works on it ({_owner(path) or 'just begun'}); wait for it"
+        ) from error
+    except OSError as error:
+        raise UserError(f"{folder}: cannot be written ({error.strerror or error})") from error
+    had_journal = (folder / ABOUT).exists()
+    with contextlib.suppress(OSError):  # for that message alone
+        path.write_text(f"{os.getpid()}\n", encoding="ascii")
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):  # Windows removes it when it is released
+            path.unlink()
+        lock.release()
+        if had_journal:  # where the lock was still in the folder, `remove` could not remove that
+            with contextlib.suppress(OSError):
+                path.parent.rmdir()
+
+
+def _owner(path: Path) -> str:
+    try:
+        return path.read_text(encoding="ascii").strip()
+    except (OSError, ValueError):
+        return ""
+
+
+def check(folder: Path) -> None:
+    """Refuse a folder that holds anything else than a journal, which is removed at the end.
+
+    Raises
+    ------
+    UserError
+        About the first thing that does not belong to a journal.
+    """
+    try:
+        strange = next((path for path in _within(folder) if not _own(path)), None)
+    except OSError as error:
+        raise UserError(f"{folder}: cannot be read ({error.strerror})") from error
+    if strange is not None:
+        raise UserError(
+            f"{folder}: holds {strange.name}, which is no part of a journal, and what is done goes"
+            f" there: move that elsewhere, or name another {option('folder')}"
+        )
+
+
+def remove(folder: Path) -> None:
+    """Remove a journal and nothing else, and its folder if that is empty then."""
+    with contextlib.suppress(OSError):
+        for path in _within(folder):
+            if _own(path):
+                with contextlib.suppress(OSError):  # Windows keeps the lock until it is released
+                    path.unlink()
+        folder.rmdir()
+
+
+def _within(folder: Path) -> list[Path]:
+    return sorted(folder.iterdir()) if folder.is_dir() else []
+
+
+def _own(path: Path) -> bool:
+    """Return True if a path is a file of a journal, or one that was not written to its end."""
+    is_part = path.name.endswith(".part") and any(
+        path.name.startswith(f"{known}.") for known in _KNOWN
+    )
+    return (path.name in _KNOWN or is_part) and path.is_file() and not path.is_symlink()

@@ -1,0 +1,134 @@
+"""Journal of long work: outcomes of its parts as they come, each a row of numbers."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmus.kit import UserError, files
+from fmus.kit.arrays import Array
+from orchestration.journal.arrays import opened, reserve
+from orchestration.journal.folder import ABOUT, DONE, NUMBERS
+from orchestration.reporting import option
+
+
+class WorkJournal:
+    """Outcomes of all parts of some work, in a folder.
+
+    Arrays have their whole size from the start. What keeps more than numbers extends `begin`.
+
+    Parameters
+    ----------
+    folder : Path
+        An existing one, which this process holds; the journal of the same work is continued.
+    kind : str
+        What the work is, for messages.
+    about : Mapping of str to str
+        Digests of what defines the work, by what that is.
+    shape : tuple of int
+        Parts n, and the shape of the numbers of each.
+
+    Attributes
+    ----------
+    folder : Path
+    numbers : ndarray
+        Of that shape, mapped.
+
+    Raises
+    ------
+    UserError
+        If the folder is of other work, or cannot be written.
+    """
+
+    def __init__(self, folder: Path, kind: str, about: Mapping[str, str], shape: tuple[int, ...]):
+        self.folder = folder
+        mode = ""
+        try:
+            if (folder / ABOUT).exists():
+                stored = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+                _refuse_other_work(folder, kind, stored, about)
+                mode = "r+"
+            else:
+                mode = "w+"
+            self._done = _array(folder / DONE, mode, shape[:1], "u1")
+            self.numbers = _array(folder / NUMBERS, mode, shape, "f8")
+            self.begin(mode)
+            if mode == "w+":  # last: a folder without it is begun anew
+                files.write(folder / ABOUT, json.dumps(dict(about)).encode())
+        except OSError as error:
+            if mode == "w+":
+                for path in folder.glob("*.npy"):  # they take room that there is not
+                    path.unlink(missing_ok=True)
+            raise UserError(f"{folder}: cannot be written ({error.strerror or error})") from error
+        except (ValueError, TypeError, RecursionError) as error:
+            raise UserError(f"{folder}: is damaged ({error}); remove it to begin anew") from error
+
+    def begin(self, mode: str) -> None:
+        """Begin or continue what is kept beside numbers; mode is ``w+`` or ``r+``."""
+
+    def is_done(self, row: int) -> bool:
+        """Return True if the outcome of a part is there."""
+        return bool(self._done[row])
+
+    @property
+    def open_rows(self) -> list[int]:
+        """Rows of the parts that are not done."""
+        return [int(row) for row in np.flatnonzero(self._done == 0)]
+
+    def keep(self, rows: Any, numbers: Array) -> None:
+        """Keep the numbers of parts, which then count as done."""
+        self.numbers[rows] = numbers
+        self._done[rows] = 1
+
+
+def count_done(folder: Path) -> tuple[int, int]:
+    """Return how many parts of the work in a folder are done, and of how many; 0, 0 of none."""
+    try:
+        done = np.load(folder / DONE)
+    except (OSError, ValueError):
+        return 0, 0
+    return int(np.count_nonzero(done)), done.size
+
+
+def digest(*parts: Any) -> str:
+    """Return a digest of arrays, by their bytes, and of others by how they are written."""
+    whole = hashlib.sha256()
+    for part in parts:
+        whole.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
+    return whole.hexdigest()
+
+
+def _array(path: Path, mode: str, shape: tuple[int, ...], kind: str) -> Array:
+    """Map an array on disk, made anew with mode w+."""
+    if 0 in shape:
+        return np.empty(shape, kind)
+    if mode == "r+":
+        return opened(path, "r+", shape, kind)
+    array = np.lib.format.open_memmap(path, "w+", np.dtype(kind), shape)
+    reserve(path)
+    return array
+
+
+def _refuse_other_work(folder: Path, kind: str, stored: Any, digests: Mapping[str, str]) -> None:
+    """Refuse a folder whose stored digests are of other work.
+
+    Raises
+    ------
+    ValueError
+        If what is stored cannot be understood: the journal is damaged.
+    UserError
+        If it is of other work.
+    """
+    if not isinstance(stored, dict):
+        raise ValueError(f"{ABOUT} holds no table")
+    other = [part for part, one in digests.items() if stored.get(part) != one]
+    if other:
+        raise UserError(
+            f"{folder}: is of another {kind} ({', '.join(other)} differ); remove it, or name"
+            f" another {option('folder')}"
+        )
