@@ -236,7 +236,7 @@ class LawMap:
         for at in range(0, len(names), _AT_ONCE):
             # what a signal is in the coordinates of its curve is the same for all laws
             some = {
-                name: _Regressors.over(name, signals[name]) for name in names[at : at + _AT_ONCE]
+                name: _SignalBasis.over(name, signals[name]) for name in names[at : at + _AT_ONCE]
             }
             for (name, kind, known), found in zip(corrections, entries, strict=True):
                 mine = [some[signal] for signal in known if signal in some]
@@ -319,7 +319,7 @@ class LawMap:
         self,
         course: UnknownInput,
         law: str,
-        signals: Sequence[_Regressors],
+        signals: Sequence[_SignalBasis],
         kind: str,
         record: LinearisedRecord,
     ) -> list[Entry]:
@@ -329,7 +329,7 @@ class LawMap:
         ----------
         course : UnknownInput
         law : str
-        signals : sequence of Regressors
+        signals : sequence of _SignalBasis
         kind : {"add", "multiply"}
         record : LinearisedRecord
         """
@@ -357,7 +357,7 @@ class LawMap:
         return [entries[one.signal] for one in curved if one.signal in entries]
 
     def _responses(
-        self, course: UnknownInput, law: str, signals: Sequence[_Regressors], kind: str
+        self, course: UnknownInput, law: str, signals: Sequence[_SignalBasis], kind: str
     ) -> dict[str, Array]:
         """Return the responses (n, k) of every output to the curves of all bases."""
         count = sum(len(signal.basis.knots) for signal in signals)
@@ -375,7 +375,7 @@ class LawMap:
 
     def _scored(
         self, record: LinearisedRecord, stack: _Stack
-    ) -> Iterator[tuple[_Regressors, Curve, Array, Array]]:
+    ) -> Iterator[tuple[_SignalBasis, Curve, Array, Array]]:
         """Yield the signals over which a correction gains, with its curve, direction and step."""
         signals = [signal for signal, _ in stack]
         rows = np.concatenate([responses for _, responses in stack])
@@ -401,7 +401,7 @@ class LawMap:
 
 
 @dataclass(frozen=True)
-class _Regressors:
+class _SignalBasis:
     """A signal with the knots of a curve over it.
 
     Attributes
@@ -421,7 +421,7 @@ class _Regressors:
     visited: Array
 
     @classmethod
-    def over(cls, signal: LawSignal, runs: Sequence[Sides]) -> _Regressors:
+    def over(cls, signal: LawSignal, runs: Sequence[Sides]) -> _SignalBasis:
         """Place knots over a signal that is given by runs."""
         values = np.concatenate([sides.begin for sides in runs])
         basis = _basis(signal, values)
@@ -435,10 +435,10 @@ class _Regressors:
 
 
 # signals over which curves have one size, with the whitened responses (k, m) to their knots
-_Stack = list[tuple[_Regressors, Array]]
+_Stack = list[tuple[_SignalBasis, Array]]
 
 
-def _stacks(signals: Sequence[_Regressors], responses: Array) -> Iterable[_Stack]:
+def _stacks(signals: Sequence[_SignalBasis], responses: Array) -> Iterable[_Stack]:
     """Return signals by the size of their curves, with the responses (m, knots) to all of them."""
     ends = np.cumsum([signal.size[0] for signal in signals])
     stacks: dict[tuple[int, int], _Stack] = {}
