@@ -299,6 +299,13 @@ class RunKeywords(IsolateKeyword, total=False):
             ' ``{"duration": "20 s", "R1": "610 mohm"}``.'
         ),
     ]
+    folder: Annotated[
+        str | Path | None,
+        Option(
+            doc="Of an experiment with variants: keeps each that is done, so that the same call"
+            " goes on after an interrupt; it stays."
+        ),
+    ]
 
 
 # --- build ---------------------------------------------------------------------------------------

@@ -38,6 +38,7 @@ def run(
     *,
     settings: Mapping[str, object] | None = None,
     isolate: bool | Limits = False,
+    folder: str | Path | None = None,
     **options: Any,
 ) -> Run | ExperimentResult:
     """Run an experiment, or a system over time.
@@ -88,6 +89,7 @@ def run(
         read(str(what), [f"{name}={value}" for name, value in (settings or {}).items()]),
         str(what),
         isolation=lambda foreign: isolation(isolate),
+        folder=None if folder is None else Path(folder),
     )
     if "failure" in result.attrs:
         raise UnfinishedExperiment(result.attrs["failure"], result)

@@ -50,6 +50,8 @@ def kept_in(folder: Path | None, flag: str, what: str) -> Iterator[None]:
         from orchestration.journal import count_done
 
         done, whole = count_done(folder)
+        if not done:
+            end_interrupted(f"none of the {what} was done")
         end_interrupted(
             f"{done:,} of {whole:,} {what} are kept in {folder}, and the same command goes on from"
             " there"

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
+from orchestration.cli.ending import kept_in
 from orchestration.cli.isolation import limits
+from orchestration.cli.outputs import part_of
 from orchestration.cli.real_time import IncompleteRecord, keep, status_line
 
 if TYPE_CHECKING:
@@ -41,11 +44,18 @@ def run_and_write(
         If something does not fit, an FMU fails before the first point, or a file cannot be written.
     """
     from orchestration.experiment import movable, result_page, results
+    from orchestration.journal import locked_folder, remove
     from orchestration.reporting import wrote
 
     out = options["out"]
     plot = options["plot"]
-    data = _make(experiment, name, options, live)
+    if experiment.variants:
+        folder = part_of(out)
+        with kept_in(folder, "--out", "variants"):
+            data = _make(experiment, name, options, live, folder)
+    else:
+        folder = None
+        data = _make(experiment, name, options, live)
     _show(data)
     if out is not None:
         if live is None:
@@ -53,6 +63,9 @@ def run_and_write(
         else:
             keep(data, out, live)
         wrote(out, "" if data.attrs["complete"] else "incomplete")
+    if folder is not None:
+        with locked_folder(folder):
+            remove(folder)
     if plot is not None:
         result_page.plot(data, plot)
         wrote(plot)
@@ -76,7 +89,11 @@ def refuse_part(data: xarray.Dataset, live: Live | None = None) -> None:
 
 
 def _make(
-    experiment: Experiment, name: str, options: RunCommand | SimulateCommand, live: Live | None
+    experiment: Experiment,
+    name: str,
+    options: RunCommand | SimulateCommand,
+    live: Live | None,
+    folder: Path | None = None,
 ) -> xarray.Dataset:
     """Run an experiment, telling how far it is."""
     from orchestration.experiment import results
@@ -96,7 +113,13 @@ def _make(
         with progress() as tell:
             tell(f"running {name} (FMUs that are not in the cache are built first)")
             return make(
-                experiment, name, progress=tell.done, note=note, fits=fits, isolation=isolation
+                experiment,
+                name,
+                progress=tell.done,
+                note=note,
+                fits=fits,
+                isolation=isolation,
+                folder=folder,
             )
     # no bar: what draws it is a thread, and takes its time when the next step should begin
     err.print(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,8 +18,9 @@ from orchestration.experiment.live import Follower, Live, admitted, first_openin
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation, prepare
 from orchestration.experiment.subjects import Subject, subject
+from orchestration.experiment.variants import Keeper, KeptVariants, compute_anew, kept_variants
 from orchestration.fmu.isolation import Limits
-from orchestration.master import Run, Stopped
+from orchestration.master import Run, Statistics, Stopped
 from orchestration.master.reference import imbalance
 
 if TYPE_CHECKING:
@@ -46,6 +49,7 @@ def run(
     fits: Callable[[xarray.Dataset], None] = lambda sketch: None,
     live: Live | None = None,
     isolation: Callable[[bool], Limits | None] = lambda foreign: None,
+    folder: Path | None = None,
 ) -> ExperimentResult:
     """Make an experiment.
 
@@ -67,6 +71,8 @@ def run(
     isolation : callable
         From whether an FMU is not one of ours, the limits of a process beside this one for the
         run, if any.
+    folder : Path, optional
+        Keeps every variant that is done, so that an interrupted experiment goes on; it stays.
 
     Returns
     -------
@@ -91,7 +97,25 @@ def run(
     if experiment.variants:
         if live is not None:
             raise UserError(f"{where}: variants run one after another, not in real time")
-        return _run_variants(experiment, where, progress, note, fits, isolation)
+        with kept_variants(folder, experiment) as kept:
+            return _run_variants(
+                experiment, where, progress, note, fits, isolation=isolation, kept=kept
+            )
+    return _run_one(experiment, where, progress, note, fits, live=live, isolation=isolation)
+
+
+def _run_one(
+    experiment: Experiment,
+    where: str,
+    progress: Callable[[int, int], None],
+    note: Callable[[str], None],
+    fits: Callable[[xarray.Dataset], None],
+    *,
+    live: Live | None = None,
+    isolation: Callable[[bool], Limits | None],
+    kept: Keeper = compute_anew,
+) -> ExperimentResult:
+    """Make an experiment without variants, unless its result is kept already."""
     with subject(experiment, where) as on:
         if live is not None:
             _refuse_fused(experiment, where)
@@ -100,11 +124,15 @@ def run(
         fits(_first_point(prepared))
         if live is not None:
             live = admitted(live, prepared)
-        ran, failure = _run_prepared(prepared, live, progress, isolation(on.foreign))
-    if ran.time.size == 0:
-        raise KeyboardInterrupt
-    data = _dataset(prepared, ran, where, note)
-    return data.assign_attrs({"failure": failure} if failure else {})
+
+        def compute() -> ExperimentResult:
+            ran, failure = _run_prepared(prepared, live, progress, isolation(on.foreign))
+            if ran.time.size == 0:
+                raise KeyboardInterrupt
+            data = _dataset(prepared, ran, where, note)
+            return data.assign_attrs({"failure": failure} if failure else {})
+
+        return kept(prepared, compute, partial(_restored, prepared, where))
 
 
 def _run_variants(
@@ -113,20 +141,23 @@ def _run_variants(
     progress: Callable[[int, int], None],
     note: Callable[[str], None],
     fits: Callable[[xarray.Dataset], None],
+    *,
     isolation: Callable[[bool], Limits | None],
+    kept: KeptVariants | None,
 ) -> ExperimentResult:
     """Make the variants of an experiment, one after another."""
     runs = {}
     for number, (name, settings) in enumerate(experiment.variants.items()):
         here = f"{where}: {name}"
         own = {"parameters": {**experiment.parameters, **settings}, "variants": {}}
-        runs[name] = run(
+        runs[name] = _run_one(
             experiment.model_copy(update=own),
             here,
             _progress_of_part(progress, number, len(experiment.variants)),
-            note=_prefixed(note, name),
-            fits=fits,
+            _prefixed(note, name),
+            fits,
             isolation=isolation,
+            kept=compute_anew if kept is None else partial(kept.find, number),
         )
         if "failure" in runs[name].attrs:
             raise UserError(f"{here}: {runs[name].attrs['failure']}")
@@ -236,6 +267,15 @@ def _dataset(
         set(prepared.inputs),
         _about(prepared, ran, where),
     )
+
+
+def _restored(
+    prepared: Preparation, where: str, values: Mapping[str, Array], seconds: float
+) -> ExperimentResult:
+    """Return the results of a whole run that were kept."""
+    effort = Statistics({}, 0, 0, 0, seconds)
+    about = _about(prepared, Run(prepared.time, {}, {}, True, "", effort, {}), where)
+    return results.dataset(prepared.time, values, prepared.signals, set(prepared.inputs), about)
 
 
 def _measured(prepared: Preparation, ran: Run) -> dict[str, Array]:

@@ -10,7 +10,6 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from fmus.kit import UserError
-from orchestration.reporting import option
 
 ABOUT = "sweep.json"
 DONE = "done.npy"
@@ -81,7 +80,7 @@ def check(folder: Path) -> None:
     if strange is not None:
         raise UserError(
             f"{folder}: holds {strange.name}, which is no part of a journal, and what is done goes"
-            f" there: move that elsewhere, or name another {option('folder')}"
+            " there: move that elsewhere"
         )
 
 

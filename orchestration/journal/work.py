@@ -14,7 +14,6 @@ from fmus.kit import UserError, files
 from fmus.kit.arrays import Array
 from orchestration.journal.arrays import opened, reserve
 from orchestration.journal.folder import ABOUT, DONE, NUMBERS
-from orchestration.reporting import option
 
 
 class WorkJournal:
@@ -129,6 +128,6 @@ def _refuse_other_work(folder: Path, kind: str, stored: Any, digests: Mapping[st
     other = [part for part, one in digests.items() if stored.get(part) != one]
     if other:
         raise UserError(
-            f"{folder}: is of another {kind} ({', '.join(other)} differ); remove it, or name"
-            f" another {option('folder')}"
+            f"{folder}: is of another {kind} (not the same: {', '.join(other)}); remove it to begin"
+            " anew"
         )

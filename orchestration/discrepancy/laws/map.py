@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -236,7 +236,7 @@ class LawMap:
         for at in range(0, len(names), _AT_ONCE):
             # what a signal is in the coordinates of its curve is the same for all laws
             some = {
-                name: _Regressors.over(name, signals[name]) for name in names[at : at + _AT_ONCE]
+                name: _SignalBasis.over(name, signals[name]) for name in names[at : at + _AT_ONCE]
             }
             for (name, kind, known), found in zip(corrections, entries, strict=True):
                 mine = [some[signal] for signal in known if signal in some]
@@ -319,7 +319,7 @@ class LawMap:
         self,
         course: UnknownInput,
         law: str,
-        signals: Sequence[_Regressors],
+        signals: Sequence[_SignalBasis],
         kind: str,
         record: LinearisedRecord,
     ) -> list[Entry]:
@@ -329,46 +329,35 @@ class LawMap:
         ----------
         course : UnknownInput
         law : str
-        signals : sequence of Regressors
+        signals : sequence of _SignalBasis
         kind : {"add", "multiply"}
         record : LinearisedRecord
         """
         curved = [signal for signal in signals if len(signal.basis.knots) > 1]
         if not curved:
             return []
-        whole = self._responses(course, law, curved, kind)
-        alone = record({o: columns[self._present[o]] for o, columns in whole.items()})
-        ends = np.cumsum([len(signal.basis.knots) for signal in curved])
-        alike: dict[tuple[int, int], list[int]] = {}
-        for i, signal in enumerate(curved):
-            alike.setdefault((len(signal.basis.knots), len(signal.basis.plain)), []).append(i)
-        entries: dict[int, Entry] = {}
-        for (count, _), several in alike.items():
-            columns = np.concatenate([np.arange(ends[i] - count, ends[i]) for i in several])
-            bases = [curved[i].basis for i in several]
-            for i, scored in zip(
-                several, self._scored(record, bases, alone[:, columns]), strict=True
-            ):
-                if scored is None:
-                    continue
-                curve, direction, step = scored
-                signal, left = curved[i], record.left(curve)
-                entries[i] = Entry(
-                    course.law,
-                    law,
-                    signal.signal,
-                    kind,
-                    signal.basis,
-                    curve,
-                    direction,
-                    step,
-                    left,
-                    signal.visited,
-                )
-        return [entries[i] for i in sorted(entries)]
+        responses = self._responses(course, law, curved, kind)
+        whitened = record({o: columns[self._present[o]] for o, columns in responses.items()})
+        entries = {
+            signal.signal: Entry(
+                driven=course.law,
+                law=law,
+                signal=signal.signal,
+                kind=kind,
+                basis=signal.basis,
+                curve=curve,
+                direction=direction,
+                step=step,
+                left=record.left(curve),
+                visited=signal.visited,
+            )
+            for stack in _stacks(curved, whitened)
+            for signal, curve, direction, step in self._scored(record, stack)
+        }
+        return [entries[one.signal] for one in curved if one.signal in entries]
 
     def _responses(
-        self, course: UnknownInput, law: str, signals: Sequence[_Regressors], kind: str
+        self, course: UnknownInput, law: str, signals: Sequence[_SignalBasis], kind: str
     ) -> dict[str, Array]:
         """Return the responses (n, k) of every output to the curves of all bases."""
         count = sum(len(signal.basis.knots) for signal in signals)
@@ -385,44 +374,34 @@ class LawMap:
         return whole
 
     def _scored(
-        self, record: LinearisedRecord, bases: Sequence[Basis], columns: Array
-    ) -> Iterator[tuple[Curve, Array, Array] | None]:
-        """Yield curve, direction and step of the likeliest corrections; None if one gains nothing.
-
-        Parameters
-        ----------
-        record : LinearisedRecord
-        bases : sequence of Basis
-            Of s curves, each of k knots.
-        columns : ndarray, shape (m, s k)
-            Whitened responses to the knots, those of one curve beside each other.
-        """
-        shape = (len(bases), len(bases[0].knots), -1)
-        free = np.ascontiguousarray(record.free(columns).T)
-        stack = free.reshape(shape)
-        own = record.own(columns).T.reshape(shape)
-        products = stack @ stack.swapaxes(1, 2)
+        self, record: LinearisedRecord, stack: _Stack
+    ) -> Iterator[tuple[_SignalBasis, Curve, Array, Array]]:
+        """Yield the signals over which a correction gains, with its curve, direction and step."""
+        signals = [signal for signal, _ in stack]
+        rows = np.concatenate([responses for _, responses in stack])
+        shape = (len(stack), signals[0].size[0], -1)
+        free = np.ascontiguousarray(record.free(rows.T).T)
+        effects = free.reshape(shape)
+        own = record.own(rows.T).T.reshape(shape)
+        products = effects @ effects.swapaxes(1, 2)
         regressors = RegressorStack(
-            bases, products, products + own @ own.swapaxes(1, 2), record.samples
+            [signal.basis for signal in signals],
+            products,
+            products + own @ own.swapaxes(1, 2),
+            record.samples,
         )
         self._chance += [*regressors.by_chance((free @ record.noise).reshape(shape))]
         likeliest = regressors.best((free @ record.residual).reshape(shape[:2]))
         telling = [i for i, curve in enumerate(likeliest) if curve.gain > 0.0]
-        alone = np.ascontiguousarray(columns.T).reshape(shape)[telling]
-        known = dict(
-            zip(telling, record.within_reach([likeliest[i] for i in telling], alone), strict=True)
-        )
-        for i in range(len(bases)):
-            curve, step = known.get(i, (likeliest[i], None))
-            if step is None or not curve.gain > 0.0:
-                yield None
-                continue
-            effect = curve.values @ stack[i]
-            yield curve, effect / max(float(np.linalg.norm(effect)), 1e-300), step
+        bounded = record.within_reach([likeliest[i] for i in telling], rows.reshape(shape)[telling])
+        for i, (curve, step) in zip(telling, bounded, strict=True):
+            if curve.gain > 0.0:
+                effect = curve.values @ effects[i]
+                yield signals[i], curve, effect / max(float(np.linalg.norm(effect)), 1e-300), step
 
 
 @dataclass(frozen=True)
-class _Regressors:
+class _SignalBasis:
     """A signal with the knots of a curve over it.
 
     Attributes
@@ -442,12 +421,31 @@ class _Regressors:
     visited: Array
 
     @classmethod
-    def over(cls, signal: LawSignal, runs: Sequence[Sides]) -> _Regressors:
+    def over(cls, signal: LawSignal, runs: Sequence[Sides]) -> _SignalBasis:
         """Place knots over a signal that is given by runs."""
         values = np.concatenate([sides.begin for sides in runs])
         basis = _basis(signal, values)
         columns = [_columns(basis, sides) for sides in runs]
         return cls(signal, basis, columns, np.quantile(values, _QUANTILES))
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Numbers of knots and of straight curves; curves of one size are scored in a stack."""
+        return len(self.basis.knots), len(self.basis.plain)
+
+
+# signals over which curves have one size, with the whitened responses (k, m) to their knots
+_Stack = list[tuple[_SignalBasis, Array]]
+
+
+def _stacks(signals: Sequence[_SignalBasis], responses: Array) -> Iterable[_Stack]:
+    """Return signals by the size of their curves, with the responses (m, knots) to all of them."""
+    ends = np.cumsum([signal.size[0] for signal in signals])
+    stacks: dict[tuple[int, int], _Stack] = {}
+    of_signals = np.split(np.ascontiguousarray(responses.T), ends[:-1])
+    for signal, rows in zip(signals, of_signals, strict=True):
+        stacks.setdefault(signal.size, []).append((signal, rows))
+    return stacks.values()
 
 
 def _columns(basis: Basis, sides: Sides) -> Sides:

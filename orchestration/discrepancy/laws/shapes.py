@@ -87,29 +87,34 @@ def likenesses(
     zero : float
         From where the signal is counted.
     """
-    x = basis.knots - zero
-    size = float(np.abs(x).max())
     whitening = _whitening(curve)
     if whitening is None:  # the model's own parameters can make all of the curve
         return []
+    x = basis.knots - zero
     wanted = whitening @ curve.values
     constant = whitening @ np.ones(len(x))
     nearest = []
     for name in names or SHAPES:
-        shape = SHAPES[name]
         tried = []
-        for width in _widths(name, size):
-            values = [float(shape.form(float(one), width or 1.0, scale)) for one in x]
-            column = whitening @ np.array(values)
-            alone = column[:, None]
-            beside_constant = np.column_stack([column, constant])
-            for columns in (alone, beside_constant):
+        for width in _widths(name, float(np.abs(x).max())):
+            column = whitening @ _values(name, width, scale, x)
+            for columns in (column[:, None], np.column_stack([column, constant])):
                 likeness = _likeness(name, width, columns, wanted)
                 if likeness is not None:
                     tried.append(likeness)
         if tried:
-            nearest.append(min(tried, key=lambda one: one.distance))
-    return sorted(nearest, key=lambda one: one.distance)
+            nearest.append(min(tried, key=_distance))
+    return sorted(nearest, key=_distance)
+
+
+def _distance(likeness: Likeness) -> float:
+    return likeness.distance
+
+
+def _values(name: str, width: float, scale: float, x: Array) -> Array:
+    """Return the values (k,) of a shape at some places, (k,)."""
+    form = SHAPES[name].form
+    return np.array([float(form(float(place), width or 1.0, scale)) for place in x])
 
 
 def _whitening(curve: Curve) -> Array | None:

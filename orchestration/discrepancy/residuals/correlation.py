@@ -128,31 +128,17 @@ def cross_correlations(
     """
     if not signals:
         return [], []
-    count = innovations.at.size
     largest = min(lags, signals[0].values.size // 20)
-    if count < FEWEST or largest < 1:
+    if innovations.at.size < FEWEST or largest < 1:
         return [], []
-    shifts = np.arange(-largest, largest + 1)
+    correlator = _Correlator(output, innovations, step, np.arange(-largest, largest + 1), within)
     own = [s for s in signals if s.kind is RegressorKind.VALUE and s.signal in inputs]
-    feedback = _feedback(output, innovations, own, shifts, step, within=within)
-    whitened = [prewhiten(s.values, noise, within) for s in signals]
-    normal, correlation = _correlate(innovations, whitened, shifts)
+    feedback = correlator.feedback(own)
+    normal, correlation = correlator([prewhiten(s.values, noise, within) for s in signals])
     result = []
     for signal, z, r in zip(signals, normal, correlation, strict=True):
-        causal = np.flatnonzero(shifts >= least_lead(signal, bool(feedback)))
-        at = int(causal[np.argmax(np.abs(z[causal]))])
-        result.append(
-            CrossCorrelation(
-                output,
-                signal.name,
-                lags=np.asarray(shifts * step, dtype=np.float64),
-                correlation=r,
-                band=float(ndtri(0.995) / np.sqrt(count)),
-                lag=float(shifts[at] * step),
-                strength=float(r[at]),
-                p_value=_probability(z[at], causal.size * len(signals)),
-            )
-        )
+        lead = least_lead(signal, bool(feedback))
+        result.append(correlator.strongest(signal.name, z, r, lead, len(signals)))
     return sorted(result, key=lambda c: -abs(c.strength)), feedback
 
 
@@ -179,34 +165,6 @@ def _all_unless(within: Mask | None, values: Array) -> Mask:
     return np.ones(values.size, dtype=bool) if within is None else within
 
 
-def _feedback(
-    output: str,
-    innovations: Innovations,
-    inputs: Sequence[Regressor],
-    shifts: Indices,
-    step: float,
-    *,
-    within: Mask | None,
-) -> list[Feedback]:
-    """Find inputs whose innovations correlate with what was measured before, and not after."""
-    tried = int((shifts <= 0).sum()) * len(inputs)
-    result = []
-    for signal in inputs:
-        surprises = prewhiten(signal.values, _own_colour(signal.values, within), within)
-        (normal,), (correlation,) = _correlate(innovations, [normal_scores(surprises)], shifts)
-        size = np.abs(normal)
-        rough = _ROUGH * np.median(np.abs(np.diff(signal.values)))
-        # with no delay all of it may be at once: then only an input counts that nothing but noise
-        # can have moved
-        later = shifts <= 0 if np.median(np.abs(surprises)) > rough > 0.0 else shifts < 0
-        at = int(np.argmax(np.where(later, size, 0.0)))
-        p_value = _probability(float(normal[at]), tried)
-        if p_value < SIGNIFICANCE and size[at] > _STRONGER * size[shifts > 0].max():
-            lag = float(-shifts[at] * step)
-            result.append(Feedback(output, signal.signal, lag, float(correlation[at]), p_value))
-    return sorted(result, key=lambda f: -abs(f.strength))
-
-
 def _own_colour(values: Array, within: Mask | None) -> Noise:
     """Fit an autoregression to a signal (n,), whose innovations are in the unit of the signal."""
     whole = _all_unless(within, values)
@@ -218,34 +176,109 @@ def _probability(normal: float, tried: int) -> float:
     return min(1.0, 2.0 * float(ndtr(-abs(normal))) * tried)
 
 
-def _correlate(
-    innovations: Innovations, signals: Sequence[Array], shifts: Indices
-) -> tuple[Array, Array]:
-    """Correlate scores with white signals at some shifts.
+@dataclass(frozen=True)
+class _Correlator:
+    """Correlation of the normal scores of an output with white signals, at some shifts.
 
-    Returns
-    -------
-    normal, correlation : ndarray, shape (s, l)
-        The correlations over their standard deviation where there is nothing, and as they are.
+    Attributes
+    ----------
+    output : str
+    innovations : Innovations
+    step : float
+        Seconds between samples.
+    shifts : ndarray of int, shape (l,)
+        Samples by which a signal comes before the residual, as many to either side.
+    within : ndarray of bool, shape (n,), optional
+        Samples of the runs that the record is made of; all of them unless given.
     """
-    n = signals[0].size
-    scores = np.zeros(n)
-    scores[innovations.at] = innovations.scores
-    padded = np.pad(scores, shifts[-1])
-    first, last = _stretches(innovations.at)
-    power = float(scores @ scores) / innovations.at.size
-    starts = np.clip(first - shifts[:, np.newaxis], 0, n)
-    ends = np.clip(last - shifts[:, np.newaxis], 0, n)
-    pairs = np.maximum((ends - starts).sum(axis=1), 1.0)
-    normal = np.zeros((len(signals), shifts.size))
-    for row, white in enumerate(signals):
-        # sums over the samples at which there are both, for every shift
-        together = np.correlate(padded, white, "valid")
-        summed = np.concatenate([[0.0], np.cumsum(white**2)])
-        energy = (summed[ends] - summed[starts]).sum(axis=1)
-        size = np.sqrt(power * energy)
-        np.divide(together, size, out=normal[row], where=size > 0.0)
-    return normal, normal / np.sqrt(pairs)
+
+    output: str
+    innovations: Innovations
+    step: float
+    shifts: Indices
+    within: Mask | None
+
+    def __call__(self, signals: Sequence[Array]) -> tuple[Array, Array]:
+        """Correlate with s white signals, (n,) each.
+
+        Returns
+        -------
+        normal, correlation : ndarray, shape (s, l)
+            The correlations over their standard deviation where there is nothing, and as they are.
+        """
+        at = self.innovations.at
+        scores = np.zeros(signals[0].size)
+        scores[at] = self.innovations.scores
+        power = float(scores @ scores) / at.size
+        padded = np.pad(scores, self.shifts[-1])
+        starts, ends = _overlaps(at, self.shifts, scores.size)
+        normal = np.zeros((len(signals), self.shifts.size))
+        for row, white in enumerate(signals):
+            # sums over the samples at which there are both, for every shift
+            together = np.correlate(padded, white, "valid")
+            summed = np.concatenate([[0.0], np.cumsum(white**2)])
+            energy = (summed[ends] - summed[starts]).sum(axis=1)
+            size = np.sqrt(power * energy)
+            np.divide(together, size, out=normal[row], where=size > 0.0)
+        pairs = np.maximum((ends - starts).sum(axis=1), 1.0)
+        return normal, normal / np.sqrt(pairs)
+
+    def strongest(
+        self, signal: str, normal: Array, correlation: Array, lead: int, number: int
+    ) -> CrossCorrelation:
+        """Return the correlation with a signal, one of a number of them, where it is strongest.
+
+        Parameters
+        ----------
+        signal : str
+        normal, correlation : ndarray, shape (l,)
+        lead : int
+            Samples by which the signal comes first, at the least.
+        number : int
+        """
+        causal = np.flatnonzero(self.shifts >= lead)
+        at = int(causal[np.argmax(np.abs(normal[causal]))])
+        return CrossCorrelation(
+            self.output,
+            signal,
+            lags=np.asarray(self.shifts * self.step, dtype=np.float64),
+            correlation=correlation,
+            band=float(ndtri(0.995) / np.sqrt(self.innovations.at.size)),
+            lag=float(self.shifts[at] * self.step),
+            strength=float(correlation[at]),
+            p_value=_probability(normal[at], causal.size * number),
+        )
+
+    def feedback(self, inputs: Sequence[Regressor]) -> list[Feedback]:
+        """Find inputs whose innovations correlate with what was measured before, and not after."""
+        tried = int((self.shifts <= 0).sum()) * len(inputs)
+        result = []
+        for signal in inputs:
+            colour = _own_colour(signal.values, self.within)
+            surprises = prewhiten(signal.values, colour, self.within)
+            (normal,), (correlation,) = self([normal_scores(surprises)])
+            size = np.abs(normal)
+            rough = _ROUGH * np.median(np.abs(np.diff(signal.values)))
+            # with no delay all of it may be at once: then only an input counts that nothing but
+            # noise can have moved
+            is_rough = np.median(np.abs(surprises)) > rough > 0.0
+            later = self.shifts <= 0 if is_rough else self.shifts < 0
+            at = int(np.argmax(np.where(later, size, 0.0)))
+            p_value = _probability(float(normal[at]), tried)
+            if p_value < SIGNIFICANCE and size[at] > _STRONGER * size[self.shifts > 0].max():
+                lag = float(-self.shifts[at] * self.step)
+                strength = float(correlation[at])
+                result.append(Feedback(self.output, signal.signal, lag, strength, p_value))
+        return sorted(result, key=lambda f: -abs(f.strength))
+
+
+def _overlaps(at: Indices, shifts: Indices, n: int) -> tuple[Indices, Indices]:
+    """Return where a signal meets every stretch of some samples, by shift: (l, stretches) each.
+
+    It is from the first on, and to one before the second.
+    """
+    first, last = _stretches(at)
+    return np.clip(first - shifts[:, None], 0, n), np.clip(last - shifts[:, None], 0, n)
 
 
 def _stretches(at: Indices) -> tuple[Indices, Indices]:

@@ -99,6 +99,11 @@ class Ranking:
     free: bool = False
     equivalents: dict[type[Effect], list[Row]] = field(default_factory=dict)
 
+    def by_cv_error(self, rows: Sequence[Row]) -> list[Row]:
+        """Return candidates by their errors in blocks left out, and the others behind."""
+        errors = {effect: errors.sum() for effect, errors in self.cv_errors.items()}
+        return sorted(rows, key=lambda row: errors.get(row[0].effect, np.inf))
+
     def is_admissible(self, row: Row) -> bool:
         """Return whether a candidate may be named, by its prediction errors where none is right."""
         if not self.cv_errors:
@@ -188,81 +193,190 @@ def ranked(
     rough : Mapping of type[Effect] to FittedCandidate, optional
         Fitted in white noise from here, a few steps of each.
     """
-    plain, base = _in_white_noise(search, below)
     starts = _starts(scored, effects)
     promising = list(starts) if search.loses_step(below) else _promising(starts)
-    seen: _Fitted = dict(known or {})
-    _fit_to_the_end(plain, base, {e: starts[e] for e in promising}, seen, rough)
-    nearest, structured = _fit_others(search, base, _untried(starts, {*promising, *seen}), seen)
-    if not seen:
+    near = _NearFits(search, below, known)
+    near.fit({e: starts[e] for e in promising}, rough)
+    others = _untried(starts, {*promising, *near.fits})
+    if others and near.structured is not None:
+        near.fit(others)
+    if not near.fits:
         return Ranking()
-    contenders = _contenders(base, nearest, seen)
-    merged = _equivalents(
-        plain, base, seen, contenders, _AS_LIKELY if structured is None else np.inf
-    )
+    nearest = near.nearest
+    contenders = near.contenders()
+    merged = near.merge(contenders)
     contenders = [e for e in contenders if e not in merged]
-    if structured is None or not contenders:
-        rows = _in_one_noise(search, below, nearest, seen, contenders, len(effects))
-        return _merged(Ranking(rows, near=seen, free=search.free), merged)
-    finalists = _finalists(search, seen, contenders, merged)
-    base_errors, *all_errors = _cross_validated(
-        plain, [base, *(seen[e] for e in finalists)], structured
-    )
-    errors = dict(zip(finalists, all_errors, strict=True))
-    best = min(finalists, key=lambda e: errors[e].sum())
-    rows = _in_one_noise(search, below, seen[best], seen, finalists, len(effects))
-    rows.sort(key=lambda row: errors[row[0].effect].sum() if row[0].effect in errors else np.inf)
-    return _merged(Ranking(rows, errors, base_errors, seen, search.free), merged)
+    ranking = Ranking(near=near.fits, free=search.free)
+    if near.structured is not None and contenders:
+        contenders = near.finalists(contenders, merged)
+        base_errors, errors = near.cross_validated(contenders, near.structured)
+        nearest = near.fits[min(contenders, key=lambda e: errors[e].sum())]
+        ranking = replace(ranking, cv_errors=errors, base_cv_errors=base_errors)
+    rows = near.in_noise_of(nearest, contenders, len(effects))
+    return _merged(replace(ranking, rows=ranking.by_cv_error(rows)), merged)
 
 
-def _fit_others(
-    search: Search,
-    base: FittedCandidate,
-    others: Mapping[type[Effect], Sequence[ScreenedCandidate]],
-    seen: _Fitted,
-) -> tuple[FittedCandidate, FittedCandidate | None]:
-    """Put more effects into `seen`, fitted in white noise, where those in it leave structure.
+class _NearFits:
+    """A model, and effects over it, fitted in white noise.
 
-    Returns
-    -------
-    nearest, structured
-        See `_nearest`.
+    Parameters
+    ----------
+    search : Search
+    below : FittedCandidate
+        The model, in noise of its own.
+    known : Mapping of type[Effect] to FittedCandidate, optional
+        Fitted from elsewhere.
+
+    Attributes
+    ----------
+    base : FittedCandidate
+        The model in white noise.
+    fits : dict of type[Effect] to FittedCandidate
+    structured : FittedCandidate or None
+        The nearest in its own colour, if it leaves more than coloured noise.
     """
-    nearest, structured = _nearest(search, base, seen)
-    if not others or structured is None:
-        return nearest, structured
-    _fit_to_the_end(search.in_white_noise(), base, others, seen)
-    return _nearest(search, base, seen)
 
+    def __init__(self, search: Search, below: FittedCandidate, known: Fitted | None = None):
+        self._search = search
+        self._below = below
+        self._plain, self.base = _in_white_noise(search, below)
+        self.fits: _Fitted = dict(known or {})
+        self.structured: FittedCandidate | None = None
 
-def _equivalents(
-    plain: Search,
-    base: FittedCandidate,
-    seen: _Fitted,
-    contenders: Sequence[type[Effect]],
-    share: float,
-) -> dict[type[Effect], type[Effect]]:
-    """Return the contenders that are another one in other parameters, and that one.
+    @property
+    def nearest(self) -> FittedCandidate:
+        """The candidate whose simulation comes nearest to the record."""
+        return min([self.base, *self.fits.values()], key=_bic)
 
-    Of several it is the one that fits best of those that are most to be expected. It is fitted on
-    from where it does what the best of them does, and then may be less likely by a share of what
-    that gains: by any where none of the models is right, for there a likelihood tells nothing.
-    """
-    standing: list[type[Effect]] = []
-    merged: dict[type[Effect], type[Effect]] = {}
-    for effect in sorted(contenders, key=lambda e: (*_expectation(e), _bic(seen[e]))):
-        for other in standing:
-            # a sensor is another thing than the plant: it can be tested by itself
-            if other.output != effect.output:
-                continue
-            nearer = _in_other_parameters(plain, base, seen[other], seen[effect], share)
-            if nearer is not None:
-                seen[other] = nearer
-                merged[effect] = other
-                break
-        else:
-            standing.append(effect)
-    return merged
+    def fit(
+        self,
+        starts: Mapping[type[Effect], Sequence[ScreenedCandidate]],
+        rough: Fitted | None = None,
+    ) -> None:
+        """Fit effects: a few steps of each, the best to the end.
+
+        Fits in `rough` have taken their few steps.
+        """
+        begun = dict(rough or {})
+        new = {effect: several for effect, several in starts.items() if effect not in begun}
+        screened = [*begun.values(), *_screened(self._plain, self.base, new)]
+        best = sorted(screened, key=_bic)[:PROMISING]
+        for fitted in (*screened, *_ended(self._plain, self.base, best, self.nearest)):
+            before = self.fits.get(fitted.effect, fitted)
+            self.fits[fitted.effect] = min(fitted, before, key=_bic)
+        self.structured = _structured(self._search, self.nearest)
+
+    def contenders(self) -> list[type[Effect]]:
+        """Return the effects that gain enough for their fits to be made sure of."""
+        base = self.base.fit.bic
+        threshold = max(CONTENDER * (base - self.nearest.fit.bic), WORTH)
+        return [e for e, fitted in self.fits.items() if base - fitted.fit.bic > threshold]
+
+    def merge(self, contenders: Sequence[type[Effect]]) -> dict[type[Effect], type[Effect]]:
+        """Return the contenders that are another one in other parameters, and that one.
+
+        Of several it is the one that fits best of those that are most to be expected. It is fitted
+        on from where it does what the best of them does, and then may be less likely by a share of
+        what that gains: by any where none of the models is right, for there a likelihood tells
+        nothing.
+        """
+        standing: list[type[Effect]] = []
+        merged: dict[type[Effect], type[Effect]] = {}
+        for effect in sorted(contenders, key=lambda e: (*_expectation(e), _bic(self.fits[e]))):
+            for other in standing:
+                # a sensor is another thing than the plant: it can be tested by itself
+                if other.output != effect.output:
+                    continue
+                nearer = self._in_other_parameters(self.fits[other], self.fits[effect])
+                if nearer is not None:
+                    self.fits[other] = nearer
+                    merged[effect] = other
+                    break
+            else:
+                standing.append(effect)
+        return merged
+
+    def _in_other_parameters(
+        self, one: FittedCandidate, other: FittedCandidate
+    ) -> FittedCandidate | None:
+        """Return a candidate that is equivalent to another, and fits about as well as that.
+
+        None where it does not.
+        """
+        if not _run_alike(self.base, one, other):
+            return None
+        values = as_another(self._plain, one, other, self.base)
+        if values is None:
+            return None
+        if one.fit.bic > other.fit.bic:
+            again = self._plain.fit_with(one.candidate.effects, one, one.fit.values | values)
+            one = min(filter(None, (one, again)), key=_bic)
+        share = _AS_LIKELY if self.structured is None else np.inf
+        tolerance = max(ALTERNATIVE, share * (self.base.fit.bic - other.fit.bic))
+        return one if one.fit.bic <= other.fit.bic + tolerance else None
+
+    def finalists(
+        self, contenders: Sequence[type[Effect]], merged: Collection[type[Effect]]
+    ) -> list[type[Effect]]:
+        """Return the effects that are cross-validated: the nearest, and the likeliest."""
+        finalists = sorted(contenders, key=lambda e: self.fits[e].fit.bic)[:FINALISTS]
+        others = {e: fitted for e, fitted in self.fits.items() if e not in merged}
+        likeliest = _likeliest(self._search, others)[:LIKELIEST]
+        return finalists + [e for e in likeliest if e not in finalists]
+
+    def cross_validated(
+        self, effects: Sequence[type[Effect]], structured: FittedCandidate
+    ) -> tuple[Array, dict[type[Effect], Array]]:
+        """Return the errors of the model and of effects in blocks left out, in turn.
+
+        Parameters
+        ----------
+        effects : sequence of type[Effect]
+        structured : FittedCandidate
+            In whose noise the errors are.
+        """
+        plain = self._plain
+        candidates = [self.base, *(self.fits[e] for e in effects)]
+        blocks = Blocks.of(plain.data, bool(plain.each), movement(self.base))
+        counter = Counter(plain.progress, "foretelling blocks left out", len(candidates))
+
+        def errors_of(fitted: FittedCandidate) -> Array:
+            errors = cv_errors(plain, fitted, blocks, structured)
+            counter.one_more()
+            return errors
+
+        base_errors, *errors = parallel_map(errors_of, candidates)
+        return base_errors, dict(zip(effects, errors, strict=True))
+
+    def in_noise_of(
+        self, nearest: FittedCandidate, contenders: Sequence[type[Effect]], number: int
+    ) -> list[Row]:
+        """Compare candidates in the noise of the nearest; fits of contenders are made sure of.
+
+        Parameters
+        ----------
+        nearest : FittedCandidate
+        contenders : sequence of type[Effect]
+        number : int
+            Effects that were looked at, which is the price of each.
+        """
+        counter = Counter(self._search.progress, "making sure of fits", len(contenders))
+        surest = sorted(contenders, key=lambda e: self.fits[e].fit.bic)[:REFINED]
+        in_one_noise = self._search.in_noise_of(nearest)
+        as_they_are = replace(in_one_noise, method=EVALUATE)
+
+        def fit_effect(effect: type[Effect]) -> FittedCandidate | None:
+            if effect not in contenders:
+                return _again(as_they_are, self.fits[effect])
+            fitted = _again(in_one_noise, self.fits[effect])
+            counter.one_more()
+            return in_one_noise.refine(fitted) if fitted and effect in surest else fitted
+
+        base = in_one_noise.fit_from(self._below.candidate, self._below)
+        fitted_effects = filter(None, parallel_map(fit_effect, list(self.fits)))
+        candidates = [as_they_are.containing(fitted, base) for fitted in fitted_effects]
+        rows = [(candidate, candidate.delta_bic(base, number)) for candidate in candidates]
+        return sorted(rows, key=lambda row: -row[1])
 
 
 def _expectation(effect: type[Effect]) -> tuple[bool, bool]:
@@ -271,29 +385,6 @@ def _expectation(effect: type[Effect]) -> tuple[bool, bool]:
     A law comes before an input, and what has a name in its field before what has none.
     """
     return is_of_input(effect), effect.id in NAMELESS
-
-
-def _in_other_parameters(
-    plain: Search,
-    base: FittedCandidate,
-    one: FittedCandidate,
-    other: FittedCandidate,
-    share: float,
-) -> FittedCandidate | None:
-    """Return a candidate that is equivalent to another, and fits about as well as that.
-
-    None where it does not.
-    """
-    if not _run_alike(base, one, other):
-        return None
-    values = as_another(plain, one, other, base)
-    if values is None:
-        return None
-    if one.fit.bic > other.fit.bic:
-        again = plain.fit_with(one.candidate.effects, one, one.fit.values | values)
-        one = min(filter(None, (one, again)), key=_bic)
-    tolerance = max(ALTERNATIVE, share * (base.fit.bic - other.fit.bic))
-    return one if one.fit.bic <= other.fit.bic + tolerance else None
 
 
 def _run_alike(base: FittedCandidate, one: FittedCandidate, other: FittedCandidate) -> bool:
@@ -318,45 +409,14 @@ def _merged(ranking: Ranking, merged: Mapping[type[Effect], type[Effect]]) -> Ra
     return replace(ranking, rows=rows, equivalents=equivalents)
 
 
-def _contenders(
-    base: FittedCandidate, nearest: FittedCandidate, seen: _Fitted
-) -> list[type[Effect]]:
-    """Return the effects that gain enough for their fits to be made sure of."""
-    threshold = max(CONTENDER * (base.fit.bic - nearest.fit.bic), WORTH)
-    return [e for e, fitted in seen.items() if base.fit.bic - fitted.fit.bic > threshold]
-
-
-def _finalists(
-    search: Search,
-    seen: _Fitted,
-    contenders: Sequence[type[Effect]],
-    merged: Collection[type[Effect]],
-) -> list[type[Effect]]:
-    """Return the effects that are cross-validated: the nearest, and the likeliest."""
-    finalists = sorted(contenders, key=lambda e: seen[e].fit.bic)[:FINALISTS]
-    others = {e: fitted for e, fitted in seen.items() if e not in merged}
-    likeliest = _likeliest(search, others)[:LIKELIEST]
-    return finalists + [e for e in likeliest if e not in finalists]
-
-
-def _nearest(
-    search: Search, base: FittedCandidate, seen: _Fitted
-) -> tuple[FittedCandidate, FittedCandidate | None]:
-    """Return the candidate nearest in white noise, and whether it leaves structure.
-
-    Returns
-    -------
-    nearest : FittedCandidate
-    structured : FittedCandidate or None
-        The same in its own colour, if it leaves more than coloured noise.
-    """
-    nearest = min([base, *seen.values()], key=_bic)
+def _structured(search: Search, nearest: FittedCandidate) -> FittedCandidate | None:
+    """Return the nearest candidate in its own colour; None if it leaves but coloured noise."""
     if search.budget.spent():
-        return nearest, None
+        return None
     coloured = _again(search.in_noise_of(nearest), nearest)
     if coloured is None or not has_structure(coloured, search.data):
-        return nearest, None
-    return nearest, coloured
+        return None
+    return coloured
 
 
 def _likeliest(search: Search, seen: _Fitted) -> list[type[Effect]]:
@@ -372,21 +432,6 @@ def _likeliest(search: Search, seen: _Fitted) -> list[type[Effect]]:
 
     criteria = dict(zip(seen, parallel_map(bic, list(seen.values())), strict=True))
     return sorted(criteria, key=lambda e: criteria[e])
-
-
-def _cross_validated(
-    plain: Search, candidates: Sequence[FittedCandidate], nearest: FittedCandidate
-) -> list[Array]:
-    """Return the errors of candidates in blocks left out, in turn."""
-    blocks = Blocks.of(plain.data, bool(plain.each), movement(candidates[0]))
-    counter = Counter(plain.progress, "foretelling blocks left out", len(candidates))
-
-    def errors_of(fitted: FittedCandidate) -> Array:
-        errors = cv_errors(plain, fitted, blocks, nearest)
-        counter.one_more()
-        return errors
-
-    return parallel_map(errors_of, candidates)
 
 
 def few(scored: ScoredModel, effects: Sequence[type[Effect]]) -> list[type[Effect]]:
@@ -438,26 +483,6 @@ def _untried(
 def _in_white_noise(search: Search, below: FittedCandidate) -> tuple[Search, FittedCandidate]:
     plain = search.in_white_noise()
     return plain, plain.fit_from(below.candidate, below)
-
-
-def _fit_to_the_end(
-    plain: Search,
-    below: FittedCandidate,
-    starts: Mapping[type[Effect], Sequence[ScreenedCandidate]],
-    seen: _Fitted,
-    rough: Fitted | None = None,
-) -> None:
-    """Put effects into `seen`, fitted in white noise: a few steps of each, the best to the end.
-
-    Fits in `rough` have taken their few steps.
-    """
-    begun = dict(rough or {})
-    new = {effect: several for effect, several in starts.items() if effect not in begun}
-    screened = [*begun.values(), *_screened(plain, below, new)]
-    best = sorted(screened, key=_bic)[:PROMISING]
-    known = min([*seen.values(), below], key=_bic)
-    for fitted in (*screened, *_ended(plain, below, best, known)):
-        seen[fitted.effect] = min(fitted, seen.get(fitted.effect, fitted), key=_bic)
 
 
 def _ended(
@@ -525,47 +550,6 @@ def _screened(
 
     fits = parallel_map(fit_effect, list(starts))
     return [min(several, key=_bic) for several in fits if several]
-
-
-def _in_one_noise(
-    search: Search,
-    below: FittedCandidate,
-    nearest: FittedCandidate,
-    seen: _Fitted,
-    contenders: Sequence[type[Effect]],
-    number: int,
-) -> list[Row]:
-    """Compare candidates in the noise of the nearest; fits of contenders are made sure of.
-
-    Parameters
-    ----------
-    search : Search
-    below : FittedCandidate
-        The model without them.
-    nearest : FittedCandidate
-    seen : dict of type[Effect] to FittedCandidate
-        All candidates, fitted in white noise.
-    contenders : sequence of type[Effect]
-    number : int
-        Effects that were looked at, which is the price of each.
-    """
-    counter = Counter(search.progress, "making sure of fits", len(contenders))
-    surest = sorted(contenders, key=lambda e: seen[e].fit.bic)[:REFINED]
-    in_one_noise = search.in_noise_of(nearest)
-    as_they_are = replace(in_one_noise, method=EVALUATE)
-
-    def fit_effect(effect: type[Effect]) -> FittedCandidate | None:
-        if effect not in contenders:
-            return _again(as_they_are, seen[effect])
-        fitted = _again(in_one_noise, seen[effect])
-        counter.one_more()
-        return in_one_noise.refine(fitted) if fitted and effect in surest else fitted
-
-    base = in_one_noise.fit_from(below.candidate, below)
-    fitted_effects = filter(None, parallel_map(fit_effect, list(seen)))
-    candidates = [as_they_are.containing(fitted, base) for fitted in fitted_effects]
-    rows = [(candidate, candidate.delta_bic(base, number)) for candidate in candidates]
-    return sorted(rows, key=lambda row: -row[1])
 
 
 def _has_memory(fitted: FittedCandidate) -> bool:

@@ -140,32 +140,28 @@ def diagnose_loop(
     UserError
         If the loop cannot be closed or simulated.
     """
-    own = equations_of(isolated.member)
-    others = {p.member.name: equations_of(p.member) for p in partners}
-    known = {name: cls for name, cls in others.items() if cls is not None}
-    if own is None or len(known) < len(others):
+    loop = _Loop.of(isolated.member, [partner.member for partner in partners], connections)
+    if loop is None:
         return None
     name = isolated.member.name
     parts = [(_prefix(name, part.member.name), part) for part in (isolated, *partners)]
     values = _values(parts)
-    cls = close_loop(name, own, known, connections)
-    data = _dataset(cls, parts, time)
-    if len(searched_parameters(cls)) > _PARAMETERS:
+    limited = loop.model()
+    data = _dataset(limited, parts, time)
+    if len(searched_parameters(limited)) > _PARAMETERS:
         return None
-    unlimited = {partner: without_limits(partner_cls) for partner, partner_cls in known.items()}
-    free = close_loop(name, own, unlimited, connections)
-    if _matters(cls, free, data, values):
-        free = cls
-    held = [*_without_trace(free, data, values), *program_constants(free, data.measured)]
-    parameters = [p for p in searched_parameters(free) if p not in held]
+    unlimited = loop.without_limits().model()
+    cls = limited if _matters(limited, unlimited, data, values) else unlimited
+    held = [*_without_trace(cls, data, values), *program_constants(cls, data.measured)]
+    parameters = [p for p in searched_parameters(cls) if p not in held]
     shifts: dict[str, float] = {}
-    for shift in shifts_of(free):
+    for shift in shifts_of(cls):
         progress(f"estimating {shift} of {name}")
-        shifts[shift] = estimate_shift(free, data, values | shifts, parameters, shift)
+        shifts[shift] = estimate_shift(cls, data, values | shifts, parameters, shift)
     values |= shifts
-    effects = without_random(catalogue(free, physics_of(own), isolated.outputs))
+    effects = without_random(catalogue(cls, physics_of(loop.own), isolated.outputs))
     diagnosis = diagnose(
-        free,
+        cls,
         replace(data, linear=None),  # the fits decide it anew
         effects,
         values,
@@ -183,6 +179,37 @@ def diagnose_loop(
         _simulated(diagnosis, data, values),
         _simulated(diagnosis, data, values | diagnosis.final.fit.values),
     )
+
+
+@dataclass(frozen=True)
+class _Loop:
+    """The equations of a member and of its partners, by name, and how they are connected."""
+
+    member: str
+    own: type[Component]
+    partners: Mapping[str, type[Component]]
+    connections: Sequence[Connection]
+
+    @classmethod
+    def of(
+        cls, member: Member, partners: Sequence[Member], connections: Sequence[Connection]
+    ) -> _Loop | None:
+        """Return the loop; None where the equations of one of them are not known."""
+        own = equations_of(member)
+        others = {partner.name: equations_of(partner) for partner in partners}
+        known = {name: equations for name, equations in others.items() if equations is not None}
+        if own is None or len(known) < len(others):
+            return None
+        return cls(member.name, own, known, connections)
+
+    def model(self) -> type[Component]:
+        """Return the closed loop as one component."""
+        return close_loop(self.member, self.own, self.partners, self.connections)
+
+    def without_limits(self) -> _Loop:
+        """Return the loop in which no partner has limits."""
+        partners = {name: without_limits(equations) for name, equations in self.partners.items()}
+        return replace(self, partners=partners)
 
 
 def _prefix(subject: str, member: str) -> str:

@@ -152,22 +152,19 @@ def least_squares_windows(
     v = np.asarray(voltage, dtype=float)
     _check(i, v, period, samples)
     count = (i.size - 1) // samples
-    rows = np.column_stack([i[1:], i[:-1], -v[:-1]])[: count * samples].reshape(count, samples, 3)
-    targets = v[1 : count * samples + 1].reshape(count, samples)
+    equations = np.column_stack([i[1:], i[:-1], -v[:-1], v[1:]])[: count * samples]
     theta = np.empty((count, 3))
     triangle = np.empty((0, 4))
-    for n in range(count):
+    for n, window in enumerate(equations.reshape(count, samples, 4)):
         # the triangle of a QR factorisation holds all there is in the equations so far
-        kept = triangle if cumulative else triangle[:0]
-        data = np.vstack([kept, np.column_stack([rows[n], targets[n]])])
-        triangle = np.asarray(np.linalg.qr(data, mode="r"), dtype=np.float64)
-        solution, _, rank, _ = np.linalg.lstsq(triangle[:, :3], triangle[:, 3])
+        known = np.vstack([triangle, window]) if cumulative else window
+        triangle = np.asarray(np.linalg.qr(known, mode="r"), dtype=np.float64)
+        theta[n], _, rank, _ = np.linalg.lstsq(triangle[:, :3], triangle[:, 3])
         if rank < 3:
             raise UserError(
                 f"window from {n * samples * period:g} s to {(n + 1) * samples * period:g} s: the"
                 " current does not vary enough"
             )
-        theta[n] = solution
     circuit = conversion(theta, period)
     ends = np.asarray(period * samples * np.arange(1, count + 1), dtype=np.float64)
     return ImpedanceWindows(ends, theta, circuit, magnitude(circuit, angular_frequency))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
@@ -40,15 +41,39 @@ class Ratio(NamedTuple):
         return f"{self.above}/{self.below}"
 
 
-class _Plan(NamedTuple):
-    """Signals of a record that are used, and the periods of inputs that have one.
+@dataclass(frozen=True)
+class _Stretch:
+    """The last samples of a record, whose spectra are taken: whole periods, where inputs have them.
 
-    ``periods`` are in samples, 0 without.
+    Attributes
+    ----------
+    record : Record
+    step : float
+        Seconds between samples.
+    inputs, outputs : list of str
+        Signals that are used.
+    periods : dict of str to int
+        Of the inputs, in samples; 0 without.
+    size : int
+        Number of samples.
     """
 
+    record: Record
+    step: float
     inputs: list[str]
     outputs: list[str]
     periods: dict[str, int]
+    size: int
+
+    @property
+    def duration(self) -> float:
+        """In seconds."""
+        return self.size * self.step
+
+    @property
+    def skipped(self) -> int:
+        """Number of samples before it."""
+        return self.record.time.size - self.size
 
 
 def estimate_responses(
@@ -94,28 +119,19 @@ def estimate_responses(
     step = sample_period(record.source, record.time, "a spectrum")
     varying = [name for name in inputs if name in record.signals and _varies(record, name)]
     ratios = _ratios(record, inputs, varying, of)
-    outputs = sorted({n for ratio in ratios for n in ratio if n not in varying}, key=str)
-    for name in (*varying, *outputs):
-        _check_whole(record, name)
-    values = {name: record.signals[name] for name in varying}
-    periods = (
-        {name: period_of(one) for name, one in values.items()}
-        if period is None
-        else named_period(period, step, values)
-    )
-    plan, used = _whole_periods(_Plan(varying, outputs, periods), record.time.size)
-    spectra = _spectra(record, plan, used, modelled or {})
-    duration = used * step
-    estimates = estimate(spectra, *_lines(spectra, duration, band))
+    stretch = _stretch(record, step, varying, ratios, period)
+    spectra = _spectra(stretch, modelled or {})
+    estimates = estimate(spectra, *_lines(spectra, stretch.duration, band))
     responses = {
-        str(ratio): _response(record, ratio, plan, estimates, duration, bool(modelled))
-        for ratio in ratios
+        str(ratio): _response(stretch, ratio, estimates, bool(modelled)) for ratio in ratios
     }
     if not any(one.frequency.size for one in responses.values()):
-        raise UserError(f"{record.source}: {_nothing(plan, responses)}")
-    notes = tuple(_notes(record, plan, spectra, used, step))
+        raise UserError(f"{record.source}: {_nothing(varying, responses)}")
+    notes = tuple(_notes(stretch, spectra))
     repairs = tuple(record.repairs)
-    return FrequencyResponse(record.source.name, model, used, step, responses, notes, repairs)
+    return FrequencyResponse(
+        record.source.name, model, stretch.size, step, responses, notes, repairs
+    )
 
 
 # --- signals and ratios --------------------------------------------------------------------------
@@ -185,33 +201,51 @@ def _check_whole(record: Record, name: str) -> None:
 # --- spectra -------------------------------------------------------------------------------------
 
 
-def _whole_periods(plan: _Plan, size: int) -> tuple[_Plan, int]:
-    """Return the plan with the number of samples that are used: whole periods of all inputs."""
-    common = math.lcm(*filter(None, plan.periods.values()))
+def _stretch(
+    record: Record,
+    step: float,
+    inputs: Sequence[str],
+    ratios: Sequence[Ratio],
+    period: float | None,
+) -> _Stretch:
+    """Return the samples that are used: whole periods of all inputs, if there are two of them."""
+    outputs = sorted({name for ratio in ratios for name in ratio if name not in inputs})
+    for name in (*inputs, *outputs):
+        _check_whole(record, name)
+    values = {name: record.signals[name] for name in inputs}
+    periods = (
+        {name: period_of(one) for name, one in values.items()}
+        if period is None
+        else named_period(period, step, values)
+    )
+    size = record.time.size
+    common = math.lcm(*filter(None, periods.values()))
     if 2 * common > size:
-        return plan._replace(periods=dict.fromkeys(plan.periods, 0)), size
-    return plan, size - size % common
+        return _Stretch(record, step, list(inputs), outputs, dict.fromkeys(inputs, 0), size)
+    return _Stretch(record, step, list(inputs), outputs, periods, size - size % common)
 
 
-def _spectra(record: Record, plan: _Plan, used: int, modelled: Mapping[str, Array]) -> Spectra:
-    """Return the spectra of the last samples of a record, of the model's outputs too."""
+def _spectra(stretch: _Stretch, modelled: Mapping[str, Array]) -> Spectra:
+    """Return the spectra of a stretch, of the model's outputs too."""
+    size = stretch.size
 
     def transformed(columns: Sequence[Array]) -> Spectrum:
-        stretch = np.column_stack([column[-used:] for column in columns])
-        lines = np.fft.rfft(stretch - stretch.mean(axis=0), axis=0)
-        return np.asarray(lines[: (used - 1) // 2 + 1] / math.sqrt(used))
+        used = np.column_stack([column[-size:] for column in columns])
+        lines = np.fft.rfft(used - used.mean(axis=0), axis=0)
+        return np.asarray(lines[: (size - 1) // 2 + 1] / math.sqrt(size))
 
-    inputs = transformed([record.signals[name] for name in plan.inputs])
-    measured = [record.signals[name] for name in plan.outputs]
-    beside = [modelled[name] for name in plan.outputs] if modelled else []
-    counts = [used // lag if (lag := plan.periods[name]) else 0 for name in plan.inputs]
+    signals = stretch.record.signals
+    inputs = transformed([signals[name] for name in stretch.inputs])
+    measured = [signals[name] for name in stretch.outputs]
+    beside = [modelled[name] for name in stretch.outputs] if modelled else []
+    counts = [size // lag if (lag := stretch.periods[name]) else 0 for name in stretch.inputs]
     made = Spectra(inputs, transformed([*measured, *beside]), len(measured), counts)
     spectra = _separated(made)
     needed = spectra.narrowest
     if len(spectra.between) < needed:
         raise UserError(
-            f"{record.source}: {used} samples have {len(spectra.between)} spectral lines to use,"
-            f" and {needed} are needed for {len(plan.inputs)} inputs; record for longer"
+            f"{stretch.record.source}: {size} samples have {len(spectra.between)} spectral lines to"
+            f" use, and {needed} are needed for {len(stretch.inputs)} inputs; record for longer"
         )
     return spectra
 
@@ -253,64 +287,58 @@ def _lines(spectra: Spectra, duration: float, band: tuple[float, float] | None) 
 
 
 def _response(
-    record: Record,
-    ratio: Ratio,
-    plan: _Plan,
-    estimates: Sequence[Estimates],
-    duration: float,
-    with_model: bool,
+    stretch: _Stretch, ratio: Ratio, estimates: Sequence[Estimates], with_model: bool
 ) -> Response:
     """Return one ratio of the estimates, without the lines for which the record is too short."""
-    driving = next((name for name in ratio if name in plan.inputs), plan.inputs[0])
-    found = estimates[plan.inputs.index(driving)]
-    count = len(plan.outputs)
-    places = [plan.outputs.index(name) for name in ratio if name in plan.outputs]
-    lines = np.array(found.lines, dtype=np.intp)
-    total = 2 * count if with_model else count
-    gains = np.array(found.values, dtype=np.complex128).reshape(-1, total)
+    driving = next((name for name in ratio if name in stretch.inputs), stretch.inputs[0])
+    found = estimates[stretch.inputs.index(driving)]
+    outputs = stretch.outputs
+    count = len(outputs)
+    width = 2 * count if with_model else count
+    gains = np.array(found.values, dtype=np.complex128).reshape(-1, width)
+    values, weights = _of_gains(ratio, outputs, gains[:, :count])
     covariance = np.array(found.covariance).reshape(-1, count, count)
-    freedom = 2.0 * np.array(found.freedom)
-    values, weights = _of_gains(ratio, plan, gains[:, :count])
     variance = np.einsum("ka,kab,kb->k", weights, covariance, weights.conj()).real
-    model = _of_gains(ratio, plan, gains[:, count:])[0] if with_model else None
-    rough = np.array(found.rough, dtype=bool).reshape(-1, count)[:, places].any(axis=1)
+    places = [outputs.index(name) for name in ratio if name in outputs]
+    kept = ~np.array(found.rough, dtype=bool).reshape(-1, count)[:, places].any(axis=1)
+    frequency = np.array(found.lines, dtype=np.float64) / stretch.duration
     left_out = {
-        _TOO_SHORT: lines[rough],
-        _ALIKE: np.array(found.alike, dtype=np.intp),
-        f"{driving} is not excited": np.array(found.weak, dtype=np.intp),
+        _TOO_SHORT: frequency[~kept],
+        _ALIKE: np.array(found.alike, dtype=np.float64) / stretch.duration,
+        f"{driving} is not excited": np.array(found.weak, dtype=np.float64) / stretch.duration,
     }
+    units = stretch.record.units
     return Response(
         str(ratio),
-        unit_of_ratio(record.units[ratio.above], record.units[ratio.below]),
-        lines[~rough] / duration,
-        values[~rough],
-        variance[~rough],
-        freedom[~rough],
-        None if model is None else model[~rough],
-        {reason: at / duration for reason, at in left_out.items() if at.size},
+        unit_of_ratio(units[ratio.above], units[ratio.below]),
+        frequency[kept],
+        values[kept],
+        variance[kept],
+        2.0 * np.array(found.freedom)[kept],
+        _of_gains(ratio, outputs, gains[:, count:])[0][kept] if with_model else None,
+        {reason: at for reason, at in left_out.items() if at.size},
     )
 
 
-def _of_gains(ratio: Ratio, plan: _Plan, gains: Spectrum) -> tuple[Spectrum, Spectrum]:
+def _of_gains(ratio: Ratio, outputs: Sequence[str], gains: Spectrum) -> tuple[Spectrum, Spectrum]:
     """Return a ratio (n,) of the responses to one input, and its derivatives by them (n, outputs).
 
     Parameters
     ----------
     ratio : Ratio
-    plan : _Plan
+    outputs : sequence of str
     gains : ndarray of complex, shape (n, outputs)
     """
     above, below = (
-        gains[:, plan.outputs.index(name)] if name in plan.outputs else np.ones(len(gains))
-        for name in ratio
+        gains[:, outputs.index(name)] if name in outputs else np.ones(len(gains)) for name in ratio
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         values = above / below
         derivatives = np.zeros_like(gains)
-        if ratio.above in plan.outputs:
-            derivatives[:, plan.outputs.index(ratio.above)] = 1.0 / below
-        if ratio.below in plan.outputs:
-            derivatives[:, plan.outputs.index(ratio.below)] = -values / below
+        if ratio.above in outputs:
+            derivatives[:, outputs.index(ratio.above)] = 1.0 / below
+        if ratio.below in outputs:
+            derivatives[:, outputs.index(ratio.below)] = -values / below
     return np.asarray(values, dtype=np.complex128), derivatives
 
 
@@ -342,11 +370,11 @@ def unit_of_ratio(above: str, below: str) -> str:
 # --- words ---------------------------------------------------------------------------------------
 
 
-def _nothing(plan: _Plan, responses: Mapping[str, Response]) -> str:
+def _nothing(inputs: Sequence[str], responses: Mapping[str, Response]) -> str:
     """Return why there is no response at all, and what to do about it."""
     reasons = [reason for one in responses.values() for reason in one.left_out]
-    names = " and ".join(plan.inputs)
-    if _ALIKE in reasons and len(plan.inputs) > 1:
+    names = " and ".join(inputs)
+    if _ALIKE in reasons and len(inputs) > 1:
         return (
             f"the responses to {names} cannot be told apart, for their spectra are alike; drive"
             " them by signals that are independent, or in turn"
@@ -360,20 +388,21 @@ def _nothing(plan: _Plan, responses: Mapping[str, Response]) -> str:
     return f"no response to {names} can be estimated: {'; '.join(dict.fromkeys(reasons))}"
 
 
-def _notes(record: Record, plan: _Plan, spectra: Spectra, used: int, step: float) -> list[str]:
+def _notes(stretch: _Stretch, spectra: Spectra) -> list[str]:
     """Return how responses were estimated."""
     notes = []
-    for name, count in zip(plan.inputs, spectra.periods, strict=True):
+    for name, count in zip(stretch.inputs, spectra.periods, strict=True):
         if count:
             notes.append(
-                f"{name} repeats every {plan.periods[name] * step:.6g} s, {count} times: responses"
-                " to it are those at its harmonics, and the lines between tell noise and transient"
+                f"{name} repeats every {stretch.periods[name] * stretch.step:.6g} s, {count} times:"
+                " responses to it are those at its harmonics, and the lines between tell noise and"
+                " transient"
             )
         else:
             notes.append(
                 f"responses to {name} are smooth curves, fitted over lines near each frequency"
             )
-    if used < record.time.size:
-        skipped = (record.time.size - used) * step
+    if stretch.skipped:
+        skipped = stretch.skipped * stretch.step
         notes.append(f"the first {skipped:.6g} s are left out, so that whole periods remain")
     return notes

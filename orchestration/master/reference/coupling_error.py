@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Mask
 from fmus.kit.record import CompiledModel
 from orchestration.master.reference.fused import fuse
 from orchestration.master.simulation import run
@@ -138,8 +138,8 @@ def coupling_error(
     graph = fuse(system)
     model = CompiledModel(graph)
     couplings = mechanical(system) if options.get("feedthrough", True) else []
-    errors: dict[str, list[float]] = {}
-    imbalances: dict[str, list[float]] = {}
+    errors = []
+    imbalances = []
     for step in steps:
         time = _communication_points(stop, step)
         input_values = {name: function(time) for name, function in inputs.items()}
@@ -147,20 +147,37 @@ def coupling_error(
         if not result.complete:
             raise UserError(result.message)
         exact = model.run(time, input_values).signals
-        compared = time >= since
-        for name, values in result.signals.items():
-            scale = np.abs(exact[name][compared]).max() or 1.0
-            error = np.abs(values - exact[name])[compared].max() / scale
-            errors.setdefault(name, []).append(float(error))
-        extrapolation = options.get("extrapolation", 0)
-        for name, energy in imbalance(couplings, result.signals, extrapolation).items():
-            imbalances.setdefault(name, []).append(energy.relative)
+        errors.append(_relative_errors(result.signals, exact, time >= since))
+        made = imbalance(couplings, result.signals, options.get("extrapolation", 0))
+        imbalances.append({name: energy.relative for name, energy in made.items()})
     return CouplingError(
-        steps=np.array(steps),
-        errors={name: np.array(values) for name, values in errors.items()},
-        imbalances={name: np.array(values) for name, values in imbalances.items()},
-        floor=10.0 * graph.tolerance,
+        np.array(steps), _by_name(errors), _by_name(imbalances), floor=10.0 * graph.tolerance
     )
+
+
+def _relative_errors(
+    signals: Mapping[str, Array], exact: Mapping[str, Array], compared: Mask
+) -> dict[str, float]:
+    """Return the largest error of each signal, relative to its largest magnitude, where compared.
+
+    Parameters
+    ----------
+    signals, exact : Mapping of str to ndarray, shape (n,)
+    compared : ndarray of bool, shape (n,)
+    """
+    return {
+        name: float(
+            np.abs(values - exact[name])[compared].max()
+            / (np.abs(exact[name][compared]).max() or 1.0)
+        )
+        for name, values in signals.items()
+    }
+
+
+def _by_name(rows: Sequence[Mapping[str, float]]) -> dict[str, Array]:
+    """Return the values of every name over the rows, all of which have the same names."""
+    names = rows[0] if rows else ()
+    return {name: np.array([row[name] for row in rows]) for name in names}
 
 
 def _communication_points(stop: float, step: float) -> Array:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+
+from orchestration.cli.ending import kept_in
+from orchestration.journal import WorkJournal
 
 PRESSED = """
 import sys
@@ -26,3 +31,19 @@ def test_an_interrupt_while_a_module_is_imported(name):
     code = PRESSED.format(name=name)
     done = subprocess.run([sys.executable, "-c", code, "list"], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
+
+
+def test_the_last_line_says_what_is_kept(tmp_path, capsys):
+    journal = WorkJournal(tmp_path, "search", {}, (2000, 1))
+    journal.keep(slice(1500), np.zeros((1500, 1)))
+    for folder, told in (
+        (tmp_path, f"1,500 of 2,000 points are kept in {tmp_path}, and the same command goes on"),
+        (tmp_path / "gone", "none of the points was done"),
+        (None, "nothing is kept; with --out FILE the same command would go on"),
+    ):
+        before = signal.getsignal(signal.SIGINT)
+        with pytest.raises(SystemExit) as ended, kept_in(folder, "--out", "points"):
+            raise KeyboardInterrupt
+        signal.signal(signal.SIGINT, before)
+        assert ended.value.code == 130
+        assert capsys.readouterr().err.startswith(f"interrupted: {told}")

@@ -23,7 +23,7 @@ def test_the_same_work_goes_on(tmp_path):
 
 def test_other_work_is_refused_by_what_differs(tmp_path):
     WorkJournal(tmp_path, "search", ABOUT, (4, 2))
-    with pytest.raises(UserError, match=r"is of another search \(the cases differ\); remove it"):
+    with pytest.raises(UserError, match=r"another search \(not the same: the cases\); remove it"):
         WorkJournal(tmp_path, "search", ABOUT | {"the cases": "c"}, (4, 2))
 
 

@@ -131,7 +131,7 @@ def test_another_fmu_is_refused(lag, tmp_path):
         .read_text()
         .replace('"the FMU": "', '"the FMU": "another')
     )
-    with pytest.raises(UserError, match="the FMU differ"):
+    with pytest.raises(UserError, match="not the same: the FMU"):
         ppy.sweep(replace(model), **call)
 
 

@@ -89,7 +89,7 @@ def test_a_folder_of_somebody_else_is_no_journal(folder, out, mine):
         *CALL,
         "--out",
         out,
-        parts=[f"{out}.part: holds {mine.split('/')[0]}", "name another --out"],
+        parts=[f"{out}.part: holds {mine.split('/')[0]}", "no part of a journal"],
     )
     assert path.read_text() == "dear"
     assert [*path.parent.iterdir()] == [path]
