@@ -89,6 +89,7 @@ def ambiguous_record(path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_record_reaches_rooms_in_the_order_that_is_documented(tmp_path: Path) -> None:
     ambiguous_record(tmp_path / "record.csv")
     command = ["ppy", "diagnose", "record.csv", "--effects", "double_layer,diffusion"]

@@ -117,6 +117,7 @@ def test_a_model_that_does_not_follow_its_record_fails(folder, tmp_path):
     assert "--require 95%: y fits" in done.stderr
 
 
+@pytest.mark.slow
 def test_another_result_fails_and_can_be_looked_at(folder, tmp_path):
     shutil.copytree(folder, tmp_path / "other")
     path = tmp_path / "other" / "reference.nc"

@@ -21,6 +21,7 @@ from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Verdict, diagnose, searched_parameters
 from orchestration.experiment.waveforms import multilevel
 from tests.support.foot import lengths_at, toe_at
+from tests.support.pace import slow_but
 
 
 def advanced(a, b, step, inputs, start):
@@ -249,13 +250,11 @@ def diagnosed(name, actual, seed):
 
 @pytest.mark.parametrize(
     "name",
-    [
+    slow_but(
+        ["galvanostat", "voice_coil_dma", "degradation_estimator", "foot", "foot_dynamic"],
         "galvanostat",
-        "voice_coil_dma",
         "degradation_estimator",
-        "foot",
-        pytest.param("foot_dynamic", marks=pytest.mark.slow),
-    ],
+    ),
 )
 def test_a_changed_parameter_of_a_stiff_component_is_found(name):
     case = CASES[name]
@@ -266,7 +265,10 @@ def test_a_changed_parameter_of_a_stiff_component_is_found(name):
     assert not budget.notes
 
 
-@pytest.mark.parametrize("name", ["galvanostat", "voice_coil_dma", "degradation_estimator", "foot"])
+@pytest.mark.parametrize(
+    "name",
+    slow_but(["galvanostat", "voice_coil_dma", "degradation_estimator", "foot"], "voice_coil_dma"),
+)
 def test_a_clean_record_of_a_stiff_component_is_consistent(name):
     found, _ = diagnosed(name, CASES[name].nominal, 8)
     assert (found.verdict, found.causes) == (Verdict.CONSISTENT, [])

@@ -12,6 +12,7 @@ from studies.emulator import EmulatedRig, RigParameters
 from studies.emulator.hidden_coupling import LaggingStrain, SaturatingStrain
 from studies.emulator.physics import together
 from studies.emulator.stepping import DEVIATIONS, ForceDriven, Noise, SteppedRig
+from tests.support.pace import slow_but
 from tests.support.stepped_system import run_on_rig
 
 LOOP = WorkLoop.ellipse()
@@ -65,8 +66,8 @@ def test_feedforward_and_learning_leave_a_tenth_of_the_error(seed):
     check_limits(found)
 
 
-@pytest.mark.parametrize("saturation", [0.85 * 0.5, 1.15 * 0.5])
-@pytest.mark.parametrize("lag", [0.85, 1.15])
+@pytest.mark.parametrize("saturation", slow_but([0.85 * 0.5, 1.15 * 0.5], 1.15 * 0.5))
+@pytest.mark.parametrize("lag", slow_but([0.85, 1.15], 1.15))
 def test_so_they_do_on_films_that_saturate_and_lag_by_more_or_less(saturation, lag):
     found = on_rig("learning", seed=1, films=hidden(saturation, lag))
     assert shares(found)[FIFTH] <= 0.10

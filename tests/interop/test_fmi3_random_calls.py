@@ -28,7 +28,7 @@ SANITIZED = (
     "-fno-omit-frame-pointer",
 )
 # one with samples and integers, one with many states and a large body
-FAST = ("galvanostat", "foot_free")
+FAST = ("galvanostat", "ppy_actuator")
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc brings the sanitizers")
 

@@ -47,6 +47,13 @@ def files():
 
 
 @pytest.fixture(scope="module")
+def flat(files):
+    """A component's model as pymoca flattens it, once."""
+    tree = parse_by_pymoca(files)
+    return cache(lambda name: flatten_by_pymoca(tree, f"PpyRig.{class_name(name)}"))
+
+
+@pytest.fixture(scope="module")
 def folder(files, tmp_path_factory):
     folder = tmp_path_factory.mktemp("modelica")
     write(files, folder)
@@ -136,22 +143,20 @@ def assert_agree(reference, simulated, tolerance=1e-6):
 
 
 @pytest.mark.parametrize("name", COMPONENTS)
-def test_pymoca_flattens_it_into_as_many_equations_as_variables(name, files):
-    model = f"PpyRig.{class_name(name)}"
-    flat = flatten_by_pymoca(parse_by_pymoca(files), model)
-    unknown = [s for s in flat.symbols.values() if "parameter" not in s.prefixes]
+def test_pymoca_flattens_it_into_as_many_equations_as_variables(name, flat):
+    model = flat(name)
+    unknown = [s for s in model.symbols.values() if "parameter" not in s.prefixes]
     cls = fmus.component(name)
     at_ports = {n for port in cls.ports for n in port.variables}
     given = [v for v in cls.layout.inputs if v.name not in at_ports]
-    equations = sum(len(e.blocks[0]) if hasattr(e, "blocks") else 1 for e in flat.equations)
+    equations = sum(len(e.blocks[0]) if hasattr(e, "blocks") else 1 for e in model.equations)
     assert equations == len(unknown) - len(given)
 
 
 @pytest.mark.parametrize("name", COMPONENTS)
-def test_units_of_its_equations_fit(name, files):
+def test_units_of_its_equations_fit(name, flat):
     """All but those of laws that are declared to compute with bare numbers."""
-    model = f"PpyRig.{class_name(name)}"
-    found, compared = misfits(flatten_by_pymoca(parse_by_pymoca(files), model))
+    found, compared = misfits(flat(name))
     assert len(found) <= len(fmus.component(name).unchecked), found
     assert compared > 5
 

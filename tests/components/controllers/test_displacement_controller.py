@@ -49,6 +49,7 @@ def test_a_step_settles_as_fast_as_the_actuator_can_and_does_not_overshoot():
     assert displacement[-1] == pytest.approx(STEP, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_limits_hold_on_random_plants():
     rng = np.random.default_rng(35)
     names = ("R1", "R2", "C", "alpha", "k1", "b1", "k2", "b2")

@@ -180,6 +180,7 @@ def test_work_and_loss_add_up_in_any_step():
 @pytest.mark.parametrize(
     "count", [200, pytest.param(10_000, marks=pytest.mark.slow)], ids=["some", "10000"]
 )
+@pytest.mark.slow
 def test_random_landings_get_no_energy_from_the_ground(count):
     """The whole foot, from any posture at any velocity, under any tensions."""
     random = np.random.default_rng(5)

@@ -75,6 +75,7 @@ def test_friction_is_coulombs_where_it_slips_and_takes_energy_everywhere():
     assert np.abs(drag[slips]) == pytest.approx(0.6 * push[slips], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_10000_random_landings_get_no_energy_from_the_ground():
     """A point falls anyhow on any ground and is pushed about meanwhile; Runge and Kutta's method
     for all at once, the work of the ground being one of the states. It never exceeds 0 but for what

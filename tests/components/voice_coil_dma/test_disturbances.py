@@ -272,6 +272,7 @@ def test_protection_trips_in_closed_form_and_lets_go():
     assert changes[:3] == pytest.approx(expected, abs=0.3)
 
 
+@pytest.mark.slow
 def test_the_continuous_force_never_trips():
     changes, model = heated(0.999 * CONTINUOUS, 400.0)
     assert changes == []

@@ -95,6 +95,7 @@ def test_cases_cover_everything_and_repeat():
     assert all(np.array_equal(first.outputs[o], again.outputs[o]) for o in first.outputs)
 
 
+@pytest.mark.slow
 def test_films_that_are_held_at_a_length_stay_taut():
     """The plant is linear; the model goes slack instead of pushing, as films do."""
     drawn = [draw(case) for case in cases(800, 7) if case.plant == "ActuatorByLength"]

@@ -105,6 +105,7 @@ def test_a_place_has_one_change():
         altered("Motor", change, change)
 
 
+@pytest.mark.slow
 def test_what_is_left_beside_the_other():
     """Where one adds to the output whatever the other does, as much as alone; and nothing of what
     parameters can do.
@@ -123,6 +124,7 @@ def test_what_is_left_beside_the_other():
     assert resistance < 0.1 < answers.LEAST < drift
 
 
+@pytest.mark.slow
 def test_records_that_do_not_count_are_not_diagnosed(monkeypatch):
     def fits(cls, drawn, effects, settings):
         both = len(drawn.plant.changes) == 2
@@ -180,6 +182,7 @@ def test_rules_of_naming_two(more, what, false):
     assert hidden_two.false_causes(row) == false
 
 
+@pytest.mark.slow
 def test_a_page_tells_of_two_at_once(tmp_path):
     kept, page = tmp_path / "5.jsonl", tmp_path / "page.md"
     drawn = cases_of_two(4, 5)

@@ -77,6 +77,7 @@ def test_orders_and_counts_are_those_of_the_figures():
 @pytest.mark.parametrize(
     "case", slow_but([structures.CASES[0], structures.CASES[2]], structures.CASES[2]), ids=str
 )
+@pytest.mark.slow
 def test_no_free_run_is_nearer_than_the_truth_but_for_what_it_fits_of_the_noise(case):
     """The noise is all that a right model leaves, 22 µm; without a trend removed such a model is
     among those of OE.

@@ -98,6 +98,7 @@ def drawn(seed, b0=0.66):
     }
 
 
+@pytest.mark.slow
 def test_parameters_of_two_members_are_found_together_in_a_closed_loop(bench):
     names = ["actuator.k1", "bench.b_vc"]
     truth = np.array([6300.0, 6.0])

@@ -91,6 +91,7 @@ def test_what_unpacks_to_more_than_a_gigabyte_is_refused(tmp_path):
         check_fmu(path)
 
 
+@pytest.mark.slow
 def test_what_is_below_the_bounds_takes_little_memory(tmp_path):
     """Close to a gigabyte of zeros, and a description of half a million elements."""
     path = fmu(tmp_path, DESCRIPTION % ("<a/>" * 500_000))

@@ -2,9 +2,12 @@
 
 import json
 
+import pytest
+
 from tests.support.command import here
 
 
+@pytest.mark.slow
 def test_json_of_the_thesis(tmp_path):
     done = here("thesis", "--out", "t.html", "--json", "-", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

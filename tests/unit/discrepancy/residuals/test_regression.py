@@ -13,6 +13,7 @@ FEW = 1000  # samples that were measured
 
 
 @COLOURS
+@pytest.mark.slow
 def test_false_alarms_are_as_rare_as_they_say(colour):
     alarms, present = 0, np.arange(N) < FEW
     for seed in range(20):

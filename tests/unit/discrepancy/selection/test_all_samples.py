@@ -92,11 +92,13 @@ def test_parameters_are_those_of_a_fit_to_all_samples():
         assert abs(diagnosis.final.fit.values[name] - value) < 0.05 * (high - low)
 
 
+@pytest.mark.slow
 def test_what_acts_later_only_does_not_go_unseen():
     diagnosis = diagnose(Cell, long_record(lag=0.3, from_sample=12_000), EFFECTS)
     assert diagnosis.causes or diagnosis.verdict == "unexplained"
 
 
+@pytest.mark.slow
 def test_structure_without_a_cause_is_searched_for_in_a_longer_stretch():
     diagnosis = diagnose(Cell, long_record(lag=0.3), [])
     assert diagnosis.verdict == "unexplained"

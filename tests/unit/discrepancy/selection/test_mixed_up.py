@@ -32,7 +32,7 @@ class TwiceShown(Motor):
     [
         ({"exchanged": True}, NoteCode.EXCHANGED),
         ({"drive_sign": -1.0}, NoteCode.OTHER_SIGN),
-        ({"shown_sign": -1.0}, NoteCode.OTHER_SIGN),
+        pytest.param({"shown_sign": -1.0}, NoteCode.OTHER_SIGN, marks=pytest.mark.slow),
     ],
 )
 def test_columns_that_are_mixed_up_are_told_and_nothing_is_named(how, code):

@@ -20,6 +20,7 @@ from orchestration.discrepancy.selection.pieces import (
     _jumps,
 )
 from orchestration.discrepancy.selection.search import Search
+from tests.support.pace import slow_but
 from tests.support.wired_motor import COUNT, FRICTION, STEP, Motor, wired
 
 KINDS = {NoteCode.PIECED, NoteCode.OTHER_SPECIMEN}
@@ -87,7 +88,9 @@ def test_two_specimens_in_one_record_are_told():
     assert note.facts["instants"] == pytest.approx([STEP * half], abs=STEP)
 
 
-@pytest.mark.parametrize("fault", ["none", "outliers", "far outliers", "offset", "late"])
+@pytest.mark.parametrize(
+    "fault", slow_but(["none", "outliers", "far outliers", "offset", "late"], "none", "late")
+)
 def test_what_is_in_one_piece_is_not_told_to_be_in_several(fault):
     data = slow()
     shown = data.measured["shown"].copy()

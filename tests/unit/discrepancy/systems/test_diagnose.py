@@ -116,6 +116,7 @@ def test_the_fields_documented_of_a_system_are_those_written(saturating):
     assert {path for path, _ in fields(written)} == set(documented(system=True))
 
 
+@pytest.mark.slow
 def test_a_member_with_another_parameter_is_recalibrated(tmp_path):
     diagnosis = watched(tmp_path, values={"actuator.R1": 1.4 * 0.43})
     assert verdicts(diagnosis) == ALL_RIGHT | {"actuator": "recalibrate"}
@@ -145,6 +146,7 @@ def test_what_to_measure_is_told(tmp_path):
 @pytest.mark.parametrize(
     ("friction", "verdict"), slow_but([(0.0, "consistent"), (0.5, "wrong")], (0.0, "consistent"))
 )
+@pytest.mark.slow
 def test_a_slide_that_runs_away_alone_is_judged_in_its_loop(tmp_path, friction, verdict):
     """By itself it integrates the noise of the tension twice: it would be centimetres off."""
     hidden = {

@@ -368,6 +368,7 @@ def test_several_instances_in_one_process_do_not_meet():
     np.testing.assert_allclose(found, [1.0 - 0.75 * rest, 5.0 - 4.75 * rest], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_time_of_an_exchange_is_linear_in_the_number_of_elements(tmp_path):
     """Eight times the elements may take thirty times as long, but not sixty-four times."""
     spent = []

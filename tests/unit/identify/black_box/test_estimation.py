@@ -303,6 +303,7 @@ def test_poles_of_stiff_slow_paths_are_found():
     assert poles[1] == pytest.approx(np.log(fast) / 0.01, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_samples_take_seconds():
     record = box_jenkins_record(3, 100_000)
     started = time.process_time()
@@ -373,6 +374,7 @@ def of_box_jenkins(record):
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # steps of the toolbox's search overflow
 @pytest.mark.parametrize("d1", [pytest.param(-0.8, marks=pytest.mark.slow), 0.5])
+@pytest.mark.slow
 def test_the_free_run_is_no_farther_from_the_truth(d1):
     records = [box_jenkins_record(seed, d1=d1) for seed in TOOLBOX_SEEDS]
     ours = [fit(record.truth, of_box_jenkins(record)) for record in records]

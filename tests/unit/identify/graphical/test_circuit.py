@@ -42,6 +42,7 @@ def test_without_noise_both_are_exact():
         assert [q.unit for q in quantities(circuit)] == ["ohm", "ohm", "F"]
 
 
+@pytest.mark.slow
 def test_intervals_of_the_one_without_bias_hold_the_truth():
     """Of 100 records: 95 %, within what chance allows; least squares holds it in none."""
     draws, held, biased = 100, np.zeros(3, dtype=int), np.zeros(3, dtype=int)

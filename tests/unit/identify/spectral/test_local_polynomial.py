@@ -69,6 +69,7 @@ def test_intervals_of_an_impedance_hold_the_truth_as_often_as_they_say(kind):
 @pytest.mark.parametrize(
     "kind", ["levels", pytest.param("random", marks=pytest.mark.slow), SLOW[0]]
 )
+@pytest.mark.slow
 def test_intervals_of_two_inputs_hold_the_truth_as_often_as_they_say(kind):
     """A force that is random beside a current; displacement answers to both."""
     held = {"displacement/force": [], "displacement/current": []}
@@ -99,6 +100,7 @@ def test_intervals_of_two_inputs_hold_the_truth_as_often_as_they_say(kind):
     assert all(0.90 < one < 0.98 for one in shares_held.values())
 
 
+@pytest.mark.slow
 def test_the_variance_is_that_of_the_estimates():
     """Over the records of which no line is left out, as one is of a hundred though it is smooth."""
     found = []

@@ -172,6 +172,7 @@ def test_a_rig_that_samples_slowly_is_waited_for(monkeypatch, period, lost):
     }
 
 
+@pytest.mark.slow
 def test_memory_is_bounded():
     feed = Feed()
     for k in range(5000):

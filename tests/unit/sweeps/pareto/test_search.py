@@ -88,6 +88,7 @@ def test_no_point_of_a_grid_dominates_the_front(foot):
     assert len(foot.values) == 21
 
 
+@pytest.mark.slow
 def test_no_point_of_a_million_dominates_a_front_over_the_whole_geometry():
     names = (
         "r_po",
