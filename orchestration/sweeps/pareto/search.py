@@ -94,7 +94,7 @@ def pareto_front(
         drawn, values = drawn[finite], values[finite]
         low = values.min(axis=0)
         width = np.where(np.ptp(values, axis=0) > 0.0, np.ptp(values, axis=0), 1.0)
-        search = _Search(objectives, _Scales(low, width), drawn, values, seed)
+        search = _ParetoSearch(objectives, _Scales(low, width), drawn, values, seed)
 
         def find(row: int, work: Callable[[], Array]) -> Array:
             return kept.find(samples + row, work)
@@ -107,7 +107,7 @@ def pareto_front(
     return Front.of(objectives, np.array(points))
 
 
-class _Search:
+class _ParetoSearch:
     """A search that starts from a sample."""
 
     def __init__(
