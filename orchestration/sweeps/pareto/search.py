@@ -81,8 +81,8 @@ def pareto_front(
 
     drawn = qmc.Sobol(len(objectives.ranges), seed=seed).random(samples)
     alone = len(objectives.objectives) == 1
-    # the ends, twice, and what is between them there and back
-    searched = 1 if alone else 4 + 2 * (count - 2)
+    # each point of a front twice: ends for both objectives, those between there and back
+    searched = 1 if alone else 2 * count
     with kept_points(objectives, samples + searched, (samples, count, seed), folder) as kept:
         for row, shares in enumerate(drawn):
             kept.find(row, partial(np.copy, shares))
