@@ -120,8 +120,8 @@ class Model(Displayable):
     @property
     def without_equations(self) -> str:
         """The clause for messages that no equations of it are known, with the reason if any."""
-        is_restorable = self.system is None and bool(self.notes)
-        return self.notes[0] if is_restorable else f"{self.name} is an FMU without equations"
+        reasons = () if self.system else self.notes
+        return next(iter(reasons), f"{self.name} is an FMU without equations")
 
     def settings(self, texts: Sequence[str], preset: str | None = None) -> dict[str, Value]:
         """Read ``name=value[unit]`` settings, after those of a preset.
@@ -430,6 +430,8 @@ def restore_class(
     from fmus.kit import stack
     from fmus.kit.symbolic import trace
 
+    if not made_from.laws:
+        raise UserError("its description does not tell by which laws, as builds do now")
     base = _base_class(made_from)
     effects = [
         effect
@@ -448,8 +450,6 @@ def restore_class(
         n: parameters[n].default for n, start in declared.items() if parameters[n].default != start
     }
     restored = stack(base, *effects, name=name, defaults=changed)
-    if not made_from.laws:
-        raise UserError("its description does not tell by which laws, as builds do now")
     if trace(restored).digest != made_from.laws:
         raise UserError("the laws here are others than those it was built with")
     restored.remark = "\n".join(made_from.remarks)
