@@ -363,7 +363,9 @@ def _read_model(name: str) -> Model:
             " file.py:Class or an .fmu"
         )
     model = _read_signals(path)
-    model_name, made_from = name_and_provenance(path)
+    with Archive(path) as archive:
+        model_name = archive.description.get("modelName", "")
+        made_from = read_provenance(archive.as_fmi2)
     if made_from is None:
         return model
     try:
@@ -390,18 +392,6 @@ def _read_signals(path: Path) -> Model:
     with Archive(path) as archive:
         reasons = left_out(archive.description)
     return Model(path.name, path, None, inputs, outputs, parameters, left_out=reasons)
-
-
-def name_and_provenance(path: Path) -> tuple[str, Provenance | None]:
-    """Read the name of an FMU's model and what it was made from; nothing of the FMU is run.
-
-    Raises
-    ------
-    UserError
-        If it cannot be read.
-    """
-    with Archive(path) as archive:
-        return archive.description.get("modelName", ""), read_provenance(archive.as_fmi2)
 
 
 def restore_class(
