@@ -53,7 +53,7 @@ def test_without_a_file_an_interrupt_says_what_would_keep_the_points(tmp_path, m
     def press(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("orchestration.sweeps.pareto.search._Search.front", press)
+    monkeypatch.setattr("orchestration.sweeps.pareto.search._ParetoSearch.front", press)
     done = here(*LONG, cwd=tmp_path)
     assert done.returncode == 130
     assert done.stderr.splitlines()[-1] == (
