@@ -187,7 +187,7 @@ def test_a_cut_has_its_own_signals():
 
 
 def test_no_values_are_no_band():
-    with pytest.raises(UserError, match="needs samples=, from 1 to"):
+    with pytest.raises(UserError, match="samples=0: from 1 on"):
         ppy.linearise("ppy_actuator", over={"k1": "4e3..8e3"}, samples=0)
 
 

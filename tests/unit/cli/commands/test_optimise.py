@@ -24,7 +24,7 @@ def test_a_front_is_told_drawn_and_written(tmp_path):
     assert json.loads(alone) == told
 
 
-LONG = ("optimise", "foot_design", "--over", "r_po=30..45mm", "--over", "r_pl=5..30mm", *BOTH[:2])
+LONG = (*CALL, *BOTH[:2])
 
 
 @posix
