@@ -162,7 +162,7 @@ def test_members_of_others_are_judged_too(tmp_path):
     assert sources(right.members[1]) == {"u": "a.x, linear between samples"}
     columns = {str(port): column for port, (column, _) in right.columns.items()}
     assert columns == {"a.u": "drive", "a.x": "a.x", "b.x": "b.x"}
-    assert not right.members[0].equations_known
+    assert not right.members[0].is_component
     bent = diagnosed_lags(tmp_path, 0.1)
     assert verdicts(bent) == {"a": "consistent", "b": "wrong"}
     slow = diagnosed_lags(tmp_path, 0.0, a=1.4)
