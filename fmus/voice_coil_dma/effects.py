@@ -8,7 +8,7 @@ it divides by is one.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..kit import (
     Effect,
@@ -24,15 +24,8 @@ from ..kit import (
     tanh,
     where,
 )
-from .disturbances import BridgeNoise, ClockJitter, MainsHum, WindingProtection
+from .disturbances import BenchEffect, BridgeNoise, ClockJitter, MainsHum, WindingProtection
 from .model import VoiceCoilDma
-
-if TYPE_CHECKING:
-
-    class BenchEffect(Effect, VoiceCoilDma):
-        """Laws of the bench that an effect overrides."""
-else:
-    BenchEffect = Effect
 
 # z^2 below which tanh(z)/z is taken from its series; what is left out is below rounding, and in the
 # slope below 1e-12.

@@ -12,6 +12,7 @@ one that extends it by files to write, becomes a command in `orchestration.cli.o
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, wraps
@@ -21,6 +22,7 @@ from typing import Any, ForwardRef, NamedTuple, TypeVar, Union, cast, get_args, 
 
 from fmus.kit import UserError, suggestion
 from orchestration.reporting import flag
+from orchestration.reporting import option as as_written
 
 Declared = TypeVar("Declared")
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -83,7 +85,7 @@ class Option(NamedTuple):
     choices : sequence of str
         Allowed values, where these are all.
     least, most : float, optional
-        Range of a number.
+        Range of a number; there is no most without a least.
     complete : str
         What is offered to complete a value: ``component``, ``effect``, ``experiment``, ``system``.
     argument : bool
@@ -131,8 +133,13 @@ class Option(NamedTuple):
         return value
 
     def given(self, value: Any) -> Any:
-        """Return a value that was given in Python as it is used."""
-        return value if value is None else self.form.given(value, f"{self.name} =")
+        """Return a value that was given in Python as it is used; UserError if out of range."""
+        if value is None:
+            return None
+        if self.least is not None and not self.least <= value <= (self.most or math.inf):
+            to = f"to {self.most:,}" if self.most else "on"
+            raise UserError(f"{as_written(self.name, value)}: from {self.least:,} {to}")
+        return self.form.given(value, f"{self.name} =")
 
     def words(self, value: Any) -> list[str]:
         """Return the words that give this value on the command line, none for the default."""

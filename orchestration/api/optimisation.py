@@ -12,7 +12,7 @@ from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
 from orchestration.api.declaration import takes
 from orchestration.api.forms import seconds
-from orchestration.api.options import MOST_LEVELS, MOST_STARTS, OptimiseKeywords
+from orchestration.api.options import OptimiseKeywords
 from orchestration.api.simulation import Inputs, as_declared, inputs_over, values_of
 from orchestration.fmu import Model, grid
 from orchestration.reporting import option
@@ -78,13 +78,8 @@ def optimise(
     if len({one.name for one in objectives}) < len(objectives):
         raise UserError(f"{objectives[0].name} is named by both objectives")
     starts = options["starts"]
-    if not 1 <= starts <= MOST_STARTS or starts & (starts - 1):
-        raise UserError(
-            f"{option('starts', starts)}: a power of 2, such as 256, up to {MOST_STARTS:,}"
-        )
-    levels = options["levels"]
-    if not 2 <= levels <= MOST_LEVELS:
-        raise UserError(f"{option('levels', levels)}: from 2 to {MOST_LEVELS:,}")
+    if starts & (starts - 1):
+        raise UserError(f"{option('starts', starts)}: a power of 2, such as 256")
     ranges = _ranges(subject, over)
     points = _points(subject.cls, options)
     settings = values_of(subject, options["settings"])
@@ -96,7 +91,9 @@ def optimise(
     numbers = {name: float(value) for name, value in settings.items()}
     search = Objectives(subject.cls, ranges, objectives, points, driven, numbers)
     folder = None if options["folder"] is None else Path(options["folder"])
-    return pareto_front(search, levels, starts, options["seed"], options["progress"], folder)
+    return pareto_front(
+        search, options["levels"], starts, options["seed"], options["progress"], folder
+    )
 
 
 def _ranges(subject: Model, over: Mapping[str, str]) -> list[Range]:

@@ -818,10 +818,6 @@ class SweepKeywords(
     """Keyword arguments of ``sweep``."""
 
 
-MOST_LEVELS = 10_000
-MOST_STARTS = 2**20
-
-
 class OptimiseOptions(TypedDict, total=False):
     """The objectives of an optimisation, and how finely and long is searched."""
 
@@ -852,7 +848,7 @@ class OptimiseOptions(TypedDict, total=False):
             "Levels of the second objective at which the best of the first is searched.",
             default=21,
             least=2,
-            most=MOST_LEVELS,
+            most=10_000,
             metavar="N",
         ),
     ]
@@ -863,7 +859,7 @@ class OptimiseOptions(TypedDict, total=False):
             "Points of a Sobol sequence from which the search starts, a power of 2.",
             default=256,
             least=16,
-            most=MOST_STARTS,
+            most=2**20,
             metavar="N",
         ),
     ]

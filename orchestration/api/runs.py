@@ -77,6 +77,7 @@ def run(
     'V'
     """
     if isinstance(what, System):
+        _refuse("a system", settings=settings, folder=folder)
         if time is None:
             raise UserError(
                 f"{what.name}: time is needed to run a system, such as numpy.arange(0, 10, 0.01)"
@@ -85,6 +86,7 @@ def run(
         return run_system(
             what, np.asarray(time, dtype=float), driven, isolation=isolation(isolate), **options
         )
+    _refuse("an experiment", time=time, inputs=inputs, **options)
     result = make(
         read(str(what), [f"{name}={value}" for name, value in (settings or {}).items()]),
         str(what),
@@ -94,3 +96,10 @@ def run(
     if "failure" in result.attrs:
         raise UnfinishedExperiment(result.attrs["failure"], result)
     return result
+
+
+def _refuse(what: str, **useless: object) -> None:
+    """Refuse arguments of something else, where they are given."""
+    for name, value in useless.items():
+        if value is not None:
+            raise UserError(f"{name}: {what} has no use for it")

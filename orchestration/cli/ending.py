@@ -16,7 +16,7 @@ def end_interrupted(kept: str = "") -> NoReturn:
     Parameters
     ----------
     kept : str
-        What is kept of its work.
+        Words on work that is kept.
 
     Raises
     ------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,28 +45,22 @@ def run_and_write(
         If something does not fit, an FMU fails before the first point, or a file cannot be written.
     """
     from orchestration.experiment import movable, result_page, results
-    from orchestration.journal import locked_folder, remove
+    from orchestration.journal import removed_after
     from orchestration.reporting import wrote
 
     out = options["out"]
     plot = options["plot"]
-    if experiment.variants:
-        folder = part_of(out)
-        with kept_in(folder, "--out", "variants"):
-            data = _make(experiment, name, options, live, folder)
-    else:
-        folder = None
-        data = _make(experiment, name, options, live)
+    folder = part_of(out) if experiment.variants else None
+    with kept_in(folder, "--out", "variants") if experiment.variants else nullcontext():
+        data = _make(experiment, name, options, live, folder)
     _show(data)
     if out is not None:
-        if live is None:
-            results.write(movable(data, out.parent), out)
-        else:
-            keep(data, out, live)
+        with removed_after(folder):
+            if live is None:
+                results.write(movable(data, out.parent), out)
+            else:
+                keep(data, out, live)
         wrote(out, "" if data.attrs["complete"] else "incomplete")
-    if folder is not None:
-        with locked_folder(folder):
-            remove(folder)
     if plot is not None:
         result_page.plot(data, plot)
         wrote(plot)
@@ -93,7 +88,7 @@ def _make(
     name: str,
     options: RunCommand | SimulateCommand,
     live: Live | None,
-    folder: Path | None = None,
+    folder: Path | None,
 ) -> xarray.Dataset:
     """Run an experiment, telling how far it is."""
     from orchestration.experiment import results

@@ -12,11 +12,19 @@ from fmus.foot import gait
 from fmus.kit import UserError, units
 from fmus.kit.arrays import Array
 from orchestration.experiment import waveforms
-from orchestration.experiment.values import Amount, File, Hertz, Quantity, Seconds, Span, ValueTable
+from orchestration.experiment.values import (
+    Amount,
+    File,
+    Hertz,
+    QuantityValue,
+    Seconds,
+    Span,
+    ValueTable,
+)
 from orchestration.fmu import held
 from orchestration.records import read_record
 
-_ZERO = Quantity(0.0)
+_ZERO = QuantityValue(0.0)
 _ROUNDING = 1e-9  # a period of two steps, as numbers with a unit give it, may miss them by that
 Seed = Annotated[int, Field(ge=0, strict=True)]
 
@@ -71,7 +79,7 @@ class StimulusTable(ValueTable):
     def _in(self, unit: str, key: str) -> Any:
         """Return the amount of a key, or its list of amounts, in a unit."""
         given = getattr(self, key)
-        if isinstance(given, Quantity):
+        if isinstance(given, QuantityValue):
             return given.to(unit, f"{key} = {given.value:g} {given.unit}")
         return [q.to(unit, f"{key} = {q.value:g} {q.unit}") for q in given]
 
@@ -92,7 +100,7 @@ class StimulusTable(ValueTable):
             raise UserError(f"{key} = {seconds:g} s: must be at least {least:g} s, {count}")
 
 
-class Constant(StimulusTable):
+class ConstantSignal(StimulusTable):
     """One value; written without a table, it is this too."""
 
     kind: Literal["constant"]
@@ -280,7 +288,7 @@ def _constant(given: Any) -> Any:
 
 AnyStimulus = Annotated[
     Annotated[
-        Constant
+        ConstantSignal
         | Square
         | Sine
         | Chirp

@@ -34,7 +34,7 @@ class ValueTable(BaseModel):
         return given
 
 
-class Quantity(NamedTuple):
+class QuantityValue(NamedTuple):
     """A number and its unit, empty for that of the variable it is for."""
 
     value: float
@@ -45,14 +45,14 @@ class Quantity(NamedTuple):
         return float(units.convert(self.value, self.unit or unit, unit, what))
 
 
-def _read(given: Any) -> Quantity:
+def _read(given: Any) -> QuantityValue:
     """Return a number, or a text with a number and a unit, as a quantity; ValueError if neither."""
     if isinstance(given, str):
-        quantity = Quantity(*(read_quantity(given) or (math.nan,)))
+        quantity = QuantityValue(*(read_quantity(given) or (math.nan,)))
     elif isinstance(given, int | float) and not isinstance(given, bool):
-        quantity = Quantity(float(given))
+        quantity = QuantityValue(float(given))
     else:
-        quantity = Quantity(math.nan)
+        quantity = QuantityValue(math.nan)
     if not math.isfinite(quantity.value):
         raise ValueError(
             "a finite number is needed, or a text with a number and a unit such as '500 mA'"
@@ -62,7 +62,7 @@ def _read(given: Any) -> Quantity:
     return quantity
 
 
-def _written(quantity: Quantity) -> float | str:
+def _written(quantity: QuantityValue) -> float | str:
     return f"{quantity.value!r} {quantity.unit}" if quantity.unit else quantity.value
 
 
@@ -87,7 +87,7 @@ def _reachable(given: Any, info: ValidationInfo) -> Any:
     return str((beside if beside.is_file() else Path(given)).absolute())
 
 
-Amount = Annotated[Quantity, PlainValidator(_read), PlainSerializer(_written)]
+Amount = Annotated[QuantityValue, PlainValidator(_read), PlainSerializer(_written)]
 Seconds = Annotated[float, _in("s", positive=False)]
 Span = Annotated[float, _in("s")]
 Hertz = Annotated[float, _in("Hz")]

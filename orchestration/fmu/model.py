@@ -120,8 +120,8 @@ class Model(Displayable):
     @property
     def without_equations(self) -> str:
         """The clause for messages that no equations of it are known, with the reason if any."""
-        is_restorable = self.system is None and bool(self.notes)
-        return self.notes[0] if is_restorable else f"{self.name} is an FMU without equations"
+        reasons = () if self.system else self.notes
+        return next(iter(reasons), f"{self.name} is an FMU without equations")
 
     def settings(self, texts: Sequence[str], preset: str | None = None) -> dict[str, Value]:
         """Read ``name=value[unit]`` settings, after those of a preset.
@@ -363,7 +363,9 @@ def _read_model(name: str) -> Model:
             " file.py:Class or an .fmu"
         )
     model = _read_signals(path)
-    model_name, made_from = name_and_provenance(path)
+    with Archive(path) as archive:
+        model_name = archive.description.get("modelName", "")
+        made_from = read_provenance(archive.as_fmi2)
     if made_from is None:
         return model
     try:
@@ -392,18 +394,6 @@ def _read_signals(path: Path) -> Model:
     return Model(path.name, path, None, inputs, outputs, parameters, left_out=reasons)
 
 
-def name_and_provenance(path: Path) -> tuple[str, Provenance | None]:
-    """Read the name of an FMU's model and what it was made from; nothing of the FMU is run.
-
-    Raises
-    ------
-    UserError
-        If it cannot be read.
-    """
-    with Archive(path) as archive:
-        return archive.description.get("modelName", ""), read_provenance(archive.as_fmi2)
-
-
 def restore_class(
     name: str, made_from: Provenance, parameters: Mapping[str, Signal]
 ) -> type[Component]:
@@ -430,6 +420,8 @@ def restore_class(
     from fmus.kit import stack
     from fmus.kit.symbolic import trace
 
+    if not made_from.laws:
+        raise UserError("its description does not tell by which laws, as builds do now")
     base = _base_class(made_from)
     effects = [
         effect
@@ -448,8 +440,6 @@ def restore_class(
         n: parameters[n].default for n, start in declared.items() if parameters[n].default != start
     }
     restored = stack(base, *effects, name=name, defaults=changed)
-    if not made_from.laws:
-        raise UserError("its description does not tell by which laws, as builds do now")
     if trace(restored).digest != made_from.laws:
         raise UserError("the laws here are others than those it was built with")
     restored.remark = "\n".join(made_from.remarks)

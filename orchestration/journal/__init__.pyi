@@ -4,7 +4,7 @@ from .folder import FAILURES as FAILURES
 from .folder import TRACES as TRACES
 from .folder import check as check
 from .folder import locked_folder as locked_folder
-from .folder import remove as remove
+from .folder import removed_after as removed_after
 from .work import WorkJournal as WorkJournal
 from .work import count_done as count_done
 from .work import digest as digest

@@ -11,7 +11,7 @@ from filelock import FileLock, Timeout
 
 from fmus.kit import UserError
 
-ABOUT = "sweep.json"
+ABOUT = "work.json"
 DONE = "done.npy"
 NUMBERS = "numbers.npy"
 TRACES = "traces.npy"
@@ -53,7 +53,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
         with contextlib.suppress(OSError):  # Windows removes it when it is released
             path.unlink()
         lock.release()
-        if had_journal:  # where the lock was still in the folder, `remove` could not remove that
+        if had_journal:  # where the lock was still in the folder, `_remove` could not remove that
             with contextlib.suppress(OSError):
                 path.parent.rmdir()
 
@@ -84,7 +84,24 @@ def check(folder: Path) -> None:
         )
 
 
-def remove(folder: Path) -> None:
+@contextlib.contextmanager
+def removed_after(folder: Path | None) -> Iterator[None]:
+    """Hold the folder of a journal, if any, and remove it once a result has been written.
+
+    Raises
+    ------
+    UserError
+        See `locked_folder`.
+    """
+    if folder is None:
+        yield
+        return
+    with locked_folder(folder):
+        yield
+        _remove(folder)
+
+
+def _remove(folder: Path) -> None:
     """Remove a journal and nothing else, and its folder if that is empty then."""
     with contextlib.suppress(OSError):
         for path in _within(folder):

@@ -26,7 +26,7 @@ class WorkJournal:
     folder : Path
         An existing one, which this process holds; the journal of the same work is continued.
     kind : str
-        What the work is, for messages.
+        Name of the work, for messages.
     about : Mapping of str to str
         Digests of what defines the work, by what that is.
     shape : tuple of int

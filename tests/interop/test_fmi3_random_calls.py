@@ -27,7 +27,7 @@ SANITIZED = (
     "-fno-sanitize-recover=all",
     "-fno-omit-frame-pointer",
 )
-# one with samples and integers, one with many states and a large body
+# one with samples and integers, one with continuous states
 FAST = ("galvanostat", "ppy_actuator")
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc brings the sanitizers")

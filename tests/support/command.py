@@ -133,6 +133,7 @@ def on_terminal(
 def here(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run the command line in this process; answers as `ppy` does."""
     command, before = ["ppy", *map(str, arguments)], (sys.argv, os.getcwd())
+    hearing = signal.getsignal(signal.SIGINT)
     streams = [io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="") for _ in range(2)]
     with (
         mock.patch.dict(os.environ, COLUMNS="100"),
@@ -148,6 +149,8 @@ def here(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
         finally:
             sys.argv = before[0]
             os.chdir(before[1])
+            # an interrupted command has it ignored, and so would every process started from here
+            signal.signal(signal.SIGINT, hearing)
     texts = []
     for stream in streams:
         stream.flush()

@@ -21,7 +21,7 @@ def optimise(options: OptimiseCommand) -> None:
     from orchestration.api import values_of
     from orchestration.cli.models import model_file
     from orchestration.fmu import declared_model
-    from orchestration.journal import locked_folder, remove
+    from orchestration.journal import removed_after
     from orchestration.reporting import console, pictures
 
     plot = options["plot"]
@@ -40,12 +40,9 @@ def optimise(options: OptimiseCommand) -> None:
         tell(f"optimising {options['model']}")
         chosen["progress"] = tell.done
         front = work(model, over, **chosen)
-    with standard_output_for(options["json"]):
+    with removed_after(folder), standard_output_for(options["json"]):
         console.out.print(str(front), highlight=False, markup=False)
         write_json(options["json"], front.to_dict())
         if plot is not None:
             front.plot(plot)
             console.wrote(plot)
-    if folder is not None:
-        with locked_folder(folder):
-            remove(folder)

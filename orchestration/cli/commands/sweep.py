@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -246,14 +245,12 @@ def ranges_of(over: Sequence[str]) -> dict[str, Any]:
 def _keep(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
     """Write the result, and only then remove the parts that it was made of."""
     from orchestration.experiment import results
-    from orchestration.journal import locked_folder, remove
+    from orchestration.journal import removed_after
     from orchestration.reporting import wrote
     from orchestration.sweeps.storage import zarr_store
 
-    with nullcontext() if parts is None else locked_folder(parts):
+    with removed_after(parts):
         (zarr_store if out.suffix.lower() == _ZARR else results).write(data, out)
-        if parts is not None:
-            remove(parts)
     wrote(out)
 
 

@@ -39,7 +39,7 @@ _LOST = 5.0  # times what the law spans, from which on its scatter would hide it
 _FAILURES = (ArithmeticError, AttributeError, KeyError, TypeError, UserError, ValueError)
 
 
-class Quantity(NamedTuple):
+class AxisLabel(NamedTuple):
     """The name for people of a law or a signal, and its SI unit."""
 
     title: str
@@ -61,7 +61,7 @@ class LawValues(NamedTuple):
 
     Attributes
     ----------
-    law, signal : Quantity
+    law, signal : AxisLabel
         What is drawn upwards, and what the effect is over; that has no title where it has none.
     time : ndarray, shape (n,)
         Seconds.
@@ -75,8 +75,8 @@ class LawValues(NamedTuple):
         That output, in words; empty where there is none.
     """
 
-    law: Quantity
-    signal: Quantity
+    law: AxisLabel
+    signal: AxisLabel
     time: Array
     x: Array
     with_effect: Array
@@ -218,8 +218,8 @@ def law_values(diagnosis: Diagnosis, effect: type[Effect]) -> LawValues:
     if signal == law:  # an input, which is drawn over what was commanded
         x = without
     return LawValues(
-        Quantity(law_title(cls, law), unit),
-        _signal_quantity(cls, effect, signal),
+        AxisLabel(law_title(cls, law), unit),
+        _signal_label(cls, effect, signal),
         one.time,
         x,
         with_effect,
@@ -366,10 +366,10 @@ def _signal_of(one: Any, effect: type[Effect]) -> str:
     return name if hasattr(one, name) else ""
 
 
-def _signal_quantity(cls: type[Component], effect: type[Effect], signal: str) -> Quantity:
+def _signal_label(cls: type[Component], effect: type[Effect], signal: str) -> AxisLabel:
     """Return that signal with its unit; without a title where there is none."""
     if not signal:
-        return Quantity("", "1")
+        return AxisLabel("", "1")
     is_own = signal in effect.declared
     title = in_words(effect.term.signal) if is_own else law_title(cls, signal)
-    return Quantity(title, unit_of(cls, signal))
+    return AxisLabel(title, unit_of(cls, signal))

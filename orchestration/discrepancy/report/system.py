@@ -178,7 +178,7 @@ def _hints(member: MemberDiagnosis, diagnosis: SystemDiagnosis) -> list[str]:
             regions = describe_worst_regions(assessment.regions)[:_REGIONS]
             hints += [f"{member.name}: {region}" for region in regions]
     needs_cause = member.verdict in (MemberVerdict.WRONG, MemberVerdict.RECALIBRATE)
-    if needs_cause and member.equations_known and not member.in_loop:
+    if needs_cause and member.is_component and not member.in_loop:
         command = shlex.join(command_for_member(member, diagnosis))
         hints.append(f"to name the cause: {command}")
     return hints
@@ -228,7 +228,7 @@ def _member_summary(member: MemberDiagnosis) -> dict[str, Any]:
         "member": member.name,
         "fmu": member.fmu,
         "model": member.model,
-        "ours": member.equations_known,
+        "ours": member.is_component,
         "verdict": str(member.verdict),
         "why": describe_reasons(member),
         "reasons": reasons,

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fmus.kit import Component, UserError
+from fmus.kit import Component
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import trace
@@ -25,9 +25,9 @@ from orchestration.discrepancy.systems.clock_shift import estimate_shift, shifts
 from orchestration.discrepancy.systems.closed_loop import close_loop, without_limits
 from orchestration.discrepancy.systems.cut import IsolatedMember
 from orchestration.fmu import catalogue as physics_of
-from orchestration.fmu import find_class, read_description
+from orchestration.fmu import declared_model
 from orchestration.identify.noise import noise_std
-from orchestration.system import Connection, Member, interface
+from orchestration.system import Connection, Member
 
 # Of a record is looked at, from the first sample on, as only there is it known what a controller
 # remembers: so many seconds, for a loop takes a step for every millisecond, or so many samples.
@@ -86,20 +86,9 @@ class LoopDiagnosis:
 
 
 def equations_of(member: Member) -> type[Component] | None:
-    """Return the class of a member, or None where its equations are not known.
-
-    An FMU of a component alone has its name, and must have its parameters; one with effects tells
-    what it was made from.
-    """
-    from fmus import COMPONENTS, component
-
-    name = read_description(member.fmu).modelName
-    try:
-        cls = component(name) if name in COMPONENTS else find_class(str(member.fmu))
-    except UserError:
-        return None
-    is_same = {p.name for p in cls.layout.parameters} == interface(member).parameters.keys()
-    return cls if is_same and cls.engine is None else None
+    """Return the class of a member, or None where its equations are not known."""
+    cls = member.cls or declared_model(str(member.fmu)).cls
+    return cls if cls is not None and cls.engine is None else None
 
 
 def has_shift(member: Member) -> bool:

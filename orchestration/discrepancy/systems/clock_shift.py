@@ -70,11 +70,11 @@ def estimate_shift(
     UserError
         If the model cannot be simulated over the record.
     """
-    search = _JointFit(cls, data, fixed, names, shift)
-    return search.fitted(search.nearest())
+    fit = _ShiftFit(cls, data, fixed, names, shift)
+    return fit.fitted(fit.nearest())
 
 
-class _JointFit:
+class _ShiftFit:
     """Output-error fit of parameters and of the shift, whose coordinate, in periods, is the last.
 
     Parameters

@@ -92,8 +92,8 @@ class MemberDiagnosis:
     in_loop: bool = False
 
     @property
-    def equations_known(self) -> bool:
-        """True if the model is, by name, a component of this project, so that causes have names."""
+    def is_component(self) -> bool:
+        """True if a component of this project has its name, by which a diagnosis names causes."""
         from fmus import COMPONENTS
 
         return self.model in COMPONENTS

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestration.records.formats.layout import Layout
+from orchestration.records.formats.layout import TextLayout
 from orchestration.records.formats.text import Lines, decode, tabulate
 from orchestration.records.header import plain_unit, read_header_cell
 from orchestration.records.record import Repair, refuse
@@ -38,7 +38,7 @@ def read_lvm(path: Path, content: bytes) -> Table:
             path, f"row {start + 1}: '{header[0]}' where X_Value should be the first column"
         )
     commented = header[-1] == "Comment"
-    layout = Layout(delimiter, start, header, start + 1)
+    layout = TextLayout(delimiter, start, header, start + 1)
     table = tabulate(text, layout, optional_last=commented)
     last = table.columns[-1]
     if commented and last.name == "Comment" and _is_empty(last):

@@ -23,7 +23,7 @@ _SEARCHED_LINES = 20
 
 
 @dataclass(frozen=True)
-class Layout:
+class TextLayout:
     """The form of a text file.
 
     Attributes
@@ -52,7 +52,7 @@ def is_value(cell: str) -> bool:
     return _NUMBER.fullmatch(text) is not None or is_instant(text)
 
 
-def find_layout(lines: Sequence[str]) -> Layout | None:
+def find_layout(lines: Sequence[str]) -> TextLayout | None:
     """Find header and data by the form of the data: rows of one width, values in the same places.
 
     Parameters
@@ -62,7 +62,7 @@ def find_layout(lines: Sequence[str]) -> Layout | None:
 
     Returns
     -------
-    Layout or None
+    TextLayout or None
         None if there is no header above rows of at least two values.
     """
     samples = {delimiter: _last_rows(lines, delimiter) for delimiter in DELIMITERS}
@@ -73,7 +73,7 @@ def find_layout(lines: Sequence[str]) -> Layout | None:
     width = max(Counter(map(len, sample)).items(), key=lambda item: item[::-1])[0]
     rows = [row for row in sample if len(row) == width]
     places = [k for k in range(width) if 2 * sum(is_value(r[k]) for r in rows) >= len(rows)]
-    return _Search(lines, delimiter, places).layout()
+    return _HeaderSearch(lines, delimiter, places).layout()
 
 
 def _last_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
@@ -98,14 +98,14 @@ def _split(line: str, delimiter: str) -> list[str]:
 
 
 @dataclass(frozen=True)
-class _Search:
+class _HeaderSearch:
     """The search for the header, given the places in a row at which the data have values."""
 
     lines: Sequence[str]
     delimiter: str
     places: Sequence[int]
 
-    def layout(self) -> Layout | None:
+    def layout(self) -> TextLayout | None:
         """Return where names, units and data are; None if no row is like a header."""
         whole = self._first_whole_row()
         below = None if whole is None else self._header_above(whole, _SEARCHED_LINES)
@@ -115,8 +115,8 @@ class _Search:
         if above is not None and are_units(self._at_places(below)):
             header = self._header(above)
             units = [*self._header(below), *[""] * len(header)]
-            return Layout(self.delimiter, above, header, below + 1, units[: len(header)])
-        return Layout(self.delimiter, below, self._header(below), below + 1)
+            return TextLayout(self.delimiter, above, header, below + 1, units[: len(header)])
+        return TextLayout(self.delimiter, below, self._header(below), below + 1)
 
     def _at_places(self, index: int) -> list[str]:
         """Return the cells of a line that have values in the data; empty where it has none."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestration.records.formats.layout import Layout
+from orchestration.records.formats.layout import TextLayout
 from orchestration.records.formats.text import decode, tabulate
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Column, Table, numbers
@@ -31,7 +31,7 @@ def read_opendaq(path: Path, content: bytes) -> Table:
     step = _positive(path, fields, "delta") * tick
     if len(text.lines) < 2:
         raise refuse(path, "row 1 defines the time, and no header follows")
-    table = tabulate(text, Layout(",", 1, text.split(1, ","), 2))
+    table = tabulate(text, TextLayout(",", 1, text.split(1, ","), 2))
     ticks = next((column for column in table.columns if column.name == "Domain"), None)
     if ticks is None:
         time = float(step) * np.arange(table.rows.size, dtype=np.float64)

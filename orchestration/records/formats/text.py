@@ -9,7 +9,7 @@ import numpy as np
 
 from fmus.kit import UserError
 from orchestration.records.formats.decimals import settle_decimals
-from orchestration.records.formats.layout import DELIMITERS, Layout, find_layout
+from orchestration.records.formats.layout import DELIMITERS, TextLayout, find_layout
 from orchestration.records.header import plain_unit, read_header_cell
 from orchestration.records.record import Repair, list_rows, refuse
 from orchestration.records.table import Column, Table, parse_cell
@@ -141,7 +141,7 @@ def read_text(path: Path, content: bytes) -> Table:
     return tabulate(text, layout)
 
 
-def _plain_layout(text: Lines) -> Layout:
+def _plain_layout(text: Lines) -> TextLayout:
     """Take the first line that is no comment for the header, where no data tell which it is."""
     lines = text.lines
     start = 0
@@ -161,17 +161,17 @@ def _plain_layout(text: Lines) -> Layout:
     header = text.split(start, delimiter)
     if all(parse_cell(cell) is not None for cell in header):
         raise refuse(text.path, f"row {start + 1}: numbers where the header should be; {EXPECTED}")
-    return Layout(delimiter, start, header, start + 1)
+    return TextLayout(delimiter, start, header, start + 1)
 
 
-def tabulate(text: Lines, layout: Layout, optional_last: bool = False) -> Table:
+def tabulate(text: Lines, layout: TextLayout, optional_last: bool = False) -> Table:
     """Split the lines below a header into columns.
 
     Parameters
     ----------
     text : Lines
         All lines of the file.
-    layout : Layout
+    layout : TextLayout
         Where the header and the data are.
     optional_last : bool
         Whether a row may leave out the last cell (the comment column of LabVIEW text).
@@ -264,7 +264,7 @@ def _is_partial(cells: list[str], header: list[str], is_last: bool, ended: bool)
     )
 
 
-def _make_columns(layout: Layout, records: list[list[str]]) -> list[Column]:
+def _make_columns(layout: TextLayout, records: list[list[str]]) -> list[Column]:
     """Turn rows of cells into named columns, without those that have neither name nor content."""
     columns = []
     units = layout.units or [""] * len(layout.header)

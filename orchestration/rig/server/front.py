@@ -87,7 +87,7 @@ def serve(settings: ServerSettings) -> int:
                 for note in rig.signals.notes:
                     log.tell(note)
                 handler = RequestHandler(rig, settings.period, log, keeper)
-                Front(sockets, handler, log, signals).run()
+                EventLoop(sockets, handler, log, signals).run()
             finally:
                 trouble = rig.close()
                 if trouble:
@@ -109,7 +109,7 @@ def _opened_rig(settings: ServerSettings, keeper: LatchKeeper) -> Rig:
         raise
 
 
-class Front:
+class EventLoop:
     """The loop around the sockets of the server.
 
     Parameters

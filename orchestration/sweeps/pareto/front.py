@@ -92,9 +92,9 @@ class Front(Displayable):
         yield f"{self.model}: {points} by {self.evaluations:,} simulations"
         names = [*self.objectives, *self.parameters]
         table = plain_table(None, *names, right=names)
-        nominal = [f"{self._shown(name, v):.5g}" for name, v in self._ends(self.nominal)]
+        nominal = [f"{self._shown(name, v):.5g}" for name, v in self._by_objective(self.nominal)]
         table.add_row(*nominal, *["as it is"] * len(self.parameters))
-        columns = [*self._ends(self.values.T), *self.parameters.items()]
+        columns = [*self._by_objective(self.values.T), *self.parameters.items()]
         for row in zip(*(self._shown(name, column) for name, column in columns), strict=True):
             table.add_row(*(f"{value:.5g}" for value in row))
         yield table
@@ -137,8 +137,8 @@ class Front(Displayable):
         figure, axes = pictures.panels(len(others) + len(shown), self.model, name)
         below = f"{name.replace('_', ' ')} [{self.display[name]}]".removesuffix(" [1]")
         axes[-1].set_xlabel(below)
-        front = [self._shown(one, values) for one, values in self._ends(self.values.T)]
-        nominal = [self._shown(one, value) for one, value in self._ends(self.nominal)]
+        front = [self._shown(one, values) for one, values in self._by_objective(self.values.T)]
+        nominal = [self._shown(one, value) for one, value in self._by_objective(self.nominal)]
         for axis, other in zip(axes, others, strict=False):
             axis.plot(*front, ".-", color=pictures.MODEL, label="front")
             axis.plot(*nominal, "x", color=pictures.FITTED, label="as it is")
@@ -150,7 +150,7 @@ class Front(Displayable):
             pictures.label(axis, parameter, self.display[parameter])
         return figure
 
-    def _ends(self, values: Array) -> list[tuple[str, Array]]:
+    def _by_objective(self, values: Array) -> list[tuple[str, Array]]:
         """Return the objectives with their values, shape (m, ...)."""
         return list(zip(self.objectives, values, strict=True))
 

@@ -13,6 +13,7 @@ import numpy as np
 from fmus.kit import Component, UserError, suggestion
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
+from fmus.kit.symbolic import trace
 from orchestration.fmu import declared_model_of
 from orchestration.journal import digest
 from orchestration.reporting import option
@@ -125,13 +126,13 @@ class Objectives:
 
     def digests(self) -> dict[str, str]:
         """Return digests of what defines them, by what that is."""
-        from fmus.kit.build import plan_build
-
+        graph = trace(self._cls)
+        start = [parameter.start for parameter in graph.layout.parameters]
         time, inputs, settings = self._run
         ranges = [(one.name, one.logarithmic, *one.values.tolist()) for one in self.ranges]
         held = sorted(settings.items()), time, sorted(inputs), *inputs.values()
         return {
-            "the model": plan_build(self._cls, "native").guid,
+            "the model": digest(graph.digest, start),
             "the ranges": digest(ranges),
             "the objectives": digest(self.objectives),
             "settings and inputs": digest(*held),

@@ -81,8 +81,8 @@ def pareto_front(
 
     drawn = qmc.Sobol(len(objectives.ranges), seed=seed).random(samples)
     alone = len(objectives.objectives) == 1
-    # the ends, twice, and what is between them there and back
-    searched = 1 if alone else 4 + 2 * (count - 2)
+    # each point of a front twice: ends for both objectives, those between there and back
+    searched = 1 if alone else 2 * count
     with kept_points(objectives, samples + searched, (samples, count, seed), folder) as kept:
         for row, shares in enumerate(drawn):
             kept.find(row, partial(np.copy, shares))
@@ -94,7 +94,7 @@ def pareto_front(
         drawn, values = drawn[finite], values[finite]
         low = values.min(axis=0)
         width = np.where(np.ptp(values, axis=0) > 0.0, np.ptp(values, axis=0), 1.0)
-        search = _Search(objectives, _Scales(low, width), drawn, values, seed)
+        search = _ParetoSearch(objectives, _Scales(low, width), drawn, values, seed)
 
         def find(row: int, work: Callable[[], Array]) -> Array:
             return kept.find(samples + row, work)
@@ -107,7 +107,7 @@ def pareto_front(
     return Front.of(objectives, np.array(points))
 
 
-class _Search:
+class _ParetoSearch:
     """A search that starts from a sample."""
 
     def __init__(

@@ -177,15 +177,12 @@ def test_work_and_loss_add_up_in_any_step():
 
 
 @pytest.mark.timeout(3600)
-@pytest.mark.parametrize(
-    "count", [200, pytest.param(10_000, marks=pytest.mark.slow)], ids=["some", "10000"]
-)
 @pytest.mark.slow
-def test_random_landings_get_no_energy_from_the_ground(count):
+def test_10000_random_landings_get_no_energy_from_the_ground():
     """The whole foot, from any posture at any velocity, under any tensions."""
     random = np.random.default_rng(5)
     touched = 0
-    for seed in random.integers(0, 10**9, count):
+    for seed in random.integers(0, 10**9, 10_000):
         values = drawn(seed)
         loads = {name: values.pop(name) for name in LOADS}
         posture = {f"{joint}_angle": values[f"{joint}_angle_start"] for joint in JOINTS}
@@ -195,7 +192,7 @@ def test_random_landings_get_no_energy_from_the_ground(count):
         most = np.ptp(found["kinetic_energy"])
         assert found["ground_work"].max() <= 1e-7 * most
         touched += found["ground_force_x"].min() < 0.0
-    assert touched > 0.9 * count
+    assert touched > 9_000
 
 
 @pytest.mark.parametrize("leg", [{"leg_held": 1.0}, {"leg_mass": 1e6}], ids=["held", "heavy"])

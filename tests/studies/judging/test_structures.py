@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from studies.judging import structures
-from tests.support.pace import slow_but
 
 PAGE = Path(__file__).parents[3] / "docs" / "black-box-structures.md"
 NAMES = ("ARX", "ARMAX", "OE", "SS", "BJ")
@@ -74,9 +73,7 @@ def test_orders_and_counts_are_those_of_the_figures():
     assert all(sorted(v, key=v.get)[-2:] in (["BJ", "OE"], ["OE", "BJ"]) for v in fits)
 
 
-@pytest.mark.parametrize(
-    "case", slow_but([structures.CASES[0], structures.CASES[2]], structures.CASES[2]), ids=str
-)
+@pytest.mark.parametrize("case", [structures.CASES[0], structures.CASES[2]], ids=str)
 @pytest.mark.slow
 def test_no_free_run_is_nearer_than_the_truth_but_for_what_it_fits_of_the_noise(case):
     """The noise is all that a right model leaves, 22 µm; without a trend removed such a model is

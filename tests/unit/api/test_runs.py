@@ -38,6 +38,16 @@ def test_a_system_is_run_over_time(system):
         ppy.run(system)
 
 
+def test_what_a_system_has_no_use_for_is_refused_and_what_an_experiment_has_none_for(system):
+    time = np.arange(0.0, 1.0, 0.1)
+    for name, value in (("settings", {"u": 1.0}), ("folder", "part")):
+        with pytest.raises(UserError, match=f"^{name}: a system has no use for it$"):
+            ppy.run(system, time, **{name: value})
+    for name, value in (("time", time), ("inputs", {"current": time}), ("tolerance", 1e-6)):
+        with pytest.raises(UserError, match=f"^{name}: an experiment has no use for it$"):
+            ppy.run("fig_3_4", **{name: value})
+
+
 def test_an_fmu_that_fails_on_its_way_leaves_what_was_computed(tmp_path):
     step = "    def do_step(self, current_time, step_size):\n"
     source = MINIMAL_PYTHONFMU_SOURCE.replace(

@@ -29,10 +29,13 @@ def test_a_system_that_is_cut_off_is_named_once(folder, command):
     (folder / "cut.ssp").write_bytes(b"PK\x03\x04")
     line = refused(folder, command, "cut.ssp")
     assert line == "error: cut.ssp: not a zip archive, or one that is cut off"
+
+
+def test_so_it_is_after_the_experiment_that_names_it(folder):
+    (folder / "cut.ssp").write_bytes(b"PK\x03\x04")
     (folder / "s.toml").write_text('system = "cut.ssp"', "utf-8")
-    if command == "run":
-        line = refused(folder, "run", "s.toml", parts=["error: s.toml: ", "cut.ssp: not a zip"])
-        assert line.count("cut.ssp") == 1
+    line = refused(folder, "run", "s.toml", parts=["error: s.toml: ", "cut.ssp: not a zip"])
+    assert line.count("cut.ssp") == 1
 
 
 def test_only_systems_whose_laws_are_known_are_fused(folder):

@@ -10,7 +10,7 @@ from orchestration.experiment.values import (
     Amount,
     File,
     Hertz,
-    Quantity,
+    QuantityValue,
     Seconds,
     Span,
     ValueTable,
@@ -20,9 +20,9 @@ from orchestration.experiment.values import (
 @pytest.mark.parametrize(
     ("kind", "given", "value"),
     [
-        (Amount, "500 mA", Quantity(500.0, "mA")),
-        (Amount, "3.6km/h", Quantity(3.6, "km/h")),
-        (Amount, 2, Quantity(2.0)),
+        (Amount, "500 mA", QuantityValue(500.0, "mA")),
+        (Amount, "3.6km/h", QuantityValue(3.6, "km/h")),
+        (Amount, 2, QuantityValue(2.0)),
         (Span, "2 min", 120.0),
         (Span, 0.5, 0.5),
         (Seconds, "-250 ms", -0.25),
@@ -52,10 +52,10 @@ def test_what_is_no_such_value_is_refused(kind, given, says):
 
 
 def test_a_quantity_is_converted_and_one_without_a_unit_has_that_of_its_variable():
-    assert Quantity(500.0, "mA").to("A") == pytest.approx(0.5)
-    assert Quantity(500.0).to("A") == 500.0
+    assert QuantityValue(500.0, "mA").to("A") == pytest.approx(0.5)
+    assert QuantityValue(500.0).to("A") == 500.0
     with pytest.raises(UserError, match="'V'"):
-        Quantity(1.0, "V").to("A", "amplitude")
+        QuantityValue(1.0, "V").to("A", "amplitude")
 
 
 @pytest.mark.parametrize("given", ["500.0 mA", 2.0])

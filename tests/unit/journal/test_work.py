@@ -28,7 +28,7 @@ def test_other_work_is_refused_by_what_differs(tmp_path):
         WorkJournal(tmp_path, "search", ABOUT | {"the cases": "c"}, (4, 2))
 
 
-@pytest.mark.parametrize("name", ["done.npy", "numbers.npy", "sweep.json"])
+@pytest.mark.parametrize("name", ["done.npy", "numbers.npy", "work.json"])
 def test_what_is_damaged_is_said(tmp_path, name):
     WorkJournal(tmp_path, "search", ABOUT, (4, 2))
     (tmp_path / name).write_bytes(b"[")

@@ -126,10 +126,8 @@ def test_another_fmu_is_refused(lag, tmp_path):
     model = ppy.find_model(lag)
     with pytest.raises(KeyboardInterrupt):
         ppy.sweep(model, **call, progress=interrupt)
-    (tmp_path / "part" / "sweep.json").write_text(
-        (tmp_path / "part" / "sweep.json")
-        .read_text()
-        .replace('"the FMU": "', '"the FMU": "another')
+    (tmp_path / "part" / "work.json").write_text(
+        (tmp_path / "part" / "work.json").read_text().replace('"the FMU": "', '"the FMU": "another')
     )
     with pytest.raises(UserError, match="not the same: the FMU"):
         ppy.sweep(replace(model), **call)
@@ -156,7 +154,7 @@ def interrupted(lag, tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "contents"),
-    [("sweep.json", b"{"), ("numbers.npy", b"none"), ("failures.jsonl", b"none\n")],
+    [("work.json", b"{"), ("numbers.npy", b"none"), ("failures.jsonl", b"none\n")],
 )
 def test_a_damaged_folder_is_refused_in_a_line(lag, interrupted, name, contents):
     (interrupted["folder"] / name).write_bytes(contents)

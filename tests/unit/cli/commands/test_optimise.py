@@ -24,7 +24,7 @@ def test_a_front_is_told_drawn_and_written(tmp_path):
     assert json.loads(alone) == told
 
 
-LONG = ("optimise", "foot_design", "--over", "r_po=30..45mm", "--over", "r_pl=5..30mm", *BOTH[:2])
+LONG = (*CALL, *BOTH[:2])
 
 
 @posix
@@ -53,7 +53,7 @@ def test_without_a_file_an_interrupt_says_what_would_keep_the_points(tmp_path, m
     def press(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("orchestration.sweeps.pareto.search._Search.front", press)
+    monkeypatch.setattr("orchestration.sweeps.pareto.search._ParetoSearch.front", press)
     done = here(*LONG, cwd=tmp_path)
     assert done.returncode == 130
     assert done.stderr.splitlines()[-1] == (

@@ -68,16 +68,16 @@ def test_a_repeatable_option_without_a_text_is_refused(arguments, tmp_path):
 
 
 CHOICES = {
-    option.flags[0]: option
+    f"{cls.__name__} {option.flags[0]}": option
     for cls in DECLARED
     for option in options_of(cls).values()
     if option.on_command_line and option.choices
 }
 
 
-@pytest.mark.parametrize("flag", CHOICES)
-def test_a_choice_that_there_is_not_is_refused_before_any_work(flag):
-    option = CHOICES[flag]
+@pytest.mark.parametrize("name", CHOICES)
+def test_a_choice_that_there_is_not_is_refused_before_any_work(name):
+    option = CHOICES[name]
     with pytest.raises(UserError, match=f"'nope': there are {', '.join(option.choices)}$"):
         option.read("nope")
     assert [option.read(choice) for choice in option.choices] == [*option.choices]

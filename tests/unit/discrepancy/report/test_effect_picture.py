@@ -12,7 +12,7 @@ from fmus.kit.sensors import sensor_lag
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.report import effect_picture
-from orchestration.discrepancy.report.effect_picture import LawValues, Quantity
+from orchestration.discrepancy.report.effect_picture import AxisLabel, LawValues
 from orchestration.reporting import pictures
 from tests.support.pages import charts_of, words_of
 from tests.support.wired_motor import FRICTION, Motor
@@ -77,8 +77,8 @@ def test_the_law_is_that_of_the_plant_with_the_effect_and_linear_without(cubed):
     assert values.with_effect == pytest.approx(2.0 * u + STRENGTH * u**3, abs=0.02)
     assert values.without == pytest.approx(2.0 * u, abs=0.02)
     assert (values.law, values.signal) == (
-        Quantity("amplified", "V"),
-        Quantity("control signal", "V"),
+        AxisLabel("amplified", "V"),
+        AxisLabel("control signal", "V"),
     )
     assert values.is_function
 
@@ -184,8 +184,8 @@ def test_a_function_of_the_signal_is_told_from_a_memory(lag, is_function):
     time = STEP * np.arange(COUNT)
     x = np.sin(0.3 * time)
     more = np.roll(x**2, lag)
-    quantity = Quantity("law", "1")
-    assert LawValues(quantity, quantity, time, x, x + more, x, x).is_function is is_function
+    label = AxisLabel("law", "1")
+    assert LawValues(label, label, time, x, x + more, x, x).is_function is is_function
 
 
 def test_a_law_with_arguments_has_the_value_and_the_unit_of_the_output_that_shows_it():
@@ -207,8 +207,8 @@ def test_what_cannot_be_evaluated_is_not_drawn(cubed, monkeypatch):
 def test_the_part_of_the_record_is_drawn_in_which_the_effect_does_most():
     time = STEP * np.arange(600)
     more = np.where((time > 40.0) & (time < 45.0), 1.0, 0.0)
-    quantity = Quantity("law", "V")
-    values = LawValues(quantity, Quantity("", "1"), time, time, more, more - more, more)
+    label = AxisLabel("law", "V")
+    values = LawValues(label, AxisLabel("", "1"), time, time, more, more - more, more)
     text = f"{effect_picture._over_time(values)}</figure>"
     ((panel,),) = charts_of(text)
     ticks = [float(word) for word in words_of(text.split('<div class="x">')[1]).split()[:-2]]
@@ -221,5 +221,5 @@ def test_the_part_of_the_record_is_drawn_in_which_the_effect_does_most():
     [(0.8, "charge [C]", 0.8), (0.05, "charge [mC]", 50.0), (1200.0, "charge [kC]", 1.2)],
 )
 def test_an_axis_has_a_prefix_but_for_tenths_of_a_unit(largest, title, shown):
-    axis, (values,) = Quantity("charge", "C").scaled(np.array([0.0, -largest]))
+    axis, (values,) = AxisLabel("charge", "C").scaled(np.array([0.0, -largest]))
     assert (axis, values[1]) == (title, pytest.approx(-shown))

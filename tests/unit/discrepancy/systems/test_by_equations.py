@@ -20,6 +20,7 @@ from orchestration.discrepancy.systems.by_equations import (
 from orchestration.discrepancy.systems.cut import isolated_members
 from orchestration.identify.fitting import Problem
 from orchestration.system import Member, Port, library
+from tests.support.archive import edited, of_other_laws
 from tests.support.hosts import build_one_state_fmu
 
 MODULE = "orchestration.discrepancy.systems.by_equations"
@@ -33,6 +34,13 @@ def test_equations_are_known_of_components_and_what_was_made_of_them(tmp_path):
     assert restored is not None
     assert "coulomb_force" in restored.layout.parameter_index
     assert equations_of(Member("other", build_one_state_fmu(tmp_path))) is None
+
+
+def test_equations_of_a_file_are_known_where_its_laws_are_those_of_today(tmp_path):
+    made = Member.of("bench", component("voice_coil_dma")).fmu
+    assert equations_of(Member("bench", made)) is not None
+    old = edited(made, tmp_path / "old.fmu", of_other_laws)
+    assert equations_of(Member("bench", old)) is None
 
 
 def test_a_loop_with_a_member_of_others_is_left_to_their_fmus(tmp_path):

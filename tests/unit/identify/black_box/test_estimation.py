@@ -373,7 +373,7 @@ def of_box_jenkins(record):
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # steps of the toolbox's search overflow
-@pytest.mark.parametrize("d1", [pytest.param(-0.8, marks=pytest.mark.slow), 0.5])
+@pytest.mark.parametrize("d1", [-0.8, 0.5])
 @pytest.mark.slow
 def test_the_free_run_is_no_farther_from_the_truth(d1):
     records = [box_jenkins_record(seed, d1=d1) for seed in TOOLBOX_SEEDS]

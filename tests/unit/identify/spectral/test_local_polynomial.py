@@ -11,6 +11,7 @@ from scipy import signal
 from orchestration.identify.spectral import estimate_responses
 from orchestration.identify.spectral.local_polynomial import Spectra, estimate
 from tests.support import frequency as made
+from tests.support.pace import slow_but
 
 SEEDS = 200
 NOISE = 0.01
@@ -48,10 +49,10 @@ def shares(response, truth):
     return np.array(inside, dtype=float)
 
 
-SLOW = [pytest.param(k, marks=pytest.mark.slow) for k in ("multisine", "multisine of one period")]
+KINDS = ["random", "PRBS", "square", "multisine", "multisine of one period"]
 
 
-@pytest.mark.parametrize("kind", ["random", "PRBS", "square", *SLOW])
+@pytest.mark.parametrize("kind", slow_but(KINDS, *KINDS[:3]))
 def test_intervals_of_an_impedance_hold_the_truth_as_often_as_they_say(kind):
     held = []
     for seed in range(SEEDS):
@@ -66,9 +67,7 @@ def test_intervals_of_an_impedance_hold_the_truth_as_often_as_they_say(kind):
     assert np.all((np.mean(held, axis=0) > 0.90) & (np.mean(held, axis=0) < 0.98))
 
 
-@pytest.mark.parametrize(
-    "kind", ["levels", pytest.param("random", marks=pytest.mark.slow), SLOW[0]]
-)
+@pytest.mark.parametrize("kind", ["levels", "random", "multisine"])
 @pytest.mark.slow
 def test_intervals_of_two_inputs_hold_the_truth_as_often_as_they_say(kind):
     """A force that is random beside a current; displacement answers to both."""

@@ -10,7 +10,7 @@ import pytest
 
 from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.server import front as module
-from orchestration.rig.server.front import Front, ReceivedSignals
+from orchestration.rig.server.front import EventLoop, ReceivedSignals
 from orchestration.rig.server.latch_file import LatchKeeper
 from orchestration.rig.server.lockstep import LockstepRig
 from orchestration.rig.server.request_handler import RequestHandler
@@ -34,8 +34,8 @@ def served():
     with opened(settings) as sockets:
         rig = LockstepRig(settings)
         handler = RequestHandler(rig, settings.period, Silent(), LatchKeeper())
-        front = Front(sockets, handler, Silent(), signals)
-        thread = threading.Thread(target=front.run, daemon=True)
+        loop = EventLoop(sockets, handler, Silent(), signals)
+        thread = threading.Thread(target=loop.run, daemon=True)
         thread.start()
         try:
             yield read_endpoint(sockets.endpoint())

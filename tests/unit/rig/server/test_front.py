@@ -19,7 +19,7 @@ from fmus.rig_proxy import ProtocolError
 from orchestration.rig.access import Peer
 from orchestration.rig.keys import KeyHolder
 from orchestration.rig.server import front as module
-from orchestration.rig.server.front import Front, ReceivedSignals, received_signals
+from orchestration.rig.server.front import EventLoop, ReceivedSignals, received_signals
 from tests.support.command import posix
 
 
@@ -125,7 +125,7 @@ def serve():
             operators=Requests(operators),
             turned_away=lambda: 0,
         )
-        Front(sockets, handler, log, signals).run()
+        EventLoop(sockets, handler, log, signals).run()
         return handler, requests.sent + sockets.operators.sent, log.lines
 
     return run
@@ -219,7 +219,7 @@ def test_clients_that_keep_sending_hold_up_no_operator(monkeypatch, serve):
     sockets = SimpleNamespace(
         requests=requests, telemetry=requests, operators=operators, turned_away=lambda: 0
     )
-    Front(sockets, handler, Log(), signals).run()
+    EventLoop(sockets, handler, Log(), signals).run()
     assert len(handler.done) == 1000
     assert max(b - a for a, b in pairwise(looks)) <= 6
 
@@ -249,7 +249,7 @@ def test_telemetry_has_a_pace_whatever_the_rig_has(monkeypatch, serve, fresh, mo
     sockets = SimpleNamespace(
         requests=idle, telemetry=idle, operators=Requests([]), turned_away=lambda: 0
     )
-    Front(sockets, handler, Log(), signals).run()
+    EventLoop(sockets, handler, Log(), signals).run()
     assert 1.0 / most * 0.95 - 1 <= len(sent) <= 1.0 / least + 1
 
 
@@ -260,7 +260,7 @@ def test_a_server_whose_memory_fills_stops_the_rig_and_ends(monkeypatch):
     monkeypatch.setattr(module, "_LOOK", -1.0)
     handler, signals, idle = Handler(), ReceivedSignals(), Requests([])
     sockets = SimpleNamespace(requests=idle, telemetry=idle, operators=idle, turned_away=lambda: 0)
-    Front(sockets, handler, Log(), signals).run()
+    EventLoop(sockets, handler, Log(), signals).run()
     assert handler.stops == [signals.ending] == ["a peer filled 1024 MiB of memory"]
     assert next(used, None) is None
 

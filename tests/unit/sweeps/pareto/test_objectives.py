@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from fmus.kit import UserError
-from orchestration.sweeps.pareto import read_objective
+from fmus.kit import Component, Output, Parameter, UserError, stack
+from orchestration.sweeps import Range
+from orchestration.sweeps.pareto import Objective, Objectives, read_objective
 
 
 def test_values_and_derivatives_are_the_closed_form(decay):
@@ -40,3 +41,42 @@ def test_the_worst_of_several_is_one_objective():
         read_objective("aa", 1.0, units, "maximise")
     with pytest.raises(UserError, match="the worst of N and m cannot be told"):
         read_objective("a & c", 1.0, units, "maximise")
+
+
+class SlantedLine(Component):
+    """A line."""
+
+    name = "line"
+    slope = Parameter(1.0, "1", doc="slope")
+    offset = Parameter(0.0, "1", doc="offset")
+
+    @Output("1")
+    def height(self):
+        """Height."""
+        return self.slope + self.offset
+
+
+class Reworded(SlantedLine):
+    """The same laws in other words."""
+
+
+class Doubled(SlantedLine):
+    """Another law."""
+
+    @Output("1")
+    def height(self):
+        """Height."""
+        return 2.0 * self.slope + self.offset
+
+
+def test_a_model_is_known_by_its_laws_and_by_the_values_it_starts_with():
+    def digests(cls):
+        slope = Range("slope", "1", np.array([0.0, 1.0]), False, counted=False)
+        height = Objective(("height",), "1", 1.0)
+        return Objectives(cls, [slope], [height], np.zeros(1), {}, {}).digests()
+
+    known = digests(SlantedLine)
+    assert digests(Reworded) == known
+    for other in (Doubled, stack(SlantedLine, name="line", defaults={"offset": 1.0})):
+        told = digests(other)
+        assert [part for part in known if told[part] != known[part]] == ["the model"]

@@ -21,7 +21,7 @@ import orchestration as ppy
 from fmus.kit import UserError
 from fmus.kit.storage import scratch
 from orchestration.fmu.repeated import RepeatedFmu
-from orchestration.journal import remove
+from orchestration.journal import removed_after
 from orchestration.sweeps.storage import zarr_store as stored
 from tests.support.command import refused, works
 from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_one_state_fmu, build_pythonfmu
@@ -118,8 +118,8 @@ def test_what_comes_into_the_folder_meanwhile_stays(folder):
     goes_on = interrupted(folder)
     (folder / "part" / "failures.jsonl.0123.part").write_text("left by a process that was killed")
     assert goes_on()["x_last"].shape == (20,)
-    (folder / "part" / "mine.txt").write_text("dear")
-    remove(folder / "part")
+    with removed_after(folder / "part"):
+        (folder / "part" / "mine.txt").write_text("dear")
     assert [path.name for path in (folder / "part").iterdir()] == ["mine.txt"]
 
 
@@ -180,8 +180,8 @@ def holding(text):
 @pytest.mark.parametrize(
     ("name", "damage"),
     [
-        ("sweep.json", holding("[1]")),
-        ("sweep.json", holding("[" * 100_000)),
+        ("work.json", holding("[1]")),
+        ("work.json", holding("[" * 100_000)),
         ("numbers.npy", of_shape(20, 3)),
         ("numbers.npy", of_shape(20, 3, 1, kind="f4")),
         ("numbers.npy", gone),
