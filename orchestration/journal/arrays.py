@@ -17,14 +17,14 @@ def opened(path: Path, mode: Literal["r", "r+"], shape: tuple[int, ...], kind: s
     Raises
     ------
     ValueError
-        If it does not exist, or is of another shape or type.
+        If it does not exist, was cut short, or is of another shape or type.
     """
     if not path.exists():
         raise ValueError(f"{path.name} is missing")
-    array = np.lib.format.open_memmap(path, mode)
+    array = np.lib.format.open_memmap(path, "r")  # r+ would fill what is cut short with zeros
     if array.shape != shape or array.dtype != np.dtype(kind):
         raise ValueError(f"{path.name} is of another shape")
-    return array
+    return np.lib.format.open_memmap(path, mode)
 
 
 def reserve(path: Path) -> None:

@@ -64,6 +64,8 @@ class WorkJournal:
                 for path in folder.glob("*.npy"):  # they take room that there is not
                     path.unlink(missing_ok=True)
             raise UserError(f"{folder}: cannot be written ({error.strerror or error})") from error
+        except UserError:  # which is a ValueError
+            raise
         except (ValueError, TypeError, RecursionError) as error:
             raise UserError(f"{folder}: is damaged ({error}); remove it to begin anew") from error
 

@@ -38,6 +38,7 @@ class KeptPoints:
             worst = self._of.worst(shares)
             effort = self._of.evaluations - before
             self._journal.keep(row, np.concatenate([shares, worst, [effort]]))
+        self._of.forget()  # so that the next point takes as many, whichever way this one came
         return np.array(self._journal.numbers[row, : len(self._of.ranges)])
 
     def worst(self, row: int) -> Array:

@@ -189,6 +189,10 @@ class Objectives:
         self._last = key, (values, slopes)
         return values, slopes
 
+    def forget(self) -> None:
+        """Forget the last run, so that the next counts as one, whatever was run before."""
+        self._last = None
+
     def worst(self, shares: Array) -> Array:
         """Return the worst output of each objective, shape (m,); minus infinity if a run fails."""
         try:

@@ -17,3 +17,14 @@ def test_an_array_is_opened_as_it_was_made(tmp_path):
             opened(tmp_path / "a.npy", "r", shape, kind)
     with pytest.raises(ValueError, match=r"b\.npy is missing"):
         opened(tmp_path / "b.npy", "r", (4, 2), "f8")
+
+
+@pytest.mark.parametrize("mode", ["r", "r+"])
+def test_an_array_that_was_cut_short_is_not_filled_with_zeros(mode, tmp_path):
+    path = tmp_path / "a.npy"
+    np.save(path, np.ones((4, 2)))
+    cut = path.read_bytes()[:-8]
+    path.write_bytes(cut)
+    with pytest.raises(ValueError, match="file size"):
+        opened(path, mode, (4, 2), "f8")
+    assert path.read_bytes() == cut

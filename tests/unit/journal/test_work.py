@@ -23,7 +23,8 @@ def test_the_same_work_goes_on(tmp_path):
 
 def test_other_work_is_refused_by_what_differs(tmp_path):
     WorkJournal(tmp_path, "search", ABOUT, (4, 2))
-    with pytest.raises(UserError, match=r"another search \(not the same: the cases\); remove it"):
+    said = r"^\S+: is of another search \(not the same: the cases\); remove it to begin anew$"
+    with pytest.raises(UserError, match=said):
         WorkJournal(tmp_path, "search", ABOUT | {"the cases": "c"}, (4, 2))
 
 
