@@ -14,6 +14,7 @@ from fmus.kit.record.compiled import CompiledModel
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.simulation import simulate_instance
 from tests.support.foot import RANGES
+from tests.support.pace import slow_but
 
 JOINTS = ("ankle", "tm", "mtp", "mtp2")
 LOADS = [v.name for v in FootFree.layout.inputs]
@@ -177,12 +178,12 @@ def test_work_and_loss_add_up_in_any_step():
 
 
 @pytest.mark.timeout(3600)
-@pytest.mark.slow
-def test_10000_random_landings_get_no_energy_from_the_ground():
+@pytest.mark.parametrize("landings", slow_but([40, 10_000], 40))
+def test_random_landings_get_no_energy_from_the_ground(landings):
     """The whole foot, from any posture at any velocity, under any tensions."""
     random = np.random.default_rng(5)
     touched = 0
-    for seed in random.integers(0, 10**9, 10_000):
+    for seed in random.integers(0, 10**9, landings):
         values = drawn(seed)
         loads = {name: values.pop(name) for name in LOADS}
         posture = {f"{joint}_angle": values[f"{joint}_angle_start"] for joint in JOINTS}
@@ -192,7 +193,7 @@ def test_10000_random_landings_get_no_energy_from_the_ground():
         most = np.ptp(found["kinetic_energy"])
         assert found["ground_work"].max() <= 1e-7 * most
         touched += found["ground_force_x"].min() < 0.0
-    assert touched > 9_000
+    assert touched > 0.9 * landings
 
 
 @pytest.mark.parametrize("leg", [{"leg_held": 1.0}, {"leg_mass": 1e6}], ids=["held", "heavy"])

@@ -43,7 +43,6 @@ def figure(experiment, true_model):
 
 
 @pytest.mark.parametrize("hidden", HIDDEN)
-@pytest.mark.slow
 def test_what_a_dull_record_cannot_tell_apart_the_designed_experiment_does(hidden):
     _, selection = ambiguous(hidden)
     (step,) = selection.steps

@@ -60,7 +60,6 @@ def judged(data, effects):
 
 
 @pytest.mark.parametrize(("course", "held"), [("chirp", True), ("triangle", False)])
-@pytest.mark.slow
 def test_a_lag_is_found_where_a_model_without_it_takes_the_input_the_wrong_way(course, held):
     data = record(course, held)
     assert judged(data, []).intersample["current_command"].linear is held
