@@ -23,11 +23,11 @@ from .results import ExperimentResult as ExperimentResult
 from .results import about_experiment as about_experiment
 from .results import about_pace as about_pace
 from .subjects import subject as subject
+from .subjects import with_classes as with_classes
 from .system_model import find_system as find_system
 from .system_model import fused_model as fused_model
 from .system_model import is_system as is_system
 from .system_model import system_model as system_model
-from .system_model import with_classes as with_classes
 from .values import ValueTable as ValueTable
 from .waveforms import force_staircase as force_staircase
 from .waveforms import multilevel as multilevel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any, Protocol
@@ -19,6 +19,7 @@ from orchestration.fmu import (
     LimitOutputs,
     Signal,
     Value,
+    declared_model,
     find_model,
     read_description,
     read_signal,
@@ -289,7 +290,7 @@ def _fused(
 
     Inputs are held as a master holds them; members exchange all the time.
     """
-    model = CompiledModel(fuse(system))
+    model = CompiledModel(fuse(with_classes(system)))
     begin = perf_counter()
     signals = model.run(time, inputs).signals
     for name in record:
@@ -300,6 +301,15 @@ def _fused(
     progress(time.size)
     spent = master.Statistics({}, time.size - 1, 0, 0, perf_counter() - begin)
     return master.Run(time, {name: signals[name] for name in record}, {}, True, "", spent, {})
+
+
+def with_classes(system: System) -> System:
+    """Return a system whose members have the classes that their FMUs were built from."""
+    members = (
+        m if m.cls is not None else replace(m, cls=declared_model(str(m.fmu)).cls)
+        for m in system.members
+    )
+    return replace(system, members=tuple(members))
 
 
 def known(name: str, among: Mapping[str, Signal], what: str, where: str) -> Signal:

@@ -23,13 +23,12 @@ from fmus.kit.arrays import Array, Indices
 from fmus.kit.record import CompiledModel
 from fmus.kit.storage import scratch
 from orchestration.experiment.model import Master
-from orchestration.experiment.subjects import Subject, subject_of
+from orchestration.experiment.subjects import Subject, subject_of, with_classes
 from orchestration.fmu import (
     FmuSource,
     Model,
     Signal,
     Value,
-    declared_model,
     numeric,
     refuse_runtime,
 )
@@ -135,15 +134,6 @@ def fused_model(system: System, name: str = "") -> Model:
         )
         return replace(system_model(system, name=name), notes=(note,))
     return model
-
-
-def with_classes(system: System) -> System:
-    """Return a system whose members have the classes that their FMUs were built from."""
-    members = (
-        m if m.cls is not None else replace(m, cls=declared_model(str(m.fmu)).cls)
-        for m in system.members
-    )
-    return replace(system, members=tuple(members))
 
 
 def _sendable(system: System) -> System:

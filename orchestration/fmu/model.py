@@ -354,7 +354,7 @@ def _read_model(name: str) -> Model:
     path = Path(name)
     if not is_file(path) and path.suffix != ".fmu":
         hint = suggestion(name, MODELS, few=0)
-        if is_folder(path):
+        if name and is_folder(path):
             raise UserError(
                 f"{name} is a folder; name an .fmu in it, or a component: {', '.join(MODELS)}"
             )

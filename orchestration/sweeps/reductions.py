@@ -33,8 +33,8 @@ def checked_reductions(names: Sequence[str]) -> list[str]:
     for name in names:
         if name not in known:
             raise UserError(
-                f"{option('keep', [name])}: no such reduction{suggestion(name, known)}; there are"
-                f" {', '.join(known)}"
+                f"{option('keep', [name])}: no such reduction{suggestion(name, known, few=0)};"
+                f" there are {', '.join(known)}"
             )
     if not names:
         raise UserError(f"{option('keep')} names nothing; there are {', '.join(known)}")

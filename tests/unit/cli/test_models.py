@@ -216,6 +216,10 @@ def test_a_wrong_component_is_answered_with_those_there_are(folder, command):
     )
 
 
+def test_an_empty_name_is_no_folder(folder):
+    refused(folder, "info", "", parts=["no component named ''"])
+
+
 def test_effects_need_a_model(folder):
     refused(folder, "build", "--with", "slack", parts=["--with and --set are about one model"])
     refused(

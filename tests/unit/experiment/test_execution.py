@@ -25,7 +25,7 @@ from orchestration.fmu.model import find_model
 from orchestration.fmu.simulation import simulate
 from orchestration.master.reference.fused import fuse
 from orchestration.records import write_record
-from orchestration.system import library
+from orchestration.system import library, ssp
 from tests.support.foot import lengths_at, toe_at
 
 ROOT = Path(__file__).parents[3]
@@ -509,6 +509,16 @@ def test_an_input_that_nothing_feeds_is_set_as_a_parameter():
     ]
     assert found["actuator.tension"].values.tobytes() == exact.tobytes()
     assert json.loads(found.attrs["parameters"])["bench.hold"].startswith("1.0")
+
+
+def test_a_fused_system_is_the_same_from_its_file(tmp_path):
+    shipped = "duration = 0.02\nstep = 1e-3\nmaster = { method = 'fused' }\n" + STEADY
+    ssp.write(library.system("dma_bench"), tmp_path / "dma_bench.ssp")
+    of_file = make(BENCH.replace("dma_bench", "dma_bench.ssp") + shipped, tmp_path=tmp_path)
+    named = make(BENCH + shipped)
+    assert list(of_file) == list(named)
+    for name in named:
+        np.testing.assert_array_equal(of_file[name].values, named[name].values)
 
 
 def test_a_fused_system_is_where_smaller_steps_lead():

@@ -3,7 +3,9 @@
 import pytest
 
 from fmus import component
+from fmus.kit.build import build_cached
 from orchestration.system import Member, Port, System, ssp
+from tests.support.archive import edited, of_other_laws
 from tests.support.command import refused
 from tests.support.experiments import good_experiment
 
@@ -39,7 +41,9 @@ def test_so_it_is_after_the_experiment_that_names_it(folder):
 
 
 def test_only_systems_whose_laws_are_known_are_fused(folder):
-    member = Member.of("one", component("ppy_actuator"), {"force": 0.0})
+    made = build_cached(component("ppy_actuator"), "native")
+    old = edited(made, folder / "old.fmu", of_other_laws)
+    member = Member("one", old, {"force": 0.0})
     ssp.write(System("s", (member,), (), {"current": (Port("one", "current"),)}), folder / "s.ssp")
     (folder / "s.toml").write_text(
         'system = "s.ssp"\nmaster = {method = "fused"}\n[inputs]\ncurrent = 1', "utf-8"

@@ -207,7 +207,7 @@ def test_there_are_no_more_workers_than_cases(lag, monkeypatch):
         ({"over": {"tau": "1..2:3"}, "settings": {"tau": 1.0}}, "swept, and set"),
         ({"over": {"u": "1..2:3"}, "inputs": {"u": 1.0}}, "swept, and set"),
         ({"over": {"tau": "1..2:3"}, "outputs": ["y"]}, "no output named 'y'"),
-        ({"over": {"tau": "1..2:3"}, "keep": ["median"]}, "no such reduction"),
+        ({"over": {"tau": "1..2:3"}, "keep": ["nothing"]}, "no such reduction; there are"),
         ({"over": {"tau": "1..2:3"}, "keep": []}, "names nothing"),
         ({"over": {"tau": "1..2:3"}, "workers": 0}, "workers 0: from 1"),
     ],
