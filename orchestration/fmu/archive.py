@@ -18,6 +18,7 @@ from orchestration.fmu.default_experiment import experiment_faults
 from orchestration.fmu.wrapping import DeclaredVariable, Translation, translate, wrap
 
 _DESCRIPTION = "modelDescription.xml"
+_SYSTEM = "SystemStructure.ssd"
 _VARIABLES = "ModelVariables"
 _CHUNK = 2**20  # bytes that are read at once
 
@@ -62,6 +63,8 @@ class Archive:
             raise
 
     def _read_description(self) -> Element:
+        if _SYSTEM in self.names:
+            raise UserError(f"{self.path}: a system (SSP), where an FMU is needed")
         if _DESCRIPTION not in self.names:
             raise UserError(
                 f"{self.path}: a zip archive but not an FMU ({_DESCRIPTION} is not in it)"

@@ -24,6 +24,10 @@ from tests.support.fmi3_fmus import foreign
             "a zip archive but not an FMU",
         ),
         (
+            lambda n, c: ("SystemStructure.ssd" if n == "modelDescription.xml" else n, c),
+            r"other\.fmu: a system \(SSP\), where an FMU is needed$",
+        ),
+        (
             lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="3.1"')),
             "FMI version 3.1; this program knows FMI 2.0 and 3.0$",
         ),

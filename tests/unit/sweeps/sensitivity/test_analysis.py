@@ -59,7 +59,7 @@ def test_nothing_stands_in_for_a_case_that_failed(fragile):
         ({"over": {"a": [1.0, 2.0]}, "kind": "tornado", "samples": None}, "write from..to"),
         ({"kind": "tornado"}, "has its own values"),
         ({"settings": {"a": 1.0}}, "swept, and set"),
-        ({"seed": -1}, "zero or more"),
+        ({"seed": -1}, "seed=-1: from 0 on"),
     ],
 )
 def test_what_does_not_go_together_is_told_before_anything_runs(call, told):
