@@ -13,7 +13,7 @@ import typer
 from typer.core import TyperGroup
 
 from fmus.kit import UserError
-from orchestration.cli.ending import INTERRUPTED, end_interrupted
+from orchestration.cli.ending import INTERRUPTED, end_interrupted, end_unloadable
 from orchestration.cli.examples import epilog
 from orchestration.cli.real_time import IncompleteRecord
 from orchestration.reporting import in_shell
@@ -173,7 +173,9 @@ def main() -> None:
             code = app(standalone_mode=False, prog_name="ppy")
         if code == INTERRUPTED:  # typer has taken the interrupt for itself
             raise KeyboardInterrupt
-    except (KeyboardInterrupt, typer.Abort):
+    except (KeyboardInterrupt, typer.Abort) as ended:
+        if isinstance(ended.__cause__, EOFError):  # which typer takes for an interrupt
+            end_unloadable(ended.__cause__)
         end_interrupted()
     except BrokenPipeError:  # the reader of our output left, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,4 +1,4 @@
-"""The end of a command that was interrupted."""
+"""The end of a command that was interrupted, or that Python cannot load."""
 
 import signal
 import sys
@@ -27,6 +27,25 @@ def end_interrupted(kept: str = "") -> NoReturn:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     print(f"interrupted: {kept}" if kept else "interrupted", file=sys.stderr)
     sys.exit(INTERRUPTED)
+
+
+def end_unloadable(error: EOFError) -> NoReturn:
+    """Say that compiled modules are cut off, as Python leaves them where a disk is full; to it they
+    are valid, and every further start fails.
+
+    Parameters
+    ----------
+    error : EOFError
+        As Python's reader of compiled modules raises it.
+
+    Raises
+    ------
+    SystemExit
+        Always.
+    """
+    place = sys.pycache_prefix or f"the folders __pycache__ below {Path(__file__).parents[2]}"
+    print(f"error: a compiled module is cut off ({error}); remove {place}", file=sys.stderr)
+    sys.exit(2)
 
 
 @contextmanager

@@ -1,7 +1,11 @@
-"""Claims: Ctrl-C while the command line is still imported ends the command as later."""
+"""Claims: Ctrl-C while the command line is still imported ends the command as later, and a compiled
+module that is cut off is told.
+"""
 
 from __future__ import annotations
 
+import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -47,3 +51,19 @@ def test_the_last_line_says_what_is_kept(tmp_path, capsys):
         signal.signal(signal.SIGINT, before)
         assert ended.value.code == 130
         assert capsys.readouterr().err.startswith(f"interrupted: {told}")
+
+
+@pytest.mark.parametrize("name", ["cli/app", "cli/commands/list"])
+def test_a_compiled_module_that_was_cut_off(name, tmp_path):
+    """As a full disk leaves it; Python takes it for whole, and typer its error for an interrupt."""
+    command = [sys.executable, "-m", "orchestration.cli", "list"]
+    environment = os.environ | {"PYTHONPYCACHEPREFIX": str(tmp_path), "PYTHONDONTWRITEBYTECODE": ""}
+    first = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    (compiled,) = tmp_path.rglob(f"orchestration/{name}.*.pyc")
+    compiled.write_bytes(compiled.read_bytes()[:1500])
+    cut = subprocess.run(command, env=environment, capture_output=True, text=True)
+    line = f"error: a compiled module is cut off (marshal data too short); remove {tmp_path}\n"
+    assert (cut.returncode, cut.stdout, cut.stderr.lstrip()) == (2, "", line)
+    shutil.rmtree(tmp_path)
+    again = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert (again.returncode, again.stdout) == (0, first.stdout)

@@ -63,7 +63,8 @@ def started(folder, *arguments, before: str = "") -> subprocess.Popen[str]:
         text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        env=os.environ | {"TMPDIR": str(folder / "scratch")},
+        # where files must stay small, compiled modules would be cut off for all that come later
+        env=os.environ | {"TMPDIR": str(folder / "scratch"), "PYTHONDONTWRITEBYTECODE": "1"},
     )
 
 
