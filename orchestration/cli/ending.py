@@ -30,8 +30,10 @@ def end_interrupted(kept: str = "") -> NoReturn:
 
 
 def end_unloadable(error: EOFError) -> NoReturn:
-    """Say that compiled modules are cut off, as Python leaves them where a disk is full; to it they
-    are valid, and every further start fails.
+    """Say that compiled modules are cut off.
+
+    Python leaves them so where a disk is full, takes them for whole, and fails at every further
+    start.
 
     Parameters
     ----------
