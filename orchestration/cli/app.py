@@ -13,7 +13,7 @@ import typer
 from typer.core import TyperGroup
 
 from fmus.kit import UserError
-from orchestration.cli.ending import INTERRUPTED, end_interrupted, end_unloadable
+from orchestration.cli.ending import INTERRUPTED, end_interrupted, end_unloadable, is_of_import
 from orchestration.cli.examples import epilog
 from orchestration.cli.real_time import IncompleteRecord
 from orchestration.reporting import in_shell
@@ -174,9 +174,7 @@ def main() -> None:
         if code == INTERRUPTED:  # typer has taken the interrupt for itself
             raise KeyboardInterrupt
     except (KeyboardInterrupt, typer.Abort) as ended:
-        if isinstance(ended.__cause__, EOFError):  # which typer takes for an interrupt
-            end_unloadable(ended.__cause__)
-        end_interrupted()
+        _end_aborted(ended.__cause__)
     except BrokenPipeError:  # the reader of our output left, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except Exception as error:
@@ -186,6 +184,15 @@ def main() -> None:
             raise
         _fail(_message(error), 1 if isinstance(error, IncompleteRecord) else 2)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _end_aborted(cause: BaseException | None) -> NoReturn:
+    """End an interrupt, or what typer takes for one: an end of file, wherever it was met."""
+    if not isinstance(cause, EOFError):
+        end_interrupted()
+    if is_of_import(cause):
+        end_unloadable(cause)
+    _fail(_message(cause))
 
 
 def _is_expected(error: Exception) -> bool:

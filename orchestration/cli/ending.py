@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from traceback import walk_tb
 from typing import NoReturn
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
@@ -48,6 +49,12 @@ def end_unloadable(error: EOFError) -> NoReturn:
     place = sys.pycache_prefix or f"the folders __pycache__ below {Path(__file__).parents[2]}"
     print(f"error: a compiled module is cut off ({error}); remove {place}", file=sys.stderr)
     sys.exit(2)
+
+
+def is_of_import(error: EOFError) -> bool:
+    """Return True if Python's own import raised an error, not what reads a file or a worker."""
+    *_, (last, _) = walk_tb(error.__traceback__)
+    return last.f_code.co_filename.startswith("<frozen importlib")
 
 
 @contextmanager

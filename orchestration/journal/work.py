@@ -91,7 +91,7 @@ def count_done(folder: Path) -> tuple[int, int]:
     """Return how many parts of the work in a folder are done, and of how many; 0, 0 of none."""
     try:
         done = np.load(folder / DONE)
-    except (OSError, ValueError):
+    except (OSError, ValueError, EOFError):  # the last of an empty file
         return 0, 0
     return int(np.count_nonzero(done)), done.size
 

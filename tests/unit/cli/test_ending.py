@@ -22,7 +22,7 @@ import sys
 class Pressed:
     def find_spec(self, name, path=None, target=None):
         if name == {name!r}:
-            raise KeyboardInterrupt
+            raise {error}
 
 sys.meta_path.insert(0, Pressed())
 from orchestration.cli.__main__ import main
@@ -32,7 +32,7 @@ main()
 
 @pytest.mark.parametrize("name", ["typer", "fmus.kit", "orchestration.cli.commands.list"])
 def test_an_interrupt_while_a_module_is_imported(name):
-    code = PRESSED.format(name=name)
+    code = PRESSED.format(name=name, error="KeyboardInterrupt")
     done = subprocess.run([sys.executable, "-c", code, "list"], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
 
@@ -67,3 +67,12 @@ def test_a_compiled_module_that_was_cut_off(name, tmp_path):
     shutil.rmtree(tmp_path)
     again = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert (again.returncode, again.stdout) == (0, first.stdout)
+
+
+def test_an_end_of_file_of_something_else_is_no_interrupt_and_no_module():
+    code = PRESSED.format(name="orchestration.cli.commands.list", error="EOFError('no data')")
+    done = subprocess.run([sys.executable, "-c", code, "list"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.lstrip().startswith(
+        "error: internal error, please report: EOFError: no data"
+    )

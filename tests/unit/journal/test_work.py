@@ -38,6 +38,8 @@ def test_what_is_damaged_is_said(tmp_path, name):
 
 def test_a_folder_without_a_journal_has_nothing_done(tmp_path):
     assert count_done(tmp_path) == count_done(tmp_path / "gone") == (0, 0)
+    (tmp_path / "done.npy").touch()  # as where there was no room
+    assert count_done(tmp_path) == (0, 0)
 
 
 def test_a_digest_is_of_bytes_and_of_what_is_written():
