@@ -4,6 +4,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import _bootstrap_external
 from pathlib import Path
 from traceback import walk_tb
 from typing import NoReturn
@@ -54,7 +55,7 @@ def end_unloadable(error: EOFError) -> NoReturn:
 def is_of_import(error: EOFError) -> bool:
     """Return True if Python's own import raised an error, not what reads a file or a worker."""
     *_, (last, _) = walk_tb(error.__traceback__)
-    return last.f_code.co_filename.startswith("<frozen importlib")
+    return last.f_globals is vars(_bootstrap_external)
 
 
 @contextmanager

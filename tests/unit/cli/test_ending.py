@@ -4,6 +4,7 @@ module that is cut off is told.
 
 from __future__ import annotations
 
+import marshal
 import os
 import shutil
 import signal
@@ -16,6 +17,7 @@ import pytest
 from orchestration.cli.ending import kept_in
 from orchestration.journal import WorkJournal
 
+HEADER = 16  # bytes of a compiled module before its code (PEP 552)
 PRESSED = """
 import sys
 
@@ -53,16 +55,20 @@ def test_the_last_line_says_what_is_kept(tmp_path, capsys):
         assert capsys.readouterr().err.startswith(f"interrupted: {told}")
 
 
+@pytest.mark.parametrize("size", [HEADER + 1, 500, 1500])
 @pytest.mark.parametrize("name", ["cli/app", "cli/commands/list"])
-def test_a_compiled_module_that_was_cut_off(name, tmp_path):
+def test_a_compiled_module_that_was_cut_off(name, size, tmp_path):
     """As a full disk leaves it; Python takes it for whole, and typer its error for an interrupt."""
     command = [sys.executable, "-m", "orchestration.cli", "list"]
     environment = os.environ | {"PYTHONPYCACHEPREFIX": str(tmp_path), "PYTHONDONTWRITEBYTECODE": ""}
     first = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     (compiled,) = tmp_path.rglob(f"orchestration/{name}.*.pyc")
-    compiled.write_bytes(compiled.read_bytes()[:1500])
+    part = compiled.read_bytes()[:size]
+    compiled.write_bytes(part)
     cut = subprocess.run(command, env=environment, capture_output=True, text=True)
-    line = f"error: a compiled module is cut off (marshal data too short); remove {tmp_path}\n"
+    with pytest.raises(EOFError) as unreadable:
+        marshal.loads(part[HEADER:])
+    line = f"error: a compiled module is cut off ({unreadable.value}); remove {tmp_path}\n"
     assert (cut.returncode, cut.stdout, cut.stderr.lstrip()) == (2, "", line)
     shutil.rmtree(tmp_path)
     again = subprocess.run(command, env=environment, capture_output=True, text=True)
