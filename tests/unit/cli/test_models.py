@@ -264,7 +264,7 @@ def test_a_class_of_a_file_is_a_model_like_ours(folder, tmp_path):
         "--with",
         "fifth_kelvin",
         parts=[
-            "no effect named 'fifth_kelvin' (did you mean third_kelvin?)",
+            "no effect named 'fifth_kelvin' (did you mean fourth_kelvin?)",
             "ppy info own.py:Creep lists them",
         ],
     )
