@@ -18,8 +18,8 @@ from fmpy.fmi3 import FMU3Model, FMU3Slave
 from fmpy.validation import validate_fmu
 
 import fmus
-from fmus import component
-from fmus.kit import Component, Output, State
+from fmus import component, effects
+from fmus.kit import Component, Output, State, stack
 from fmus.kit.build.building import build
 from fmus.kit.build.toolchain import host_platform
 from tests.support.exchange import both_ways, distance
@@ -348,6 +348,64 @@ def test_output_derivatives_count_the_time_itself(tmp_path):
         one.doStep(0.0, 3.0)
         (rate,) = one.getOutputDerivatives([names["both"]], [1])
     assert rate == pytest.approx(2.0 * 3.0 - 0.5 * np.exp(-1.5), rel=1e-6)
+
+
+@pytest.mark.parametrize("starting", [True, False])
+def test_the_time_is_a_known(tmp_path, starting):
+    """It may stand among the knowns of a derivative, as it does among dependencies."""
+    path = tmp_path / "timed.fmu"
+    path.write_bytes(build(Timed, "native", [host_platform()], fmi=3))
+    with opened(path, tmp_path / "unpacked", exchange=True) as (one, names, described):
+        known = {u.variable.name: {d.name for d in u.dependencies} for u in described.outputs}
+        assert known == {"both": {"x", "time"}, "x": {"x"}}
+        one.enterInitializationMode(startTime=3.0)
+        if not starting:
+            one.exitInitializationMode()
+        state = names["x_start" if starting else "x"]
+        unknowns = [names["both"], names["der(x)"]]
+        knowns = [names["time"], state, names["time"]]
+        assert one.getDirectionalDerivative(unknowns, knowns, [1.0, 0.25, 2.0]) == [18.25, -0.125]
+        assert one.getAdjointDerivative(unknowns, knowns, [1.0, 4.0], 3) == [6.0, -1.0, 6.0]
+        assert one.getAdjointDerivative([names["x"]], knowns, [1.0], 3) == [0.0, 1.0, 0.0]
+
+
+def dependencies_by_name(unknowns):
+    return {u.variable.name: {d.name for d in u.dependencies} for u in unknowns}
+
+
+@pytest.mark.parametrize(
+    ("name", "effect", "settings"),
+    [
+        ("isotonic_stand", None, {"carrier_ripple": 0.1}),
+        ("voice_coil_dma", "clock_jitter", {}),
+        ("voice_coil_dma", "mains_hum", {"common_mode_voltage": 1.0, "mains_frequency": 53.0}),
+    ],
+)
+def test_what_the_time_moves_depends_on_it(tmp_path, name, effect, settings):
+    """Found by moving the time alone, between events."""
+    cls = component(name)
+    if effect is not None:
+        cls = stack(cls, effects(name)[effect])
+    path = tmp_path / "timed.fmu"
+    path.write_bytes(build(cls, "native", [host_platform()], fmi=3))
+    with opened(path, tmp_path / "unpacked", exchange=True) as (one, names, described):
+        one.setFloat64([names[key] for key in settings], list(settings.values()))
+        initialized(one)
+        while one.updateDiscreteStates()[0]:
+            pass
+        one.enterContinuousTimeMode()
+        of = dependencies_by_name(
+            (*described.outputs, *described.derivatives, *described.eventIndicators)
+        )
+        kinds = {v.name: v.type for v in described.modelVariables}
+        floats = [n for n in of if kinds[n] == "Float64"]
+        rows = []
+        for time in (1e-4, 0.0137, 0.41):
+            one.setTime(time)
+            rows.append(one.getFloat64([names[n] for n in floats]))
+        moved = {n for n, *values in zip(floats, *rows, strict=True) if len(set(values)) > 1}
+    assert moved
+    assert {n for n in moved if "time" not in of[n]} == set()
 
 
 @pytest.mark.parametrize("name", ["ppy_actuator", "voice_coil_dma"])

@@ -21,12 +21,17 @@ static void explain(const Instance *instance, const char *function, Reference vr
                MODEL_VARIABLES + MODEL_TEXTS + OWN_REFERENCES - 1);
 }
 
+bool given(const Instance *instance, const char *function, const Reference vr[], size_t n, const void *values) {
+    bool good = n == 0 || (vr != NULL && values != NULL);
+    if (!good)
+        report(instance, FMI(Error), "%s: an array is NULL though it should have %zu elements", function, n);
+    return good;
+}
+
 bool valid(const Instance *instance, const char *function, Type type, const Reference vr[], size_t n,
            const void *values) {
-    if (n > 0 && (vr == NULL || values == NULL)) {
-        report(instance, FMI(Error), "%s: an array is NULL though it should have %zu elements", function, n);
+    if (!given(instance, function, vr, n, values))
         return false;
-    }
     for (size_t i = 0; i < n; i++)
         if (vr[i] >= MODEL_VARIABLES || model_variables[vr[i]].type != type) {
             explain(instance, function, vr[i]);

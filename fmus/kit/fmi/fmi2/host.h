@@ -21,6 +21,12 @@
 /* Value references beyond those of engine.h. */
 enum { OWN_REFERENCES = 0 };
 
+/* The time is no variable. */
+static inline bool is_time(fmi2ValueReference vr) {
+    (void)vr;
+    return false;
+}
+
 /* by Type */
 static const char *const type_names[] = {"Real", "Integer", "Boolean"};
 

@@ -11,6 +11,8 @@
 /* Value references beyond those of engine.h: of the time, and of the event indicators. */
 enum { OWN_REFERENCES = 1 + MODEL_INDICATORS };
 
+static inline bool is_time(fmi3ValueReference vr) { return vr == MODEL_VARIABLES + MODEL_TEXTS; }
+
 /* by Type */
 static const char *const type_names[] = {"Float64", "Int32", "Boolean"};
 
