@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from .component import Component, Effect, Size, Term
+from .component import Component, Effect, Size, Term, effect_maker
 from .curves import EffectNames, added, coefficient, per, size_at, variable
 from .declare import Declaration, Discrete, Parameter, State
 from .errors import UserError, suggestion
@@ -89,6 +89,7 @@ _WAY, _TIME = "gives within {}", "a time constant of {}"  # what is said of it
 _POWERS = {"sliding": 0, "hysteresis": 0, "heating": 3, "warming": 2}  # of the signal; others 1
 
 
+@effect_maker
 def lag_effect(
     component: type[Component],
     law: str,
@@ -177,21 +178,9 @@ def lag_effect(
     at_once = (sampling or Sampling()).at_once
     more, rate = _behaviour(component, kind, signal, variables, at_once)
     members[f"{variables[2]}_rate"] = rate
-    arguments = {
-        "law": law,
-        "signal": signal,
-        "kind": kind,
-        "constant": constant,
-        "unit": unit,
-        "nominal": nominal,
-        "scale": scale,
-        "names": names,
-        "sampling": sampling,
-    }
     return added(
-        lag_effect,
         component,
-        arguments,
+        law,
         more,
         members,
         id=called.id or kind,
@@ -207,6 +196,7 @@ def lag_effect(
     )
 
 
+@effect_maker
 def storing_wall(
     component: type[Component],
     law: str,
@@ -295,14 +285,12 @@ def storing_wall(
         ),
         f"{known}_update": lambda self: 1.0,
     }
-    arguments = {"law": law, "sides": sides, "constant": constant, "unit": unit}
-    arguments |= {"nominal": nominal, "scale": scale}
     return added(
-        storing_wall,
         component,
-        arguments,
+        law,
         lambda self: getattr(self, conductance) * beyond(self),
         members,
+        id="storing_wall",
         term=Term(law, "", "G (w x + (1 - w) y - s)", f"store within {law}", law),
         title=f"A store between {in_words(one.name)} and {in_words(other.name)}",
         assumption=f"nothing is stored between {one.name} and {other.name}",
