@@ -159,10 +159,10 @@ def lag_effect(
     if kind == "hysteresis" and not _rate_of(component, signal):
         raise UserError(f"{kind} is over a state, which {signal!r} is not")
     size = scale or argument.nominal
-    called = names or EffectNames()
-    own = f"{law}_{called.id or kind}"
-    variables = called.variables or (own, f"{own}_constant", f"{own}_state")
-    amount = variables[0]
+    given = names or EffectNames()
+    own = f"{law}_{given.id or kind}"
+    called = given.completed(kind, (own, f"{own}_constant", f"{own}_state"))
+    amount, constant_name, state = called.variables
     power = _POWERS.get(kind, 1)
     loop = f"{law} {'loop of' if kind in ('hysteresis', 'play') else 'remembering'} {signal}"
     members = {
@@ -174,24 +174,24 @@ def lag_effect(
             least=0.0,
         ),
     }
-    members |= _constant_and_state(kind, argument, variables, constant, size)
+    members |= _constant_and_state(kind, argument, called.variables, constant, size)
     at_once = (sampling or Sampling()).at_once
-    more, rate = _behaviour(component, kind, signal, variables, at_once)
-    members[f"{variables[2]}_rate"] = rate
+    more, rate = _behaviour(component, kind, signal, called.variables, at_once)
+    members[f"{state}_rate"] = rate
     return added(
         component,
         law,
         more,
         members,
-        id=called.id or kind,
+        id=called.id,
         term=Term(law, signal, ARMS[kind].text, loop, called.qualifier),
-        title=generic_title(called.id or kind, law_title(component, law)),
+        title=generic_title(called.id, law_title(component, law)),
         assumption=f"{law} has no memory of {signal} but that of its states",
         sizes=(
             size_at(amount, unit, size, argument.unit, lambda x: x**power)
             if kind in _MEAN_SQUARE
             else Size("{}", (amount,)),
-            Size(_WAY if kind in _LOOPS else _TIME, (variables[1],)),
+            Size(_WAY if kind in _LOOPS else _TIME, (constant_name,)),
         ),
     )
 

@@ -157,6 +157,11 @@ class EffectNames:
     variables: tuple[str, ...] = ()
     qualifier: str = ""
 
+    def completed(self, id: str, variables: tuple[str, ...]) -> EffectNames:
+        """Return the names with the standard id and variables where they are empty."""
+        more = variables[len(self.variables) :]
+        return EffectNames(self.id or id, (*self.variables, *more), self.qualifier)
+
 
 @effect_maker
 def curve(
@@ -211,10 +216,10 @@ def curve(
     chosen = SHAPES[shape]
     argument = variable(component, signal)
     size = scale or argument.nominal
-    called = names or EffectNames()
     standard = (f"{law}_{shape}", f"{law}_{shape}_width")
+    called = (names or EffectNames()).completed(shape, standard)
+    amount, width = called.variables
     typical = Constant(argument.nominal, argument.unit)
-    amount, width = (*called.variables, *standard[len(called.variables) :])
 
     def added_value(self: Any) -> Any:
         x = getattr(self, signal)
@@ -244,9 +249,9 @@ def curve(
         law,
         added_value,
         members,
-        id=called.id or shape,
+        id=called.id,
         term=Term(law, signal, chosen.text, f"{law} over {signal}", called.qualifier),
-        title=generic_title(called.id or shape, law_title(component, law)),
+        title=generic_title(called.id, law_title(component, law)),
         assumption=f"{law} has no part {chosen.text} with x = {signal}",
         sizes=tuple(sizes),
     )
