@@ -20,8 +20,8 @@ def comma_list(text: str, flag: str, advice: str = _ADVICE) -> list[str]:
     """
     if not text.strip():
         raise UserError(f"{flag} {text!r}: {advice}")
-    # a comma within parentheses is part of a name, such as thermal_node(loss, room)
-    names = [name.strip() for name in re.split(r",(?![^()]*\))", text)]
+    # a comma in brackets is part of a name, such as thermal_node(loss, room) and A[1,2]
+    names = [name.strip() for name in re.split(r",(?![^()]*\)|[^\[\]]*\])", text)]
     if "" in names:
         raise UserError(f"{flag} {text!r}: there is nothing before or after a comma")
     twice = next((name for name in names if names.count(name) > 1), None)

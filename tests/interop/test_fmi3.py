@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from fmpy import read_model_description, simulate_fmu
 from fmpy.build import build_platform_binary
+from fmpy.fmi1 import FMICallException
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 from fmpy.validation import validate_fmu
 
@@ -151,11 +152,32 @@ def test_a_host_that_handles_events_gets_what_one_without_does(fmu, name):
         assert difference.max() <= 1e-6 * size, output
 
 
+@pytest.mark.parametrize("name", ["ppy_actuator", "galvanostat"])
+def test_start_values_are_read_before_initialization(fmu, tmp_path, name):
+    """Of parameters and inputs, as they are declared or set; of outputs there are none yet."""
+    with opened(fmu(name, "native", 3), tmp_path) as (one, names, described):
+        starts = {
+            v.name: float(v.start)
+            for v in described.modelVariables
+            if v.type == "Float64" and v.start is not None
+        }
+        references = [names[name] for name in starts]
+        assert one.getFloat64(references) == list(starts.values())
+        one.setFloat64(references[:1], [0.25])
+        assert one.getFloat64(references[:1]) == [0.25]
+        for output in (described.outputs[0].variable.name, "time"):
+            with pytest.raises(FMICallException):
+                one.getFloat64([names[output]])
+        initialized(one)
+        assert one.getFloat64([names["time"]]) == [0.0]
+
+
 @pytest.mark.parametrize("exchange", [True, False])
 def test_an_event_tells_a_host_that_integrates_to_start_its_solver_again(fmu, tmp_path, exchange):
     """By the nominals of states: one that does not integrate has no solver."""
     given = {} if exchange else {"eventModeUsed": True}
-    with opened(fmu("foot", "native", 3), tmp_path / "foot", exchange, **given) as (one, _, _):
+    with opened(fmu("foot", "native", 3), tmp_path / "foot", exchange, **given) as (one, _, of):
+        assert of.coSimulation.hasEventMode, "or the FMU must refuse eventModeUsed"
         initialized(one)
         _, _, nominals, values, _, _ = one.updateDiscreteStates()
         assert (nominals, values) == (exchange, False)

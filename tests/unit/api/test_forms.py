@@ -85,6 +85,8 @@ def test_a_list_is_taken_literally(text):
         comma_list(text, "--fit")
     assert comma_list(" a , b", "--fit") == ["a", "b"]
     assert comma_list("thermal_node(loss, room), b", "--fit") == ["thermal_node(loss, room)", "b"]
+    listed = "k,A[1,2], gain(M[2,1], u)"
+    assert comma_list(listed, "--fit") == ["k", "A[1,2]", "gain(M[2,1], u)"]
 
 
 @pytest.mark.parametrize("text", ["", "1,", "1.5", "-1", "one"])

@@ -96,7 +96,6 @@ def build_description(
 
 def _interfaces(root: Element, cls: type[Component], can: common.Capabilities) -> None:
     """Append an element for each interface that the FMU has."""
-    has_samples = common.flag(bool(cls.layout.sampled))
     of_both = {
         "modelIdentifier": cls.name,
         "needsExecutionTool": common.flag(can.needs_execution_tool),
@@ -110,8 +109,8 @@ def _interfaces(root: Element, cls: type[Component], can: common.Capabilities) -
     own = {
         "canHandleVariableCommunicationStepSize": "true",
         "maxOutputDerivativeOrder": "1" if can.directional_derivatives else "0",
-        "hasEventMode": has_samples,
-        "mightReturnEarlyFromDoStep": has_samples,
+        "hasEventMode": "true",
+        "mightReturnEarlyFromDoStep": common.flag(bool(cls.layout.sampled)),
     }
     SubElement(root, "CoSimulation", of_both | own)
 

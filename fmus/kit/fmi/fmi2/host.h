@@ -38,6 +38,9 @@ typedef fmi2CallbackFunctions Host;
 /* Loggers of this version read the message as a printf format, some without arguments: doubling each % suits both. */
 static const bool host_reads_formats = true;
 
+/* Before initialization nothing can be read. */
+static const bool host_reads_starts = false;
+
 /* In co-simulation. */
 static inline bool host_handles_events(const Host *host) {
     (void)host;

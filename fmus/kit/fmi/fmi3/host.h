@@ -32,6 +32,9 @@ typedef struct {
 
 static const bool host_reads_formats = false;
 
+/* Before initialization, what has a start value can be read. */
+static const bool host_reads_starts = true;
+
 /* In co-simulation. */
 static inline bool host_handles_events(const Host *host) { return host->event_mode; }
 

@@ -214,6 +214,12 @@ def test_the_largest_integers_go_in(smallest):
     assert found["i32_out"][-1] == settings["i32_in"] + 1
 
 
+@pytest.mark.parametrize("large", [1.7e38, -1.7e38])
+def test_a_short_float_takes_what_it_can_hold(large):
+    found = run(foreign("types"), {"f32_in": large}, time=TIME[:2])
+    assert found["f32_out"][-1] == 2.0 * np.float64(np.float32(large))
+
+
 def test_texts_are_read_whole():
     with Fmu(foreign("types"), {"words[1]": "first"}) as fmu:
         fmu.start()
@@ -227,6 +233,7 @@ def test_texts_are_read_whole():
     ("settings", "message"),
     [
         ({"u8_in": 256}, "setting u8_in failed.*: 256 is no value of the type"),
+        ({"f32_in": 1e40}, r"setting f32_in failed.*: 1e\+40 is no value of the type"),
         ({"u32_in": -1}, "setting u32_in failed.*: -1 is no value of the type"),
         ({"i8_in": 1.5}, "i8_in: 1.5 is not a whole number"),
         ({"bool_in": 2}, "bool_in: 2 is neither true"),

@@ -125,7 +125,8 @@ def test_capabilities():
     assert one.get("maxOutputDerivativeOrder") == "1"
     assert one.get("canGetAndSetFMUState") == one.get("canSerializeFMUState") == "true"
     divider = lxml.etree.fromstring(description(Divider)).find("CoSimulation")
-    assert divider.get("hasEventMode") == "false", "nothing is sampled"
+    assert divider.get("hasEventMode") == "true", "inputs may jump in events"
+    assert divider.get("mightReturnEarlyFromDoStep") == "false", "nothing is sampled"
 
 
 def test_provenance_of_a_stack_is_read_back():
