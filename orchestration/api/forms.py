@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from math import isfinite
 
@@ -66,7 +66,12 @@ def numbers(least: int) -> Form:
             raise UserError(f"{flag} {text!r}: write whole numbers from {least} on, such as 1,2,3")
         return values
 
-    return Form(read, _joined, str)
+    def given(value: str | int | Sequence[int], name: str) -> list[int]:
+        if isinstance(value, str):
+            return read(value, name)
+        return list(value) if isinstance(value, Iterable) else [value]
+
+    return Form(read, _joined, str, given=given)
 
 
 def seconds(given: str | float) -> float:

@@ -96,6 +96,14 @@ def test_numbers_are_whole_and_large_enough(text):
     assert numbers(0).read("0, 2", "--delays") == [0, 2]
 
 
+def test_numbers_are_given_as_they_are_or_as_in_a_shell():
+    form = numbers(1)
+    assert form.given("1, 2", "path_orders =") == form.given((1, 2), "path_orders =") == [1, 2]
+    assert form.given(2, "path_orders =") == [2]
+    with pytest.raises(UserError, match=r"^path_orders = 'one': write whole numbers from 1 on"):
+        form.given("one", "path_orders =")
+
+
 def test_a_share_is_written_with_its_sign_or_without():
     assert percent("95%") == percent("95 %") == percent(" 95") == 95.0
     for text in ("0%", "101%", "much", "nan", "-5%", ""):

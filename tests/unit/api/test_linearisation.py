@@ -183,8 +183,13 @@ def test_a_cut_has_its_own_signals():
 
 
 def test_no_values_are_no_band():
-    with pytest.raises(UserError, match="samples=0: from 1 on"):
+    with pytest.raises(UserError, match="samples=0: from 1 to 10,000"):
         ppy.linearise("ppy_actuator", over={"k1": "4e3..8e3"}, samples=0)
+
+
+def test_a_band_is_of_as_many_models_as_can_be_kept():
+    with pytest.raises(UserError, match="samples=1000000000: from 1 to 10,000"):
+        ppy.linearise("ppy_actuator", over={"k1": "4e3..8e3"}, samples=10**9)
 
 
 def test_values_are_drawn_of_something():
