@@ -4,12 +4,23 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kit import Component, Discrete, Effect, Parameter, Size, Term, effects_by_name, make_effect
+from ..kit import (
+    Component,
+    Discrete,
+    Effect,
+    Parameter,
+    Size,
+    Term,
+    effect_maker,
+    effects_by_name,
+    make_effect,
+)
 from .displacement_controller import DisplacementController
 from .impedance_controller import ImpedanceController
 from .pid import Pid
 
 
+@effect_maker
 def computational_delay(component: type[Component], law: str, unit: str) -> type[Effect]:
     """Make the effect of a command that leaves a controller late.
 
@@ -66,8 +77,6 @@ def computational_delay(component: type[Component], law: str, unit: str) -> type
             f"next_{before}": punctual,
             law: late,
         },
-        made_by=computational_delay,
-        made_with={"law": law, "unit": unit},
         id="computational_delay",
         title="A command that is late",
         neutral=lateness,

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from .component import Component, Effect, Size, Term
+from .component import Component, Effect, Size, Term, effect_maker
 from .curves import EffectNames, added, coefficient, per, size_at, variable
 from .declare import Declaration, Discrete, Parameter, State
 from .errors import UserError, suggestion
@@ -89,6 +89,7 @@ _WAY, _TIME = "gives within {}", "a time constant of {}"  # what is said of it
 _POWERS = {"sliding": 0, "hysteresis": 0, "heating": 3, "warming": 2}  # of the signal; others 1
 
 
+@effect_maker
 def lag_effect(
     component: type[Component],
     law: str,
@@ -158,10 +159,10 @@ def lag_effect(
     if kind == "hysteresis" and not _rate_of(component, signal):
         raise UserError(f"{kind} is over a state, which {signal!r} is not")
     size = scale or argument.nominal
-    called = names or EffectNames()
-    own = f"{law}_{called.id or kind}"
-    variables = called.variables or (own, f"{own}_constant", f"{own}_state")
-    amount = variables[0]
+    given = names or EffectNames()
+    own = f"{law}_{given.id or kind}"
+    called = given.completed(kind, (own, f"{own}_constant", f"{own}_state"))
+    amount, constant_name, state = called.variables
     power = _POWERS.get(kind, 1)
     loop = f"{law} {'loop of' if kind in ('hysteresis', 'play') else 'remembering'} {signal}"
     members = {
@@ -173,40 +174,29 @@ def lag_effect(
             least=0.0,
         ),
     }
-    members |= _constant_and_state(kind, argument, variables, constant, size)
+    members |= _constant_and_state(kind, argument, called.variables, constant, size)
     at_once = (sampling or Sampling()).at_once
-    more, rate = _behaviour(component, kind, signal, variables, at_once)
-    members[f"{variables[2]}_rate"] = rate
-    arguments = {
-        "law": law,
-        "signal": signal,
-        "kind": kind,
-        "constant": constant,
-        "unit": unit,
-        "nominal": nominal,
-        "scale": scale,
-        "names": names,
-        "sampling": sampling,
-    }
+    more, rate = _behaviour(component, kind, signal, called.variables, at_once)
+    members[f"{state}_rate"] = rate
     return added(
-        lag_effect,
         component,
-        arguments,
+        law,
         more,
         members,
-        id=called.id or kind,
+        id=called.id,
         term=Term(law, signal, ARMS[kind].text, loop, called.qualifier),
-        title=generic_title(called.id or kind, law_title(component, law)),
+        title=generic_title(called.id, law_title(component, law)),
         assumption=f"{law} has no memory of {signal} but that of its states",
         sizes=(
             size_at(amount, unit, size, argument.unit, lambda x: x**power)
             if kind in _MEAN_SQUARE
             else Size("{}", (amount,)),
-            Size(_WAY if kind in _LOOPS else _TIME, (variables[1],)),
+            Size(_WAY if kind in _LOOPS else _TIME, (constant_name,)),
         ),
     )
 
 
+@effect_maker
 def storing_wall(
     component: type[Component],
     law: str,
@@ -295,14 +285,12 @@ def storing_wall(
         ),
         f"{known}_update": lambda self: 1.0,
     }
-    arguments = {"law": law, "sides": sides, "constant": constant, "unit": unit}
-    arguments |= {"nominal": nominal, "scale": scale}
     return added(
-        storing_wall,
         component,
-        arguments,
+        law,
         lambda self: getattr(self, conductance) * beyond(self),
         members,
+        id="storing_wall",
         term=Term(law, "", "G (w x + (1 - w) y - s)", f"store within {law}", law),
         title=f"A store between {in_words(one.name)} and {in_words(other.name)}",
         assumption=f"nothing is stored between {one.name} and {other.name}",

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, cast
+from functools import wraps
+from inspect import signature
+from typing import Any, ClassVar, ParamSpec, cast
 from zlib import crc32
 
 from .declare import Declaration, OutputDeclaration, Preset, name_declaration
 from .errors import UserError, suggestion
 from .layout import APART, Layout, arrange, check, check_laws, extract
 from .ports import PowerPort
+
+_Call = ParamSpec("_Call")
 
 
 @dataclass(frozen=True)
@@ -321,10 +325,34 @@ def make_effect(name: str, body: Mapping[str, Any], /, **about: Any) -> type[Eff
         Laws and declared variables, ``__doc__`` and ``__module__``.
     **about
         What is said of it: the attributes of `Effect`; ``made_by`` and ``made_with``, a function
-        and its arguments after the component by which it can be made anew.
+        and its arguments after the component by which it can be made anew, where this is not said
+        by `effect_maker`.
     """
     effect = cast("type[Effect]", EffectType(name, (Effect,), dict(body), **about))
     return effect
+
+
+def effect_maker(make: Callable[_Call, type[Effect]]) -> Callable[_Call, type[Effect]]:
+    """Note on every effect that a function makes the call by which it can be made anew.
+
+    Parameters
+    ----------
+    make : callable
+        Its first parameter is the component, its second the law, output or input of the effect; an
+        argument after the first is one that `repr` writes as it is made.
+    """
+    form = signature(make)
+
+    @wraps(make)
+    def noted(*positional: _Call.args, **named: _Call.kwargs) -> type[Effect]:
+        effect = make(*positional, **named)
+        call = form.bind(*positional, **named)
+        call.apply_defaults()
+        _, *arguments = call.arguments.items()
+        effect._about |= {"made_by": noted, "made_with": dict(arguments)}
+        return effect
+
+    return noted
 
 
 def made_by(cls: type[Component]) -> Callable[..., type[Effect]] | None:

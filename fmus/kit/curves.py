@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from .component import Component, Effect, Size, Term, make_effect
+from .component import Component, Effect, Size, Term, effect_maker, make_effect
 from .declare import Constant, Declaration, Parameter
 from .errors import UserError, suggestion
 from .functions import absolute, clip, exp, maximum, minimum, sqrt, tanh
@@ -157,7 +157,13 @@ class EffectNames:
     variables: tuple[str, ...] = ()
     qualifier: str = ""
 
+    def completed(self, id: str, variables: tuple[str, ...]) -> EffectNames:
+        """Return the names with the standard id and variables where they are empty."""
+        more = variables[len(self.variables) :]
+        return EffectNames(self.id or id, (*self.variables, *more), self.qualifier)
 
+
+@effect_maker
 def curve(
     component: type[Component],
     law: str,
@@ -210,10 +216,10 @@ def curve(
     chosen = SHAPES[shape]
     argument = variable(component, signal)
     size = scale or argument.nominal
-    called = names or EffectNames()
     standard = (f"{law}_{shape}", f"{law}_{shape}_width")
+    called = (names or EffectNames()).completed(shape, standard)
+    amount, width = called.variables
     typical = Constant(argument.nominal, argument.unit)
-    amount, width = (*called.variables, *standard[len(called.variables) :])
 
     def added_value(self: Any) -> Any:
         x = getattr(self, signal)
@@ -238,25 +244,14 @@ def curve(
     if chosen.bend:
         at_bend = (lambda w: -w) if shape == "lower_stop" else (lambda w: w)
         sizes.append(Size(chosen.bend, (width,), argument.unit, at_bend))
-    arguments = {
-        "law": law,
-        "signal": signal,
-        "shape": shape,
-        "unit": unit,
-        "nominal": nominal,
-        "scale": scale,
-        "names": names,
-        "either_way": either_way,
-    }
     return added(
-        curve,
         component,
-        arguments,
+        law,
         added_value,
         members,
-        id=called.id or shape,
+        id=called.id,
         term=Term(law, signal, chosen.text, f"{law} over {signal}", called.qualifier),
-        title=generic_title(called.id or shape, law_title(component, law)),
+        title=generic_title(called.id, law_title(component, law)),
         assumption=f"{law} has no part {chosen.text} with x = {signal}",
         sizes=tuple(sizes),
     )
@@ -330,9 +325,8 @@ def per(unit: str, below: str, power: float = 1) -> str:
 
 
 def added(
-    make: Callable[..., type[Effect]],
     component: type[Component],
-    arguments: Mapping[str, Any],
+    law: str,
     more: Callable[[Any], Any],
     members: Mapping[str, Any],
     **about: Any,
@@ -341,26 +335,22 @@ def added(
 
     Parameters
     ----------
-    make : callable
-        The function of this package that the user called.
     component : type[Component]
         Has the law.
-    arguments : Mapping of str to object
-        Arguments of `make` after the component, by name; the law is the first.
+    law : str
     more : callable
         Gives the value that is added, from the component instance.
     members : Mapping of str to object
         Further members of the class, its docstring among them; the first parameter switches the
         effect.
     **about
-        What is said of the effect; see `make_effect`.
+        What is said of the effect, its id among it; see `make_effect`.
 
     Raises
     ------
     UserError
         If the component has no such law.
     """
-    law = arguments["law"]
     if law_of(component, law) is None:
         raise UserError(f"{_label(component)}: no law named {law!r}")
 
@@ -368,12 +358,10 @@ def added(
         return getattr(super(effect, self), law)() + more(self)
 
     switch = next(name for name, value in members.items() if isinstance(value, Declaration))
-    said = {"id": make.__name__, "term": Term(law), "neutral": switch, **about}
+    said = {"term": Term(law), "neutral": switch, **about}
     effect = make_effect(
         f"{said['id']}_of_{law}".title().replace("_", ""),
         {"__module__": __name__, **members, law: enlarged},
-        made_by=make,
-        made_with=arguments,
         **said,
     )
     return effect

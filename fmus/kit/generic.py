@@ -14,7 +14,7 @@ here.
 from __future__ import annotations
 
 from .arms import lag_effect
-from .component import Component, Effect, Size, Term
+from .component import Component, Effect, Size, Term, effect_maker
 from .curves import EffectNames, added, coefficient, curve
 
 
@@ -101,6 +101,7 @@ def asymmetric_friction(
     )
 
 
+@effect_maker
 def force_offset(
     component: type[Component], law: str, unit: str = "N", nominal: float = 1.0
 ) -> type[Effect]:
@@ -123,9 +124,8 @@ def force_offset(
     """
     offset = f"{law}_offset"
     return added(
-        force_offset,
         component,
-        {"law": law, "unit": unit, "nominal": nominal},
+        law,
         lambda self: getattr(self, offset),
         {
             "__doc__": (
@@ -134,6 +134,7 @@ def force_offset(
             ),
             offset: coefficient(unit, nominal, f"constant part of {law}"),
         },
+        id="force_offset",
         term=Term(law, "", "a"),
         title="A constant force",
         assumption="nothing pushes at rest",

@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from .component import Component, Effect, Size, Term, make_effect
+from .component import Component, Effect, Size, Term, effect_maker, make_effect
 from .curves import per
 from .declare import Declaration, InputDeclaration, Parameter, State
 from .errors import UserError, suggestion
@@ -91,18 +91,8 @@ class _Change:
     family: str = "{} as it arrives"
 
 
-def _changed(
-    make: Callable[..., type[Effect]],
-    name: str,
-    scale: float | None,
-    doc: str,
-    change: _Change,
-    more: Mapping[str, Any] | None = None,
-) -> type[Effect]:
-    """Make the effect of an input.
-
-    ``make`` is the function that the user called, and ``more`` its arguments after the scale.
-    """
+def _changed(id: str, name: str, doc: str, change: _Change) -> type[Effect]:
+    """Make the effect of an input."""
     arriving = _ArrivingInput(name, change.arrives)
 
     def rate_law(rate: Callable[[Any, Any], Any]) -> Callable[[Any], Any]:
@@ -110,7 +100,7 @@ def _changed(
 
     switch = next(n for n, value in change.declared.items() if isinstance(value, Declaration))
     effect = make_effect(
-        f"{make.__name__}_of_{name}".title().replace("_", ""),
+        f"{id}_of_{name}".title().replace("_", ""),
         {
             "__doc__": doc,
             "__module__": __name__,
@@ -118,14 +108,12 @@ def _changed(
             **change.declared,
             **{law: rate_law(rate) for law, rate in change.rates.items()},
         },
-        id=make.__name__,
-        title=generic_title(make.__name__, in_words(name)),
+        id=id,
+        title=generic_title(id, in_words(name)),
         term=Term("", name, change.text, change.family.format(name), name),
         assumption=f"{name} arrives as it is commanded",
         neutral=switch,
         sizes=change.sizes,
-        made_by=make,
-        made_with={"input": name, "scale": scale, **(more or {})},
     )
     arriving.effect = effect
     return effect
@@ -155,6 +143,7 @@ def _switch(fed: InputDeclaration, size: float, doc: str, least: float = 0.0) ->
     )
 
 
+@effect_maker
 def dead_zone(component: type[Component], input: str, scale: float | None = None) -> type[Effect]:
     """Make the effect of a dead zone: within ``d`` of zero nothing arrives, beyond it the excess.
 
@@ -187,9 +176,10 @@ def dead_zone(component: type[Component], input: str, scale: float | None = None
     change = _Change(
         "x - clip(x, -d, d)", arrives, {width: switch}, (Size("dead below {}", (width,)),)
     )
-    return _changed(dead_zone, input, scale, doc, change)
+    return _changed("dead_zone", input, doc, change)
 
 
+@effect_maker
 def asymmetric_dead_zone(
     component: type[Component], input: str, scale: float | None = None
 ) -> type[Effect]:
@@ -235,9 +225,10 @@ def asymmetric_dead_zone(
         Size("and down to {}", (end, ratio), fed.unit, lambda d, r: -r * d),
     )
     change = _Change("x - clip(x, -r d, d)", arrives, declared, sizes)
-    return _changed(asymmetric_dead_zone, input, scale, doc, change)
+    return _changed("asymmetric_dead_zone", input, doc, change)
 
 
+@effect_maker
 def input_offset(
     component: type[Component], input: str, scale: float | None = None
 ) -> type[Effect]:
@@ -267,9 +258,10 @@ def input_offset(
     switch = _switch(fed, size, f"{input} that arrives where none is commanded", least=-_ANY)
     doc = "Offset of an input: something arrives where nothing is commanded."
     change = _Change("x + a", arrives, {offset: switch}, (Size("{}", (offset,)),))
-    return _changed(input_offset, input, scale, doc, change)
+    return _changed("input_offset", input, doc, change)
 
 
+@effect_maker
 def input_saturation(
     component: type[Component], input: str, scale: float | None = None
 ) -> type[Effect]:
@@ -312,9 +304,10 @@ def input_saturation(
     )
     sizes = (Size("never passes {}", (level,), fed.unit, lambda c: c**-0.5),)
     change = _Change("x / sqrt(1 + c x^2)", arrives, {level: switch}, sizes)
-    return _changed(input_saturation, input, scale, doc, change)
+    return _changed("input_saturation", input, doc, change)
 
 
+@effect_maker
 def backlash(
     component: type[Component],
     input: str,
@@ -372,9 +365,10 @@ def backlash(
     sizes = (Size("a gap of {}", (gap,), fed.unit, lambda d: 2.0 * d),)
     rates = {f"{place}_rate": rate}
     change = _Change(text, arrives, declared, sizes, rates, "loop of {} on its way")
-    return _changed(backlash, input, scale, doc, change, {"sampling": sampling})
+    return _changed("backlash", input, doc, change)
 
 
+@effect_maker
 def input_lag(
     component: type[Component],
     input: str,
@@ -446,7 +440,7 @@ def input_lag(
     )
     rates = {f"{lagged}_rate": rate}
     change = _Change(text, arrives, declared, sizes, rates, "{} arriving late")
-    return _changed(input_lag, input, scale, doc, change, {"sampling": sampling})
+    return _changed("input_lag", input, doc, change)
 
 
 INPUT_CURVES = (dead_zone, asymmetric_dead_zone, input_offset, input_saturation)

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .component import Component, Effect, Size, make_effect
+from .component import Component, Effect, Size, effect_maker, make_effect
 from .declare import Declaration, Discrete, Parameter, State
 from .errors import UserError, suggestion
 from .functions import clip, exp, maximum, minimum, where
@@ -100,6 +100,7 @@ def _factory(
 ) -> Factory:
     """Make a factory of effects that relax an assumption, and are called by a title."""
 
+    @effect_maker
     def make(
         component: type[Component], output: str, sampling: Sampling | None = None
     ) -> type[Effect]:
@@ -134,9 +135,6 @@ def _factory(
             neutral=switch,
             assumption=assumption,
             sizes=(replace(size, parameters=(switch,)),),
-            # by which the effect can be made anew, in a package or a report
-            made_by=make,
-            made_with={"output": output, "sampling": sampling},
         )
         return effect
 

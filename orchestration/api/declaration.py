@@ -17,6 +17,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, wraps
 from inspect import Parameter, cleandoc, signature
+from numbers import Integral, Real
 from types import UnionType
 from typing import Any, ForwardRef, NamedTuple, TypeVar, Union, cast, get_args, get_origin
 
@@ -59,6 +60,12 @@ class Form(NamedTuple):
 
 
 AS_IT_IS = Form()
+# what a value of a type may be in Python, such as a number of NumPy, and how that is called
+_NUMBERS: Mapping[Any, tuple[Any, str]] = {
+    int: (Integral, "a whole number"),
+    int | None: (Integral | None, "a whole number"),
+    float: (Real, "a number"),
+}
 
 
 class Option(NamedTuple):
@@ -133,7 +140,10 @@ class Option(NamedTuple):
         return value
 
     def given(self, value: Any) -> Any:
-        """Return a value that was given in Python as it is used; UserError if out of range."""
+        """Return a value that was given in Python as it is used; UserError if it cannot be one."""
+        kind, called = _NUMBERS.get(self.type, (object, ""))
+        if not isinstance(value, kind):
+            raise UserError(f"{self.name}={value!r}: must be {called}")
         if value is None:
             return None
         if self.least is not None and not self.least <= value <= (self.most or math.inf):

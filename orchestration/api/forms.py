@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from math import isfinite
 
@@ -20,8 +20,8 @@ def comma_list(text: str, flag: str, advice: str = _ADVICE) -> list[str]:
     """
     if not text.strip():
         raise UserError(f"{flag} {text!r}: {advice}")
-    # a comma within parentheses is part of a name, such as thermal_node(loss, room)
-    names = [name.strip() for name in re.split(r",(?![^()]*\))", text)]
+    # a comma in brackets is part of a name, such as thermal_node(loss, room) and A[1,2]
+    names = [name.strip() for name in re.split(r",(?![^()]*\)|[^\[\]]*\])", text)]
     if "" in names:
         raise UserError(f"{flag} {text!r}: there is nothing before or after a comma")
     twice = next((name for name in names if names.count(name) > 1), None)
@@ -66,7 +66,12 @@ def numbers(least: int) -> Form:
             raise UserError(f"{flag} {text!r}: write whole numbers from {least} on, such as 1,2,3")
         return values
 
-    return Form(read, _joined, str)
+    def given(value: str | int | Sequence[int], name: str) -> list[int]:
+        if isinstance(value, str):
+            return read(value, name)
+        return list(value) if isinstance(value, Iterable) else [value]
+
+    return Form(read, _joined, str, given=given)
 
 
 def seconds(given: str | float) -> float:

@@ -17,7 +17,7 @@ from orchestration.api.simulation import Inputs, as_declared, inputs_over, value
 from orchestration.fmu import Model, grid
 from orchestration.reporting import option
 from orchestration.sweeps import Range, read_range
-from orchestration.sweeps.pareto import Objectives, pareto_front, read_objective
+from orchestration.sweeps.pareto import Objective, Objectives, pareto_front, read_objective
 
 if TYPE_CHECKING:
     from orchestration.sweeps.pareto import Front
@@ -64,19 +64,7 @@ def optimise(
     subject = as_declared(model)
     if subject.cls is None:
         raise UserError(f"{subject.without_equations}; a component can be optimised")
-    units = {name: signal.unit for name, signal in subject.outputs.items()}
-    objectives = [
-        read_objective(text, sign, units, argument)
-        for argument, sign in (("maximise", 1.0), ("minimise", -1.0))
-        for text in (options["maximise"] if sign > 0.0 else options["minimise"])
-    ]
-    if not 1 <= len(objectives) <= _MOST:
-        raise UserError(
-            f"{len(objectives)} objectives: {option('maximise')} and {option('minimise')} name one"
-            " or two"
-        )
-    if len({one.name for one in objectives}) < len(objectives):
-        raise UserError(f"{objectives[0].name} is named by both objectives")
+    objectives = _objectives(subject, options)
     starts = options["starts"]
     if starts & (starts - 1):
         raise UserError(f"{option('starts', starts)}: a power of 2, such as 256")
@@ -94,6 +82,23 @@ def optimise(
     return pareto_front(
         search, options["levels"], starts, options["seed"], options["progress"], folder
     )
+
+
+def _objectives(subject: Model, options: OptimiseKeywords) -> list[Objective]:
+    """Return the one or two objectives, those to maximise first."""
+    units = {name: signal.unit for name, signal in subject.outputs.items()}
+    objectives = [
+        *(read_objective(text, 1.0, units, "maximise") for text in options["maximise"]),
+        *(read_objective(text, -1.0, units, "minimise") for text in options["minimise"]),
+    ]
+    if not 1 <= len(objectives) <= _MOST:
+        raise UserError(
+            f"{len(objectives)} objectives: {option('maximise')} and {option('minimise')} name one"
+            " or two"
+        )
+    if len({one.name for one in objectives}) < len(objectives):
+        raise UserError(f"{objectives[0].name} is named by both objectives")
+    return objectives
 
 
 def _ranges(subject: Model, over: Mapping[str, str]) -> list[Range]:

@@ -455,8 +455,9 @@ class StudyOptions(TypedDict, total=False):
     path_orders: Annotated[
         Sequence[int],
         Option(
-            "Of the path from every input, all combinations.",
-            "Orders of the path from every input; every combination with `noise_orders` is tried.",
+            "Of the path from every input, all combinations; 50 at most.",
+            "Orders of the path from every input, 50 at most; every combination with `noise_orders`"
+            " is tried.",
             default=(1, 2, 3),
             form=numbers(1),
         ),
@@ -464,8 +465,8 @@ class StudyOptions(TypedDict, total=False):
     noise_orders: Annotated[
         Sequence[int],
         Option(
-            "Of the noise model.",
-            "Orders of the noise model.",
+            "Of the noise model; 50 at most.",
+            "Orders of the noise model, 50 at most.",
             default=(1, 2, 3),
             form=numbers(1),
         ),
@@ -665,9 +666,11 @@ class BandOptions(TypedDict, total=False):
         int | None,
         Option(
             "How many are drawn, default 50.",
-            "Values that are drawn for a band; 50 unless given.",
+            "Values that are drawn for a band; 50 unless given. At most 10,000: all of the linear"
+            " models are kept.",
             metavar="N",
             least=1,
+            most=10_000,
         ),
     ]
     seed: Annotated[int, Option("Of what is drawn.", default=0, least=0)]

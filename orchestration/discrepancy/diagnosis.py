@@ -220,16 +220,18 @@ def diagnose(
     search = Search(seen, cls, parameters, values, progress, limit, each=each, free=is_free)
     with limit.paused():
         fitted, whole = fit_all_samples(fit(search, record))
-    selected = select(fitted, effects, mixed_up)
-    with limit.paused():
-        selected = complete(selected, whole)
+
+    def completed(begin: BaseFit) -> SelectedEffects:
+        chosen = select(begin, effects, mixed_up)
+        with limit.paused():
+            return complete(chosen, whole)
+
+    selected = completed(fitted)
     if _shows_more(selected, fitted):
         longer = all_samples.over_longer(fitted.search, whole.search, whole.base)
         with limit.paused():
             further = replace(fitted, search=longer, base=longer.nominal())
-        selected = select(further, effects, mixed_up)
-        with limit.paused():
-            selected = complete(selected, whole)
+        selected = completed(further)
     with limit.paused():
         return conclude(selected.search, judge(selected), selected.data)
 

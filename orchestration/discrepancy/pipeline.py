@@ -421,7 +421,10 @@ def _considered_effects(
                 f"effects: {name} is of an output that the record does not have (it has: {outputs})"
             )
         if name not in there:
-            raise UserError(f"effects: no effect named {name!r}{suggestion(name, sorted(there))}")
+            hint = suggestion(name, sorted(there))
+            raise UserError(
+                f"effects: no effect named {name!r}{hint}; ppy info {cls.name} lists the catalogue"
+            )
     return [effect for effect in known if FAMILIES in names or _is_named(effect, names)]
 
 

@@ -12,7 +12,7 @@ from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError, suggestion
-from fmus.kit.files import is_file
+from fmus.kit.files import is_file, is_folder
 from orchestration.experiment.library import shipped
 from orchestration.experiment.model import Experiment, NoiseTable, parse
 from orchestration.experiment.stimulus import KINDS
@@ -52,9 +52,9 @@ def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
     path = known.get(name_or_path, Path(name_or_path))
     if not is_file(path):
         hint = suggestion(name_or_path, known) if not path.suffix else ""
-        raise UserError(
-            f"{name_or_path}: {'a folder' if path.is_dir() else 'no such file or experiment'}{hint}"
-        )
+        # by its path, which is there where the name is empty, too
+        reason = "a folder" if is_folder(path) else "no such file or experiment"
+        raise UserError(f"{path}: {reason}{hint}")
     given = _tables(path, not settings)
     for setting in settings:
         _set(given, setting)

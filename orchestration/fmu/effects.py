@@ -144,9 +144,9 @@ def find_effects(
     Raises
     ------
     UserError
-        For an unknown name, with the known ones.
+        For an unknown name, with the nearest known one, and what lists all of them.
     """
-    from fmus.kit import MEASUREMENTS, Effect
+    from fmus.kit import Effect
 
     if not names:
         return []
@@ -156,15 +156,8 @@ def find_effects(
         known = families(cls, sampling=sampling) | known
     for name in names:
         if name not in known:
-            outputs = list(dict.fromkeys(e.output for e in known.values() if e.output))
-            available = [n for n, e in known.items() if not e.output]
-            explanation = ""
-            if outputs:
-                available += [f"{id}(OUTPUT)" for id in MEASUREMENTS]
-                explanation = f", where OUTPUT is {', '.join(outputs)}"
-            hint = suggestion(name, known, few=0)
             raise UserError(
-                f"{model_name}: no effect named {name!r}{hint}; there are:"
-                f" {', '.join(available) or 'none'}{explanation}"
+                f"{model_name}: no effect named {name!r}{suggestion(name, known)}; ppy info"
+                f" {model_name} lists them"
             )
     return [known[name] for name in names]

@@ -24,6 +24,7 @@ from pydantic import (
 )
 
 from fmus.kit import UserError, suggestion, units
+from fmus.kit.files import is_file
 from orchestration.experiment import read_toml
 from orchestration.rig.signals import UNITS, Limit
 
@@ -349,9 +350,9 @@ def read_calibration(name_or_path: str) -> Calibration:
     """
     known = presets()
     path = known.get(name_or_path, Path(name_or_path))
-    if not path.is_file():
+    if not is_file(path):
         hint = suggestion(name_or_path, list(known)) if not path.suffix else ""
-        raise UserError(f"{name_or_path}: no such calibration file or preset{hint}")
+        raise UserError(f"{path}: no such calibration file or preset{hint}")
     file = _checked(_FileTable, read_toml(path), f"{path}: ")
     rig = _checked(_RigTable, file.rig, f"{path}: [rig] ")
     instruments = {

@@ -92,8 +92,6 @@ def design(
         raise UserError(
             f"nothing to sweep: name a parameter, such as {option('over', {'R1': '0.3..0.7:41'})}"
         )
-    if seed < 0:
-        raise UserError(f"seed {seed}: zero or more")
     names = [one.name for one in ranges]
     for name in names:
         if names.count(name) > 1:

@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 from fmpy import read_model_description, simulate_fmu
 from fmpy.build import build_platform_binary
+from fmpy.fmi1 import FMICallException
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 from fmpy.validation import validate_fmu
 
 import fmus
-from fmus import component
-from fmus.kit import Component, Output, State
+from fmus import component, effects
+from fmus.kit import Component, Output, State, stack
 from fmus.kit.build.building import build
 from fmus.kit.build.toolchain import host_platform
 from tests.support.exchange import both_ways, distance
@@ -151,14 +152,48 @@ def test_a_host_that_handles_events_gets_what_one_without_does(fmu, name):
         assert difference.max() <= 1e-6 * size, output
 
 
+@pytest.mark.parametrize("name", ["ppy_actuator", "galvanostat"])
+def test_start_values_are_read_before_initialization(fmu, tmp_path, name):
+    """Of parameters and inputs, as they are declared or set; of outputs there are none yet."""
+    with opened(fmu(name, "native", 3), tmp_path) as (one, names, described):
+        starts = {
+            v.name: float(v.start)
+            for v in described.modelVariables
+            if v.type == "Float64" and v.start is not None
+        }
+        references = [names[name] for name in starts]
+        assert one.getFloat64(references) == list(starts.values())
+        one.setFloat64(references[:1], [0.25])
+        assert one.getFloat64(references[:1]) == [0.25]
+        for output in (described.outputs[0].variable.name, "time"):
+            with pytest.raises(FMICallException):
+                one.getFloat64([names[output]])
+        initialized(one)
+        assert one.getFloat64([names["time"]]) == [0.0]
+
+
 @pytest.mark.parametrize("exchange", [True, False])
 def test_an_event_tells_a_host_that_integrates_to_start_its_solver_again(fmu, tmp_path, exchange):
     """By the nominals of states: one that does not integrate has no solver."""
     given = {} if exchange else {"eventModeUsed": True}
-    with opened(fmu("foot", "native", 3), tmp_path / "foot", exchange, **given) as (one, _, _):
+    with opened(fmu("foot", "native", 3), tmp_path / "foot", exchange, **given) as (one, _, of):
+        assert of.coSimulation.hasEventMode, "or the FMU must refuse eventModeUsed"
         initialized(one)
         _, _, nominals, values, _, _ = one.updateDiscreteStates()
         assert (nominals, values) == (exchange, False)
+
+
+def test_samples_cannot_be_evaluated_in_advance(fmu, tmp_path):
+    """FMI 3.0 has the call ignored, as nothing says that it is offered."""
+    with opened(fmu("galvanostat", "native", 3), tmp_path, exchange=True) as (one, names, of):
+        assert not of.modelExchange.providesEvaluateDiscreteStates
+        one.enterInitializationMode()
+        one.setFloat64([names["voltage"]], [0.5])
+        one.exitInitializationMode()
+        one.fmi3EvaluateDiscreteStates(one.component)
+        assert one.getFloat64([names["sampled_voltage"]]) == [0.0]
+        one.updateDiscreteStates()
+        assert one.getFloat64([names["sampled_voltage"]]) == [0.5]
 
 
 def test_steps_end_early_at_samples_only_where_the_host_allows_it(fmu, tmp_path):
@@ -346,6 +381,64 @@ def test_output_derivatives_count_the_time_itself(tmp_path):
         one.doStep(0.0, 3.0)
         (rate,) = one.getOutputDerivatives([names["both"]], [1])
     assert rate == pytest.approx(2.0 * 3.0 - 0.5 * np.exp(-1.5), rel=1e-6)
+
+
+@pytest.mark.parametrize("starting", [True, False])
+def test_the_time_is_a_known(tmp_path, starting):
+    """It may stand among the knowns of a derivative, as it does among dependencies."""
+    path = tmp_path / "timed.fmu"
+    path.write_bytes(build(Timed, "native", [host_platform()], fmi=3))
+    with opened(path, tmp_path / "unpacked", exchange=True) as (one, names, described):
+        known = {u.variable.name: {d.name for d in u.dependencies} for u in described.outputs}
+        assert known == {"both": {"x", "time"}, "x": {"x"}}
+        one.enterInitializationMode(startTime=3.0)
+        if not starting:
+            one.exitInitializationMode()
+        state = names["x_start" if starting else "x"]
+        unknowns = [names["both"], names["der(x)"]]
+        knowns = [names["time"], state, names["time"]]
+        assert one.getDirectionalDerivative(unknowns, knowns, [1.0, 0.25, 2.0]) == [18.25, -0.125]
+        assert one.getAdjointDerivative(unknowns, knowns, [1.0, 4.0], 3) == [6.0, -1.0, 6.0]
+        assert one.getAdjointDerivative([names["x"]], knowns, [1.0], 3) == [0.0, 1.0, 0.0]
+
+
+def dependencies_by_name(unknowns):
+    return {u.variable.name: {d.name for d in u.dependencies} for u in unknowns}
+
+
+@pytest.mark.parametrize(
+    ("name", "effect", "settings"),
+    [
+        ("isotonic_stand", None, {"carrier_ripple": 0.1}),
+        ("voice_coil_dma", "clock_jitter", {}),
+        ("voice_coil_dma", "mains_hum", {"common_mode_voltage": 1.0, "mains_frequency": 53.0}),
+    ],
+)
+def test_what_the_time_moves_depends_on_it(tmp_path, name, effect, settings):
+    """Found by moving the time alone, between events."""
+    cls = component(name)
+    if effect is not None:
+        cls = stack(cls, effects(name)[effect])
+    path = tmp_path / "timed.fmu"
+    path.write_bytes(build(cls, "native", [host_platform()], fmi=3))
+    with opened(path, tmp_path / "unpacked", exchange=True) as (one, names, described):
+        one.setFloat64([names[key] for key in settings], list(settings.values()))
+        initialized(one)
+        while one.updateDiscreteStates()[0]:
+            pass
+        one.enterContinuousTimeMode()
+        of = dependencies_by_name(
+            (*described.outputs, *described.derivatives, *described.eventIndicators)
+        )
+        kinds = {v.name: v.type for v in described.modelVariables}
+        floats = [n for n in of if kinds[n] == "Float64"]
+        rows = []
+        for time in (1e-4, 0.0137, 0.41):
+            one.setTime(time)
+            rows.append(one.getFloat64([names[n] for n in floats]))
+        moved = {n for n, *values in zip(floats, *rows, strict=True) if len(set(values)) > 1}
+    assert moved
+    assert {n for n in moved if "time" not in of[n]} == set()
 
 
 @pytest.mark.parametrize("name", ["ppy_actuator", "voice_coil_dma"])

@@ -7,9 +7,17 @@
 #include <math.h>
 #include <string.h>
 
+int place_in_direction(Reference vr) { return is_time(vr) ? MODEL_VARIABLES : (int)vr; }
+
+static const char *name_of(Reference vr) { return is_time(vr) ? "time" : model_variables[vr].name; }
+
 /* A parameter is known only during initialization, where states and discretes follow their start parameters. */
-static bool known(const Instance *instance, Role role) {
+static bool known(const Instance *instance, Reference vr) {
     bool starting = instance->now.mode == INITIALIZATION;
+    Role role;
+    if (is_time(vr))
+        return true;
+    role = model_variables[vr].role;
     return role == ROLE_INPUT || (starting ? role == ROLE_PARAMETER : role == ROLE_STATE);
 }
 
@@ -25,7 +33,7 @@ bool answerable(const Instance *instance, const Partials *of, const void *of_kno
         return false;
     }
     if (!valid(instance, function, TYPE_REAL, of->unknowns, of->n_unknowns, of_unknowns) ||
-        !valid(instance, function, TYPE_REAL, of->knowns, of->n_knowns, of_knowns))
+        !given(instance, function, of->knowns, of->n_knowns, of_knowns))
         return false;
     for (size_t i = 0; i < of->n_unknowns; i++)
         if (!unknown(model_variables[of->unknowns[i]].role)) {
@@ -33,12 +41,14 @@ bool answerable(const Instance *instance, const Partials *of, const void *of_kno
                    model_variables[of->unknowns[i]].name);
             return false;
         }
-    for (size_t i = 0; i < of->n_knowns; i++)
-        if (!known(instance, model_variables[of->knowns[i]].role)) {
-            report(instance, FMI(Error), "%s: '%s' is not a known here", function,
-                   model_variables[of->knowns[i]].name);
+    for (size_t i = 0; i < of->n_knowns; i++) {
+        if (!is_time(of->knowns[i]) && !valid(instance, function, TYPE_REAL, of->knowns + i, 1, of_knowns))
+            return false;
+        if (!known(instance, of->knowns[i])) {
+            report(instance, FMI(Error), "%s: '%s' is not a known here", function, name_of(of->knowns[i]));
             return false;
         }
+    }
     return true;
 }
 
@@ -47,10 +57,10 @@ bool add_seeds(const Instance *instance, const char *function, const Reference v
     for (size_t i = 0; i < n; i++) {
         if (!isfinite(seeds[i])) {
             report(instance, FMI(Error), "%s: the seed %g of '%s' is not a finite number", function, seeds[i],
-                   model_variables[vr[i]].name);
+                   name_of(vr[i]));
             return false;
         }
-        seed[vr[i]] += seeds[i];
+        seed[place_in_direction(vr[i])] += seeds[i];
     }
     return true;
 }
@@ -59,8 +69,7 @@ bool derivatives_finite(const Instance *instance, const char *function, const Re
                         const double results[]) {
     for (size_t i = 0; i < n; i++)
         if (!isfinite(results[i])) {
-            report(instance, FMI(Error), "%s: the derivative of '%s' is not a finite number", function,
-                   model_variables[vr[i]].name);
+            report(instance, FMI(Error), "%s: the derivative of '%s' is not a finite number", function, name_of(vr[i]));
             return false;
         }
     return true;
@@ -73,6 +82,7 @@ enum { LAWS = MODEL_STATES + MODEL_OUTPUTS };
 /* Rates and outputs at `step` in a direction. False outside of the range of a variable, and where there are none. */
 static bool beside(Instance *instance, const double *seed, double step, double *values) {
     double *memory = instance->now.memory, kept[MEMORY_SIZE];
+    double time = instance->now.time + step * seed[MODEL_VARIABLES];
     Message ignored;
     bool good = true;
     memcpy(kept, memory, sizeof kept);
@@ -81,8 +91,8 @@ static bool beside(Instance *instance, const double *seed, double step, double *
         good &= seed[i] == 0.0 ||
                 (memory[i] >= model_variables[i].minimum && memory[i] <= model_variables[i].maximum);
     }
-    good = good && engine_differentiate(instance->engine, instance->now.time, ignored) &&
-           engine_evaluate(instance->engine, instance->now.time, ignored);
+    good = good && engine_differentiate(instance->engine, time, ignored) &&
+           engine_evaluate(instance->engine, time, ignored);
     memcpy(values, memory + FIRST_DERIVATIVE, MODEL_STATES * sizeof *values);
     memcpy(values + MODEL_STATES, memory + FIRST_OUTPUT, MODEL_OUTPUTS * sizeof *values);
     memcpy(memory, kept, sizeof kept);
@@ -90,8 +100,9 @@ static bool beside(Instance *instance, const double *seed, double step, double *
 }
 
 /* A step in a direction that is small for each variable. */
-static double small_step(const double *memory, const double *seed) {
-    double step = INFINITY;
+static double small_step(const Instance *instance, const double *seed) {
+    const double *memory = instance->now.memory;
+    double step = fmax(fabs(instance->now.time), 1.0) / fabs(seed[MODEL_VARIABLES]);
     for (int i = 0; i < FIRST_OUTPUT; i++)
         step = fmin(step, fmax(fabs(memory[i]), model_variables[i].nominal) / fabs(seed[i]));
     return sqrt(DBL_EPSILON) * step;
@@ -100,7 +111,7 @@ static double small_step(const double *memory, const double *seed) {
 /* Replaces what is no number: by a difference to both sides, at the border of the domain to one. */
 static void difference(Instance *instance, const double *seed, double *result) {
     double here[LAWS + 1], above[LAWS + 1], below[LAWS + 1];
-    double step = small_step(instance->now.memory, seed);
+    double step = small_step(instance, seed);
     bool upward = beside(instance, seed, step, above), downward = beside(instance, seed, -step, below);
     if (!beside(instance, seed, 0.0, here))
         return;

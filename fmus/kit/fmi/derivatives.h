@@ -17,6 +17,9 @@ typedef struct {
    it if not. */
 static bool answerable(const Instance *instance, const Partials *of, const void *of_knowns, const void *of_unknowns);
 
+/* The place of a known in a direction: its reference, and behind all variables the time. */
+static int place_in_direction(Reference vr);
+
 /* Adds seeds of some variables to those that are there. False, with a report, if one is not finite. */
 static bool add_seeds(const Instance *instance, const char *function, const Reference vr[], size_t n,
                       const double seeds[], double seed[]);
@@ -25,7 +28,7 @@ static bool add_seeds(const Instance *instance, const char *function, const Refe
 static bool derivatives_finite(const Instance *instance, const char *function, const Reference vr[], size_t n,
                                const double results[]);
 
-/* Rates and outputs in a direction [parameters | inputs | states | discretes]: by automatic differentiation, and by a
+/* Rates and outputs in a direction [parameters | inputs | states | discretes], with the time at MODEL_VARIABLES: by automatic differentiation, and by a
    difference where that gives no number, as 0 times infinity. */
 static bool along(Instance *instance, const double *seed, double *result, Message message);
 

@@ -32,7 +32,7 @@
  *     rates    -> the derivatives of the states
  *     outputs  -> the outputs
  *     update_k -> all discretes after the update of group k; those outside the group unchanged
- *     tangent  has four more inputs, a direction of parameters, inputs, states and discretes,
+ *     tangent  has five more inputs, a direction of time, parameters, inputs, states and discretes,
  *              -> the directional derivatives of the rates and of the outputs
  *     indicators -> what changes its sign where rates or outputs switch
  *     Every result is dense (casadi.densify): a sparse one would put its values in the wrong places.
@@ -109,7 +109,8 @@ static bool engine_differentiate(Engine *engine, double time, Message message);
    beside success is a warning. */
 static bool engine_advance(Engine *engine, double time, double step, Message message);
 
-/* `seed` is a direction [parameters | inputs | states | discretes], `result` takes [derivatives | outputs]. */
+/* `seed` is a direction [parameters | inputs | states | discretes] and, at MODEL_VARIABLES, of the time; `result` takes
+   [derivatives | outputs]. */
 static bool engine_tangent(Engine *engine, double time, const double *seed, double *result, Message message);
 
 /* ---- common ------------------------------------------------------------------------------------ */

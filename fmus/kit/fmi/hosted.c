@@ -47,10 +47,11 @@ bool engine_differentiate(Engine *engine, double time, Message message) {
 bool engine_tangent(Engine *engine, double time, const double *seed, double *result, Message message) {
     engine->sloped = false;
     bind(engine, time, engine->memory + FIRST_STATE);
-    engine->arg[5] = seed + FIRST_PARAMETER;
-    engine->arg[6] = seed + FIRST_INPUT;
-    engine->arg[7] = seed + FIRST_STATE;
-    engine->arg[8] = seed + FIRST_DISCRETE;
+    engine->arg[5] = seed + MODEL_VARIABLES;
+    engine->arg[6] = seed + FIRST_PARAMETER;
+    engine->arg[7] = seed + FIRST_INPUT;
+    engine->arg[8] = seed + FIRST_STATE;
+    engine->arg[9] = seed + FIRST_DISCRETE;
     engine->res[0] = result;
     engine->res[1] = result + MODEL_STATES;
     return call(engine, tangent) || law_failed(message, "tangent");

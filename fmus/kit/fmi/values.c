@@ -21,12 +21,17 @@ static void explain(const Instance *instance, const char *function, Reference vr
                MODEL_VARIABLES + MODEL_TEXTS + OWN_REFERENCES - 1);
 }
 
+bool given(const Instance *instance, const char *function, const Reference vr[], size_t n, const void *values) {
+    bool good = n == 0 || (vr != NULL && values != NULL);
+    if (!good)
+        report(instance, FMI(Error), "%s: an array is NULL though it should have %zu elements", function, n);
+    return good;
+}
+
 bool valid(const Instance *instance, const char *function, Type type, const Reference vr[], size_t n,
            const void *values) {
-    if (n > 0 && (vr == NULL || values == NULL)) {
-        report(instance, FMI(Error), "%s: an array is NULL though it should have %zu elements", function, n);
+    if (!given(instance, function, vr, n, values))
         return false;
-    }
     for (size_t i = 0; i < n; i++)
         if (vr[i] >= MODEL_VARIABLES || model_variables[vr[i]].type != type) {
             explain(instance, function, vr[i]);
@@ -54,13 +59,18 @@ static bool texts_valid(const Instance *instance, const char *function, const Re
 
 /* ---- reading ------------------------------------------------------------------------------------ */
 
+/* When parameters and inputs, which have start values, can be read. */
+static int modes_of_starts(void) { return host_reads_starts ? ANY_MODE : READABLE; }
+
 Status readable(Instance *instance, const char *function, Type type, const Reference vr[], size_t n,
                 const void *values) {
     Status status = FMI(OK);
-    if (!allowed(instance, READABLE, function) || !valid(instance, function, type, vr, n, values))
+    if (!allowed(instance, modes_of_starts(), function) || !valid(instance, function, type, vr, n, values))
         return FMI(Error);
     for (size_t i = 0; i < n && status == FMI(OK); i++) {
         Role role = model_variables[vr[i]].role;
+        if (role > ROLE_INPUT && !allowed(instance, READABLE, function))
+            return FMI(Error);
         if (role == ROLE_OUTPUT)
             status = refresh_outputs(instance);
         else if (role == ROLE_DERIVATIVE)
@@ -92,7 +102,7 @@ Status get_integers(Instance *instance, const char *function, const Reference vr
 }
 
 Status get_texts(Instance *instance, const char *function, const Reference vr[], size_t n, const char *value[]) {
-    if (!allowed(instance, READABLE, function) || !texts_valid(instance, function, vr, n, value))
+    if (!allowed(instance, modes_of_starts(), function) || !texts_valid(instance, function, vr, n, value))
         return FMI(Error);
     for (size_t i = 0; i < n; i++)
         value[i] = instance->texts[vr[i] - MODEL_VARIABLES];

@@ -7,6 +7,10 @@
 /* Number `i` of an array of the host, whose elements have a type of its version. */
 typedef double Number(const void *values, size_t i);
 
+/* Whether the host passed arrays where there should be some; reports it if not. */
+static inline bool given(const Instance *instance, const char *function, const Reference vr[], size_t n,
+                         const void *values);
+
 /* Whether the host passed usable arrays and references of the right type; reports it if not. */
 static inline bool valid(const Instance *instance, const char *function, Type type, const Reference vr[], size_t n,
                          const void *values);

@@ -105,7 +105,7 @@ class Graph:
         Returns
         -------
         list of casadi.Function
-            Rates, outputs, an update for each sample period, tangent if wanted.
+            Rates, outputs, an update for each sample period, tangent (by the time, too) if wanted.
         """
         arguments = self.arguments
         # sparse results would shorten the C arrays; the engine expects full vectors
@@ -122,12 +122,13 @@ class Graph:
         ]
         if tangent:
             seeds = [
+                ca.SX.sym("dtime"),
                 ca.SX.sym("dparameters", self.parameters.numel()),
                 ca.SX.sym("dinputs", self.inputs.numel()),
                 ca.SX.sym("dstates", self.states.numel()),
                 ca.SX.sym("ddiscretes", self.discretes.numel()),
             ]
-            known = ca.vertcat(*arguments[1:])
+            known = ca.vertcat(*arguments)
             seed = ca.vertcat(*seeds)
             tangents = ca.cse([ca.densify(ca.jtimes(e, known, seed)) for e in (rates, outputs)])
             functions.append(ca.Function("tangent", [*arguments, *seeds], tangents))
@@ -150,9 +151,9 @@ class Graph:
             ca.SX.sym("wrates", self.rates.numel()),
             ca.SX.sym("woutputs", laws.numel() - self.rates.numel()),
         ]
-        known = ca.vertcat(*arguments[1:])
+        known = ca.vertcat(*arguments)
         adjoint = ca.densify(ca.jtimes(laws, known, ca.vertcat(*weights), True))
-        ends = np.cumsum([0, *(group.numel() for group in arguments[1:])]).tolist()
+        ends = np.cumsum([0, *(group.numel() for group in arguments)]).tolist()
         parts = ca.cse([adjoint[a:b] for a, b in itertools.pairwise(ends)])
         return [
             ca.Function("output_rates", arguments, ca.cse([ca.densify(rate)])),
@@ -318,7 +319,9 @@ def _column(values: list[Any]) -> ca.SX:
 
 
 @uninterrupted()
-def dependencies(graph: Graph, states_known: bool = True) -> dict[str, dict[int, list[int]]]:
+def dependencies(
+    graph: Graph, states_known: bool = True, time: int | None = None
+) -> dict[str, dict[int, list[int]]]:
     """Return the dependencies of every unknown of ``ModelStructure``, by value reference.
 
     They are exact, because they are the sparsity of the traced laws.
@@ -329,18 +332,22 @@ def dependencies(graph: Graph, states_known: bool = True) -> dict[str, dict[int,
     states_known : bool
         Whether a host can set the continuous states, or ask for derivatives by them. Of a build
         for which it cannot FMI has no derivatives, and no dependency on states.
+    time : int, optional
+        Value reference of the time, if it is a variable, which event indicators follow.
 
     Returns
     -------
     dict
-        ``Outputs`` and ``Derivatives`` on inputs and continuous states; ``InitialUnknowns`` on
-        parameters and inputs, the states following their start parameters.
+        ``Outputs``, ``Derivatives`` and ``EventIndicators`` on inputs, continuous states and the
+        time; ``InitialUnknowns`` on parameters, inputs and the time, the states following their
+        start parameters.
     """
-    unknowns = _Unknowns(graph, states_known)
+    unknowns = _Unknowns(graph, states_known, time)
     return {
         "Outputs": unknowns.outputs(),
         "Derivatives": unknowns.derivatives(),
         "InitialUnknowns": unknowns.initial(),
+        "EventIndicators": unknowns.indicators(),
     }
 
 
@@ -361,6 +368,7 @@ class _Unknowns:
 
     graph: Graph
     states_known: bool
+    time: int | None
 
     @cached_property
     def first(self) -> _FirstReferences:
@@ -387,6 +395,12 @@ class _Unknowns:
             return {}
         return self._between_events(self.first.derivatives, self.graph.rates)
 
+    def indicators(self) -> dict[int, list[int]]:
+        """Return event indicators on what a host sets between events; none without references."""
+        if self.time is None:
+            return {}
+        return self._between_events(self.time + 1, self.graph.indicators)
+
     def initial(self) -> dict[int, list[int]]:
         """Return initial unknowns on parameters and inputs."""
         graph, layout, first = self.graph, self.graph.layout, self.first
@@ -412,10 +426,17 @@ class _Unknowns:
         graph = self.graph
         states = [graph.states, graph.discretes]
         (at_start,) = ca.substitute([column], states, list(graph.start))
-        return graph.depends(at_start, ca.vertcat(graph.parameters, graph.inputs))
+        return self._references(at_start, ca.vertcat(graph.parameters, graph.inputs), 0)
 
     def _between_events(self, reference: int, column: ca.SX) -> dict[int, list[int]]:
         """Return a column, numbered from a value reference on, on what a host sets."""
         knowns = self.graph.continuous if self.states_known else self.graph.inputs
-        rows = self.graph.depends(column, knowns)
-        return {i: [self.first.inputs + k for k in row] for i, row in enumerate(rows, reference)}
+        return dict(enumerate(self._references(column, knowns, self.first.inputs), reference))
+
+    def _references(self, column: ca.SX, knowns: ca.SX, first: int) -> list[list[int]]:
+        """Return what a column depends on: knowns, numbered from the first on, and the time."""
+        references = list(range(first, first + knowns.numel()))
+        if self.time is not None:
+            knowns = ca.vertcat(knowns, self.graph.time)
+            references.append(self.time)
+        return [[references[k] for k in row] for row in self.graph.depends(column, knowns)]

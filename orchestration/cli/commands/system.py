@@ -105,7 +105,7 @@ def draw(options: DrawSystemCommand) -> None:
     from orchestration.system import draw as work
 
     name = options["name"]
-    path = options["out"] or Path(f"{Path(name).stem}.png")
+    path = options["out"] or _named_after(name, ".png")
     Outputs({"the system": Path(name)}, {"--out": path}, {"--out": FORMATS}).check()
     with _opened(name) as system:
         check(system)
@@ -122,7 +122,7 @@ def export(options: ExportSystemCommand) -> None:
     from orchestration.system.ssp import ENDINGS
 
     name = options["name"]
-    path = options["out"] or Path(f"{Path(name).stem}.ssp")
+    path = options["out"] or _named_after(name, ".ssp")
     Outputs({"the system": Path(name)}, {"--out": path}, {"--out": ENDINGS}).check()
     with _opened(name, options["runtime"]) as system:
         ssp.write(system, path, options["connectors"])
@@ -142,6 +142,11 @@ def check_file(options: CheckSystemCommand) -> None:
         count = _warn(system)
         parts = f"{len(system.members)} members, {len(system.connections)} connections"
         out.print(f"{file}: {parts}, no errors, {count} warnings")
+
+
+def _named_after(name: str, ending: str) -> Path:
+    """Return the file that is written of a system unless one is named."""
+    return Path(f"{Path(name).stem or 'system'}{ending}")
 
 
 @contextmanager

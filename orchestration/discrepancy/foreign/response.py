@@ -7,7 +7,7 @@ model of low order does not follow it, as where the FMU is far from linear, ther
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from scipy.linalg import expm, logm
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.identify.fitting import FmuWithDifferences
+from orchestration.identify.fitting import FmuWithDifferences, SimulationInput
 from orchestration.records import evenly_sampled
 
 _CHANGE = 0.02  # of how much an input moves
@@ -50,9 +50,7 @@ class FmuResponse:
 
 def identify_responses(
     fmu: FmuWithDifferences,
-    time: Array,
-    inputs: Mapping[str, Array],
-    parameters: Mapping[str, float],
+    given: SimulationInput,
     outputs: Sequence[str],
     moved: Sequence[str],
 ) -> dict[tuple[str, str], FmuResponse]:
@@ -62,11 +60,9 @@ def identify_responses(
     ----------
     fmu : FmuWithDifferences
         Open.
-    time : ndarray, shape (n,)
-        Equally spaced; otherwise there are no responses.
-    inputs : Mapping of str to ndarray, shape (n,)
-        About which the FMU is moved.
-    parameters : Mapping of str to float
+    given : SimulationInput
+        About which the FMU is moved, at instants that are equally spaced; otherwise there are no
+        responses.
     outputs, moved : sequence of str
         Outputs, and inputs that are moved.
 
@@ -75,17 +71,19 @@ def identify_responses(
     dict of tuple of str to FmuResponse
         By output and input; without those that are not there, or not linear enough.
     """
+    time = given.time
     if not evenly_sampled(time):
         return {}
     step = float(time[-1] - time[0]) / (len(time) - 1)
     responses = {}
     for name in moved:
         change = _random_signs(len(time))
-        size = float(np.std(inputs[name])) or 1.0
+        course = given.inputs[name]
+        size = float(np.std(course)) or 1.0
         shift = _CHANGE * size * change
         try:
-            above = fmu.run(time, {**inputs, name: inputs[name] + shift}, parameters).signals
-            below = fmu.run(time, {**inputs, name: inputs[name] - shift}, parameters).signals
+            above = fmu.run(given.with_input(name, course + shift)).signals
+            below = fmu.run(given.with_input(name, course - shift)).signals
         except UserError:  # it cannot be moved there
             continue
         for output in outputs:

@@ -26,7 +26,7 @@ from orchestration.discrepancy.foreign.response import FmuResponse, identify_res
 from orchestration.discrepancy.note import Note
 from orchestration.fmu import Model, Value, model_of, numeric
 from orchestration.identify import Fit, fit_model
-from orchestration.identify.fitting import FmuWithDifferences
+from orchestration.identify.fitting import FmuWithDifferences, SimulationInput
 from orchestration.identify.uncertainty import Estimate
 from orchestration.records import Record
 from orchestration.system import Connection, Member, Port, System
@@ -262,7 +262,9 @@ class _Simulation:
         ]
         values = {**self._others, **self.fitted}
         with FmuWithDifferences(self._model, (), self._outputs, values) as fmu:
-            return identify_responses(fmu, record.time, inputs, {}, self._measured, moving)
+            return identify_responses(
+                fmu, SimulationInput(record.time, inputs, {}), self._measured, moving
+            )
 
     def wrapped(self, records: Sequence[Record], correction: OutputCorrection) -> list[Record]:
         """Return records with what the FMU makes of their inputs, by names of its correction."""
@@ -273,7 +275,7 @@ class _Simulation:
         self, record: Record, correction: OutputCorrection, fmu: FmuWithDifferences
     ) -> Record:
         inputs = self._inputs(record)
-        ran = fmu.run(record.time, inputs, self.fitted)
+        ran = fmu.run(SimulationInput(record.time, inputs, self.fitted))
         names = correction.names
         units = {v.name: v.unit for v in correction.cls.layout.variables}
         declared = {v.name for v in correction.cls.layout.inputs}

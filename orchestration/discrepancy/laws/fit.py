@@ -90,6 +90,8 @@ class CurveFit:
         self._without = search.problem(base.candidate, base.problem.names, fixed)
         self._own = len(base.problem.names) + len(constants)
         self._precision = np.append(base.fit.prior_precision, np.zeros(len(constants)))
+        mean = self.problem.position(self.problem.start | base.problem.start)[: self._own]
+        self._centre = np.where(self._precision > 0.0, mean, 0.0)
         self._size = np.array([s.size for s in self.problem.scales[self._own :]])
 
     def first(
@@ -163,7 +165,7 @@ class CurveFit:
     ) -> FittedCurve:
         """Fit from a point, with the roughness of a curve's prior."""
         problem = self.problem
-        q, rough = self._minimised(q, whitening, _root(curve.prior), effort)
+        q, rough = self._minimised(q, whitening, curve.prior, effort)
         error, jacobian = problem.evaluate(q)
         noise = dict(problem.noise(error))
         now = Whitening.of(noise, error, problem.present)
@@ -175,11 +177,7 @@ class CurveFit:
             n.deviance(n.whiten(error[o], problem.present[o]), problem.present[o])
             for o, n in noise.items()
         )
-        weight = self._precision
-        moved = (
-            q[: self._own] - problem.position(problem.start | self._base.problem.start)[: self._own]
-        )
-        deviance += float(np.sum(np.where(weight > 0.0, weight * moved**2, 0.0)))
+        deviance += float(np.sum(self._precision * (q[: self._own] - self._centre) ** 2))
         order = sum(n.parameters for n in noise.values()) + self._own
         criterion = deviance + rough + fitted_curve.complexity + order * np.log(problem.samples)
         return FittedCurve(
@@ -216,42 +214,74 @@ class CurveFit:
         return products.best(free.T @ wanted)
 
     def _minimised(
-        self, q: Array, whitening: Whitening, root: Array, effort: tuple[float, int]
+        self, q: Array, whitening: Whitening, covariance: Array, effort: tuple[float, int]
     ) -> tuple[Array, float]:
-        """Solve least squares, the curve being the root times coordinates of unit size."""
+        """Solve least squares; return the end, and the roughness of the curve there.
+
+        The prior of the curve has a covariance.
+        """
         problem = self.problem
         own = self._own
+        curve = _WhitenedCurve(own, _root(covariance), self._size)
         weight = np.sqrt(self._precision)
-        prior_mean = problem.position(problem.start | self._base.problem.start)[:own]
-        centre = np.where(weight > 0.0, prior_mean, 0.0)
-
-        def whole(z: Array) -> Array:
-            return np.concatenate([z[:own], root @ z[own:] / self._size])
-
         costs: list[float] = []
 
         def residual(z: Array) -> Array:
             if len(costs) > _TRIED and min(costs) > _HOPELESS * problem.samples:
                 raise SearchEndedError("the curve comes nowhere near the record")
-            error, _ = problem.evaluate(whole(z))
-            rows = np.concatenate([whitening(error), weight * (z[:own] - centre), z[own:]])
+            error, _ = problem.evaluate(curve.point(z))
+            rows = np.concatenate([whitening(error), weight * (z[:own] - self._centre), z[own:]])
             costs.append(float(rows @ rows))
             return rows
 
         def jacobian(z: Array) -> Array:
-            _, derivatives = problem.evaluate(whole(z))
-            slopes = whitening(derivatives)
-            top = np.hstack([slopes[:, :own], slopes[:, own:] @ (root / self._size[:, None])])
-            return np.vstack([top, np.diag(np.concatenate([weight, np.ones(root.shape[1])]))])
+            _, derivatives = problem.evaluate(curve.point(z))
+            prior = np.diag(np.concatenate([weight, np.ones(len(z) - own)]))
+            return np.vstack([curve.slopes(whitening(derivatives)), prior])
 
-        coordinates, *_ = np.linalg.lstsq(root, q[own:] * self._size, rcond=None)
-        begin = np.concatenate([q[:own], coordinates])
-        far = np.full(root.shape[1], np.inf)
-        low, high = problem.bounds()
-        bounds = np.append(low[:own], -far), np.append(high[:own], far)
+        low, high = curve.bounds(*problem.bounds())
         limited = problem.time_limited(residual)
-        end = minimise(limited, jacobian, begin, *bounds, effort[0], trials=effort[1])
-        return whole(end.q), float(end.q[own:] @ end.q[own:])
+        tolerance, trials = effort
+        end = minimise(limited, jacobian, curve.begin(q), low, high, tolerance, trials=trials)
+        return curve.point(end.q), float(end.q[own:] @ end.q[own:])
+
+
+@dataclass(frozen=True)
+class _WhitenedCurve:
+    """A curve whose prior is standard normal: its values are a root of the covariance times it.
+
+    Attributes
+    ----------
+    own : int
+        Coordinates before those of the curve: of the model's own parameters.
+    root : ndarray, shape (k, r)
+        Of the covariance of the values.
+    size : ndarray, shape (k,)
+        Values for a searched coordinate of 1.
+    """
+
+    own: int
+    root: Array
+    size: Array
+
+    def point(self, z: Array) -> Array:
+        """Return the searched coordinates, with the k values for the r that are whitened."""
+        return np.concatenate([z[: self.own], self.root @ z[self.own :] / self.size])
+
+    def begin(self, q: Array) -> Array:
+        """Return the coordinates whose values come nearest to those of a point."""
+        whitened, *_ = np.linalg.lstsq(self.root, q[self.own :] * self.size, rcond=None)
+        return np.concatenate([q[: self.own], whitened])
+
+    def slopes(self, slopes: Array) -> Array:
+        """Return derivatives by these coordinates, of those by the searched ones."""
+        by_curve = slopes[:, self.own :] @ (self.root / self.size[:, None])
+        return np.hstack([slopes[:, : self.own], by_curve])
+
+    def bounds(self, low: Array, high: Array) -> tuple[Array, Array]:
+        """Return the bounds of these coordinates: those of the model's own parameters."""
+        far = np.full(self.root.shape[1], np.inf)
+        return np.append(low[: self.own], -far), np.append(high[: self.own], far)
 
 
 def _root(covariance: Array) -> Array:

@@ -8,7 +8,7 @@ be.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,7 +36,6 @@ from orchestration.reporting import (
     stacked,
 )
 
-Simulated = Mapping[str, Mapping[str, Array]]  # outputs, SI, by label of the model and name
 COLOURS = {NOMINAL: "#7fb0d0", REFITTED: pictures.MODEL, EXTENDED: pictures.FITTED}
 _HOURS = 7200.0  # seconds from which on time is shown in hours
 # ratio of the longest to the shortest step from which on time is drawn logarithmic, as in creep
@@ -80,6 +79,23 @@ class ShownModel:
         return COLOURS[self.label]
 
 
+@dataclass(frozen=True)
+class SimulatedModel(ShownModel):
+    """A model that is shown, and its outputs over the record that it is shown beside.
+
+    Attributes
+    ----------
+    simulated : Mapping of str to ndarray, shape (n,)
+        SI.
+    """
+
+    simulated: Mapping[str, Array]
+
+    def where(self, mask: Mask) -> SimulatedModel:
+        """Return the model with its outputs at some of the samples."""
+        return replace(self, simulated={o: values[mask] for o, values in self.simulated.items()})
+
+
 class Parts(NamedTuple):
     """The two parts of a record.
 
@@ -106,8 +122,7 @@ class Chart(NamedTuple):
 def plot_over_time(
     model: Model,
     data: Dataset,
-    models: Sequence[ShownModel],
-    simulated: Simulated,
+    models: Sequence[SimulatedModel],
     parts: Parts | None = None,
 ) -> Chart:
     """Draw measured and simulated outputs, their difference, and the inputs above one time axis.
@@ -117,9 +132,7 @@ def plot_over_time(
     model : Model
         For units.
     data : Dataset
-    models : sequence of ShownModel
-    simulated : Mapping
-        Their outputs.
+    models : sequence of SimulatedModel
     parts : Parts, optional
     """
     time, unit = readable_time(data.time)
@@ -127,8 +140,8 @@ def plot_over_time(
     is_logarithmic = bool(steps.max() > _SPREAD * steps.min())
     panels = []
     for output in data.measured:
-        panels.append(_output_panel(model, data, models, simulated, output))
-        panels.append(_residual_panel(model, data, models, simulated, output))
+        panels.append(_output_panel(model, data, models, output))
+        panels.append(_residual_panel(model, data, models, output))
     panels += _input_panels(model, data)
     boundary = None
     if parts is not None:
@@ -141,15 +154,14 @@ def plot_over_time(
 def plot_closer(
     model: Model,
     data: Dataset,
-    models: Sequence[ShownModel],
-    simulated: Simulated,
+    models: Sequence[SimulatedModel],
     boundary: int,
 ) -> Chart | None:
     """Draw the beginning of what follows a boundary, in which single samples can be told apart.
 
     Parameters
     ----------
-    model, data, models, simulated
+    model, data, models
         See `plot_over_time`.
     boundary : int
         First sample that is shown.
@@ -164,20 +176,13 @@ def plot_closer(
         return None
     window = np.arange(len(data.time))
     near = (window >= boundary) & (window < boundary + count)
-    part = {
-        label: {output: values[near] for output, values in outputs.items()}
-        for label, outputs in simulated.items()
-    }
-    drawn, _ = plot_over_time(model, data.where(near), models, part)
+    part = [shown.where(near) for shown in models]
+    drawn, _ = plot_over_time(model, data.where(near), part)
     return Chart(drawn, f"The first {count} samples of that, closer.")
 
 
 def _output_panel(
-    model: Model,
-    data: Dataset,
-    models: Sequence[ShownModel],
-    simulated: Simulated,
-    output: str,
+    model: Model, data: Dataset, models: Sequence[SimulatedModel], output: str
 ) -> Panel:
     """Draw an output as it was measured, and as every model simulates it."""
     time, _ = readable_time(data.time)
@@ -185,17 +190,13 @@ def _output_panel(
     measured = in_display_unit(data.measured[output], signal)
     traces = [Trace("measured", time, measured, pictures.MEASURED, 3.5)]
     for shown_model in models:
-        values = _within_runs(data, simulated[shown_model.label][output])
+        values = _within_runs(data, shown_model.simulated[output])
         traces.append(_line(shown_model, time, in_display_unit(values, signal)))
     return Panel(_panel_title(output, signal.display), _OUTPUT_HEIGHT, traces)
 
 
 def _residual_panel(
-    model: Model,
-    data: Dataset,
-    models: Sequence[ShownModel],
-    simulated: Simulated,
-    output: str,
+    model: Model, data: Dataset, models: Sequence[SimulatedModel], output: str
 ) -> Panel:
     """Draw the difference between the measurement and every model."""
     time, _ = readable_time(data.time)
@@ -204,7 +205,7 @@ def _residual_panel(
     y = data.measured[output]
     traces = []
     for shown_model in models:
-        residual = y - _within_runs(data, simulated[shown_model.label][output])
+        residual = y - _within_runs(data, shown_model.simulated[output])
         traces.append(_line(shown_model, time, units.convert(residual, signal.unit, unit)))
     return Panel(_panel_title("measured − simulated", unit), _RESIDUAL_HEIGHT, traces)
 

@@ -39,10 +39,10 @@ def diagnosis_page(
         _verdict(result, answer.support),
         _about(result),
     )
-    models, simulated = sections.shown_models(result)
+    models = sections.simulated_models(result)
     page.heading("What is wrong")
     sections.add_causes(page, diagnosis)
-    sections.add_errors(page, result, models, simulated)
+    sections.add_errors(page, result, models)
     if later is not None:
         _add_comparison(page, changes, result, later)
     sections.add_effects(page, diagnosis)
@@ -52,7 +52,7 @@ def diagnosis_page(
     _add_experiment(page, result)
     page.heading("How sure this is")
     page.parts.append(elements.muted_paragraph(_division_of_data(result)))
-    sections.add_curves(page, result, models, simulated)
+    sections.add_curves(page, result, models)
     sections.add_evidence(page, result)
     sections.add_parameters(page, diagnosis)
     sections.add_residuals(page, result)

@@ -29,7 +29,7 @@ from orchestration.discrepancy.note import Action, Note, notes_by_action
 from orchestration.discrepancy.pipeline import Result, file_names
 from orchestration.discrepancy.report import figures, html_elements, wording
 from orchestration.discrepancy.report.effect_picture import effect_chart
-from orchestration.discrepancy.report.figures import Parts, ShownModel, Simulated
+from orchestration.discrepancy.report.figures import Parts, ShownModel, SimulatedModel
 from orchestration.discrepancy.report.html_elements import AxisScale, format_estimate
 from orchestration.discrepancy.report.sizes import told_of_parameter
 from orchestration.discrepancy.report.tables import (
@@ -54,22 +54,20 @@ _EVIDENCE_HEAD = ["effect", "fall of BIC", "p-value", "verdict"]
 _LISTED = 5  # lines, jumps, and what a residual correlates with
 
 
-def shown_models(result: Result) -> tuple[list[ShownModel], Simulated]:
+def simulated_models(result: Result) -> list[SimulatedModel]:
     """Return the models that are shown, and their outputs over the validation data.
 
     Outputs of the FMUs are taken where these were run. A nominal model that cannot be simulated is
     left out.
     """
     validation = result.diagnosis.validation
-    models, simulated = _simulate_each(
+    models = _simulate_each(
         _models(result.diagnosis), lambda model: simulated_outputs(validation, model)
     )
-    if result.gain:
-        outputs_of_fmus = {REFITTED: result.gain.base, EXTENDED: result.gain.extended}
-        for name, outputs in outputs_of_fmus.items():
-            if name in simulated:
-                simulated[name] = outputs
-    return models, simulated
+    if not result.gain:
+        return models
+    of_fmus = {REFITTED: result.gain.base, EXTENDED: result.gain.extended}
+    return [replace(shown, simulated=of_fmus.get(shown.label, shown.simulated)) for shown in models]
 
 
 def _models(diagnosis: Diagnosis) -> list[ShownModel]:
@@ -83,16 +81,16 @@ def _models(diagnosis: Diagnosis) -> list[ShownModel]:
 
 def _simulate_each(
     models: Sequence[ShownModel], simulate: Callable[[FittedCandidate], Mapping[str, Array]]
-) -> tuple[list[ShownModel], dict[str, Mapping[str, Array]]]:
+) -> list[SimulatedModel]:
     """Simulate every model; the nominal one is left out where it cannot be."""
-    simulated: dict[str, Mapping[str, Array]] = {}
+    simulated = []
     for shown in models:
         try:
-            simulated[shown.label] = simulate(shown.model)
+            simulated.append(SimulatedModel(shown.label, shown.model, simulate(shown.model)))
         except UserError:
             if shown.label != NOMINAL:
                 raise
-    return [shown for shown in models if shown.label in simulated], simulated
+    return simulated
 
 
 def _without_unmeasured(data: Dataset) -> Dataset:
@@ -106,15 +104,13 @@ def measured_anywhere(data: Dataset) -> Mask:
     return np.any([np.isfinite(y) for y in data.measured.values()], axis=0)
 
 
-def add_errors(
-    page: Page, result: Result, models: Sequence[ShownModel], simulated: Simulated
-) -> None:
+def add_errors(page: Page, result: Result, models: Sequence[SimulatedModel]) -> None:
     """Add how far off every model is on data that no fit has seen."""
     diagnosis = result.diagnosis
     page.subheading(f"Error on {wording.UNSEEN}")
     cls = diagnosis.selection.base.candidate.cls
     for output in _without_unmeasured(diagnosis.validation.data).measured:
-        bars = [_error_bar(result, shown, simulated[shown.label], output) for shown in models]
+        bars = [_error_bar(result, shown, output) for shown in models]
         page.parts.append(elements.bar_chart(capitalised(law_title(cls, output)), bars))
     page.parts.append(elements.muted_paragraph(_explanation_of_errors(result)))
     head, rows = error_table(diagnosis)
@@ -126,12 +122,10 @@ def add_errors(
     )
 
 
-def _error_bar(
-    result: Result, shown: ShownModel, simulated: Mapping[str, Array], output: str
-) -> Bar:
+def _error_bar(result: Result, shown: SimulatedModel, output: str) -> Bar:
     """Return the error of a model in an output as a bar, in percent and in its unit."""
     validation = result.diagnosis.validation
-    values = simulated[output]
+    values = shown.simulated[output]
     errors = (validation.data.measured[output] - values)[validation.judged]
     share = validation.nrmse({**validation.data.measured, output: values})[output]
     size = write_prefixed(rms(errors), result.model.outputs[output].unit)
@@ -156,43 +150,34 @@ def _explanation_of_errors(result: Result) -> str:
     return f"{text}."
 
 
-def add_curves(
-    page: Page, result: Result, models: Sequence[ShownModel], simulated: Simulated
-) -> None:
+def add_curves(page: Page, result: Result, models: Sequence[SimulatedModel]) -> None:
     """Add measured and simulated outputs over time, of what was held out and what was fitted to."""
     validation = result.diagnosis.validation
     if result.holdout is not None or validation.data.several:
-        _add_curves_of_records(page, result, models, simulated)
+        _add_curves_of_records(page, result, models)
         return
     page.subheading("The record and the model")
     data = _without_unmeasured(validation.data)
     if validation.first > 0:
         parts = Parts(validation.first, "fitted", "held out")
-        page.chart(*figures.plot_over_time(result.model, data, models, simulated, parts))
-        _add_closer(page, result, models, simulated, validation.first)
+        page.chart(*figures.plot_over_time(result.model, data, models, parts))
+        _add_closer(page, result, models, validation.first)
         return
     page.parts.append(elements.muted_paragraph("Only samples that were held out are shown."))
     mask = measured_anywhere(validation.data)
-    masked = {
-        name: {output: values[mask] for output, values in outputs.items()}
-        for name, outputs in simulated.items()
-    }
-    page.chart(*figures.plot_over_time(result.model, data.where(mask), models, masked))
+    masked = [shown.where(mask) for shown in models]
+    page.chart(*figures.plot_over_time(result.model, data.where(mask), masked))
 
 
-def _add_closer(
-    page: Page, result: Result, models: Sequence[ShownModel], simulated: Simulated, first: int
-) -> None:
+def _add_closer(page: Page, result: Result, models: Sequence[SimulatedModel], first: int) -> None:
     """Add the beginning of what is judged once more, closer."""
     data = _without_unmeasured(result.diagnosis.validation.data)
-    closer = figures.plot_closer(result.model, data, models, simulated, first)
+    closer = figures.plot_closer(result.model, data, models, first)
     if closer is not None:
         page.chart(*closer)
 
 
-def _add_curves_of_records(
-    page: Page, result: Result, models: Sequence[ShownModel], simulated: Simulated
-) -> None:
+def _add_curves_of_records(page: Page, result: Result, models: Sequence[SimulatedModel]) -> None:
     """Add the curves of the records held out, and then of those fitted to."""
     validation = result.diagnosis.validation
     estimation = result.diagnosis.estimation
@@ -203,14 +188,14 @@ def _add_curves_of_records(
     parts = None
     if not validation.data.several:
         parts = Parts(validation.first, "start fitted", "judged")
-    page.chart(*figures.plot_over_time(result.model, held_out, models, simulated, parts))
-    _add_closer(page, result, models, simulated, validation.first)
+    page.chart(*figures.plot_over_time(result.model, held_out, models, parts))
+    _add_closer(page, result, models, validation.first)
 
     page.subheading("The records fitted to" if several else "The record fitted to")
     page.parts.append(elements.muted_paragraph(result.files))
     fitted = _without_unmeasured(estimation)
-    models_run, over_fitted = _simulate_each(models, lambda model: _simulate(model, fitted))
-    page.chart(*figures.plot_over_time(result.model, fitted, models_run, over_fitted))
+    over_fitted = _simulate_each(models, lambda model: _simulate(model, fitted))
+    page.chart(*figures.plot_over_time(result.model, fitted, over_fitted))
 
 
 def _simulate(model: FittedCandidate, data: Dataset) -> dict[str, Array]:

@@ -2,6 +2,8 @@
  *
  * All variables of one type are moved by one call. The time is linear in the number of elements, whatever their order.
  */
+#include <float.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -113,18 +115,18 @@ static void put(type t, void *values, size_t place, double number) {
 /* Whether a type holds a number; what is read as an FMI 2.0 integer has no more than 32 bits. */
 static int holds(type t, double number) {
     static const struct {
-        const char *name;
         double low, high;
-    } ranges[TYPES] = {[TYPE_Int8] = {"Int8", -128.0, 127.0},
-                       [TYPE_UInt8] = {"UInt8", 0.0, 255.0},
-                       [TYPE_Int16] = {"Int16", -32768.0, 32767.0},
-                       [TYPE_UInt16] = {"UInt16", 0.0, 65535.0},
-                       [TYPE_Int32] = {"Int32", -2147483648.0, 2147483647.0},
-                       [TYPE_UInt32] = {"UInt32", 0.0, 4294967295.0},
-                       [TYPE_Int64] = {"Int64", -9007199254740992.0, 9007199254740992.0},
-                       [TYPE_UInt64] = {"UInt64", 0.0, 9007199254740992.0},
-                       [TYPE_Boolean] = {"Boolean", 0.0, 1.0}};
-    if (!ranges[t].name) return 1; /* Float32, Float64 */
+    } ranges[TYPES] = {[TYPE_Int8] = {-128.0, 127.0},
+                       [TYPE_UInt8] = {0.0, 255.0},
+                       [TYPE_Int16] = {-32768.0, 32767.0},
+                       [TYPE_UInt16] = {0.0, 65535.0},
+                       [TYPE_Int32] = {-2147483648.0, 2147483647.0},
+                       [TYPE_UInt32] = {0.0, 4294967295.0},
+                       [TYPE_Int64] = {-9007199254740992.0, 9007199254740992.0},
+                       [TYPE_UInt64] = {0.0, 9007199254740992.0},
+                       [TYPE_Boolean] = {0.0, 1.0}};
+    if (t == TYPE_Float32) return !isfinite(number) || fabs(number) <= FLT_MAX;
+    if (t == TYPE_Float64) return 1;
     return number >= ranges[t].low && number <= ranges[t].high && number == (double)(long long)number;
 }
 
@@ -203,7 +205,7 @@ static int all_hold(component *c, type t, const fmi2ValueReference elements[], s
 
 /* Write numbers of any types; elements of a variable that are not given keep their values. */
 static fmi2Status write_row(component *c, const fmi2ValueReference elements[], size_t count, const double row[]) {
-    if (is_same(&c->writing, elements, count))
+    if (!c->late_count && is_same(&c->writing, elements, count))
         return CALL(c, SetFloat64, c->writing.references, c->writing.variables, row, count);
     unsigned types;
     fmi2Status status = find_types(c, elements, count, &types);
@@ -213,7 +215,7 @@ static fmi2Status write_row(component *c, const fmi2ValueReference elements[], s
         int direct = t == TYPE_Float64 && s.in_order && s.given == count;
         if (direct) remember(c, &c->writing, elements, &s);
         if (!all_hold(c, t, elements, count, row)) return fmi2Error;
-        if (!s.in_order && !c->entered) {
+        if (!c->entered && (!s.in_order || c->late_count)) { /* in the order in which they were given */
             status = worse(status, postpone(c, t, elements, count, row));
             continue;
         }

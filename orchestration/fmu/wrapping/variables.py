@@ -244,10 +244,15 @@ class Fmi3Description:
     def declared_variables(self) -> dict[str, DeclaredVariable]:
         """Return the variables, and their aliases, by name."""
         declared = {}
+        taken: set[str] = set()  # an element may be called as another variable is
         for variable in self.variables.values():
             for own in (variable.node, *variable.node.iterfind("Alias")):
                 name = own.get("name", "")
                 elements = tuple(variable.names(name))
+                twice = next((element for element in elements if element in taken), None)
+                if twice is not None:
+                    raise self.error(twice, "is the name of two variables")
+                taken.update(elements)
                 declared[name] = DeclaredVariable(variable.kind, variable.shape, elements)
         return declared
 

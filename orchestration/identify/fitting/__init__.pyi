@@ -24,3 +24,4 @@ from .simulation_error import error_scales as error_scales
 from .simulation_error import pooled_error as pooled_error
 from .simulation_error import starting_points as starting_points
 from .simulation_error import weighted_slopes as weighted_slopes
+from .simulation_input import SimulationInput as SimulationInput

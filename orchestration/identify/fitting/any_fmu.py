@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
+from dataclasses import replace
 from itertools import pairwise
 from math import inf
 from time import monotonic
@@ -24,13 +25,13 @@ from fmus.kit.arrays import Array
 from fmus.kit.record import Trajectory
 from orchestration.fmu import Model, RepeatedRuns, Signal, Source, Value, source_of
 from orchestration.fmu.isolation import Ended, Limits, Pool, limits_of
+from orchestration.identify.fitting.simulation_input import SimulationInput
 
 _LADDER = 10.0 ** -np.arange(1.0, 6.5, 0.5)  # steps relative to the size of a parameter
 _PATIENCE = 2.0  # s that a run may take in any case
 _STIFFER = 30.0  # times as long as the first run that others may take
 _MOVED = 2.0  # factor between values of a parameter from which on a step is chosen anew
 _repeated: RepeatedRuns | None = None  # that of a worker process
-_Stimulus = tuple[Array, dict[str, Array]]  # time and inputs
 
 
 class FmuWithDifferences:
@@ -105,26 +106,14 @@ class FmuWithDifferences:
         self._is_open = False
         self._open.__exit__(*error)
 
-    def run(
-        self,
-        time: Array,
-        inputs: Mapping[str, Array],
-        parameters: Mapping[str, float],
-        effort: float = 0.0,
-        tolerance: float = 0.0,
-    ) -> Trajectory:
+    def run(self, given: SimulationInput) -> Trajectory:
         """Simulate like `CompiledModel.run`, with inputs held from sample to sample.
 
         Parameters
         ----------
-        time : ndarray, shape (n,)
-            Seconds.
-        inputs : Mapping of str to ndarray, shape (n,)
-            In the FMU's units, as is everything else.
-        parameters : Mapping of str to float
-            Values of the parameters named at first; others are ignored.
-        effort, tolerance : float
-            Ignored: the integrator is the FMU's own.
+        given : SimulationInput
+            Parameters that were not named at first are ignored, and so are effort and tolerance:
+            the integrator is the FMU's own.
 
         Returns
         -------
@@ -136,16 +125,14 @@ class FmuWithDifferences:
         UserError
             If the FMU fails there, or on both sides.
         """
-        at = {name: float(parameters[name]) for name in self._names}
-        stimulus = (time, dict(inputs))
-        here = self._first_run(stimulus, at)
+        at = {name: float(given.parameters[name]) for name in self._names}
+        point = replace(given, parameters=at)
+        here = self._first_run(point)
         for name in self._names:
             if not self._still_holds(name, at[name]):
-                step = self._choose_step(stimulus, at, here, name)
+                step = self._choose_step(point, here, name)
                 self._steps[name] = (self._size(name, at[name]), step)
-        slopes = self._slopes(
-            stimulus, at, here, [(name, self._steps[name][1]) for name in self._names]
-        )
+        slopes = self._slopes(point, here, [(name, self._steps[name][1]) for name in self._names])
         for name, slope in zip(self._names, slopes, strict=True):
             if not np.isfinite(slope).all():
                 raise UserError(
@@ -155,16 +142,16 @@ class FmuWithDifferences:
         sensitivities = {}
         for k, output in enumerate(self._outputs):
             by_parameter = np.array([slope[:, k] for slope in slopes])
-            sensitivities[output] = by_parameter.reshape(len(slopes), len(time)).T
+            sensitivities[output] = by_parameter.reshape(len(slopes), len(given.time)).T
         return Trajectory(signals, sensitivities)
 
-    def _first_run(self, stimulus: _Stimulus, at: Mapping[str, float]) -> Array:
+    def _first_run(self, point: SimulationInput) -> Array:
         """Simulate the outputs (n, m) at a point; the first such run limits the time of others.
 
         The model is not stiff where a fit begins, and elsewhere it shall not be much more so.
         """
         begin = monotonic()
-        (outputs,) = self._run_all(stimulus, [at])
+        (outputs,) = self._run_all(point, [point.parameters])
         if self._longest_run == np.inf:
             self._longest_run = max(_PATIENCE, _STIFFER * (monotonic() - begin))
         if isinstance(outputs, UserError):
@@ -182,11 +169,9 @@ class FmuWithDifferences:
         before, _ = self._steps[name]
         return 1.0 / _MOVED <= self._size(name, value) / before <= _MOVED
 
-    def _choose_step(
-        self, stimulus: _Stimulus, at: Mapping[str, float], here: Array, name: str
-    ) -> float:
+    def _choose_step(self, point: SimulationInput, here: Array, name: str) -> float:
         """Return the relative step whose difference changes least with a longer one."""
-        slopes = self._slopes(stimulus, at, here, [(name, step) for step in _LADDER])
+        slopes = self._slopes(point, here, [(name, step) for step in _LADDER])
         scale = np.where(here.std(axis=0) > 0.0, here.std(axis=0), 1.0)
         changes = np.array(
             [
@@ -198,21 +183,18 @@ class FmuWithDifferences:
         return float(_LADDER[1 + int(np.argmin(np.where(usable, changes, np.inf)))])
 
     def _slopes(
-        self,
-        stimulus: _Stimulus,
-        at: Mapping[str, float],
-        here: Array,
-        steps: Sequence[tuple[str, float]],
+        self, point: SimulationInput, here: Array, steps: Sequence[tuple[str, float]]
     ) -> list[Array]:
         """Return derivatives (n, m), one for each parameter and relative step.
 
         They are from one side where the FMU fails on the other, and NaN where it fails on both.
         """
+        at = point.parameters
         sides = [self._sides(name, at[name], step) for name, step in steps]
         points = []
         for (name, _), pair in zip(steps, sides, strict=True):
             points += [{**at, name: x} for x in pair]
-        outputs = iter(self._run_all(stimulus, points))
+        outputs = iter(self._run_all(point, points))
         slopes = []
         for (name, _), (low, high) in zip(steps, sides, strict=True):
             below = next(outputs)
@@ -235,11 +217,12 @@ class FmuWithDifferences:
         return max(value - width, declared.min), min(value + width, declared.max)
 
     def _run_all(
-        self, stimulus: _Stimulus, points: Sequence[Mapping[str, float]]
+        self, given: SimulationInput, points: Sequence[Mapping[str, float]]
     ) -> list[Array | UserError]:
         """Run the FMU at several points; return outputs (n, m), or the error, of each."""
         self.runs += len(points)
-        time, inputs = stimulus
+        time = given.time
+        inputs = dict(given.inputs)
         jobs = [
             (time, inputs, self._settings | dict(values), self._outputs, self._longest_run)
             for values in points

@@ -7,13 +7,13 @@ with the states, and their derivatives, that the block before ended with.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel, Trajectory
+from orchestration.identify.fitting.simulation_input import SimulationInput
 
 LONGEST = 20_000  # samples that are simulated in one piece
 _BLOCK = 8_192  # samples that are simulated at once of more
@@ -49,14 +49,7 @@ class BlockwiseModel:
         self._columns: slice | list[int] = slice(len(places)) if in_order else places
         self._width = len(places)
 
-    def run(
-        self,
-        time: Array,
-        inputs: Mapping[str, Array],
-        parameters: Mapping[str, float],
-        effort: float,
-        tolerance: float,
-    ) -> Trajectory:
+    def run(self, given: SimulationInput) -> Trajectory:
         """Simulate a record as `CompiledModel.run` does, with the derivatives that are wanted.
 
         With discrete states it is in one piece: a block would begin in the middle of their sample
@@ -64,16 +57,7 @@ class BlockwiseModel:
 
         Parameters
         ----------
-        time : ndarray, shape (n,)
-            Seconds.
-        inputs : Mapping of str to ndarray, shape (n,)
-            SI.
-        parameters : Mapping of str to float
-            SI.
-        effort : float
-            Internal steps per sample of the whole record.
-        tolerance : float
-            Accuracy of an internal step, if the component's own need not be reached.
+        given : SimulationInput
 
         Returns
         -------
@@ -85,39 +69,42 @@ class BlockwiseModel:
         UserError
             If the simulation fails.
         """
-        if len(time) > LONGEST and not self._model.layout.discretes:
-            return self.run_in_blocks(time, inputs, parameters, effort, tolerance)
-        ran = self._model.run(time, inputs, parameters, self._linear, effort, tolerance)
+        if len(given.time) > LONGEST and not self._model.layout.discretes:
+            return self.run_in_blocks(given)
+        ran = self._simulated(given)
         wanted = {name: slopes[:, self._columns] for name, slopes in ran.sensitivities.items()}
         return replace(ran, sensitivities=wanted)
 
-    def run_in_blocks(
-        self,
-        time: Array,
-        inputs: Mapping[str, Array],
-        parameters: Mapping[str, float],
-        effort: float,
-        tolerance: float,
-    ) -> Trajectory:
+    def run_in_blocks(self, given: SimulationInput) -> Trajectory:
         """Simulate like `run`, however short the record is, with derivatives of what is measured.
 
         Any block may take the internal steps that those before it have left of the record's.
         """
-        n = len(time)
+        n = len(given.time)
         whole = self._empty(n)
-        start = dict(parameters)
-        left = effort * n
+        start = dict(given.parameters)
+        left = given.effort * n
         for rows in _blocks(n):
-            fed = {name: np.broadcast_to(values, n)[rows] for name, values in inputs.items()}
             share = left / (rows.stop - rows.start)
-            ran = self._model.run(time[rows], fed, start, self._linear, share, tolerance)
+            ran = self._simulated(replace(given.over(rows), parameters=start, effort=share))
             left -= ran.steps
             for name, values in whole.signals.items():
                 values[rows] = ran.signals[name]
             for name, slopes in whole.sensitivities.items():
                 slopes[rows] = ran.sensitivities[name][:, self._columns]
             start |= self._end_of(ran)
-        return replace(whole, steps=effort * n - left)
+        return replace(whole, steps=given.effort * n - left)
+
+    def _simulated(self, given: SimulationInput) -> Trajectory:
+        """Simulate in one piece, with derivatives by all parameters of the model."""
+        return self._model.run(
+            given.time,
+            given.inputs,
+            given.parameters,
+            self._linear,
+            given.effort,
+            given.tolerance,
+        )
 
     def _empty(self, n: int) -> Trajectory:
         """Return a trajectory of n samples, to be filled."""

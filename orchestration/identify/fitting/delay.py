@@ -18,6 +18,7 @@ from fmus.kit import Component, Effect, made_by, stack, transport_delay, unstack
 from fmus.kit.arrays import Array, Indices, Mask
 from fmus.kit.record import CompiledModel, Trajectory, with_knots
 from orchestration.identify.fitting.block_simulation import BlockwiseModel
+from orchestration.identify.fitting.simulation_input import SimulationInput
 
 _NEAR = 1e-3  # of a sample: step of the derivative by time
 
@@ -67,28 +68,12 @@ class DelayedModel:
         self._undelayed = BlockwiseModel(model, names, linear, measured)
         self._known = {p.name for p in model.layout.parameters}
 
-    def run(
-        self,
-        time: Array,
-        inputs: Mapping[str, Array],
-        parameters: Mapping[str, float],
-        effort: float = 1e6,
-        tolerance: float = 0.0,
-    ) -> Trajectory:
+    def run(self, given: SimulationInput) -> Trajectory:
         """Simulate like `CompiledModel.run`.
 
         Parameters
         ----------
-        time : ndarray, shape (n,)
-            Seconds.
-        inputs : Mapping of str to ndarray, shape (n,)
-            SI.
-        parameters : Mapping of str to float
-            SI.
-        effort : float
-            Internal steps per sample, beyond which the model has become too stiff.
-        tolerance : float
-            Accuracy of an internal step, if the component's own need not be reached.
+        given : SimulationInput
 
         Returns
         -------
@@ -99,10 +84,13 @@ class DelayedModel:
         UserError
             If the simulation fails.
         """
-        given = {name: value for name, value in parameters.items() if name in self._known}
-        clock, fed, samples = with_knots(time, inputs, self._linear)
+        time = given.time
+        parameters = given.parameters
+        known = {name: value for name, value in parameters.items() if name in self._known}
+        clock, fed, samples = with_knots(time, given.inputs, self._linear)
+        undelayed = replace(given, time=clock, inputs=fed, parameters=known)
         if not self.delays:
-            trajectory = self._undelayed.run(clock, fed, given, effort, tolerance)
+            trajectory = self._undelayed.run(undelayed)
             return trajectory if samples == slice(None) else _picked(trajectory, samples)
         pasts = {
             output: _past(time, parameters[name])
@@ -112,8 +100,8 @@ class DelayedModel:
         # all instants that are shown, read for a derivative, or integrated to
         earlier = [instants for past in pasts.values() for instants in (past.then, past.near)]
         instants = np.unique(np.concatenate([time, *earlier, clock]))
-        stimulus = self._resampled(clock, fed, instants)
-        trajectory = self._undelayed.run(instants, stimulus, given, effort, tolerance)
+        resampled = self._resampled(clock, fed, instants)
+        trajectory = self._undelayed.run(replace(undelayed, time=instants, inputs=resampled))
         return self._with_delays(_Undelayed(instants, trajectory), pasts, time, parameters)
 
     def _with_delays(

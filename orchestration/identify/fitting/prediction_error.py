@@ -204,44 +204,16 @@ def fit_prediction_error(
         If the simulation fails where the search starts.
     """
     prior = _prior(problem, physical, prior_std)
-
-    def one_pass(q: Array, noise: Mapping[str, Noise], trials: int = method.trials) -> _Pass:
-        end = _minimised(problem, q, noise, prior, method, trials)
-        return _passed(problem, end._replace(q=_kept_near(problem, q, end.q, farthest)), prior)
-
-    def iterate(first: _Pass) -> _Pass:
-        """Fit in the noise that is estimated where the last pass ended, in turn."""
-        fitted = first
-        for _ in range(method.passes - 1):
-            before = fitted
-            fitted = one_pass(before.minimum.q, before.noise)
-            if before.bic - fitted.bic < method.settled:
-                return min(before, fitted, key=lambda f: f.bic)
-        return fitted
-
+    alternating = _AlternatingFit(problem, prior, method, farthest)
     at_start = _unmoved(problem, np.clip(start, *problem.bounds()), prior, farthest)
     # what is not searched stays where it is
     begun = _off_bounds(problem, start) if method.trials > 1 else start
     q = np.clip(begun, *problem.bounds())
     residual = problem.evaluate(q)[0]
-    begin = one_pass(
+    begin = alternating.one_pass(
         q, noise or (problem.noise(residual) if problem.colour else white_noise(residual))
     )
-    best = iterate(begin)
-    in_white = None if noise else begin  # the last pass in white noise
-    for _ in range(method.restarts):
-        if not any(len(n.coefficients) > 1 for n in best.noise.values()):
-            break
-        # a noise model that explains what the model could explain keeps it from doing so: begin
-        # again in white noise
-        again = one_pass(best.minimum.q, white_noise(best.residual), BRIEF)
-        # from where the last pass in white noise ended, all would go as before
-        same = in_white is not None and abs(in_white.bic - again.bic) < method.settled
-        in_white = again
-        other = again if same else iterate(again)
-        if best.bic - other.bic < method.settled:
-            break
-        best = other
+    best = alternating.restarted(alternating.iterate(begin), None if noise else begin)
     # the colour of noise is estimated by its covariance, not its likelihood: passes may end less
     # likely than they begin
     if at_start and at_start.bic < best.bic:
@@ -404,7 +376,7 @@ def fit_in_noise(
     UserError
         If the simulation fails where the search starts.
     """
-    end = _minimised(problem, q, noise, _prior(problem, None, PRIOR_STD), method, method.trials).q
+    end = _minimised(problem, q, noise, _prior(problem, None, PRIOR_STD), method).q
     residual = problem.evaluate(end)[0]
     present = problem.present
     deviance = sum(
@@ -419,7 +391,6 @@ def _minimised(
     noise: Mapping[str, Noise],
     prior: _Prior,
     method: Method,
-    trials: int,
 ) -> Minimum:
     """Minimise in noise that is given, and go on across samples that delays have come to."""
 
@@ -446,6 +417,7 @@ def _minimised(
         low, high = problem.smooth_bounds(begin)
         residual = problem.time_limited(rows)
         tolerance = method.tolerance / problem.samples
+        trials = method.trials
         return minimise(residual, slopes, begin, low, high, tolerance=tolerance, trials=trials)
 
     best = search(q)
@@ -518,6 +490,58 @@ class _Pass:
     def bic(self) -> float:
         """Bayesian information criterion."""
         return self.deviance + self.parameters * float(np.log(self.samples))
+
+
+@dataclass(frozen=True)
+class _AlternatingFit:
+    """Fits of the parameters in noise that is given, and of the noise where each ends, in turn."""
+
+    problem: Problem
+    prior: _Prior
+    method: Method
+    farthest: float
+
+    def one_pass(self, q: Array, noise: Mapping[str, Noise]) -> _Pass:
+        """Fit in noise that is given, from a point, and estimate the noise at the end."""
+        problem = self.problem
+        end = _minimised(problem, q, noise, self.prior, self.method)
+        near = _kept_near(problem, q, end.q, self.farthest)
+        return _passed(problem, end._replace(q=near), self.prior)
+
+    def iterate(self, first: _Pass) -> _Pass:
+        """Fit in the noise that is estimated where the last pass ended, until BIC has settled."""
+        fitted = first
+        for _ in range(self.method.passes - 1):
+            before = fitted
+            fitted = self.one_pass(before.minimum.q, before.noise)
+            if before.bic - fitted.bic < self.method.settled:
+                return min(before, fitted, key=lambda f: f.bic)
+        return fitted
+
+    def restarted(self, best: _Pass, in_white: _Pass | None) -> _Pass:
+        """Begin again in white noise where the noise came out coloured, while that is better.
+
+        A noise model that explains what the model could explain keeps it from doing so.
+
+        Parameters
+        ----------
+        best : _Pass
+        in_white : _Pass, optional
+            The last pass in white noise.
+        """
+        brief = replace(self, method=replace(self.method, trials=BRIEF))
+        for _ in range(self.method.restarts):
+            if not any(len(n.coefficients) > 1 for n in best.noise.values()):
+                break
+            again = brief.one_pass(best.minimum.q, white_noise(best.residual))
+            # from where the last pass in white noise ended, all would go as before
+            same = in_white is not None and abs(in_white.bic - again.bic) < self.method.settled
+            in_white = again
+            other = again if same else self.iterate(again)
+            if best.bic - other.bic < self.method.settled:
+                break
+            best = other
+        return best
 
 
 def _passed(problem: Problem, minimum: Minimum, prior: _Prior) -> _Pass:

@@ -19,6 +19,7 @@ from fmus.kit.record import Trajectory
 from orchestration.identify.fitting.any_fmu import FmuWithDifferences
 from orchestration.identify.fitting.delay import DelayedModel
 from orchestration.identify.fitting.least_squares import SearchEndedError
+from orchestration.identify.fitting.simulation_input import SimulationInput
 from orchestration.identify.noise import ORDER, Noise, estimate_noise, noise_samples
 from orchestration.records import MeasuredRun, base_name, input_steps, join_records, sampled_alike
 
@@ -154,39 +155,38 @@ class ModelOverRuns:
         UserError
             If the simulation fails.
         """
-        chosen = runs or [MeasuredRun(self._runs[0].label, 0, len(time))]
-        done = []
-        most = _PATIENCE * usual_effort(len(time)) if effort is None else effort
-        for run in chosen:
-            clock = time[run.samples] - run.ahead
-            fed = {
-                name: np.broadcast_to(values, len(time))[run.samples]
-                for name, values in inputs.items()
-            }
-            values = run.values(parameters)
-            try:
-                ran = self._model.run(clock, fed, values, most, tolerance)
-            except UserError as failure:
-                if not tolerance < self.fitted_tolerance:
-                    raise
-                # what was fitted is simulated, even if no more exactly than it was fitted
-                try:
-                    ran = self._model.run(clock, fed, values, most, self.fitted_tolerance)
-                except UserError:
-                    raise failure from None
-            done.append(self._of_run(run, ran))
-        if len(chosen) == 1 and chosen[0].last - chosen[0].first == len(time):
+        n = len(time)
+        most = _PATIENCE * usual_effort(n) if effort is None else effort
+        given = SimulationInput(time, inputs, parameters, most, tolerance)
+        chosen = runs or [MeasuredRun(self._runs[0].label, 0, n)]
+        done = [self._simulated(given, run) for run in chosen]
+        if len(chosen) == 1 and chosen[0].last - chosen[0].first == n:
             return done[0]
         signals = {
-            name: join_records(len(time), chosen, [trajectory.signals[name] for trajectory in done])
+            name: join_records(n, chosen, [trajectory.signals[name] for trajectory in done])
             for name in done[0].signals
         }
         slopes = {}
         for name in done[0].sensitivities:
-            slopes[name] = np.zeros((len(time), len(self._names)))
+            slopes[name] = np.zeros((n, len(self._names)))
             for run, trajectory in zip(chosen, done, strict=True):
                 slopes[name][run.samples] = trajectory.sensitivities[name]
         return Trajectory(signals, slopes, sum(trajectory.steps for trajectory in done))
+
+    def _simulated(self, whole: SimulationInput, run: MeasuredRun) -> Trajectory:
+        """Simulate one run, even if no more exactly than it was fitted."""
+        given = whole.over(run.samples)
+        given = replace(given, time=given.time - run.ahead, parameters=run.values(whole.parameters))
+        try:
+            ran = self._model.run(given)
+        except UserError as failure:
+            if not given.tolerance < self.fitted_tolerance:
+                raise
+            try:
+                ran = self._model.run(replace(given, tolerance=self.fitted_tolerance))
+            except UserError:
+                raise failure from None
+        return self._of_run(run, ran)
 
     def _of_run(self, run: MeasuredRun, trajectory: Trajectory) -> Trajectory:
         """Return the simulation of one run with derivatives by the parameters of all runs."""

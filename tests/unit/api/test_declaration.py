@@ -6,11 +6,14 @@ With defaults, a signature and a docstring; what it does not know is refused by 
 from __future__ import annotations
 
 import inspect
+import re
 from typing import Unpack
 
+import numpy as np
 import pytest
 
 import orchestration as ppy
+from fmus.kit import UserError
 from orchestration.api.declaration import (
     Form,
     Option,
@@ -126,6 +129,29 @@ def test_a_value_has_words_on_the_command_line(given, words):
 def test_only_takes_what_a_class_declares():
     values = {"stop": 3.0, "step": None, "other": 1}
     assert only(GridOptions, values) == {"stop": 3.0, "step": None}
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "called"),
+    [
+        (int, 16.5, "a whole number"),
+        (int, "many", "a whole number"),
+        (int, None, "a whole number"),
+        (int | None, 2.5, "a whole number"),
+        (float, "half", "a number"),
+    ],
+)
+def test_a_value_of_another_type_is_refused(kind, value, called):
+    option = Option("Of it.", default=32, least=16, name="starts", type=kind)
+    with pytest.raises(UserError, match=rf"^starts={re.escape(repr(value))}: must be {called}$"):
+        option.given(value)
+
+
+def test_a_number_of_numpy_is_one():
+    whole = Option("Of it.", default=32, least=16, name="starts", type=int)
+    assert whole.given(np.int64(64)) == 64
+    assert whole._replace(type=int | None).given(None) is None
+    assert whole._replace(type=float, least=0).given(np.float32(0.5)) == 0.5
 
 
 def test_a_form_of_its_own_reads_before_the_value_is_used():

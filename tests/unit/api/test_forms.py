@@ -85,6 +85,8 @@ def test_a_list_is_taken_literally(text):
         comma_list(text, "--fit")
     assert comma_list(" a , b", "--fit") == ["a", "b"]
     assert comma_list("thermal_node(loss, room), b", "--fit") == ["thermal_node(loss, room)", "b"]
+    listed = "k,A[1,2], gain(M[2,1], u)"
+    assert comma_list(listed, "--fit") == ["k", "A[1,2]", "gain(M[2,1], u)"]
 
 
 @pytest.mark.parametrize("text", ["", "1,", "1.5", "-1", "one"])
@@ -92,6 +94,14 @@ def test_numbers_are_whole_and_large_enough(text):
     with pytest.raises(UserError, match=r"--delays .*: write whole numbers from 0 on"):
         numbers(0).read(text, "--delays")
     assert numbers(0).read("0, 2", "--delays") == [0, 2]
+
+
+def test_numbers_are_given_as_they_are_or_as_in_a_shell():
+    form = numbers(1)
+    assert form.given("1, 2", "path_orders =") == form.given((1, 2), "path_orders =") == [1, 2]
+    assert form.given(2, "path_orders =") == [2]
+    with pytest.raises(UserError, match=r"^path_orders = 'one': write whole numbers from 1 on"):
+        form.given("one", "path_orders =")
 
 
 def test_a_share_is_written_with_its_sign_or_without():

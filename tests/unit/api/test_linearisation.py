@@ -169,6 +169,17 @@ def test_a_system_with_an_fmu_of_other_laws_is_refused(tmp_path):
         ppy.linearise(System("alone", (Member("film", path),), ()))
 
 
+@pytest.mark.parametrize(
+    "of_equations",
+    [{"fix": {"x": 1.0}}, {"free": ["u"]}, {"drift": ["x"]}, {"samples": 3}, {"preset": "worn"}],
+    ids=lambda given: next(iter(given)),
+)
+def test_what_needs_equations_is_not_passed_over(lag, of_equations):
+    (name,) = of_equations
+    with pytest.raises(UserError, match=rf"; {name}= needs the equations of a component"):
+        ppy.linearise(lag, **of_equations)
+
+
 def test_a_system_with_an_fmu_without_equations_is_refused(lag):
     from orchestration.system import Member, System
 
@@ -183,8 +194,13 @@ def test_a_cut_has_its_own_signals():
 
 
 def test_no_values_are_no_band():
-    with pytest.raises(UserError, match="samples=0: from 1 on"):
+    with pytest.raises(UserError, match="samples=0: from 1 to 10,000"):
         ppy.linearise("ppy_actuator", over={"k1": "4e3..8e3"}, samples=0)
+
+
+def test_a_band_is_of_as_many_models_as_can_be_kept():
+    with pytest.raises(UserError, match="samples=1000000000: from 1 to 10,000"):
+        ppy.linearise("ppy_actuator", over={"k1": "4e3..8e3"}, samples=10**9)
 
 
 def test_values_are_drawn_of_something():

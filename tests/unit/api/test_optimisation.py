@@ -58,6 +58,7 @@ def test_a_component_without_states_is_one_point_in_time():
             {"maximise": "x", "starts": 2**21},
             "starts=2097152: from 16 to 1,048,576",
         ),
+        ({"tau": "1..2"}, {"maximise": "x", "starts": 16.5}, "starts=16.5: must be a whole number"),
         ({"tau": "1..2"}, {"maximise": "x", "levels": 1}, "levels=1: from 2 to 10,000"),
         ({"tau": "1..2"}, {"maximise": "x", "levels": 10**9}, "levels=1000000000: from 2 to"),
         ({"tau": "1..2"}, {"maximise": "x", "seed": -1}, "seed=-1: from 0 on"),

@@ -161,7 +161,7 @@ def test_what_fails_afterwards_does_not_take_the_diagnosis_with_it(actuator, mon
     [
         (
             DiagnosisOptions(effects=["slac"]),
-            r"effects: no effect named 'slac' \(did you mean slack\?\)",
+            r"effects: no effect named 'slac' \(did you mean slack\?\); ppy info ppy_actuator",
         ),
         (
             DiagnosisOptions(effects=["sensor_lag(force)"]),

@@ -18,8 +18,11 @@ from fmus.kit import (
     UserError,
     correction,
     curve,
+    effect_maker,
     law_of,
+    made_by,
     made_with,
+    make_effect,
     stack,
     unstack,
 )
@@ -306,3 +309,20 @@ def test_effects_leave_laws_and_inputs_whatever_they_are_called(name, kind):
     assert law_of(everything, law_name) is not None
     assert made_with(effects[0])["law"] == law_name
     assert [e.neutral for e in unstack(everything)[1]] == [e.neutral for e in effects]
+
+
+@effect_maker
+def louder(component, law, factor=2.0, *, names=("gain",)):
+    """Return an effect that does nothing, as long as it is known how it was made."""
+    return make_effect("Louder", {names[0]: Parameter(factor, "1")}, id="louder", neutral=names[0])
+
+
+def test_an_effect_has_all_arguments_by_which_it_is_made_anew_however_they_were_given():
+    by_position = louder(Divider, "tap", 3.0)
+    by_name = louder(component=Divider, names=("gain",), factor=3.0, law="tap")
+    expected = {"law": "tap", "factor": 3.0, "names": ("gain",)}
+    for effect in (by_position, by_name):
+        assert made_by(effect) is louder
+        assert list(made_with(effect).items()) == list(expected.items())
+        again = louder(Divider, **made_with(effect))
+        assert again.declared["gain"].start == effect.declared["gain"].start == 3.0

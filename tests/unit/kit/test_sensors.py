@@ -30,6 +30,7 @@ from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.simulation import simulate_instance
 from orchestration.identify.fitting.delay import DelayedModel
+from orchestration.identify.fitting.simulation_input import SimulationInput
 from tests.support.kit_samples import Thermostat
 from tests.support.pace import slow_but
 
@@ -360,7 +361,9 @@ def test_a_model_looked_at_earlier_is_the_register_before_the_start_too():
         SPRING | {"displacement_delay": 0.313} | BEFORE,
     )
     known = {p.name: p.start for p in cls.layout.parameters} | given
-    looked_at = DelayedModel(cls, list(BEFORE), linear=True).run(time, inputs, known)
+    looked_at = DelayedModel(cls, list(BEFORE), linear=True).run(
+        SimulationInput(time, inputs, known)
+    )
     register = CompiledModel(cls, list(BEFORE)).run(time, inputs, given, linear=True)
     before = time - 7.0 < 0.313
     line = np.column_stack([before * 1.0, before * (time - 7.0)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -314,6 +315,9 @@ def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
         UserError, match=r"thesi: no such calibration file or preset \(did you mean thesis\?\)"
     ):
         read_calibration("thesi")
+    for name, told in (("", "."), ("x" * 300, "x" * 300)):
+        with pytest.raises(UserError, match=f"^{re.escape(told)}: no such calibration file"):
+            read_calibration(name)
     (tmp_path / "rig.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(UserError, match="not a text in UTF-8"):
         read_calibration(str(tmp_path / "rig.toml"))

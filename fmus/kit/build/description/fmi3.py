@@ -19,6 +19,7 @@ _UNKNOWNS = {
     "Outputs": "Output",
     "Derivatives": "ContinuousStateDerivative",
     "InitialUnknowns": "InitialUnknown",
+    "EventIndicators": "EventIndicator",
 }
 
 
@@ -58,7 +59,7 @@ def describe_fmi3(
     common.append_experiment(root, cls)
     indicators = graph.indicators.numel() if can.model_exchange else 0
     _variables(root, layout, indicators)
-    _structure(root, layout, graph, indicators)
+    _structure(root, layout, graph, can.model_exchange)
     annotate_fmi3(root, cls, graph)
     return serialized(root)
 
@@ -96,7 +97,6 @@ def build_description(
 
 def _interfaces(root: Element, cls: type[Component], can: common.Capabilities) -> None:
     """Append an element for each interface that the FMU has."""
-    has_samples = common.flag(bool(cls.layout.sampled))
     of_both = {
         "modelIdentifier": cls.name,
         "needsExecutionTool": common.flag(can.needs_execution_tool),
@@ -110,8 +110,8 @@ def _interfaces(root: Element, cls: type[Component], can: common.Capabilities) -
     own = {
         "canHandleVariableCommunicationStepSize": "true",
         "maxOutputDerivativeOrder": "1" if can.directional_derivatives else "0",
-        "hasEventMode": has_samples,
-        "mightReturnEarlyFromDoStep": has_samples,
+        "hasEventMode": "true",
+        "mightReturnEarlyFromDoStep": common.flag(bool(cls.layout.sampled)),
     }
     SubElement(root, "CoSimulation", of_both | own)
 
@@ -127,7 +127,7 @@ def _variables(root: Element, layout: Layout, indicators: int) -> None:
     for reference, parameter in enumerate(layout.texts, len(layout.names)):
         node = SubElement(parent, "String", common.text_attributes(reference, parameter))
         SubElement(node, "Start", value=parameter.start)
-    time = _first_own(layout)
+    time = _time(layout)
     SubElement(
         parent,
         "Float64",
@@ -144,26 +144,18 @@ def _variables(root: Element, layout: Layout, indicators: int) -> None:
         SubElement(parent, "Float64", attributes | {"unit": "1"})
 
 
-def _first_own(layout: Layout) -> int:
+def _time(layout: Layout) -> int:
     """Return the value reference of the time, which event indicators follow."""
     return len(layout.names) + len(layout.texts)
 
 
-def _structure(root: Element, layout: Layout, graph: Graph, indicators: int) -> None:
+def _structure(root: Element, layout: Layout, graph: Graph, with_indicators: bool) -> None:
     """Append the dependencies of outputs, derivatives, initial unknowns and event indicators."""
     parent = SubElement(root, "ModelStructure")
-    for title, unknowns in dependencies(graph).items():
+    for title, unknowns in dependencies(graph, time=_time(layout)).items():
+        if title == "EventIndicators" and not with_indicators:
+            continue
         for reference in sorted(unknowns):
-            _unknown(parent, _UNKNOWNS[title], reference, unknowns[reference])
-    if indicators == 0:
-        return
-    first_input = len(layout.parameters)
-    first = _first_own(layout) + 1
-    for index, known in enumerate(graph.depends(graph.indicators, graph.continuous)):
-        _unknown(parent, "EventIndicator", first + index, [first_input + k for k in known])
-
-
-def _unknown(parent: Element, kind: str, reference: int, known: Iterable[int]) -> None:
-    """Append an unknown of the model structure."""
-    dependencies_of = " ".join(map(str, known))
-    SubElement(parent, kind, valueReference=str(reference), dependencies=dependencies_of)
+            known = " ".join(map(str, unknowns[reference]))
+            attributes = {"valueReference": str(reference), "dependencies": known}
+            SubElement(parent, _UNKNOWNS[title], attributes)

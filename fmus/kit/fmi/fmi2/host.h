@@ -21,6 +21,12 @@
 /* Value references beyond those of engine.h. */
 enum { OWN_REFERENCES = 0 };
 
+/* The time is no variable. */
+static inline bool is_time(fmi2ValueReference vr) {
+    (void)vr;
+    return false;
+}
+
 /* by Type */
 static const char *const type_names[] = {"Real", "Integer", "Boolean"};
 
@@ -37,6 +43,9 @@ typedef fmi2CallbackFunctions Host;
 
 /* Loggers of this version read the message as a printf format, some without arguments: doubling each % suits both. */
 static const bool host_reads_formats = true;
+
+/* Before initialization nothing can be read. */
+static const bool host_reads_starts = false;
 
 /* In co-simulation. */
 static inline bool host_handles_events(const Host *host) {

@@ -21,9 +21,10 @@ bool adjoin(Instance *instance, const double *seed, double *result) {
     Engine *engine = bound(instance);
     engine->arg[5] = seed;
     engine->arg[6] = seed + MODEL_STATES;
-    engine->res[0] = result + FIRST_PARAMETER;
-    engine->res[1] = result + FIRST_INPUT;
-    engine->res[2] = result + FIRST_STATE;
-    engine->res[3] = result + FIRST_DISCRETE;
+    engine->res[0] = result + MODEL_VARIABLES;
+    engine->res[1] = result + FIRST_PARAMETER;
+    engine->res[2] = result + FIRST_INPUT;
+    engine->res[3] = result + FIRST_STATE;
+    engine->res[4] = result + FIRST_DISCRETE;
     return call(engine, adjoint);
 }

@@ -11,6 +11,8 @@
 /* Value references beyond those of engine.h: of the time, and of the event indicators. */
 enum { OWN_REFERENCES = 1 + MODEL_INDICATORS };
 
+static inline bool is_time(fmi3ValueReference vr) { return vr == MODEL_VARIABLES + MODEL_TEXTS; }
+
 /* by Type */
 static const char *const type_names[] = {"Float64", "Int32", "Boolean"};
 
@@ -31,6 +33,9 @@ typedef struct {
 } Host;
 
 static const bool host_reads_formats = false;
+
+/* Before initialization, what has a start value can be read. */
+static const bool host_reads_starts = true;
 
 /* In co-simulation. */
 static inline bool host_handles_events(const Host *host) { return host->event_mode; }

@@ -42,7 +42,7 @@ EXPORT fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueRefere
     const Partials of = {__func__, unknowns, n_unknowns, knowns, n_knowns};
     Instance *instance = c;
     double seed[MODEL_VARIABLES + 1] = {0.0}, weights[MODEL_STATES + MODEL_OUTPUTS + 1] = {0.0};
-    double result[FIRST_OUTPUT + 1] = {0.0};
+    double result[MODEL_VARIABLES + 1] = {0.0};
     if (!counted_partials(c, __func__, n_unknowns, n_seeds, n_knowns, n_results) ||
         !answerable(instance, &of, results, seeds) || !add_seeds(instance, __func__, unknowns, n_unknowns, seeds, seed))
         return fmi3Error;
@@ -52,7 +52,7 @@ EXPORT fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueRefere
         weights[MODEL_STATES + i] = seed[FIRST_OUTPUT + i];
     if (!adjoin(instance, weights, result))
         return report(instance, fmi3Error, "%s: the law could not be evaluated", __func__);
-    for (int i = 0; i < FIRST_OUTPUT; i++)
+    for (int i = 0; i <= MODEL_VARIABLES; i++)
         if (!isfinite(result[i]))
             result[i] = adjoint_along(instance, i, weights);
     for (int i = 0; i < MODEL_STATES + MODEL_DISCRETES; i++) { /* a state is an unknown that follows itself */
@@ -61,6 +61,6 @@ EXPORT fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueRefere
             result[model_start_of[i]] += result[FIRST_STATE + i];
     }
     for (size_t i = 0; i < n_knowns; i++)
-        results[i] = result[knowns[i]];
+        results[i] = result[place_in_direction(knowns[i])];
     return derivatives_finite(instance, __func__, knowns, n_knowns, results) ? fmi3OK : fmi3Error;
 }

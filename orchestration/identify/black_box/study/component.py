@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fmus.kit import Component
+from fmus.kit.arrays import Array
 from orchestration.identify.black_box.models import IdentifiedModel
 
 _LENGTH = 118  # characters of a line of source code
@@ -46,6 +47,8 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
     *inputs, output = identifiers(signals)
     unit = {new: units[old] for new, old in zip((*inputs, output), signals, strict=True)}
     factors = [f"self.{x}" for x in states] + [f"(self.{u} - self.{u}_mean)" for u in inputs]
+    reading = np.hstack([c, d])
+    transition = np.hstack([a, b])
     lines = [
         f'"""{doc}"""',
         "",
@@ -64,14 +67,14 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
         f'    @Output("{unit[output]}")',
         f"    def {output}(self):",
         '        """What the model foretells."""',
-        *_returned([f"self.{output}_mean"], factors, [*c[0], *d[0]]),
+        *_returned([f"self.{output}_mean"], factors, reading[0]),
     ]
-    for x, row, drive in zip(states, a, b, strict=True):
+    for x, amounts in zip(states, transition, strict=True):
         lines += [
             "",
             f"    def next_{x}(self):",
             '        """State of the model a sample later."""',
-            *_returned([], factors, [*row, *drive]),
+            *_returned([], factors, amounts),
         ]
     return "\n".join(lines) + "\n"
 
@@ -127,7 +130,7 @@ def class_name(name: str) -> str:
     return "".join(part.capitalize() for part in component_name(name).split("_"))
 
 
-def _returned(terms: list[str], factors: list[str], amounts: list[float]) -> list[str]:
+def _returned(terms: list[str], factors: list[str], amounts: Array) -> list[str]:
     """Return the source lines of a sum of terms, and of factors times amounts that are not zero."""
     products = zip(factors, amounts, strict=True)
     terms = terms + [

@@ -33,7 +33,8 @@ def folder(tmp_path):
     [
         (["fig_3_33"], ["fig_3_33", "did you mean fig_3_3?"]),
         (["gone.toml"], ["gone.toml", "no such file"]),
-        (["."], ["a folder"]),
+        (["."], ["error: .: a folder"]),
+        ([""], ["error: .: a folder"]),
         ([], ["ppy run --list"]),
         (["record.csv"], ["record.csv", "not a result of ppy run"]),
         (["out.nc"], ["out.nc", "not a result of ppy run"]),

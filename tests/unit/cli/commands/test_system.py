@@ -188,6 +188,8 @@ def test_an_archive_that_escapes(folder):
         (["show", "out.png"], ["out.png", ".ssp or .ssd", "dma_bench"]),
         (["check", "out.ssp"], ["out.ssp", "not a zip archive"]),
         (["check", "."], [".ssp or .ssd"]),
+        (["draw", ""], [".ssp or .ssd"]),
+        (["export", ""], [".ssp or .ssd"]),
         (["draw", "dma_bench", "--out", "out.bmp"], ["out.bmp", ".png, .svg, .pdf"]),
         (["draw", "dma_bench", "--out", "out.png/x.png"], ["cannot write out.png"]),
         (["export", "dma_bench", "--out", "out.zip"], ["out.zip", ".ssp or .ssd"]),

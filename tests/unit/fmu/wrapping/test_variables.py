@@ -49,6 +49,8 @@ def test_elements_are_named_in_row_major_order():
         ("lag", 'valueReference="10"', 'valueReference="4294967296"', "u: valueReference 42949672"),
         ("lag", 'valueReference="10"', f'valueReference="{"1" * 9999}"', "111 is beyond 32 bits$"),
         ("lag", 'name="k"', 'name="u"', "u: is the name of two variables$"),
+        ("lag", 'name="k"', 'name="also_y"', "also_y: is the name of two variables$"),
+        ("arrays", 'name="n"', 'name="A[2,1]"', r"A\[2,1\]: is the name of two variables$"),
     ],
 )
 def test_a_declaration_that_makes_no_sense_is_refused(name, old, new, message):

@@ -101,6 +101,26 @@ def test_elements_are_set_where_nothing_can_be_read_before_initialization(tmp_pa
     assert np.abs(other[:, 0] - expected["y[1]"]).max() > 0.01
 
 
+@pytest.mark.parametrize(
+    ("writes", "expected"),
+    [
+        ([{1: 5.0}, {1: 1.0, 2: 2.0}], [1.0, 2.0]),
+        ([{1: 1.0, 2: 2.0}, {1: 5.0}, {1: 1.0, 2: 2.0}], [1.0, 2.0]),
+        ([{1: 1.0, 2: 2.0}, {2: 5.0}], [1.0, 5.0]),
+    ],
+)
+def test_the_latest_of_values_before_initialization_counts(tmp_path, writes, expected):
+    """Of an element that waits for the others of its array, and of the whole array."""
+    with Fmu(build_wide(2, tmp_path)) as fmu:
+        one = fmu._slave
+        references = {i: fmu.variable(f"u[{i}]").valueReference for i in (1, 2)}
+        one.setupExperiment(startTime=0.0)
+        for values in writes:
+            one.setReal([references[i] for i in values], list(values.values()))
+        one.enterInitializationMode()
+        assert one.getReal(list(references.values())) == expected
+
+
 @pytest.mark.parametrize("events", [False, True])
 def test_events_inside_of_steps_are_as_the_fmu_has_them_with_and_without_event_mode(events):
     found = run(foreign("sawtooth"), {"slope": 2.0})
@@ -214,6 +234,12 @@ def test_the_largest_integers_go_in(smallest):
     assert found["i32_out"][-1] == settings["i32_in"] + 1
 
 
+@pytest.mark.parametrize("large", [1.7e38, -1.7e38])
+def test_a_short_float_takes_what_it_can_hold(large):
+    found = run(foreign("types"), {"f32_in": large}, time=TIME[:2])
+    assert found["f32_out"][-1] == 2.0 * np.float64(np.float32(large))
+
+
 def test_texts_are_read_whole():
     with Fmu(foreign("types"), {"words[1]": "first"}) as fmu:
         fmu.start()
@@ -227,6 +253,7 @@ def test_texts_are_read_whole():
     ("settings", "message"),
     [
         ({"u8_in": 256}, "setting u8_in failed.*: 256 is no value of the type"),
+        ({"f32_in": 1e40}, r"setting f32_in failed.*: 1e\+40 is no value of the type"),
         ({"u32_in": -1}, "setting u32_in failed.*: -1 is no value of the type"),
         ({"i8_in": 1.5}, "i8_in: 1.5 is not a whole number"),
         ({"bool_in": 2}, "bool_in: 2 is neither true"),

@@ -122,11 +122,21 @@ def test_what_cannot_be_identified_is_left_out_and_told():
     [
         ({"structures": ["BOX"]}, r"^structure BOX: there is none"),
         ({"criterion": "FPE"}, r"^criterion FPE: there is none \(there are: AIC, BIC\)$"),
-        ({"path_orders": [0, 1]}, r"at least one of each, and no order below 1$"),
-        ({"path_orders": []}, r"at least one of each, and no order below 1$"),
+        ({"path_orders": [0, 1]}, r"^path order = 0: must be a whole number, at least 1$"),
+        ({"noise_orders": [1.5]}, r"^noise order = 1\.5: must be a whole number, at least 1$"),
+        ({"path_orders": []}, r"at least one of each$"),
         (
-            {"path_orders": [900]},
-            r"^no model can be identified; ARX of order 900 900: 1500 samples",
+            {"path_orders": [1, 10**9]},
+            r"^path order 1000000000: 50 at most; of a longer polynomial",
+        ),
+        ({"noise_orders": [51]}, r"^noise order 51: 50 at most"),
+        (
+            {"path_orders": range(1, 51), "noise_orders": range(1, 6)},
+            r"^12,500 combinations of orders for 2 inputs: 10,000 at most",
+        ),
+        (
+            {"path_orders": [50], "nk": 1500},
+            r"^no model can be identified; ARX of order 50 50: 1500 samples",
         ),
         (
             {"nk": -1},

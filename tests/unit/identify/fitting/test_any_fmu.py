@@ -19,6 +19,7 @@ from fmus.kit.record.compiled import CompiledModel
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.fmu.isolation.limits import Limits, isolating
 from orchestration.identify.fitting.any_fmu import FmuWithDifferences
+from orchestration.identify.fitting.simulation_input import SimulationInput
 from tests.support import misbehaving
 from tests.support.hosts import build_one_state_fmu, build_pythonfmu
 from tests.support.processes import of_fmus
@@ -72,7 +73,7 @@ def slope(tau):
 @pytest.mark.parametrize("tau", [0.02, 1.7, 300.0])
 def test_the_derivative_of_a_lag_is_its_closed_form(lag, tau):
     with FmuWithDifferences(lag, ["tau"], ["x"]) as fmu:
-        found = fmu.run(TIME, {"u": np.ones(101)}, {"tau": tau})
+        found = fmu.run(SimulationInput(TIME, {"u": np.ones(101)}, {"tau": tau}))
     assert found.signals["x"] == pytest.approx(rise(tau), abs=1e-12)
     exact = slope(tau)
     assert found.sensitivities["x"][:, 0] == pytest.approx(exact, abs=1e-5 * np.abs(exact).max())
@@ -86,7 +87,7 @@ def test_the_step_is_larger_where_a_solver_makes_noise(noisy, tau):
     times as much.
     """
     with FmuWithDifferences(noisy, ["tau"], ["x"]) as fmu:
-        found = fmu.run(TIME, {"u": np.ones(101)}, {"tau": tau})
+        found = fmu.run(SimulationInput(TIME, {"u": np.ones(101)}, {"tau": tau}))
     exact = slope(tau)
     assert found.sensitivities["x"][:, 0] == pytest.approx(exact, abs=0.02 * np.abs(exact).max())
 
@@ -99,7 +100,7 @@ def test_derivatives_of_our_own_fmu_are_those_of_its_equations(fmu):
     at = {name: model.parameters[name].start for name in names}
     exact = CompiledModel(PpyActuator, names).run(time, inputs, at)
     with FmuWithDifferences(model, names, ["voltage", "displacement"]) as ours:
-        found = ours.run(time, inputs, at)
+        found = ours.run(SimulationInput(time, inputs, at))
     for output in ("voltage", "displacement"):
         for k, name in enumerate(names):
             column = exact.sensitivities[output][:, k]
@@ -174,9 +175,8 @@ def test_a_comparison_of_any_fmu_recalibrates_it(lag, tmp_path):
 def test_what_the_fmu_refuses_on_one_side_is_looked_at_from_the_other(noisy):
     """Where the FMU fails at a smaller value, though it declares no range."""
     with FmuWithDifferences(noisy, ["tau"], ["x"]) as fmu:
-        found = fmu._slopes(
-            (TIME, {"u": np.ones(101)}), {"tau": 1.0}, rise(1.0)[:, np.newaxis], [("tau", 1.5)]
-        )
+        point = SimulationInput(TIME, {"u": np.ones(101)}, {"tau": 1.0})
+        found = fmu._slopes(point, rise(1.0)[:, np.newaxis], [("tau", 1.5)])
     assert found[0][:, 0] == pytest.approx((rise(2.5) - rise(1.0)) / 1.5, abs=2e-3)
 
 
@@ -185,24 +185,24 @@ def test_where_it_fails_itself_is_told_in_a_line(noisy):
         FmuWithDifferences(noisy, ["tau"], ["x"]) as fmu,
         pytest.raises(UserError, match=r"Noisy\.fmu: ") as refused,
     ):
-        fmu.run(TIME, {"u": np.ones(101)}, {"tau": -1.0})
+        fmu.run(SimulationInput(TIME, {"u": np.ones(101)}, {"tau": -1.0}))
     assert "\n" not in str(refused.value)
 
 
 def test_a_process_that_ends_is_told_in_a_line(lag):
     with FmuWithDifferences(lag, ["tau"], ["x"], workers=2) as fmu:
-        fmu.run(TIME, {"u": np.ones(101)}, {"tau": 1.0})
+        fmu.run(SimulationInput(TIME, {"u": np.ones(101)}, {"tau": 1.0}))
         for process in of_fmus():
             process.kill()
         with pytest.raises(UserError, match=r"one_state\.fmu: its process was ended by SIGKILL"):
-            fmu.run(TIME, {"u": np.ones(101)}, {"tau": 5.0})
+            fmu.run(SimulationInput(TIME, {"u": np.ones(101)}, {"tau": 5.0}))
 
 
 def test_in_a_process_of_its_own_a_fit_is_the_same(lag):
     with FmuWithDifferences(lag, ["tau"], ["x"]) as fmu:
-        here = fmu.run(TIME, {"u": np.ones(101)}, {"tau": 1.5})
+        here = fmu.run(SimulationInput(TIME, {"u": np.ones(101)}, {"tau": 1.5}))
     with isolating(Limits()), FmuWithDifferences(lag, ["tau"], ["x"]) as fmu:
-        there = fmu.run(TIME, {"u": np.ones(101)}, {"tau": 1.5})
+        there = fmu.run(SimulationInput(TIME, {"u": np.ones(101)}, {"tau": 1.5}))
     assert there.signals["x"].tobytes() == here.signals["x"].tobytes()
     assert there.sensitivities["x"].tobytes() == here.sensitivities["x"].tobytes()
 
@@ -214,5 +214,5 @@ def test_an_fmu_that_ends_its_process_in_a_fit_is_told_in_a_line(tmp_path):
         FmuWithDifferences(bad, ["tau"], ["x"]) as fmu,
         pytest.raises(UserError) as refused,
     ):
-        fmu.run(TIME, {"u": np.ones(101)}, {"tau": 1.5})
+        fmu.run(SimulationInput(TIME, {"u": np.ones(101)}, {"tau": 1.5}))
     assert str(refused.value) == "exits.fmu: step from 1 s: its process ended (exit status 0)"

@@ -13,6 +13,7 @@ from fmus.kit import Component, Input, Output, Parameter, State, UserError
 from fmus.kit.record import CompiledModel
 from orchestration.identify.fitting.block_simulation import LONGEST, BlockwiseModel
 from orchestration.identify.fitting.delay import DelayedModel
+from orchestration.identify.fitting.simulation_input import SimulationInput
 
 STEP = 0.05  # s
 SAMPLES = 20_500  # not a multiple of a block
@@ -59,7 +60,7 @@ def model():
 def test_blocks_join_to_what_is_simulated_in_one_piece(model, linear):
     whole = model.run(TIME, {"u": INPUT}, VALUES, linear, effort=50.0, tolerance=1e-9)
     blockwise = BlockwiseModel(model, NAMES, linear)
-    found = blockwise.run_in_blocks(TIME, {"u": INPUT}, VALUES, effort=50.0, tolerance=1e-9)
+    found = blockwise.run_in_blocks(SimulationInput(TIME, {"u": INPUT}, VALUES, 50.0, 1e-9))
     for name in ("y", "plain", "x", "z"):
         assert found.signals[name] == pytest.approx(whole.signals[name], abs=1e-7)
     for name in ("y", "plain", "x", "z"):
@@ -72,21 +73,25 @@ def test_blocks_join_to_what_is_simulated_in_one_piece(model, linear):
 
 def test_a_measured_state_has_its_derivatives_and_what_is_not_measured_has_none():
     assert len(TIME) > LONGEST
-    ran = DelayedModel(Cascade, ["x_start"], measured=["z"]).run(TIME, {"u": INPUT}, VALUES)
+    ran = DelayedModel(Cascade, ["x_start"], measured=["z"]).run(
+        SimulationInput(TIME, {"u": INPUT}, VALUES)
+    )
     assert set(ran.sensitivities) == {"z"}
     assert ran.sensitivities["z"].shape == (len(TIME), 1)
 
 
 def test_the_derivatives_that_are_wanted_are_kept_in_their_order(model):
     every, some = (
-        BlockwiseModel(model, names, linear=False).run(TIME, {"u": INPUT}, VALUES, 50.0, 1e-9)
+        BlockwiseModel(model, names, linear=False).run(
+            SimulationInput(TIME, {"u": INPUT}, VALUES, 50.0, 1e-9)
+        )
         for names in (NAMES, [NAMES[2], NAMES[0]])
     )
     assert np.array_equal(some.sensitivities["y"], every.sensitivities["y"][:, [2, 0]])
 
 
 def test_a_long_record_relaxes_as_in_closed_form():
-    ran = DelayedModel(Cascade, ["x_start"]).run(TIME, {"u": INPUT}, VALUES)
+    ran = DelayedModel(Cascade, ["x_start"]).run(SimulationInput(TIME, {"u": INPUT}, VALUES))
     decay = np.exp(-STEP / VALUES["tau"])
     start = [decay * VALUES["x_start"]]
     driven = lfilter([1.0 - decay], [1.0, -decay], INPUT[:-1], zi=start)[0]
@@ -100,7 +105,7 @@ def test_a_record_that_just_ends_where_a_block_does_is_complete(model):
     for samples in (8_193, 8_194, 16_385):
         part = slice(0, samples)
         found = BlockwiseModel(model, NAMES, linear=False).run_in_blocks(
-            TIME[part], {"u": INPUT[part]}, VALUES, effort=50.0, tolerance=0.0
+            SimulationInput(TIME[part], {"u": INPUT[part]}, VALUES, effort=50.0)
         )
         assert all(np.isfinite(values).all() for values in found.signals.values())
         whole = model.run(TIME[part], {"u": INPUT[part]}, VALUES)
@@ -111,5 +116,5 @@ def test_a_model_that_is_too_stiff_is_abandoned(model):
     stiff = VALUES | {"cubic": 1e9, "z_start": 1.0}
     with pytest.raises(UserError):
         BlockwiseModel(model, NAMES, linear=False).run_in_blocks(
-            TIME, {"u": INPUT}, stiff, effort=1e-3, tolerance=0.0
+            SimulationInput(TIME, {"u": INPUT}, stiff, effort=1e-3)
         )

@@ -10,6 +10,7 @@ import pytest
 
 from fmus.kit import Component, Input, Output, Parameter, State, stack, transport_delay
 from orchestration.identify.fitting.delay import DelayedModel
+from orchestration.identify.fitting.simulation_input import SimulationInput
 
 TIME = 7.0 + 0.05 * np.arange(60)
 DELAY = 0.163  # s: between samples
@@ -57,7 +58,7 @@ def run(cls, sensitivities, u, linear=False, **values):
     known = {p.name: p.start for p in delayed.layout.parameters} | {"y_delay": DELAY} | values
     model = DelayedModel(delayed, sensitivities, linear)
     assert model.delays == {"y": "y_delay"}
-    return model.run(TIME, {"u": u}, known)
+    return model.run(SimulationInput(TIME, {"u": u}, known))
 
 
 def test_of_an_input_that_is_smooth():

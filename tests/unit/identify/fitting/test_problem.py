@@ -281,11 +281,11 @@ def test_what_was_fitted_less_exactly_is_simulated_less_exactly_if_it_must_be(
 ):
     tried = []
 
-    def run(time, inputs, parameters, effort, tolerance):
-        tried.append(tolerance)
-        if tolerance < 1e-6:
+    def run(given):
+        tried.append(given.tolerance)
+        if given.tolerance < 1e-6:
             raise UserError("accuracy 1e-08 cannot be reached")
-        return trajectory(time, inputs, parameters, effort, tolerance)
+        return trajectory(given)
 
     trajectory = model._model.run
     monkeypatch.setattr(model._model, "run", run)

@@ -15,6 +15,7 @@ from fmus.kit.record.smooth_inputs import is_curved, with_knots
 from fmus.kit.sensors import transport_delay
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.identify.fitting.delay import DelayedModel
+from orchestration.identify.fitting.simulation_input import SimulationInput
 from tests.support.intersample_records import TRUE, circuit
 
 REST = {"charge_start": 0.0, "kelvin_elongation_start": 0.0, "maxwell_elongation_start": 0.0}
@@ -33,9 +34,8 @@ def simulated(shape, rate, cls=PpyActuator, linear=("current",), **more):
     time = np.arange(round(60.0 * rate) + 1) / rate
     model = DelayedModel(cls, ["R1"], linear)
     inputs = {"current": shape(time), "force": np.zeros(time.size)}
-    ran = model.run(
-        time, inputs, {p.name: p.start for p in cls.layout.parameters} | REST | TRUE | more
-    )
+    values = {p.name: p.start for p in cls.layout.parameters} | REST | TRUE | more
+    ran = model.run(SimulationInput(time, inputs, values))
     fine = np.linspace(0.0, time[-1], 50 * (time.size - 1) + 1)
     _, truth, _ = lsim(circuit(), np.column_stack([shape(fine), np.zeros(fine.size)]), fine)
     return time, ran, fine, truth[:, 0]
@@ -95,7 +95,9 @@ def test_nothing_changes_what_is_held():
     time = np.arange(600) / 10.0
     inputs = {"current": sine(time), "force": np.zeros(600)}
     start = {p.name: p.start for p in PpyActuator.layout.parameters} | REST | TRUE
-    held = DelayedModel(PpyActuator, []).run(time, inputs, start).signals["voltage"]
+    held = (
+        DelayedModel(PpyActuator, []).run(SimulationInput(time, inputs, start)).signals["voltage"]
+    )
 
     def rates(_, charge, current):
         return (TRUE["R2"] * current - charge / TRUE["C"]) / (TRUE["R1"] + TRUE["R2"])

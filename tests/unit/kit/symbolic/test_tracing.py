@@ -31,9 +31,9 @@ def functions_of(cls):
 
 @cache
 def jacobians_of(cls):
-    """Of rates and outputs, by everything but time."""
+    """Of rates and outputs, by all arguments."""
     graph = graph_of(cls)
-    known = ca.vertcat(*graph.arguments[1:])
+    known = ca.vertcat(*graph.arguments)
     dense = (
         ca.densify(ca.jacobian(expression, known)) for expression in (graph.rates, graph.outputs)
     )
@@ -175,7 +175,7 @@ def test_tangent_is_the_directional_derivative(cls, seed):
     values, time = point(cls, seed)
     rng = np.random.default_rng(seed)
     given_ = vectors(cls, values)
-    direction = [rng.normal(size=v.size) for v in given_]
+    direction = [rng.normal(size=np.size(v)) for v in (time, *given_)]
     tangents = functions_of(cls)[-1](time, *given_, *direction)
     for result, jacobian in zip(tangents, jacobians_of(cls), strict=True):
         expected = jacobian(time, *given_).full() @ np.concatenate(direction)
