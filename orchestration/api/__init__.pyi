@@ -3,6 +3,8 @@ from . import forms as forms
 from . import options as options
 from .diagnosis import diagnose as diagnose
 from .diagnosis import laws as laws
+from .diagnosis import refuse_useless_options as refuse_useless_options
+from .diagnosis import refuse_without_laws as refuse_without_laws
 from .frequency import frequency_response as frequency_response
 from .identification import compare as compare
 from .identification import fit as fit

@@ -71,7 +71,7 @@ def diagnose(
     mapping = options["mapping"]
     given = values_of(subject, options["settings"])
     measured, unseen = held_out(record, options["holdout"], subject, mapping, options["runs"])
-    _refuse_useless_options(subject, options)
+    refuse_useless_options(subject, options)
     diagnosis_options = _pipeline_options(subject, given, options)
     compare = options["compare"]
     later = None if compare is None else matching_record(compare, subject, mapping)
@@ -111,8 +111,13 @@ def diagnose(
     return DiagnosisResult(with_notes, compared.changes, compared.later, command)
 
 
-def _refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
-    """Refuse options that the model has no use for."""
+def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
+    """Refuse options of `diagnose` that a model has no use for.
+
+    Raises
+    ------
+    UserError
+    """
     if subject.cls is None and options["compare"] is not None:
         raise UserError(f"compare: {subject.without_equations}; diagnose each record by itself")
     if subject.cls is not None and options["fit"]:
@@ -168,6 +173,21 @@ def _from_outside(
     return replace(result, notes=around.of_recorded(result.notes)), around
 
 
+def refuse_without_laws(subject: Model) -> None:
+    """Refuse a model whose laws are not known, as `laws` does.
+
+    Raises
+    ------
+    UserError
+    """
+    if subject.cls is None:
+        raise UserError(
+            f"{subject.without_equations}, which has no laws to ask; diagnose searches"
+            " for what its inputs and outputs lack, and for nothing else with"
+            f" {option('effects', [])}"
+        )
+
+
 @takes(LawsKeywords)
 def laws(
     record: Records, model: Model | str = "ppy_actuator", **options: Unpack[LawsKeywords]
@@ -204,12 +224,7 @@ def laws(
     No law is found to lack anything.
     """
     subject = as_declared(model)
-    if subject.cls is None:
-        raise UserError(
-            f"{subject.without_equations}, which has no laws to ask; diagnose searches"
-            " for what its inputs and outputs lack, and for nothing else with"
-            f" {option('effects', [])}"
-        )
+    refuse_without_laws(subject)
     progress = options["progress"]
     diagnosis_options = pipeline.DiagnosisOptions(
         given=numeric(values_of(subject, options["settings"])),

@@ -238,7 +238,7 @@ def _cases(
 
 
 def _of_fmu(model: Model, stimulus: Inputs, options: LineariseKeywords) -> LinearModel:
-    for name in ("trim", "cut", "over", "fitted"):
+    for name in ("trim", "fix", "free", "drift", "cut", "over", "fitted", "samples", "preset"):
         if options[name]:
             raise UserError(
                 f"{model.without_equations}; {option(name)} needs the equations of a component: an"

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 from fmus.kit import UserError
 from fmus.kit.build import available_platforms
-from orchestration.api import DiagnosisResult, LawsResult, diagnose, held_out, laws
+from orchestration.api import (
+    DiagnosisResult,
+    LawsResult,
+    diagnose,
+    held_out,
+    laws,
+    refuse_useless_options,
+    refuse_without_laws,
+)
 from orchestration.api.declaration import only, options_of
 from orchestration.api.options import (
     DiagnoseKeywords,
@@ -57,8 +66,8 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
         If a record or the model cannot be used, an effect is unknown, or something could not be
         written.
     """
-    judged = open_judged(options)
     chosen = only(DiagnoseKeywords, options)
+    judged = open_judged(options, partial(refuse_useless_options, options=chosen))
     chosen["holdout"] = judged.holdouts or None
     with progress() as tell:
         chosen["progress"] = tell
@@ -102,7 +111,7 @@ def run_laws(options: LawsCommand, command: str) -> LawsResult:
         If a record or the model cannot be used, an effect is unknown, or something could not be
         written.
     """
-    judged = open_judged(options)
+    judged = open_judged(options, refuse_without_laws)
     chosen = only(LawsKeywords, options)
     chosen["holdout"] = judged.holdouts or None
     with progress() as tell:
@@ -166,8 +175,14 @@ def run_system(options: DiagnoseCommand, system: Path) -> None:
     write_json(path, system_diagnosis_summary(diagnosis))
 
 
-def open_judged(options: DiagnoseCommand | LawsCommand) -> Judged:
+def open_judged(options: DiagnoseCommand | LawsCommand, check: Callable[[Model], None]) -> Judged:
     """Open the model and the records, once it is sure that what is asked for can be written.
+
+    Parameters
+    ----------
+    options : DiagnoseCommand or LawsCommand
+    check : callable
+        Refuses a model that cannot be judged so, before anything is told of it.
 
     Raises
     ------
@@ -178,6 +193,7 @@ def open_judged(options: DiagnoseCommand | LawsCommand) -> Judged:
     file = model_file(name)
     check_files(options, [] if file is None else [file])
     declared = declared_model(name, options["laid_over"])
+    check(declared)
     note_neutral(declared, options["settings"] or {})
     records, holdouts = held_out(
         options["records"],

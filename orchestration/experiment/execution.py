@@ -18,10 +18,17 @@ from orchestration.experiment.live import Follower, Live, admitted, first_openin
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation, prepare
 from orchestration.experiment.subjects import Subject, subject
-from orchestration.experiment.variants import Keeper, KeptVariants, compute_anew, kept_variants
+from orchestration.experiment.variants import (
+    Keeper,
+    KeptVariants,
+    Remarked,
+    compute_anew,
+    kept_variants,
+)
 from orchestration.fmu.isolation import Limits
 from orchestration.master import Run, Statistics, Stopped
 from orchestration.master.reference import imbalance
+from orchestration.reporting import option
 
 if TYPE_CHECKING:
     import xarray
@@ -72,7 +79,8 @@ def run(
         From whether an FMU is not one of ours, the limits of a process beside this one for the
         run, if any.
     folder : Path, optional
-        Keeps every variant that is done, so that an interrupted experiment goes on; it stays.
+        Keeps every variant that is done, so that an interrupted experiment goes on; it stays. Of
+        an experiment without variants there is none.
 
     Returns
     -------
@@ -89,23 +97,33 @@ def run(
     Raises
     ------
     UserError
-        If something in the experiment does not fit what it is made on, or an FMU fails before the
-        first point, or in a variant.
+        If something in the experiment does not fit what it is made on, there is a folder and no
+        variants, or an FMU fails before the first point, or in a variant.
     KeyboardInterrupt
         If an interrupt came before the first point, or in a variant.
     """
-    if experiment.variants:
-        if live is not None:
-            raise UserError(f"{where}: variants run one after another, not in real time")
+    if experiment.variants and live is not None:
+        raise UserError(f"{where}: variants run one after another, not in real time")
+    if folder is not None and not experiment.variants:
+        raise UserError(
+            f"{option('folder', str(folder))} keeps variants that are done, and {where} has none"
+        )
+    with subject(experiment, where) as on:
+        for line in on.notes:
+            note(line)
+        if not experiment.variants:
+            return _run_one(
+                experiment, on, where, progress, note, fits, live=live, isolation=isolation
+            )
         with kept_variants(folder, experiment) as kept:
             return _run_variants(
-                experiment, where, progress, note, fits, isolation=isolation, kept=kept
+                experiment, on, where, progress, note, fits, isolation=isolation, kept=kept
             )
-    return _run_one(experiment, where, progress, note, fits, live=live, isolation=isolation)
 
 
 def _run_one(
     experiment: Experiment,
+    on: Subject,
     where: str,
     progress: Callable[[int, int], None],
     note: Callable[[str], None],
@@ -116,27 +134,29 @@ def _run_one(
     kept: Keeper = compute_anew,
 ) -> ExperimentResult:
     """Make an experiment without variants, unless its result is kept already."""
-    with subject(experiment, where) as on:
-        if live is not None:
-            _refuse_fused(experiment, where)
-        experiment = _with_links_recorded(experiment, on)
-        prepared = prepare(experiment, on, where, note)
-        fits(_first_point(prepared))
-        if live is not None:
-            live = admitted(live, prepared)
+    if live is not None:
+        _refuse_fused(experiment, where)
+    prepared = prepare(_with_links_recorded(experiment, on), on, where, note)
+    fits(_first_point(prepared))
+    if live is not None:
+        live = admitted(live, prepared)
 
-        def compute() -> ExperimentResult:
-            ran, failure = _run_prepared(prepared, live, progress, isolation(on.foreign))
-            if ran.time.size == 0:
-                raise KeyboardInterrupt
-            data = _dataset(prepared, ran, where, note)
-            return data.assign_attrs({"failure": failure} if failure else {})
+    def compute() -> Remarked:
+        ran, failure = _run_prepared(prepared, live, progress, isolation(on.foreign))
+        if ran.time.size == 0:
+            raise KeyboardInterrupt
+        data, remarks = _dataset(prepared, ran, where)
+        return data.assign_attrs({"failure": failure} if failure else {}), remarks
 
-        return kept(prepared, compute, partial(_restored, prepared, where))
+    result, remarks = kept(prepared, compute, partial(_restored, prepared, where))
+    for line in remarks:
+        note(line)
+    return result
 
 
 def _run_variants(
     experiment: Experiment,
+    on: Subject,
     where: str,
     progress: Callable[[int, int], None],
     note: Callable[[str], None],
@@ -152,6 +172,7 @@ def _run_variants(
         own = {"parameters": {**experiment.parameters, **settings}, "variants": {}}
         runs[name] = _run_one(
             experiment.model_copy(update=own),
+            on,
             here,
             _progress_of_part(progress, number, len(experiment.variants)),
             _prefixed(note, name),
@@ -246,27 +267,22 @@ def _with_links_recorded(experiment: Experiment, on: Subject) -> Experiment:
     )
 
 
-def _dataset(
-    prepared: Preparation, ran: Run, where: str, note: Callable[[str], None]
-) -> ExperimentResult:
-    """Return the results of a run: inputs, what was measured, and energies that couplings made."""
+def _dataset(prepared: Preparation, ran: Run, where: str) -> Remarked:
+    """Return inputs, what was measured, and energies that couplings made; and remarks on them."""
     delivered = dict(zip(prepared.wanted, ran.signals.values(), strict=True))
-    for line in (
-        *ran.notes,
-        *prepared.limits.remarks(prepared.time, delivered, prepared.settings),
-    ):
-        note(line)
+    energies, of_couplings = _coupling_energies(prepared, ran)
+    beyond = prepared.limits.remarks(prepared.time, delivered, prepared.settings)
     count = ran.time.size  # fewer than were prepared if the run was stopped
     values = {name: array[:count] for name, array in prepared.inputs.items()}
-    values |= _measured(prepared, ran)
-    values |= _coupling_energies(prepared, ran, note)
-    return results.dataset(
+    values |= _measured(prepared, ran) | energies
+    data = results.dataset(
         prepared.time[:count],
         values,
         prepared.signals,
         set(prepared.inputs),
         _about(prepared, ran, where),
     )
+    return data, [*ran.notes, *beyond, *of_couplings]
 
 
 def _restored(
@@ -290,18 +306,17 @@ def _measured(prepared: Preparation, ran: Run) -> dict[str, Array]:
     return measured
 
 
-def _coupling_energies(
-    prepared: Preparation, ran: Run, note: Callable[[str], None]
-) -> dict[str, Array]:
-    """Return the energy that each mechanical coupling made so far, and note its end."""
+def _coupling_energies(prepared: Preparation, ran: Run) -> tuple[dict[str, Array], list[str]]:
+    """Return the energy that each mechanical coupling made so far, and a remark on its end."""
     master = prepared.experiment.master
     extrapolation = master.extrapolation if master else 0
     energies = {}
+    remarks = []
     for name, made in imbalance(prepared.on.couplings, ran.signals, extrapolation).items():
         energies[prepared.imbalances[name].name] = made.energy
         share = f"{100.0 * made.relative:.3g} % of what went through it"
-        note(f"{name}: {made.energy[-1]:.3g} J made by the coupling, {share}")
-    return energies
+        remarks.append(f"{name}: {made.energy[-1]:.3g} J made by the coupling, {share}")
+    return energies, remarks
 
 
 def _about(prepared: Preparation, ran: Run, where: str) -> dict[str, Any]:

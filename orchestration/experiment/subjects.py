@@ -99,6 +99,8 @@ class Subject:
         A `Runner`.
     foreign : bool
         Whether an FMU among it is not one of ours.
+    notes : sequence of str
+        Remarks for the user, such as why the equations of a component are not known.
     """
 
     name: str
@@ -115,6 +117,7 @@ class Subject:
     couplings: Sequence[Mechanical]
     run: Runner
     foreign: bool
+    notes: Sequence[str] = ()
 
 
 @contextmanager
@@ -155,14 +158,15 @@ def _component(experiment: Experiment, name: str) -> Subject:
         step=float(getattr(usual, "stepSize", None) or duration / 1000),
         stop=duration,
     )
-    return subject_of(system, experiment.master, f"{member}.")
+    return replace(subject_of(system, experiment.master, f"{member}."), notes=model.notes)
 
 
 def _system(experiment: Experiment, name: str, folder: Path) -> Subject:
     """Read a system from its file, or build one that ships."""
     if Path(name).suffix.lower() in ENDINGS:
         refuse_runtime(experiment.chosen_runtime, name)
-        return subject_of(ssp.read(Path(name), folder), experiment.master)
+        system = ssp.read(Path(name), folder)
+        return replace(subject_of(system, experiment.master), notes=unknown_laws(system))
     return subject_of(library.system(name, experiment.runtime), experiment.master)
 
 
@@ -301,6 +305,12 @@ def _fused(
     progress(time.size)
     spent = master.Statistics({}, time.size - 1, 0, 0, perf_counter() - begin)
     return master.Run(time, {name: signals[name] for name in record}, {}, True, "", spent, {})
+
+
+def unknown_laws(system: System) -> tuple[str, ...]:
+    """Return why equations of members are not known, of those that tell what they are made from."""
+    unknown = [declared_model(str(m.fmu)).notes for m in system.members if m.cls is None]
+    return tuple(dict.fromkeys(note for notes in unknown for note in notes))
 
 
 def with_classes(system: System) -> System:

@@ -23,7 +23,7 @@ from fmus.kit.arrays import Array, Indices
 from fmus.kit.record import CompiledModel
 from fmus.kit.storage import scratch
 from orchestration.experiment.model import Master
-from orchestration.experiment.subjects import Subject, subject_of, with_classes
+from orchestration.experiment.subjects import Subject, subject_of, unknown_laws, with_classes
 from orchestration.fmu import (
     FmuSource,
     Model,
@@ -96,6 +96,7 @@ def system_model(system: System, master: Master | None = None, name: str = "") -
         system=SystemSource(_sendable(system), master or Master()),
         kept=tuple(on.recorded_by_default),
         of_others=on.foreign,
+        notes=unknown_laws(system),
     )
 
 
@@ -132,7 +133,9 @@ def fused_model(system: System, name: str = "") -> Model:
         note = (
             f"members exchange values once in {system.step:g} s, which a record may show: {error}"
         )
-        return replace(system_model(system, name=name), notes=(note,))
+        return replace(
+            model, system=SystemSource(_sendable(system), Master()), notes=(*model.notes, note)
+        )
     return model
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,19 +13,48 @@ import numpy as np
 from fmus.kit.arrays import Array
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation
-from orchestration.journal import WorkJournal, check, digest, locked_folder
+from orchestration.journal import (
+    REMARKS,
+    RowTexts,
+    WorkJournal,
+    check,
+    digest,
+    locked_folder,
+    no_longer_writable,
+)
 
 if TYPE_CHECKING:
     from orchestration.experiment.results import ExperimentResult
 
-Compute = Callable[[], "ExperimentResult"]
+Remarked = tuple["ExperimentResult", list[str]]  # with remarks on how it came about
+Compute = Callable[[], Remarked]
 Restore = Callable[[Mapping[str, Array], float], "ExperimentResult"]  # of signals, and seconds
-Keeper = Callable[[Preparation, Compute, Restore], "ExperimentResult"]
+Keeper = Callable[[Preparation, Compute, Restore], Remarked]
 
 
-def compute_anew(prepared: Preparation, compute: Compute, restore: Restore) -> ExperimentResult:
+def compute_anew(prepared: Preparation, compute: Compute, restore: Restore) -> Remarked:
     """Return a result where none is kept."""
     return compute()
+
+
+class _VariantJournal(WorkJournal):
+    """Signals of variants, and the remarks on them."""
+
+    def begin(self, mode: str) -> None:
+        """Begin or continue the remarks."""
+        self._remarks = RowTexts(self, REMARKS, mode)
+
+    def remarks(self, row: int) -> list[str]:
+        """Return the remarks on a variant that is done."""
+        return [remark for of, remark in self._remarks.pairs if of == row]
+
+    def keep_remarked(self, row: int, numbers: Array, remarks: Sequence[str]) -> None:
+        """Keep the numbers of a variant and the remarks on it."""
+        try:
+            self._remarks.append([(row, remark) for remark in remarks])
+        except OSError as error:
+            raise no_longer_writable(self.folder, error) from error
+        self.keep(row, numbers)
 
 
 class KeptVariants:
@@ -43,10 +72,8 @@ class KeptVariants:
         self._folder = folder
         self._experiment = experiment
 
-    def find(
-        self, row: int, prepared: Preparation, compute: Compute, restore: Restore
-    ) -> ExperimentResult:
-        """Return the result of a variant, which is computed unless the journal has it.
+    def find(self, row: int, prepared: Preparation, compute: Compute, restore: Restore) -> Remarked:
+        """Return a variant's result and the remarks on it, computed unless the journal has them.
 
         Raises
         ------
@@ -57,14 +84,16 @@ class KeptVariants:
         if journal.is_done(row):
             *signals, seconds = np.array(journal.numbers[row])
             values = np.reshape(signals, (len(prepared.signals), -1))
-            return restore(dict(zip(prepared.signals, values, strict=True)), float(seconds))
-        result = compute()
+            result = restore(dict(zip(prepared.signals, values, strict=True)), float(seconds))
+            return result, journal.remarks(row)
+        result, remarks = compute()
         if result.attrs["complete"]:
             signals = [result[name].values for name in prepared.signals]
-            journal.keep(row, np.concatenate([*signals, [result.attrs["wall_time"]]]))
-        return result
+            numbers = np.concatenate([*signals, [result.attrs["wall_time"]]])
+            journal.keep_remarked(row, numbers, remarks)
+        return result, remarks
 
-    def _opened(self, prepared: Preparation) -> WorkJournal:
+    def _opened(self, prepared: Preparation) -> _VariantJournal:
         """Return the journal, whose signals are known once a variant is prepared."""
         inputs, noise = prepared.inputs, prepared.noise
         about = {
@@ -76,7 +105,7 @@ class KeptVariants:
         }
         width = len(prepared.signals) * prepared.time.size + 1
         shape = (len(self._experiment.variants), width)
-        return WorkJournal(self._folder, "experiment", about, shape)
+        return _VariantJournal(self._folder, "experiment", about, shape)
 
 
 @contextmanager

@@ -363,18 +363,17 @@ def _read_model(name: str) -> Model:
             " file.py:Class or an .fmu"
         )
     model = _read_signals(path)
-    with Archive(path) as archive:
-        model_name = archive.description.get("modelName", "")
-        made_from = read_provenance(archive.as_fmi2)
-    if made_from is None:
-        return model
+    origin = f"{path.name} tells what it was made from"
     try:
+        with Archive(path) as archive:
+            model_name = archive.description.get("modelName", "")
+            made_from = read_provenance(archive.as_fmi2)
+        if made_from is None:
+            return model
+        origin = f"{path.name} was made from {made_from.place}"
         return replace(model, cls=restore_class(model_name, made_from, model.parameters))
     except UserError as error:
-        note = (
-            f"{path.name} was made from {made_from.place}, but {error}; it serves as an FMU without"
-            " equations"
-        )
+        note = f"{origin}, but {error}; it serves as an FMU without equations"
         return replace(model, notes=(note,))
 
 

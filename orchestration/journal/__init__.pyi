@@ -1,10 +1,13 @@
 from .arrays import opened as opened
 from .arrays import reserve as reserve
 from .folder import FAILURES as FAILURES
+from .folder import REMARKS as REMARKS
 from .folder import TRACES as TRACES
 from .folder import check as check
 from .folder import locked_folder as locked_folder
 from .folder import removed_after as removed_after
+from .texts import RowTexts as RowTexts
 from .work import WorkJournal as WorkJournal
 from .work import count_done as count_done
 from .work import digest as digest
+from .work import no_longer_writable as no_longer_writable

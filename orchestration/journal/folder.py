@@ -16,8 +16,9 @@ DONE = "done.npy"
 NUMBERS = "numbers.npy"
 TRACES = "traces.npy"
 FAILURES = "failures.jsonl"
+REMARKS = "remarks.jsonl"
 _LOCK = "lock"
-_KNOWN = (ABOUT, DONE, NUMBERS, TRACES, FAILURES, _LOCK)
+_KNOWN = (ABOUT, DONE, NUMBERS, TRACES, FAILURES, REMARKS, _LOCK)
 
 
 @contextlib.contextmanager

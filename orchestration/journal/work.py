@@ -72,6 +72,11 @@ class WorkJournal:
     def begin(self, mode: str) -> None:
         """Begin or continue what is kept beside numbers; mode is ``w+`` or ``r+``."""
 
+    @property
+    def parts(self) -> int:
+        """Number of parts."""
+        return len(self._done)
+
     def is_done(self, row: int) -> bool:
         """Return True if the outcome of a part is there."""
         return bool(self._done[row])
@@ -85,6 +90,13 @@ class WorkJournal:
         """Keep the numbers of parts, which then count as done."""
         self.numbers[rows] = numbers
         self._done[rows] = 1
+
+
+def no_longer_writable(folder: Path, error: OSError) -> UserError:
+    """Return the error for a journal that is there, and cannot be continued now."""
+    return UserError(
+        f"{folder}: cannot be written ({error.strerror}); what is done stands there to go on with"
+    )
 
 
 def count_done(folder: Path) -> tuple[int, int]:

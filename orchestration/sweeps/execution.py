@@ -184,9 +184,10 @@ def dataset(model: Model, task: Task, cases: Design, journal: SweepJournal) -> S
             values[f"{output}_{name}"] = (dims, numbers[:, r, m].reshape(cases.shape), about)
         if TRACE in task.keep:
             values[output] = ((*dims, "time"), journal.traces(m, cases.shape), about)
-    if journal.failures:
+    failures = journal.failures
+    if failures:
         rows = range(len(cases.cases))
-        reasons = np.array([journal.failures.get(row, "") for row in rows], dtype=str)
+        reasons = np.array([failures.get(row, "") for row in rows], dtype=str)
         about = {"long_name": "why a case left nothing"}
         values["failure"] = (dims, reasons.reshape(cases.shape), about)
     coordinates = _coordinates(model, cases)

@@ -183,6 +183,19 @@ def test_an_event_tells_a_host_that_integrates_to_start_its_solver_again(fmu, tm
         assert (nominals, values) == (exchange, False)
 
 
+def test_samples_cannot_be_evaluated_in_advance(fmu, tmp_path):
+    """FMI 3.0 has the call ignored, as nothing says that it is offered."""
+    with opened(fmu("galvanostat", "native", 3), tmp_path, exchange=True) as (one, names, of):
+        assert not of.modelExchange.providesEvaluateDiscreteStates
+        one.enterInitializationMode()
+        one.setFloat64([names["voltage"]], [0.5])
+        one.exitInitializationMode()
+        one.fmi3EvaluateDiscreteStates(one.component)
+        assert one.getFloat64([names["sampled_voltage"]]) == [0.0]
+        one.updateDiscreteStates()
+        assert one.getFloat64([names["sampled_voltage"]]) == [0.5]
+
+
 def test_steps_end_early_at_samples_only_where_the_host_allows_it(fmu, tmp_path):
     """The galvanostat converts every millisecond."""
     path = fmu("galvanostat", "native", 3)

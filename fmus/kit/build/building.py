@@ -118,12 +118,15 @@ def _of_fmi3(cls: type[Component], icon: bytes | None, engine: EngineSources) ->
     from fmus.kit.build import description
     from fmus.kit.build.sources import UNIT
 
-    how = description.build_description(cls, UNIT, engine.libraries)
     files = {
-        "sources/buildDescription.xml": how,
-        "terminalsAndIcons/terminalsAndIcons.xml": description.terminals(cls),
+        "sources/buildDescription.xml": description.build_description(cls, UNIT, engine.libraries)
     }
-    return files | ({} if icon is None else {"terminalsAndIcons/icon.png": icon})
+    if cls.ports or icon is not None:
+        declared = description.terminals(cls, with_icon=icon is not None)
+        files["terminalsAndIcons/terminalsAndIcons.xml"] = declared
+    if icon is not None:
+        files["terminalsAndIcons/icon.png"] = icon
+    return files
 
 
 def build(

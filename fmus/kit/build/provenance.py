@@ -35,6 +35,7 @@ from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit.component import Component, Effect, effect_name, made_with, unstack
+from fmus.kit.errors import UserError
 from fmus.kit.sampling import Sampling
 
 if TYPE_CHECKING:
@@ -166,6 +167,11 @@ def read_provenance(root: Element) -> Provenance | None:
     -------
     Provenance or None
         None for an FMU without one.
+
+    Raises
+    ------
+    UserError
+        If the sampling of an effect is not given by two numbers.
     """
     fmi2 = root.find(f"VendorAnnotations/Tool[@name='{_TOOL}']/MadeFrom")
     fmi3 = root.find(f"Annotations/Annotation[@type='{_TOOL}']/MadeFrom")
@@ -182,8 +188,17 @@ def read_provenance(root: Element) -> Provenance | None:
         effects=tuple(effects),
         remarks=tuple(remark.text or "" for remark in element.iterfind("Remark")),
         samplings={
-            name: Sampling(float(given["step"]), float(given["duration"]))
-            for name, given in effects.items()
-            if "step" in given
+            name: _sampling(name, given) for name, given in effects.items() if "step" in given
         },
     )
+
+
+def _sampling(effect: str, given: Mapping[str, str]) -> Sampling:
+    """Read the attributes that `_sampling_of` writes."""
+    try:
+        return Sampling(float(given["step"]), float(given["duration"]))
+    except (KeyError, ValueError) as error:
+        raise UserError(
+            f"the effect {effect} has step={given['step']!r} and"
+            f" duration={given.get('duration', '')!r}, which must be two numbers, in s"
+        ) from error

@@ -897,7 +897,9 @@ class RigDemoCommand(TypedDict, total=False):
         Path,
         Option("Everything that is made goes here.", default=Path("hil-output"), metavar="FOLDER"),
     ]
-    seed: Annotated[int, Option("Which emulated rig, and which effect is hidden in it.", default=1)]
+    seed: Annotated[
+        int, Option("Which emulated rig, and which effect is hidden in it.", default=1, least=0)
+    ]
 
 
 class ServeCommand(TypedDict, total=False):

@@ -205,7 +205,7 @@ static int all_hold(component *c, type t, const fmi2ValueReference elements[], s
 
 /* Write numbers of any types; elements of a variable that are not given keep their values. */
 static fmi2Status write_row(component *c, const fmi2ValueReference elements[], size_t count, const double row[]) {
-    if (is_same(&c->writing, elements, count))
+    if (!c->late_count && is_same(&c->writing, elements, count))
         return CALL(c, SetFloat64, c->writing.references, c->writing.variables, row, count);
     unsigned types;
     fmi2Status status = find_types(c, elements, count, &types);
@@ -215,7 +215,7 @@ static fmi2Status write_row(component *c, const fmi2ValueReference elements[], s
         int direct = t == TYPE_Float64 && s.in_order && s.given == count;
         if (direct) remember(c, &c->writing, elements, &s);
         if (!all_hold(c, t, elements, count, row)) return fmi2Error;
-        if (!s.in_order && !c->entered) {
+        if (!c->entered && (!s.in_order || c->late_count)) { /* in the order in which they were given */
             status = worse(status, postpone(c, t, elements, count, row));
             continue;
         }

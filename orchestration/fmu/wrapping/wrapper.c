@@ -130,6 +130,7 @@ FMI2_Export fmi2Status fmi2GetFMUstate(fmi2Component p, fmi2FMUstate *state) {
 FMI2_Export fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate state) {
     component *c = p;
     c->entered = 1; /* nobody saves the state of what has not begun */
+    c->late_count = 0;
     c->terminated = 0;
     return CALL(c, SetFMUState, state);
 }

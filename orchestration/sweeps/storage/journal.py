@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from fmus.kit import UserError, files
 from fmus.kit.arrays import Array
-from orchestration.journal import FAILURES, TRACES, WorkJournal, digest
+from orchestration.journal import (
+    FAILURES,
+    TRACES,
+    RowTexts,
+    WorkJournal,
+    digest,
+    no_longer_writable,
+)
 from orchestration.sweeps.storage.traces import TraceFile
 from orchestration.sweeps.task import Outcomes, Task, failed
 
@@ -32,8 +37,6 @@ class SweepJournal(WorkJournal):
         If the folder is of another sweep, or cannot be written.
     """
 
-    failures: dict[int, str]
-
     def __init__(self, folder: Path, task: Task, cases: Array, guid: str):
         self._cases = len(cases)
         self._nothing = failed(task, "")
@@ -43,13 +46,16 @@ class SweepJournal(WorkJournal):
 
     def begin(self, mode: str) -> None:
         """Begin or continue traces and failures."""
-        if mode == "w+":
-            (self.folder / FAILURES).unlink(missing_ok=True)
         if self._nothing.traces.size:
             _, points, outputs = self._nothing.traces.shape
             shape = (self._cases, outputs, points)
             self._traces = TraceFile(self.folder / TRACES, mode, shape)
-        self.failures = self._read_failures()
+        self._failures = RowTexts(self, FAILURES, mode)
+
+    @property
+    def failures(self) -> dict[int, str]:
+        """Reasons of failed cases, by row."""
+        return dict(self._failures.pairs)
 
     def traces(self, output: int, shape: tuple[int, ...]) -> Any:
         """Return traces of one output, over cases in a shape and time; they are read when used."""
@@ -61,38 +67,10 @@ class SweepJournal(WorkJournal):
         try:
             if self._traces is not None:
                 self._traces.write(rows, outcomes.traces)
-            if outcomes.failures:
-                failures = {rows[place]: why for place, why in outcomes.failures.items()}
-                self.failures.update(failures)
-                with (self.folder / FAILURES).open("a", encoding="utf-8") as file:
-                    file.writelines(_lines(failures))
+            self._failures.append([(rows[k], why) for k, why in outcomes.failures.items()])
         except OSError as error:
-            raise UserError(
-                f"{self.folder}: cannot be written ({error.strerror}); what is done stands there to"
-                " go on with"
-            ) from error
+            raise no_longer_writable(self.folder, error) from error
         self.keep([*rows], outcomes.numbers)
-
-    def _read_failures(self) -> dict[int, str]:
-        """Return the reasons of failed cases by row.
-
-        Reasons of cases that are not done are removed from the file, as is an unfinished last line.
-        """
-        path = self.folder / FAILURES
-        text = path.read_text(encoding="utf-8") if path.exists() else ""
-        lines = text[: text.rfind("\n") + 1].splitlines()
-        reasons = [(int(row), str(reason)) for row, reason in map(json.loads, lines)]
-        if any(not 0 <= row < self._cases for row, _ in reasons):
-            raise ValueError(f"{path.name} is of another number of cases")
-        kept = {row: reason for row, reason in reasons if self.is_done(row)}
-        whole = "".join(_lines(kept))
-        if whole != text:
-            files.write(path, whole.encode())
-        return kept
-
-
-def _lines(failures: Mapping[int, str]) -> list[str]:
-    return [json.dumps([row, reason]) + "\n" for row, reason in failures.items()]
 
 
 def _about(task: Task, cases: Array, guid: str) -> dict[str, str]:

@@ -169,6 +169,17 @@ def test_a_system_with_an_fmu_of_other_laws_is_refused(tmp_path):
         ppy.linearise(System("alone", (Member("film", path),), ()))
 
 
+@pytest.mark.parametrize(
+    "of_equations",
+    [{"fix": {"x": 1.0}}, {"free": ["u"]}, {"drift": ["x"]}, {"samples": 3}, {"preset": "worn"}],
+    ids=lambda given: next(iter(given)),
+)
+def test_what_needs_equations_is_not_passed_over(lag, of_equations):
+    (name,) = of_equations
+    with pytest.raises(UserError, match=rf"; {name}= needs the equations of a component"):
+        ppy.linearise(lag, **of_equations)
+
+
 def test_a_system_with_an_fmu_without_equations_is_refused(lag):
     from orchestration.system import Member, System
 

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from fmus import component
+from fmus.kit.build import build_cached
 from fmus.kit.errors import UserError
 from orchestration.api.declaration import options_of
 from orchestration.cli.commands.options import DiagnoseCommand
@@ -19,6 +21,7 @@ from orchestration.discrepancy.laws.map import LawMap
 from orchestration.fmu.model import find_model
 from studies.emulator.records import draw, write
 from studies.hidden.curves import dry_root
+from tests.support.archive import edited, of_other_laws
 from tests.support.command import here, ppy, works
 from tests.support.diagnosis import FEW, SHORT, broken_off
 from tests.support.lacking import motor
@@ -215,3 +218,18 @@ def test_what_is_about_one_model_is_refused_of_a_system(given, flag):
     options = usual | {"records": [Path("a.csv")]} | given
     with pytest.raises(UserError, match=f"^{flag} is about one model"):
         run_system(options, Path("s.ssp"))
+
+
+@pytest.mark.parametrize(
+    "command",
+    [("laws", "record.csv"), ("diagnose", "record.csv", "--compare", "later.csv")],
+    ids=lambda command: command[0],
+)
+def test_laws_that_are_not_known_are_told_once(tmp_path, command):
+    made = build_cached(component("ppy_actuator"), "native")
+    edited(made, tmp_path / "old.fmu", of_other_laws)
+    for seed, name in enumerate(("record.csv", "later.csv"), 1):
+        write(draw(None, seed, **SHORT | {"duration": 100.0}), tmp_path / name)
+    done = here(*command, "--model", "old.fmu", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.count("the laws here are others") == 1

@@ -6,7 +6,7 @@ from fmus import component
 from fmus.kit.build import build_cached
 from orchestration.system import Member, Port, System, ssp
 from tests.support.archive import edited, of_other_laws
-from tests.support.command import refused
+from tests.support.command import here, refused
 from tests.support.experiments import good_experiment
 
 
@@ -40,11 +40,53 @@ def test_so_it_is_after_the_experiment_that_names_it(folder):
     assert line.count("cut.ssp") == 1
 
 
-def test_only_systems_whose_laws_are_known_are_fused(folder):
+@pytest.fixture
+def of_old_laws(folder):
+    """The folder of a system of two members, of one FMU whose laws are none of those here."""
     made = build_cached(component("ppy_actuator"), "native")
     old = edited(made, folder / "old.fmu", of_other_laws)
-    member = Member("one", old, {"force": 0.0})
-    ssp.write(System("s", (member,), (), {"current": (Port("one", "current"),)}), folder / "s.ssp")
+    members = tuple(Member(name, old, {"force": 0.0}) for name in ("one", "two"))
+    driven = {"current": tuple(Port(member.name, "current") for member in members)}
+    ssp.write(System("s", members, (), driven), folder / "s.ssp")
+    return folder
+
+
+VARIANTS = """
+inputs = {current = 0.1}
+duration = "1 s"
+[variants]
+small = {"%sR1" = 0.4}
+large = {"%sR1" = 0.6}
+"""
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("run", "s.ssp", "--set", "inputs.current=0.1"),
+        ("run", "variants.toml"),
+        ("run", "component.toml"),
+        ("simulate", "s.ssp", "--set", "current=0.1", "--stop", "1s"),
+        ("sweep", "s.ssp", "--over", "one.R1=0.4,0.6", "--set", "current=0.1", "--stop", "1s"),
+    ],
+    ids=" ".join,
+)
+def test_laws_that_are_not_known_are_told_once(of_old_laws, command):
+    for name, text, prefix in (
+        ("variants", 'system = "s.ssp"', "one."),
+        ("component", 'component = "old.fmu"', ""),
+    ):
+        whole = text + VARIANTS % (prefix, prefix)
+        (of_old_laws / f"{name}.toml").write_text(whole, encoding="utf-8")
+    done = here(*command, cwd=of_old_laws)
+    assert done.returncode == 0, done.stderr
+    told = [line for line in done.stderr.splitlines() if "the laws here are others" in line]
+    assert len(told) == 1
+    assert told[0].startswith("noted: old.fmu was made from ppy_actuator, but the laws here")
+
+
+def test_only_systems_whose_laws_are_known_are_fused(of_old_laws):
+    folder = of_old_laws
     (folder / "s.toml").write_text(
         'system = "s.ssp"\nmaster = {method = "fused"}\n[inputs]\ncurrent = 1', "utf-8"
     )

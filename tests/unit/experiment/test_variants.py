@@ -69,6 +69,27 @@ def test_an_interrupted_experiment_goes_on_to_the_same_result(folder, parts):
     assert ppy.run(path, folder=part)["small.voltage"].size == 21
 
 
+def test_remarks_on_variants_that_are_kept_are_told_again(folder):
+    path, part = str(folder / "v.toml"), folder / "part"
+    beyond = ["inputs.current.amplitude=4 A"]
+    whole, before, after = [], [], []
+    run(read(path, beyond), path, note=whole.append)
+    assert {line.partition(": ")[0] for line in whole} == {"small", "middle", "large"}
+    with pytest.raises(KeyboardInterrupt):
+        run(read(path, beyond), path, press_after(2), folder=part, note=before.append)
+    run(read(path, beyond), path, folder=part, note=after.append)
+    assert before == [line for line in whole if not line.startswith("large: ")]
+    assert after == whole
+
+
+def test_a_folder_keeps_variants_only(folder):
+    single = FILE.partition("[variants")[0]
+    (folder / "one.toml").write_text(single, encoding="utf-8")
+    told = r"^folder='part' keeps variants that are done, and \S+one\.toml has none$"
+    with pytest.raises(UserError, match=told):
+        ppy.run(folder / "one.toml", folder="part")
+
+
 def test_another_experiment_is_refused(folder):
     path = str(folder / "v.toml")
     run(read(path), path, folder=folder / "part")

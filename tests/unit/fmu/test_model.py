@@ -242,6 +242,20 @@ def test_an_fmu_that_does_not_tell_its_laws_is_one_without_equations(tmp_path, a
     assert note.startswith("old.fmu was made from ppy_actuator, but its description does not tell")
 
 
+@pytest.mark.parametrize("sampling", [b'step="x" duration="60"', b'step="0.1"'])
+def test_a_sampling_that_is_not_two_numbers_leaves_an_fmu_without_equations(tmp_path, sampling):
+    made = find_model("ppy_actuator", effects=["transport_delay(voltage)"]).path
+    effect = b'<Effect name="transport_delay(voltage)"'
+    path = edited(
+        made, tmp_path / "old.fmu", lambda n, c: (n, c.replace(effect, effect + b" " + sampling))
+    )
+    model = find_model(str(path))
+    assert model.cls is None
+    (note,) = model.notes
+    assert note.startswith("old.fmu tells what it was made from, but the effect transport_delay(")
+    assert "must be two numbers, in s" in note
+
+
 def test_an_effect_of_a_user_is_not_taken_for_ours_of_the_same_name(tmp_path):
     ours = effects("ppy_actuator")["strain_saturation"]
 

@@ -9,7 +9,7 @@ from fmus.kit.component import Component
 from fmus.kit.ports import PowerPort
 
 
-def terminals(cls: type[Component]) -> bytes:
+def terminals(cls: type[Component], with_icon: bool) -> bytes:
     """Write ``terminalsAndIcons.xml``.
 
     A terminal has the two variables of a port: its potential, which is a signal, and its flow,
@@ -18,6 +18,8 @@ def terminals(cls: type[Component]) -> bytes:
     Parameters
     ----------
     cls : type[Component]
+    with_icon : bool
+        True if an icon stands beside it, whose place in a diagram is then stated.
 
     Returns
     -------
@@ -25,10 +27,11 @@ def terminals(cls: type[Component]) -> bytes:
         UTF-8 XML.
     """
     root = Element("fmiTerminalsAndIcons", fmiVersion="3.0")
-    graphics = SubElement(root, "GraphicalRepresentation")
-    corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
-    SubElement(graphics, "CoordinateSystem", corners | {"suggestedScalingFactorTo_mm": "0.1"})
-    SubElement(graphics, "Icon", corners)
+    if with_icon:
+        graphics = SubElement(root, "GraphicalRepresentation")
+        corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
+        SubElement(graphics, "CoordinateSystem", corners | {"suggestedScalingFactorTo_mm": "0.1"})
+        SubElement(graphics, "Icon", corners)
     if cls.ports:
         parent = SubElement(root, "Terminals")
         for port in cls.ports:

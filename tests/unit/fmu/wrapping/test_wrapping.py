@@ -101,6 +101,26 @@ def test_elements_are_set_where_nothing_can_be_read_before_initialization(tmp_pa
     assert np.abs(other[:, 0] - expected["y[1]"]).max() > 0.01
 
 
+@pytest.mark.parametrize(
+    ("writes", "expected"),
+    [
+        ([{1: 5.0}, {1: 1.0, 2: 2.0}], [1.0, 2.0]),
+        ([{1: 1.0, 2: 2.0}, {1: 5.0}, {1: 1.0, 2: 2.0}], [1.0, 2.0]),
+        ([{1: 1.0, 2: 2.0}, {2: 5.0}], [1.0, 5.0]),
+    ],
+)
+def test_the_latest_of_values_before_initialization_counts(tmp_path, writes, expected):
+    """Of an element that waits for the others of its array, and of the whole array."""
+    with Fmu(build_wide(2, tmp_path)) as fmu:
+        one = fmu._slave
+        references = {i: fmu.variable(f"u[{i}]").valueReference for i in (1, 2)}
+        one.setupExperiment(startTime=0.0)
+        for values in writes:
+            one.setReal([references[i] for i in values], list(values.values()))
+        one.enterInitializationMode()
+        assert one.getReal(list(references.values())) == expected
+
+
 @pytest.mark.parametrize("events", [False, True])
 def test_events_inside_of_steps_are_as_the_fmu_has_them_with_and_without_event_mode(events):
     found = run(foreign("sawtooth"), {"slope": 2.0})

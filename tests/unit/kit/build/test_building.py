@@ -8,6 +8,7 @@ import fmus
 from fmus.kit import UserError, build, stack
 from fmus.kit.build import toolchain
 from fmus.ppy_actuator.effects import EFFECTS
+from tests.support.kit_samples import Divider
 from tests.support.pace import slow_but
 
 
@@ -122,3 +123,10 @@ def test_platforms_of_fmi_3_are_named_after_their_architecture():
         names = set(archive.namelist())
     assert "binaries/x86_64-linux/pid.so" in names
     assert {"sources/buildDescription.xml", "terminalsAndIcons/terminalsAndIcons.xml"} <= names
+
+
+@pytest.mark.parametrize("cls", [fmus.component("pid"), Divider])
+def test_an_icon_that_is_declared_is_there(cls):
+    files = build.plan_build(cls, "native", 3).files
+    declared = files.get("terminalsAndIcons/terminalsAndIcons.xml", b"")
+    assert (b"<Icon" in declared) == ("terminalsAndIcons/icon.png" in files) == (cls is not Divider)

@@ -15,9 +15,14 @@ from tests.support.kit_samples import Divider
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
 
 
-def read(cls):
-    root = lxml.etree.fromstring(terminals(cls))
+def parsed(cls, with_icon=True):
+    root = lxml.etree.fromstring(terminals(cls, with_icon))
     lxml.etree.XMLSchema(lxml.etree.parse(SCHEMA)).assertValid(root)
+    return root
+
+
+def read(cls):
+    root = parsed(cls)
     return {
         node.get("name"): {
             member.get("memberName"): (member.get("variableName"), member.get("variableKind"))
@@ -47,3 +52,10 @@ def test_members_are_variables_and_no_terminal_is_twice(name):
 
 def test_without_ports_there_is_no_terminal():
     assert read(Divider) == {}
+
+
+@pytest.mark.parametrize("with_icon", [True, False])
+def test_an_icon_has_a_place_if_there_is_one(with_icon):
+    root = parsed(fmus.component("ppy_actuator"), with_icon)
+    assert len(list(root.iter("Icon"))) == with_icon
+    assert len(list(root.iter("Terminal"))) == 2
