@@ -165,4 +165,4 @@ def _join_models(before: FittedCandidate, after: FittedCandidate) -> _JointModel
             candidate = candidate.with_effect(effect)
             parameters.append(effect.neutral)
             values |= {name: after.fit.values[name] for name in own_parameters(effect)}
-    return _JointModel(candidate, parameters, values | before.problem.start | before.fit.values)
+    return _JointModel(candidate, parameters, values | before.parameters)

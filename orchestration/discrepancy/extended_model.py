@@ -111,7 +111,7 @@ def fitted_defaults(best: FittedCandidate) -> dict[str, float]:
 
     Start values are among them; of several records, those of the first.
     """
-    values = best.problem.runs[0].values(best.problem.start | best.fit.values)
+    values = best.problem.runs[0].values(best.parameters)
     parameters = best.candidate.cls.layout.parameters
     return {p.name: _allowed(values[p.name], p) for p in parameters if values[p.name] != p.start}
 

@@ -295,8 +295,8 @@ def _fit_known_effect(
     effect = same_effect(effects_of(diagnosis), correction)
     if effect is None or effect_name(effect) in map(effect_name, base.candidate.effects):
         return None
-    values = best.model.problem.start | best.model.fit.values
-    ended = [values[name] for name in own_parameters(correction)]
+    fitted = best.model.parameters
+    ended = [fitted[name] for name in own_parameters(correction)]
     own = dict(zip(own_parameters(effect), ended, strict=False))
     try:
         search = search_of(diagnosis)

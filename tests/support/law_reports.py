@@ -38,8 +38,7 @@ def motor_report(shape: str, kind: str = "add", amount: float = 0.01, width: flo
         effect=effect,
         effect_name="friction(omega)",
         candidate=SimpleNamespace(cls=stack(Motor, effect), effects=()),
-        problem=SimpleNamespace(start={}),
-        fit=SimpleNamespace(values=values),
+        parameters=values,
     )
     of_map = entry(kind=kind)
     band = (of_map.curve.values, of_map.curve.values - 0.1, of_map.curve.values + 0.1)

@@ -31,6 +31,11 @@ class FittedCandidate:
     free_run: FitResult | None = None
 
     @property
+    def parameters(self) -> dict[str, float]:
+        """Values of all parameters, SI: as fitted, or where they start."""
+        return self.problem.start | self.fit.values
+
+    @property
     def effect(self) -> type[Effect]:
         """The effect that was laid over the model last."""
         return self.candidate.effects[-1]

@@ -298,10 +298,9 @@ def _neutral_value(effect: type[Effect]) -> float:
 def _along_record(diagnosis: Diagnosis, best: FittedCandidate) -> Any:
     """Return an instance of the best model whose inputs and states are those of its run."""
     data = diagnosis.estimation
-    problem = best.problem
-    values = problem.start | best.fit.values
+    values = best.parameters
     run = data.runs[0]
-    signals = problem.model.run(data.time, data.inputs, values, runs=data.runs).signals
+    signals = best.problem.model.run(data.time, data.inputs, values, runs=data.runs).signals
     one: Any = best.candidate.cls()
     layout = one.layout
     one.__dict__.update(

@@ -200,9 +200,8 @@ def _add_curves_of_records(page: Page, result: Result, models: Sequence[Simulate
 
 def _simulate(model: FittedCandidate, data: Dataset) -> dict[str, Array]:
     """Return the outputs of a free run of a model over data, SI."""
-    values = model.problem.start | model.fit.values
-    signals = model.problem.model.run(data.time, data.inputs, values, runs=data.runs).signals
-    return {output: signals[output] for output in data.measured}
+    ran = model.problem.model.run(data.time, data.inputs, model.parameters, runs=data.runs)
+    return {output: ran.signals[output] for output in data.measured}
 
 
 def add_causes(page: Page, diagnosis: Diagnosis) -> None:

@@ -69,9 +69,8 @@ def simulate_regressors(model: FittedCandidate, data: Dataset) -> list[Regressor
     layout = model.candidate.cls.layout
     units = {v.name: v.unit for v in (*layout.inputs, *layout.states, *layout.measured_outputs)}
     problem = model.problem
-    values = problem.start | model.fit.values
     simulated = problem.model.run(  # as accurately as it was fitted
-        data.time, data.inputs, values, runs=data.runs, tolerance=problem.tolerance
+        data.time, data.inputs, model.parameters, runs=data.runs, tolerance=problem.tolerance
     ).signals
     by_run = []
     for run in data.runs:

@@ -263,17 +263,17 @@ class Search:
             return best
         for name in own_parameters(effect)[1:]:
             for factor in _BESIDE:
-                start = fitted.problem.start | fitted.fit.values
+                start = fitted.parameters
                 declared = effect.declared[name]
                 start[name] = float(np.clip(start[name] * factor, declared.min, declared.max))
                 begun = replace(self, method=SCREEN)._again(candidate, start, fitted)
                 if begun.fit.bic > best.fit.bic + _BEHIND:
                     continue
-                again = self._again(candidate, begun.problem.start | begun.fit.values, begun)
+                again = self._again(candidate, begun.parameters, begun)
                 best = min(best, again, key=lambda e: e.fit.bic)
         if effect.layout.states and self._starts_unknown:
             resting = _without_free_starts(candidate, effect)
-            again = self._again(resting, best.problem.start | best.fit.values, best)
+            again = self._again(resting, best.parameters, best)
             best = min(best, again, key=lambda e: e.fit.bic)
         return best
 

@@ -97,7 +97,7 @@ def validation_parameters(validation: ValidationData, model: FittedCandidate) ->
     Where these are records of their own, start values of states, and parameters that differ from
     record to record, are estimated anew on the samples before those that are judged.
     """
-    values = model.problem.start | model.fit.values
+    values = model.parameters
     own = _own_of_each_record(model)
     if validation.continued or not own:
         return values

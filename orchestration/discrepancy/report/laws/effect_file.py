@@ -94,9 +94,9 @@ def _fitted_values(law_report: LawReport) -> dict[str, float]:
     values: dict[str, float] = {}
     for each in law_report.rounds:
         if each.best is not None:
-            values |= each.best.model.problem.start | each.best.model.fit.values
+            values |= each.best.model.parameters
     final = law_report.final_model
-    values |= final.problem.start | final.fit.values | fitted_defaults(final)
+    values |= final.parameters | fitted_defaults(final)
     for each in law_report.rounds:
         values |= each.correction_values(final)
     return values

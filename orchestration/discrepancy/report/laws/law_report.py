@@ -105,7 +105,7 @@ class LawReport:
             return {}
         own_names = own_parameters(self.best.model.effect)
         catalogue_names = own_parameters(cause.effect)
-        values = model.problem.start | model.fit.values
+        values = model.parameters
         return {
             own: values[name]
             for own, name in zip(own_names, catalogue_names, strict=False)
@@ -211,11 +211,7 @@ def shape_formula(correction: Correction) -> str:
 
 def shape_width(correction: Correction) -> float | None:
     """Return where the named shape bends, in the unit of its signal; None if it has no width."""
-    return _model_values(correction).get(f"{correction.model.effect.neutral}_width")
-
-
-def _model_values(correction: Correction) -> dict[str, float]:
-    return correction.model.problem.start | correction.model.fit.values
+    return correction.model.parameters.get(f"{correction.model.effect.neutral}_width")
 
 
 def fitted_shape(correction: Correction) -> Callable[[Array], Array] | None:
@@ -230,7 +226,7 @@ def fitted_shape(correction: Correction) -> Callable[[Array], Array] | None:
         return None
     shape = SHAPES[correction.shape]
     effect = correction.model.effect
-    values = _model_values(correction)
+    values = correction.model.parameters
     amount = values[effect.neutral]
     width = values.get(f"{effect.neutral}_width", 1.0)
     constant = values.get(f"{effect.neutral}_beside", 0.0)

@@ -29,3 +29,10 @@ def test_a_parameter_costs_the_logarithm_of_the_samples():
     known = {"deviance": 30.0, "parameters": 3, "samples": 500}
     result = FitResult(**({field.name: None for field in fields(FitResult)} | known))
     assert result.bic == pytest.approx(30.0 + 3.0 * log(500.0))
+
+
+def test_its_parameters_are_as_fitted_and_the_others_where_they_start():
+    problem = SimpleNamespace(start={"R1": 1.0, "C": 2.0})
+    model = FittedCandidate(None, problem, SimpleNamespace(values={"C": 3.0}))
+    model.parameters["R1"] = 5.0  # a copy
+    assert model.parameters == {"R1": 1.0, "C": 3.0}

@@ -38,8 +38,7 @@ def test_errors_by_record_are_those_of_a_simulation(diagnosis):
         *((label, True) for label in "ef"),
     ]
     best, data = diagnosis.selection.best, diagnosis.estimation
-    values = best.problem.start | best.fit.values
-    run = best.problem.model.run(data.time, data.inputs, values, runs=data.runs)
+    run = best.problem.model.run(data.time, data.inputs, best.parameters, runs=data.runs)
     for record, error in zip(data.runs, errors, strict=False):
         y = data.measured["voltage"][record.samples]
         misses = y - run.signals["voltage"][record.samples]

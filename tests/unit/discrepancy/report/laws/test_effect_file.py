@@ -55,9 +55,9 @@ def fitted(law, signal, memory, kind, shape):
     values = {n: v for n, v in values.items() if n in {p.name for p in cls.layout.parameters}}
     run = SimpleNamespace(values=dict)
     candidate = SimpleNamespace(cls=cls)
-    problem, fit = SimpleNamespace(start={}, runs=[run]), SimpleNamespace(values=values)
+    problem = SimpleNamespace(runs=[run])
     entry = SimpleNamespace(law=law, signal=LawSignal(signal, memory, of.constant), kind=kind)
-    model = SimpleNamespace(effect=effect, candidate=candidate, problem=problem, fit=fit)
+    model = SimpleNamespace(effect=effect, candidate=candidate, problem=problem, parameters=values)
     made = SimpleNamespace(entry=entry, model=model, shape=shape)
     law_report = SimpleNamespace(
         component=Motor, result=SimpleNamespace(files='a "quoted" \udcff.csv'), final_model=model
