@@ -220,14 +220,21 @@ class Instance:
     def transfer(
         self, verb: str, names: Sequence[str], values: Sequence[float] | None = None
     ) -> list[float]:
-        result = []
-        for i, name in enumerate(names):
-            reference, kind = self.variables[name]
-            cell = (c_double if kind == "Real" else c_int)()
+        """Set or get variables, those of one type by one call; what they hold afterwards."""
+        places: dict[str, list[int]] = {}
+        for place, name in enumerate(names):
+            places.setdefault(self.variables[name][1], []).append(place)
+        result = [0.0] * len(names)
+        for kind, members in places.items():
+            n = len(members)
+            references = (c_uint * n)(*(self.variables[names[place]][0] for place in members))
+            cells = (c_double * n)() if kind == "Real" else (c_int * n)()
             if values is not None:
-                cell.value = values[i] if kind == "Real" else int(values[i])
-            self.do(f"fmi2{verb}{kind}", byref(c_uint(reference)), 1, byref(cell))
-            result.append(cell.value)
+                given = (values[place] for place in members)
+                cells[:] = [*given] if kind == "Real" else [int(value) for value in given]
+            self.do(f"fmi2{verb}{kind}", references, n, cells)
+            for place, value in zip(members, cells, strict=True):
+                result[place] = value
         return result
 
     def set(self, values: Mapping[str, float]) -> None:

@@ -247,6 +247,26 @@ def test_a_host_that_passes_over_an_event_gets_its_sample_with_the_next_step(fmu
         assert one.getFloat64([names["current"]])[0] > 0.0, "samples were made"
 
 
+@pytest.mark.parametrize("place", range(4))
+def test_a_null_for_a_result_of_a_step_is_refused_by_its_name(fmu, tmp_path, place):
+    names = ("eventHandlingNeeded", "terminateSimulation", "earlyReturn", "lastSuccessfulTime")
+    said = []
+    results = [ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()]
+    pointers = [ctypes.byref(result) for result in results]
+    pointers[place] = None
+    with opened(
+        fmu("pid", "native", 3), tmp_path, logMessage=lambda *told: said.append(told[-1].decode())
+    ) as (one, references, _):
+        initialized(one)
+        with pytest.raises(Exception, match="fmi3DoStep"):
+            one.fmi3DoStep(one.component, 0.0, 0.1, True, *pointers)
+        assert said == [f"fmi3DoStep: the pointer to {names[place]} is NULL"]
+        assert one.doStep(0.0, 0.1)[-1] == pytest.approx(0.1), "no time has passed"
+        with pytest.raises(Exception, match="fmi3GetFloat64"):
+            one.fmi3GetFloat64(one.component, (ctypes.c_uint * 1)(references["time"]), 1, None, 1)
+        assert said[1:] == ["fmi3GetFloat64: an array is NULL though it should have 1 elements"]
+
+
 def moving_point(one, references, description, rng):
     """Start an instance for model exchange at random values of inputs and states."""
     initialized(one)

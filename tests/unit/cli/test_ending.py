@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import marshal
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -55,24 +54,32 @@ def test_the_last_line_says_what_is_kept(tmp_path, capsys):
         assert capsys.readouterr().err.startswith(f"interrupted: {told}")
 
 
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """A command, its environment with compiled modules of its own, and what it answers."""
+    folder = tmp_path_factory.mktemp("compiled")
+    command = [sys.executable, "-m", "orchestration.cli", "list"]
+    environment = os.environ | {"PYTHONPYCACHEPREFIX": str(folder), "PYTHONDONTWRITEBYTECODE": ""}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    return folder, command, environment, done.stdout
+
+
 @pytest.mark.parametrize("size", [HEADER + 1, 500, 1500])
 @pytest.mark.parametrize("name", ["cli/app", "cli/commands/list"])
-def test_a_compiled_module_that_was_cut_off(name, size, tmp_path):
+def test_a_compiled_module_that_was_cut_off(name, size, compiled):
     """As a full disk leaves it; Python takes it for whole, and typer its error for an interrupt."""
-    command = [sys.executable, "-m", "orchestration.cli", "list"]
-    environment = os.environ | {"PYTHONPYCACHEPREFIX": str(tmp_path), "PYTHONDONTWRITEBYTECODE": ""}
-    first = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    (compiled,) = tmp_path.rglob(f"orchestration/{name}.*.pyc")
-    part = compiled.read_bytes()[:size]
-    compiled.write_bytes(part)
+    folder, command, environment, answer = compiled
+    (module,) = folder.rglob(f"orchestration/{name}.*.pyc")
+    part = module.read_bytes()[:size]
+    module.write_bytes(part)
     cut = subprocess.run(command, env=environment, capture_output=True, text=True)
     with pytest.raises(EOFError) as unreadable:
         marshal.loads(part[HEADER:])
-    line = f"error: a compiled module is cut off ({unreadable.value}); remove {tmp_path}\n"
+    line = f"error: a compiled module is cut off ({unreadable.value}); remove {folder}\n"
     assert (cut.returncode, cut.stdout, cut.stderr.lstrip()) == (2, "", line)
-    shutil.rmtree(tmp_path)
+    module.unlink()
     again = subprocess.run(command, env=environment, capture_output=True, text=True)
-    assert (again.returncode, again.stdout) == (0, first.stdout)
+    assert (again.returncode, again.stdout) == (0, answer)
 
 
 def test_an_end_of_file_of_something_else_is_no_interrupt_and_no_module():

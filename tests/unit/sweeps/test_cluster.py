@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 
 import numpy as np
 import pytest
@@ -170,8 +169,11 @@ def test_where_there_is_no_cluster_it_is_told_in_a_line(lag):
         ("tls://127.0.0.1:9", "no certificates"),
     ],
 )
-def test_what_is_no_address_is_told_at_once_and_in_one_line(tmp_path, address, told):
-    """In a process of its own, as a half-made client complains only when it is removed."""
+def test_what_is_no_address_is_refused_before_anything_is_asked(tmp_path, address, told):
+    """In a process of its own, as a half-made client complains only when it is removed.
+
+    Had a scheduler been asked, the line would be that none answers.
+    """
     call = (
         "sweep",
         "ppy_actuator",
@@ -184,7 +186,6 @@ def test_what_is_no_address_is_told_at_once_and_in_one_line(tmp_path, address, t
         "--step",
         "0.1s",
     )
-    begun = time.monotonic()
     done = command(*call, "--scheduler", address, cwd=tmp_path)
     assert done.returncode == 2
     (line,) = (line for line in done.stderr.splitlines() if line.startswith("error: "))
@@ -192,7 +193,6 @@ def test_what_is_no_address_is_told_at_once_and_in_one_line(tmp_path, address, t
     assert told in line
     assert "Traceback" not in done.stderr
     assert "ignored" not in done.stderr
-    assert time.monotonic() - begun < 15.0
 
 
 def test_a_cluster_without_workers_is_told_in_a_line(lag, monkeypatch):

@@ -30,6 +30,8 @@ static fmi3Status get_own(Instance *instance, const char *function, Reference vr
 /* Variables some of which are of this version only. */
 static fmi3Status get_mixed(Instance *instance, const char *function, const Reference vr[], size_t n, double value[]) {
     fmi3Status status = fmi3OK;
+    if (value == NULL)
+        return get_reals(instance, function, vr, n, value);
     for (size_t i = 0; i < n && status == fmi3OK; i++)
         status = is_own(vr[i]) ? get_own(instance, function, vr[i], value + i)
                                : get_reals(instance, function, vr + i, 1, value + i);
@@ -47,7 +49,7 @@ EXPORT fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], 
                                  size_t n_values) {
     if (n != n_values)
         return miscounted(c, __func__, n, n_values);
-    if (vr != NULL && value != NULL && any_own(vr, n))
+    if (vr != NULL && any_own(vr, n))
         return get_mixed(c, __func__, vr, n, value);
     return get_reals(c, __func__, vr, n, value);
 }

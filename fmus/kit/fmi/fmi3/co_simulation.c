@@ -34,25 +34,39 @@ static bool sample_due(const Engine *engine, double time) {
     return false;
 }
 
+/* The first of these pointers that is NULL; NULL where none is. */
+static const char *missing_result(const fmi3Boolean *event, const fmi3Boolean *terminate, const fmi3Boolean *early,
+                                  const fmi3Float64 *last) {
+    return event == NULL       ? "eventHandlingNeeded"
+           : terminate == NULL ? "terminateSimulation"
+           : early == NULL     ? "earlyReturn"
+           : last == NULL      ? "lastSuccessfulTime"
+                               : NULL;
+}
+
 EXPORT fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 step, fmi3Boolean no_set_state,
                              fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last) {
     Instance *instance = c;
     fmi3Status status;
+    const char *missing;
     (void)no_set_state;
     if (!allowed(instance, STEP_COMPLETE, __func__))
         return fmi3Error;
-    if (event == NULL || terminate == NULL || early == NULL || last == NULL)
-        return report(instance, fmi3Error, "%s: a pointer is NULL", __func__);
+    missing = missing_result(event, terminate, early, last);
+    if (missing != NULL)
+        return report(instance, fmi3Error, "%s: the pointer to %s is NULL", __func__, missing);
     *event = *terminate = *early = false;
     *last = instance->now.time;
     if (!step_valid(instance, __func__, time, step))
         return fmi3Error;
-    status = advance(instance, time, instance->host.early_return ? step_to_sample(instance, time, step, early) : step);
+    if (instance->host.early_return)
+        step = step_to_sample(instance, time, step, early);
+    status = advance(instance, time, step);
     *last = instance->now.time;
-    if (instance->host.event_mode && status == fmi3OK)
-        *event = sample_due(instance->engine, *last);
-    else
+    if (status != fmi3OK)
         *early = false;
+    else if (instance->host.event_mode)
+        *event = sample_due(instance->engine, *last);
     return status;
 }
 
