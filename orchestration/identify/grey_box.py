@@ -281,7 +281,7 @@ class Likelihood:
             tangent=own[i] / own[i, i] if determined else np.eye(len(own))[i],
             standard_error=float(self.spread.standard_errors[i]),
         )
-        least = self._deviance()
+        least = problem.deviance(self.fitted.noise, self.fitted.residual)
         fits = 0
 
         def refit(start: Array) -> tuple[Array, float]:
@@ -299,14 +299,6 @@ class Likelihood:
                 return profile_likelihood(name, problem.declared[name], refit, self.fitted.q, along)
         finally:
             problem.held = []
-
-    def _deviance(self) -> float:
-        """Return the deviance of the fit."""
-        present = self.problem.present
-        return sum(
-            noise.deviance(self.fitted.innovation[output], present[output])
-            for output, noise in self.fitted.noise.items()
-        )
 
 
 def _opened(subject: Subject) -> AbstractContextManager[None]:

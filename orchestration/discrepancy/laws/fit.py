@@ -173,10 +173,7 @@ class CurveFit:
         fitted_curve = replace(
             curve, values=q[self._own :] * self._size, covariance=again.covariance, gain=again.gain
         )
-        deviance = sum(
-            n.deviance(n.whiten(error[o], problem.present[o]), problem.present[o])
-            for o, n in noise.items()
-        )
+        deviance = problem.deviance(noise, error)
         deviance += float(np.sum(self._precision * (q[: self._own] - self._centre) ** 2))
         order = sum(n.parameters for n in noise.values()) + self._own
         criterion = deviance + rough + fitted_curve.complexity + order * np.log(problem.samples)

@@ -377,12 +377,7 @@ def fit_in_noise(
         If the simulation fails where the search starts.
     """
     end = _minimised(problem, q, noise, _prior(problem, None, PRIOR_STD), method).q
-    residual = problem.evaluate(end)[0]
-    present = problem.present
-    deviance = sum(
-        n.deviance(n.whiten(residual[o], present[o]), present[o]) for o, n in noise.items()
-    )
-    return end, deviance
+    return end, problem.deviance(noise, problem.evaluate(end)[0])
 
 
 def _minimised(

@@ -415,6 +415,13 @@ class Problem:
             for o, e in residual.items()
         }
 
+    def deviance(self, noise: Mapping[str, Noise], residual: Mapping[str, Array]) -> float:
+        """Return minus twice the log likelihood of residuals, (m,) by output, in noise."""
+        present = self.present
+        return sum(
+            n.deviance(n.whiten(residual[o], present[o]), present[o]) for o, n in noise.items()
+        )
+
     def forget_simulation(self) -> None:
         """Free the memory of the last simulation."""
         self._at = None

@@ -37,18 +37,12 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
     str
         For ``ppy build file.py:Class``.
     """
-    system = model.state_space()
-    a, b, c, d = (
-        np.atleast_2d(np.asarray(matrix, dtype=float))
-        for matrix in (system.A, system.B, system.C, system.D)
-    )
-    states = [f"state_of_model_{i + 1}" for i in range(len(a))]
+    reading, transition = _rows(model)
+    states = [f"state_of_model_{i + 1}" for i in range(len(transition))]
     signals = (*model.input_names, model.output_name)
     *inputs, output = identifiers(signals)
     unit = {new: units[old] for new, old in zip((*inputs, output), signals, strict=True)}
     factors = [f"self.{x}" for x in states] + [f"(self.{u} - self.{u}_mean)" for u in inputs]
-    reading = np.hstack([c, d])
-    transition = np.hstack([a, b])
     lines = [
         f'"""{doc}"""',
         "",
@@ -67,7 +61,7 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
         f'    @Output("{unit[output]}")',
         f"    def {output}(self):",
         '        """What the model foretells."""',
-        *_returned([f"self.{output}_mean"], factors, reading[0]),
+        *_returned([f"self.{output}_mean"], factors, reading),
     ]
     for x, amounts in zip(states, transition, strict=True):
         lines += [
@@ -77,6 +71,16 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
             *_returned([], factors, amounts),
         ]
     return "\n".join(lines) + "\n"
+
+
+def _rows(model: IdentifiedModel) -> tuple[Array, Array]:
+    """Return the amounts of states and inputs, (n + m,), in the output and in each next state."""
+    system = model.state_space()
+    a, b, c, d = (
+        np.atleast_2d(np.asarray(matrix, dtype=float))
+        for matrix in (system.A, system.B, system.C, system.D)
+    )
+    return np.hstack([c, d])[0], np.hstack([a, b])
 
 
 def _declarations(

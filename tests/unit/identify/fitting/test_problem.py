@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from fmus.kit import (
     Component,
@@ -22,6 +23,7 @@ from fmus.kit import (
 )
 from orchestration.identify.fitting.least_squares import SearchEndedError
 from orchestration.identify.fitting.problem import ModelOverRuns, Problem, Scale
+from orchestration.identify.noise import white_noise
 from orchestration.records.joined import base_name
 from tests.support.several import OCVS, STARTS, TRUE, Cell, several, voltage
 
@@ -295,3 +297,13 @@ def test_what_was_fitted_less_exactly_is_simulated_less_exactly_if_it_must_be(
     ran = model.run(data.time, data.inputs, VALUES, runs=data.runs)
     assert tried == [0.0, 0.0, 1e-6, 0.0, 1e-6, 0.0, 1e-6]
     assert np.isfinite(ran.signals["voltage"]).all()
+
+
+def test_the_deviance_is_the_likelihood_of_the_residuals_relative_to_unit_density(data):
+    """The oracle is SciPy's density of a Gaussian distribution."""
+    problem = Problem(Cell, data.time, data.inputs, data.measured, [], {}, runs=data.runs)
+    e = np.random.default_rng(1).normal(0.0, 0.3, problem.samples)
+    noise = white_noise({"voltage": e})
+    density = norm.logpdf(e, scale=noise["voltage"].deviation).sum()
+    expected = -2.0 * density - len(e) * np.log(2.0 * np.pi)
+    assert problem.deviance(noise, {"voltage": e}) == pytest.approx(expected)
