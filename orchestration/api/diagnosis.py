@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Unpack
 
 from fmus.kit import MEASUREMENTS, UserError
@@ -33,7 +34,7 @@ _LINEARISATIONS = 4  # of an FMU at most
 
 @takes(DiagnoseKeywords)
 def diagnose(
-    record: Records, model: Model | str = "ppy_actuator", **options: Unpack[DiagnoseKeywords]
+    record: Records, model: Model | str | Path = "ppy_actuator", **options: Unpack[DiagnoseKeywords]
 ) -> DiagnosisResult:
     """Name what a model gets wrong on a record, extend it, and measure the gain on unseen data.
 
@@ -44,7 +45,7 @@ def diagnose(
     record : Record, str, Path, DataFrame, Mapping of str to array_like, or sequence of these
         From `read_record`, or what that reads. A file whose clock restarts holds several records,
         numbered from 1.
-    model : Model or str
+    model : Model, str or Path
         A component, ``path/to/file.py:Class``, any FMU, or what `find_model` returned.
 
     Returns
@@ -94,7 +95,7 @@ def diagnose(
         raise _unusable(measured, error) from error
     command = equivalent_command(
         "diagnose",
-        model if isinstance(model, str) else subject.name,
+        str(model) if isinstance(model, str | Path) else subject.name,
         measured,
         unseen,
         declared=DiagnoseOptions,
@@ -190,7 +191,7 @@ def refuse_without_laws(subject: Model) -> None:
 
 @takes(LawsKeywords)
 def laws(
-    record: Records, model: Model | str = "ppy_actuator", **options: Unpack[LawsKeywords]
+    record: Records, model: Model | str | Path = "ppy_actuator", **options: Unpack[LawsKeywords]
 ) -> LawsResult:
     """Ask every law of a model what it lacks on a record: which signal, and by which curve.
 
@@ -203,7 +204,7 @@ def laws(
     record : Record, str, Path, DataFrame, Mapping of str to array_like, or sequence of these
         From `read_record`, or what that reads. A file whose clock restarts holds several records,
         numbered from 1.
-    model : Model or str
+    model : Model, str or Path
         A component, ``path/to/file.py:Class``, or what `find_model` returned.
 
     Returns
@@ -247,7 +248,7 @@ def laws(
     answers = None if inconclusive else search_laws(result.diagnosis, progress, budget=budget)[0]
     command = equivalent_command(
         "laws",
-        model if isinstance(model, str) else subject.name,
+        str(model) if isinstance(model, str | Path) else subject.name,
         measured,
         unseen,
         declared=LawsOptions,

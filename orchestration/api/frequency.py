@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Unpack
 
 from fmus.kit import Component, UserError, suggestion
@@ -26,7 +27,7 @@ from orchestration.reporting import option
 @takes(FrequencyKeywords)
 def frequency_response(
     record: Data,
-    model: Model | type[Component] | str | None = None,
+    model: Model | type[Component] | str | Path | None = None,
     **options: Unpack[FrequencyKeywords],
 ) -> FrequencyResponse:
     """Estimate frequency responses from a record, with intervals, and a model's beside them.
@@ -39,7 +40,7 @@ def frequency_response(
     ----------
     record : Record, str, Path, DataFrame or Mapping of str to array_like, shape (n,)
         Equally spaced, without gaps.
-    model : Model, type[Component] or str, optional
+    model : Model, type[Component], str or Path, optional
         A component, any FMU, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
 
     Returns

@@ -26,7 +26,7 @@ def compare(
     ----------
     record : Record, str, Path, DataFrame or Mapping of str to array_like, shape (n,)
         From `read_record`, or what that reads.
-    model : Model, System, type[Component] or str
+    model : Model, System, type[Component], str or Path
         A component, any FMU, ``path/to/file.py:Class``, a class such as ``diagnose(...).model``, or
         a system, by its name or its ``.ssp`` file.
 
@@ -71,7 +71,7 @@ def fit(
     ----------
     record : Record, str, Path, DataFrame or Mapping of str to array_like, shape (n,)
         From `read_record`, or what that reads.
-    model : Model, System, type[Component] or str
+    model : Model, System, type[Component], str or Path
         A component, any FMU, ``path/to/file.py:Class``, a class such as ``diagnose(...).model``, or
         a system, by its name or its ``.ssp`` file.
     names : str or sequence of str

@@ -27,7 +27,7 @@ _MOST = 2
 
 @takes(OptimiseKeywords)
 def optimise(
-    model: Model | type[Component] | str,
+    model: Model | type[Component] | str | Path,
     over: Mapping[str, str],
     inputs: Inputs | None = None,
     **options: Unpack[OptimiseKeywords],

@@ -264,8 +264,8 @@ class PointsOption(TypedDict, total=False):
     time: Annotated[
         "ArrayLike | None",
         Option(
-            doc="Points, s; else a grid from zero to `stop` by `step`, by default the FMU's own"
-            " experiment.",
+            doc="Points, s; else a grid to `stop` by `step`, by default the FMU's own experiment,"
+            " from the start time that it declares, else zero.",
             kind="array_like, shape (n,), optional",
         ),
     ]

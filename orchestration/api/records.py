@@ -22,7 +22,7 @@ Records = Data | Sequence[Data]
 @takes(MappingOption)
 def read_record(
     path: str | Path | Arrays,
-    model: Model | str = "ppy_actuator",
+    model: Model | str | Path = "ppy_actuator",
     mapping: Mapping[str, str] | None = None,
 ) -> Record:
     """Read a measured record: CSV, Parquet, LabVIEW TDMS or text, MATLAB, a DataFrame, arrays.
@@ -34,7 +34,7 @@ def read_record(
     path : str, Path, DataFrame or Mapping of str to array_like, shape (n,)
         A file as an instrument writes it, or its columns by ``name [unit]``. One column is the
         time; of a DataFrame it may be the index.
-    model : Model or str
+    model : Model, str or Path
         Whose signals it holds: a component, an FMU file, ``path/to/file.py:Class``, or what
         `find_model` returned; or a system, by its name or its ``.ssp`` file.
 

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import RenderableType
 
-AnyModel = Model | System | type[Component] | str
+AnyModel = Model | System | type[Component] | str | Path
 Inputs = Mapping[str, ArrayLike | Callable[[Array], ArrayLike]]
 
 
@@ -134,7 +134,7 @@ def simulate(
 
     Parameters
     ----------
-    model : Model, System, type[Component] or str
+    model : Model, System, type[Component], str or Path
         A component's name, an FMU file, ``path/to/file.py:Class``, a class such as
         ``diagnose(...).model``, or what `find_model` returned; or a system, by its name or its
         ``.ssp`` file.
@@ -182,10 +182,10 @@ def points_of(
     """Return the points in time of a simulation (n,) in s, as `simulate` takes them."""
     if time is not None:
         return np.asarray(time, dtype=float)
-    own_stop, own_step = source_of(model).experiment
-    last = seconds(stop if stop is not None else own_stop or 10.0)
-    even = seconds(step if step is not None else own_step or last / 1000)
-    return grid(0.0, last, even)
+    first, own_stop, own_step = source_of(model).experiment
+    last = seconds(stop if stop is not None else own_stop or first + 10.0)
+    even = seconds(step if step is not None else own_step or (last - first) / 1000)
+    return grid(first, last, even)
 
 
 def inputs_over(model: Model, inputs: Inputs, points: Array) -> dict[str, Array]:
@@ -223,9 +223,9 @@ def as_measured(model: AnyModel, effects: Sequence[str] = (), runtime: str | Non
     """
     if isinstance(model, System):
         return fused_model(model)
-    if isinstance(model, str) and is_system(model):
-        _refuse_effects(model, effects)
-        return fused_model(find_system(model, runtime), model)
+    if isinstance(model, str | Path) and is_system(name := str(model)):
+        _refuse_effects(name, effects)
+        return fused_model(find_system(name, runtime), name)
     return as_runnable(model, effects, runtime)
 
 
@@ -234,7 +234,7 @@ def as_runnable(model: AnyModel, effects: Sequence[str] = (), runtime: str | Non
 
     Parameters
     ----------
-    model : Model, System, type[Component] or str
+    model : Model, System, type[Component], str or Path
     effects : sequence of str
         Laid over a component that is found by its name.
     runtime : {"native", "python"}, optional
@@ -247,13 +247,14 @@ def as_runnable(model: AnyModel, effects: Sequence[str] = (), runtime: str | Non
     """
     if isinstance(model, System):
         return system_model(model)
-    if not isinstance(model, str):
+    if not isinstance(model, str | Path):
         return as_declared(model)
-    if not is_system(model):
-        _refuse_misspelt(model)
-        return declared_model(model, effects)
-    _refuse_effects(model, effects)
-    return system_model(find_system(model, runtime), name=model)
+    name = str(model)
+    if not is_system(name):
+        _refuse_misspelt(name)
+        return declared_model(name, effects)
+    _refuse_effects(name, effects)
+    return system_model(find_system(name, runtime), name=name)
 
 
 def _refuse_effects(system: str, effects: Sequence[str]) -> None:
@@ -268,13 +269,13 @@ def _refuse_misspelt(name: str) -> None:
         raise UserError(f"no component and no system named {name!r}{hint}")
 
 
-def as_declared(model: Model | type[Component] | str) -> Model:
+def as_declared(model: Model | type[Component] | str | Path) -> Model:
     """Return a component or an FMU like `as_runnable`."""
     if isinstance(model, type):
         if model.__module__ == "__main__":  # written where it is used, such as in a notebook
             check_component(model)
         return declared_model_of(model)
-    return declared_model(model) if isinstance(model, str) else model
+    return declared_model(str(model)) if isinstance(model, str | Path) else model
 
 
 def values_of(

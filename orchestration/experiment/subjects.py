@@ -16,6 +16,7 @@ from fmus.kit.storage import scratch
 from orchestration import master
 from orchestration.experiment.model import Experiment, Master
 from orchestration.fmu import (
+    FmuSource,
     LimitOutputs,
     Signal,
     Value,
@@ -146,8 +147,8 @@ def subject(experiment: Experiment, where: str) -> Iterator[Subject]:
 def _component(experiment: Experiment, name: str) -> Subject:
     """Wrap a component as a system of one member, whose signals need no ``member.`` before them."""
     model = find_model(name, experiment.chosen_runtime, experiment.effects)
-    usual = read_description(model.path).defaultExperiment
-    duration = float(getattr(usual, "stopTime", None) or 10.0)
+    start, stop, step = FmuSource(model.path).experiment
+    duration = 10.0 if stop is None else stop - start
     member = model.path.stem.replace(".", "_")
     cls = None if model.foreign else model.cls  # whatever its laws, its binary is the user's
     system = System(
@@ -155,7 +156,7 @@ def _component(experiment: Experiment, name: str) -> Subject:
         members=(Member(member, model.path, model.settings([], experiment.preset), cls),),
         connections=(),
         inputs={name: (Port(member, name),) for name in model.inputs},
-        step=float(getattr(usual, "stepSize", None) or duration / 1000),
+        step=step or duration / 1000,
         stop=duration,
     )
     return replace(subject_of(system, experiment.master, f"{member}."), notes=model.notes)

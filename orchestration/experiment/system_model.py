@@ -186,9 +186,9 @@ class SystemSource:
         return sha256(repr((*known, self.master)).encode()).hexdigest()
 
     @property
-    def experiment(self) -> tuple[float | None, float | None]:
-        """Stop time and step of its default experiment, s."""
-        return self.system.stop, self.system.step
+    def experiment(self) -> tuple[float, float | None, float | None]:
+        """Start time, stop time and step of its default experiment, s."""
+        return 0.0, self.system.stop, self.system.step
 
     @property
     def nominal(self) -> dict[str, float]:

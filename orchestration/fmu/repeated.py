@@ -168,11 +168,13 @@ class FmuSource:
         return str(read_description(self.path).guid)
 
     @property
-    def experiment(self) -> tuple[float | None, float | None]:
-        """Stop time and step of its default experiment, s."""
+    def experiment(self) -> tuple[float, float | None, float | None]:
+        """Start time, stop time and step of its default experiment, s."""
         own = read_description(self.path).defaultExperiment
-        stop, step = (getattr(own, name, None) for name in ("stopTime", "stepSize"))
-        return float(stop) if stop else None, float(step) if step else None
+        start, stop, step = (
+            float(getattr(own, name, None) or 0.0) for name in ("startTime", "stopTime", "stepSize")
+        )
+        return start, stop or None, step or None
 
     @property
     def nominal(self) -> dict[str, float]:

@@ -52,8 +52,8 @@ class Source(Protocol):
         """Identifier that no other source has."""
 
     @property
-    def experiment(self) -> tuple[float | None, float | None]:
-        """Stop time and step of its default experiment, s."""
+    def experiment(self) -> tuple[float, float | None, float | None]:
+        """Start time, stop time and step of its default experiment, s."""
 
     @property
     def nominal(self) -> dict[str, float]:

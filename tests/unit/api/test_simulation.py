@@ -4,13 +4,23 @@ is.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import orchestration as ppy
 from fmus.kit import Component, Output, Parameter, State, UserError
-from orchestration.api.simulation import points_of, values_of
-from tests.support.fmi3_fmus import foreign
+from orchestration.api.simulation import (
+    as_declared,
+    as_measured,
+    as_model,
+    as_runnable,
+    points_of,
+    values_of,
+)
+from orchestration.system import library, ssp
+from tests.support.fmi3_fmus import changed, foreign
 
 
 def test_a_component_is_simulated_as_its_equations_say():
@@ -51,6 +61,29 @@ def test_it_is_handed_on_as_table_record_and_lists(run, tmp_path):
     words = [line.split() for line in str(run).splitlines()]
     assert words[0] == ["one_state.fmu:", "21", "points", "from", "0", "s", "to", "2", "s"]
     assert [line[0] for line in words[1:]] == ["output", "x"]
+
+
+@pytest.mark.parametrize("found", [as_declared, as_measured, as_model, as_runnable])
+def test_a_file_is_a_path_or_its_name(found, lag):
+    assert found(Path(lag)).path == found(str(lag)).path == Path(lag)
+
+
+@pytest.mark.parametrize("found", [as_measured, as_runnable])
+def test_so_is_the_file_of_a_system(found, tmp_path):
+    path = tmp_path / "bench.ssp"
+    ssp.write(library.system("dma_bench"), path)
+    assert list(found(path).outputs) == list(found(str(path)).outputs)
+
+
+def test_it_begins_where_the_default_experiment_does(tmp_path):
+    path = changed("lag", tmp_path, 'startTime="0" stopTime="2"', 'startTime="5" stopTime="7"')
+    run = ppy.simulate(path, {"u": 1.0}, settings={"tau": 0.5, "k": 3.0})
+    assert run.time == pytest.approx(np.linspace(5.0, 7.0, 41))
+    exact = 3.0 + (0.25 - 3.0) * np.exp(-(run.time - 5.0) / 0.5)
+    assert run["y"] == pytest.approx(exact, abs=1e-12)
+    assert points_of(run.model, None, 6.0, 0.5).tolist() == [5.0, 5.5, 6.0]
+    with pytest.raises(UserError, match=r"cannot step from 5 s to 4 s by 0\.05 s"):
+        points_of(run.model, None, 4.0, None)
 
 
 def test_points_are_those_given_or_those_of_the_models_own_experiment():
