@@ -128,12 +128,14 @@ def test_a_stop_that_does_not_reach_the_device_is_an_alarm_and_no_success(tmp_pa
 def test_of_two_servers_of_a_device_the_second_says_who_has_it(tmp_path):
     with Server(tmp_path) as first:
         first.wait_ready()
+        holders = first.processes()
         with Server(tmp_path) as second:
             assert second.wait_end() == 2
             errors = second.errors()
         assert f"is served already, by process {first.process.pid} since" in errors
         assert errors.count("\n") == 1
-        assert [call.what for call in first.calls()].count("open") == 1
+        # where the machine has paused, another process of the first has taken over
+        assert first.processes() - holders <= first.family(), "\n".join(first.lines)
     with Server(tmp_path, "emulator") as first, Server(tmp_path, "emulator") as second:
         first.wait_ready()
         second.wait_ready()

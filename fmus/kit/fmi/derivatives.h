@@ -28,8 +28,8 @@ static bool add_seeds(const Instance *instance, const char *function, const Refe
 static bool derivatives_finite(const Instance *instance, const char *function, const Reference vr[], size_t n,
                                const double results[]);
 
-/* Rates and outputs in a direction [parameters | inputs | states | discretes], with the time at MODEL_VARIABLES: by automatic differentiation, and by a
-   difference where that gives no number, as 0 times infinity. */
+/* Rates and outputs in a direction [parameters | inputs | states | discretes], with the time at MODEL_VARIABLES: by
+   automatic differentiation, and by a difference where that gives no number, as 0 times infinity. */
 static bool along(Instance *instance, const double *seed, double *result, Message message);
 
 /* `seeds` is a direction of the knowns, `results` what the unknowns do in it. */
