@@ -6,14 +6,19 @@ its innovations r by the parameters, the innovations of a block have the mean -J
 covariance I + J P J', and m and P are brought up to date by each (recursive least squares; Ljung:
 System Identification, section 11.2). So the densities of all blocks multiply to that of the whole,
 and blocks are independent where the model is right.
+
+P is kept by its root (the same, section 11.7): in a simulation, whose only noise is its rounding,
+I + P J' J itself is singular to working precision.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from fmus.kit.arrays import Array, Indices
 
@@ -72,32 +77,45 @@ class _Block:
         With the covariance I + J P J'.
     jacobian : ndarray, shape (n, p)
         J.
-    covariance : ndarray, shape (p, p)
-        P, of the parameters given the blocks before.
+    root : ndarray, shape (p, p)
+        S, with the covariance P = S S' of the parameters given the blocks before.
     """
 
     deviation: Array
     jacobian: Array
-    covariance: Array
+    root: Array
 
     @property
-    def _growth(self) -> Array:
-        return np.eye(len(self.covariance)) + self.covariance @ (self.jacobian.T @ self.jacobian)
+    def covariance(self) -> Array:
+        """P (p, p), of the parameters given the blocks before."""
+        return np.asarray(self.root @ self.root.T)
+
+    @cached_property
+    def _growth_root(self) -> Array:
+        """R (p, p), upper triangular, with R' R = I + S' J' J S."""
+        # the larger rows first, which loses less
+        rows = np.vstack([self.jacobian @ self.root, np.eye(len(self.root))])
+        return np.asarray(np.linalg.qr(rows, mode="r"))
+
+    @cached_property
+    def updated_root(self) -> Array:
+        """Root (p, p) of the covariance of the parameters once the block is known."""
+        return np.asarray(solve_triangular(self._growth_root, self.root.T, trans="T").T)
 
     @property
     def updated_covariance(self) -> Array:
-        """Covariance (p, p) of the parameters once the block is known, by Woodbury's formula."""
-        return np.asarray(np.linalg.solve(self._growth, self.covariance))
+        """Covariance (p, p) of the parameters once the block is known."""
+        return np.asarray(self.updated_root @ self.updated_root.T)
 
     @property
     def log_determinant(self) -> float:
         """Log-determinant of the covariance of the block, by the determinant lemma."""
-        return float(np.linalg.slogdet(self._growth)[1])
+        return 2.0 * float(np.log(np.abs(np.diag(self._growth_root))).sum())
 
     def weigh(self, values: Array) -> Array:
         """Return values (n,) times the inverse of the covariance of the block."""
-        projected = self.updated_covariance @ (self.jacobian.T @ values)
-        return np.asarray(values - self.jacobian @ projected)
+        known = self.jacobian @ self.updated_root
+        return np.asarray(values - known @ (known.T @ values))
 
     @property
     def log_density(self) -> float:
@@ -137,15 +155,23 @@ def paired_score(
 def _predicted(model: PairedInnovations, blocks: Indices) -> Sequence[_Block]:
     """Return every block, given those before."""
     step = np.zeros(model.jacobian.shape[1])
-    covariance = model.covariance
+    root = _root(model.covariance)
     predicted = []
     for k in range(int(blocks.max()) + 1):
         jacobian = model.jacobian[blocks == k]
-        block = _Block(model.values[blocks == k] + jacobian @ step, jacobian, covariance)
-        covariance = block.updated_covariance
-        step = step - covariance @ (jacobian.T @ block.deviation)
+        block = _Block(model.values[blocks == k] + jacobian @ step, jacobian, root)
+        root = block.updated_root
+        step = step - root @ (root.T @ (jacobian.T @ block.deviation))
         predicted.append(block)
     return predicted
+
+
+def _root(covariance: Array) -> Array:
+    """Return S (p, p) with S S' a covariance, whose parameters may differ by any power of ten."""
+    sizes = np.sqrt(np.diag(covariance))
+    scales = np.where(sizes > 0.0, sizes, 1.0)
+    shares, directions = np.linalg.eigh(covariance / np.outer(scales, scales))
+    return np.asarray(scales[:, np.newaxis] * directions * np.sqrt(np.maximum(shares, 0.0)))
 
 
 def _divergence(true: _Block, other: _Block) -> tuple[float, float]:

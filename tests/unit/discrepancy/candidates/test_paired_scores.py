@@ -28,6 +28,21 @@ def test_blocks_add_up_to_the_density_of_the_whole(strength):
     )
 
 
+def test_what_data_determine_to_all_digits_leaves_a_density():
+    """As in a simulation: one innovation hangs on a parameter 1e15 times as much as another on
+    another one, and both are turned, so that their information is singular to working precision.
+    """
+    turn = np.array([[0.8, 0.6], [-0.6, 0.8]])
+    slopes = np.array([1e12, 1e-3])
+    values = np.array([0.0, 0.7])
+    richer = PairedInnovations(values, np.diag(slopes) @ turn, np.eye(2))
+    simpler = PairedInnovations(values, np.zeros((2, 1)), np.zeros((1, 1)))
+    variances = 1.0 + slopes**2
+    exact = 0.5 * (values**2 * (1.0 - 1.0 / variances) - np.log(variances)).sum()
+    found = paired_score(simpler, richer, np.zeros(2, dtype=int)).gain
+    assert found == pytest.approx(exact, rel=1e-9)
+
+
 def test_what_is_expected_of_parameters_that_are_known_is_half_the_square_of_the_difference():
     """With S the sum of squares of what predictions differ by, the gain has the mean S / 2 and the
     variance S.

@@ -65,6 +65,7 @@ def test_noise_as_it_comes_is_no_structure(kind):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)
 def test_false_alarms_of_the_battery(capsys):
     """The table: how often anything is found where nothing is, of every kind."""
     shares = {}
