@@ -206,7 +206,7 @@ def _as_it_is(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Size:
-    """How large an effect is, as a quantity that can be held against a rig.
+    """Size of an effect, as a quantity that can be held against a rig.
 
     Attributes
     ----------

@@ -182,7 +182,7 @@ def points_of(
     """Return the points in time of a simulation (n,) in s, as `simulate` takes them."""
     if time is not None:
         return np.asarray(time, dtype=float)
-    first, own_stop, own_step = source_of(model).experiment
+    first, own_stop, own_step = source_of(model).default_experiment
     last = seconds(stop if stop is not None else own_stop or first + 10.0)
     even = seconds(step if step is not None else own_step or (last - first) / 1000)
     return grid(first, last, even)

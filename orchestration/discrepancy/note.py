@@ -115,7 +115,7 @@ MIXED_UP = (
 
 
 class Action(StrEnum):
-    """What to do about a note."""
+    """Advice that belongs to a note."""
 
     CHECK = "Check columns, units, signs and clocks"
     MEASURE = "Measure again, or something else"
@@ -194,7 +194,7 @@ class Note:
 
     @property
     def action(self) -> Action:
-        """What to do about it."""
+        """Advice that belongs to it."""
         return _ACTION_OF.get(self.code, Action.NONE)
 
     def of_holdout(self) -> Note:

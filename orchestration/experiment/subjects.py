@@ -147,7 +147,7 @@ def subject(experiment: Experiment, where: str) -> Iterator[Subject]:
 def _component(experiment: Experiment, name: str) -> Subject:
     """Wrap a component as a system of one member, whose signals need no ``member.`` before them."""
     model = find_model(name, experiment.chosen_runtime, experiment.effects)
-    start, stop, step = FmuSource(model.path).experiment
+    start, stop, step = FmuSource(model.path).default_experiment
     duration = 10.0 if stop is None else stop - start
     member = model.path.stem.replace(".", "_")
     cls = None if model.foreign else model.cls  # whatever its laws, its binary is the user's

@@ -186,8 +186,8 @@ class SystemSource:
         return sha256(repr((*known, self.master)).encode()).hexdigest()
 
     @property
-    def experiment(self) -> tuple[float, float | None, float | None]:
-        """Start time, stop time and step of its default experiment, s."""
+    def default_experiment(self) -> tuple[float, float | None, float | None]:
+        """Start time, stop time and step that it declares, s; None where it does not."""
         return 0.0, self.system.stop, self.system.step
 
     @property

@@ -168,8 +168,8 @@ class FmuSource:
         return str(read_description(self.path).guid)
 
     @property
-    def experiment(self) -> tuple[float, float | None, float | None]:
-        """Start time, stop time and step of its default experiment, s."""
+    def default_experiment(self) -> tuple[float, float | None, float | None]:
+        """Start time, stop time and step that it declares, s; None where it does not."""
         own = read_description(self.path).defaultExperiment
         start, stop, step = (
             float(getattr(own, name, None) or 0.0) for name in ("startTime", "stopTime", "stepSize")

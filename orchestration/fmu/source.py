@@ -52,8 +52,8 @@ class Source(Protocol):
         """Identifier that no other source has."""
 
     @property
-    def experiment(self) -> tuple[float, float | None, float | None]:
-        """Start time, stop time and step of its default experiment, s."""
+    def default_experiment(self) -> tuple[float, float | None, float | None]:
+        """Start time, stop time and step that it declares, s; None where it does not."""
 
     @property
     def nominal(self) -> dict[str, float]:

@@ -80,7 +80,7 @@ class ClockOverview:
 
 @dataclass(frozen=True)
 class FileOverview:
-    """What a file holds.
+    """Contents of a file.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What corrections of laws are fitted with: the search of a diagnosis, and its known effects."""
+"""Basis of fits of corrections of laws: the search of a diagnosis, and its known effects."""
 
 from __future__ import annotations
 

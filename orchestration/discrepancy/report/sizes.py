@@ -1,4 +1,4 @@
-"""How large an effect is, in quantities that an engineer can hold against a rig."""
+"""Sizes of effects, in quantities that an engineer can hold against a rig."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ class _Reading:
 
 @dataclass(frozen=True)
 class _Worth:
-    """What a reading is worth.
+    """Worth of a reading.
 
     Attributes
     ----------

@@ -53,7 +53,7 @@ class Orders:
 
     @property
     def has_noise_model(self) -> bool:
-        """Whether the disturbance has another colour than white."""
+        """True if the disturbance is coloured noise."""
         return bool(self.na or self.nc or self.nd)
 
     @property

@@ -118,12 +118,12 @@ class Response:
 
     @property
     def seen(self) -> Mask:
-        """Whether a response is seen: its 95 % region does not hold zero (n,)."""
+        """True where a response is seen (n,): its 95 % region does not hold zero."""
         return self.radius < np.abs(self.values)
 
     @property
     def agrees(self) -> Mask | None:
-        """Whether the model is within the 95 % region (n,); None without a model."""
+        """True where the model is within the 95 % region (n,); None without a model."""
         return None if self.model is None else np.abs(self.model - self.values) <= self.radius
 
     @property

@@ -1,13 +1,16 @@
 """Claims: a subject says what can be given to it and what not, and why."""
 
+import numpy as np
 import pytest
 
 from fmus import component
 from fmus.kit.build import build_cached
+from orchestration.experiment import parse, subject
 from orchestration.system import Member, Port, System, ssp
 from tests.support.archive import edited, of_other_laws
-from tests.support.command import here, refused
+from tests.support.command import here, refused, works
 from tests.support.experiments import good_experiment
+from tests.support.fmi3_fmus import changed
 
 
 @pytest.fixture
@@ -31,6 +34,16 @@ def test_a_system_that_is_cut_off_is_named_once(folder, command):
     (folder / "cut.ssp").write_bytes(b"PK\x03\x04")
     line = refused(folder, command, "cut.ssp")
     assert line == "error: cut.ssp: not a zip archive, or one that is cut off"
+
+
+def test_an_experiment_on_an_fmu_lasts_as_long_as_its_default_experiment(tmp_path):
+    times = ('startTime="0" stopTime="2"', 'startTime="5" stopTime="7.5"')
+    fmu = changed("lag", tmp_path, *times)
+    with subject(parse({"component": str(fmu)}, "here"), "here") as on:
+        assert (on.duration, on.step) == (2.5, 0.05)
+    works("simulate", fmu, "--out", "run.csv", cwd=tmp_path)
+    time = np.loadtxt(tmp_path / "run.csv", delimiter=",", skiprows=1, usecols=0)
+    assert time == pytest.approx(np.linspace(5.0, 7.5, 51))
 
 
 def test_so_it_is_after_the_experiment_that_names_it(folder):

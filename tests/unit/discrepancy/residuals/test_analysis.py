@@ -83,8 +83,8 @@ def test_false_alarms_of_the_battery(capsys):
 @pytest.mark.parametrize("noise", HEAVY)
 @pytest.mark.parametrize("seed", slow_but(range(4), 1, 2))
 class TestPower:
-    """What is there is found beneath such noise; its standard deviation is 0.05, or that of its
-    bulk is.
+    """Structure is found beneath such noise, of a standard deviation of 0.05, or of that of its
+    bulk.
     """
 
     def test_a_slip_is_a_level_shift(self, noise, seed):
@@ -128,8 +128,8 @@ def test_an_input_that_nobody_feeds_back_is_none():
 
 
 def test_a_loop_hides_no_structure():
-    """What depends on the input some samples before is held against the model, whoever moved the
-    input.
+    """A residual that depends on the input some samples before is held against the model, whoever
+    moved the input.
     """
     record = controlled(1, gaussian(), 2.0, 1)
     late = np.concatenate([np.zeros(5), record.input[:-5]])

@@ -184,7 +184,7 @@ def test_tangent_is_the_directional_derivative(cls, seed):
 
 @classes
 def test_dependencies_against_differences(cls):
-    """What is listed changes the unknown somewhere; what is not listed never does."""
+    """A listed known changes the unknown somewhere; one that is not listed never does."""
     layout = cls.layout
     found = dependencies(graph_of(cls))
     position = {name: i for i, name in enumerate(layout.names)}
