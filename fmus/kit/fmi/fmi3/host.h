@@ -9,9 +9,9 @@
 #define EXPORT FMI3_Export
 
 /* Value references beyond those of engine.h: of the time, and of the event indicators. */
-enum { OWN_REFERENCES = 1 + MODEL_INDICATORS };
+enum { TIME = MODEL_VARIABLES + MODEL_TEXTS, OWN_REFERENCES = 1 + MODEL_INDICATORS };
 
-static inline bool is_time(fmi3ValueReference vr) { return vr == MODEL_VARIABLES + MODEL_TEXTS; }
+static inline bool is_time(fmi3ValueReference vr) { return vr == TIME; }
 
 /* by Type */
 static const char *const type_names[] = {"Float64", "Int32", "Boolean"};

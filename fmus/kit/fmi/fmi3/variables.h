@@ -5,7 +5,7 @@
 #include "instance.h"
 
 /* The references of all other variables come first (engine.h). */
-enum { TIME = MODEL_VARIABLES + MODEL_TEXTS, FIRST_INDICATOR };
+enum { FIRST_INDICATOR = TIME + 1 };
 
 static inline bool is_own(Reference vr) { return vr >= TIME && vr < TIME + OWN_REFERENCES; }
 
