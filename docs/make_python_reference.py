@@ -21,7 +21,7 @@ PAGE = ROOT / "docs" / "reference" / "python.md"
 INTRODUCTION = """# Python
 
 ```python
-import orchestration as ppy
+import ppy_rig as ppy
 ```
 
 Everything that the command does, as functions. Made from the docstrings and the declared options by

@@ -41,7 +41,7 @@ def compare(
 
     Examples
     --------
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> from studies.emulator.records import draw, write
     >>> write(draw(None, seed=1, duration=60.0), "clean.csv")
     >>> compared = ppy.compare("clean.csv", fit=["R1", "R2", "C"])
@@ -89,7 +89,7 @@ def fit(
 
     Examples
     --------
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> from studies.emulator.records import draw, write
     >>> write(draw(None, seed=1, duration=60.0), "clean.csv")
     >>> fitted = ppy.fit("clean.csv", "ppy_actuator", ["R1", "C"])

@@ -52,14 +52,23 @@ PAGES = [
     ),
 ]
 BLOCK = re.compile(r"^```(console|python|output)\n(.*?)^```", re.M | re.S)
-FOLDERS = ("docs", "fmus", "orchestration", "studies", "benchmarks", "tests", "examples")
+FOLDERS = (
+    "docs",
+    "fmus",
+    "orchestration",
+    "ppy_rig",
+    "studies",
+    "benchmarks",
+    "tests",
+    "examples",
+)
 MARKDOWN = sorted(
     path.relative_to(ROOT)
     for pattern in ("*.md", *(f"{folder}/**/*.md" for folder in FOLDERS))
     for path in ROOT.glob(pattern)
 )
 DOTTED = re.compile(
-    r"(?<![\w./])(?:orchestration|fmus|studies|tests|benchmarks)(?:\.\w+)+(?![\w/])"
+    r"(?<![\w./])(?:orchestration|ppy_rig|fmus|studies|tests|benchmarks)(?:\.\w+)+(?![\w/])"
 )
 PATH = re.compile(rf"(?<![\w./-])(?:(?:{'|'.join(FOLDERS)})/[\w./-]*|\.ci/\w+)")
 PYTHON_FILE = re.compile(rf"(?<![\w./])(?!(?:{'|'.join(FOLDERS)})/)[\w/]+\.py(?![\w/])")

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-import orchestration as ppy
+import ppy_rig as ppy
 from studies.emulator import RigParameters
 from studies.emulator.stepping import hidden_effect
 

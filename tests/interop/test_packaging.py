@@ -28,7 +28,7 @@ for name in MODELS:
 
 def test_an_installed_wheel_has_all_that_fmus_are_made_of(tmp_path: Path) -> None:
     source = tmp_path / "source"  # a copy, because building leaves files behind
-    for part in ("fmus", "orchestration", "studies"):
+    for part in ("fmus", "orchestration", "ppy_rig", "studies"):
         shutil.copytree(ROOT / part, source / part, ignore=shutil.ignore_patterns("__pycache__"))
     for part in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / part, source / part)

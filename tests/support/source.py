@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 def modules() -> dict[str, Path]:
     """Every module and package of the source and the tests by its dotted name."""
     found = {}
-    for folder in ("fmus", "orchestration", "studies", "tests", "benchmarks"):
+    for folder in ("fmus", "orchestration", "ppy_rig", "studies", "tests", "benchmarks"):
         for path in sorted((ROOT / folder).rglob("*.py")):
             parts = path.relative_to(ROOT).with_suffix("").parts
             found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path

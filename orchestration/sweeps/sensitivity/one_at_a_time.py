@@ -88,7 +88,7 @@ def tornado(found: xarray.Dataset) -> SweepResult:
 
     Examples
     --------
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> over = {"R1": "0.3..0.7", "C": "2..10"}
     >>> found = ppy.sweep("ppy_actuator", over, {"current": 0.5}, stop=10.0, kind="tornado")
     >>> moved = ppy.tornado(found)["voltage_last_tornado"]

@@ -52,7 +52,7 @@ def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> SweepRe
 
     Examples
     --------
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> from studies.emulator.records import draw, write
     >>> write(draw(None, seed=1, duration=60.0), "clean.csv")
     >>> drawn = ppy.fit("clean.csv", "ppy_actuator", ["R1", "C"]).draws(100, seed=1)
