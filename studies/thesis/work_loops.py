@@ -10,7 +10,7 @@ import numpy as np
 
 from fmus.foot import Foot, gait
 from fmus.kit.arrays import Array
-from orchestration.experiment import read, result_page, run
+from orchestration.experiment import read, run
 from orchestration.reporting import pictures
 from studies.thesis.actuator import CURRENT_LIMIT, staircase
 from studies.thesis.actuator import run as run_actuator
@@ -318,7 +318,7 @@ def _maxwell() -> Figure:
 
 
 def _tracked_loops() -> Figure:
-    return result_page.figure(run(read("work_loop")))
+    return run(read("work_loop")).plot()
 
 
 def _work_loops() -> Figure:
