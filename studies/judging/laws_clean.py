@@ -142,9 +142,9 @@ def _worth(row: Row) -> bool:
 
 
 def _judge_rig(case: RigCase) -> Row:
+    from demonstrations import draw as draw_rig
+    from demonstrations import write
     from orchestration.rig import RIG_COMPONENT
-    from studies.emulator import draw as draw_rig
-    from studies.emulator import write
     from studies.judging.laws import judged_answers, searched_laws
 
     try:

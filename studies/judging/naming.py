@@ -30,7 +30,14 @@ from studies.judging.stamp import DIAGNOSIS, digest, stamp
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "naming.md"
-CODE = (*DIAGNOSIS, "studies/judging/naming.py", "fmus/ppy_actuator", "studies/emulator")
+CODE = (
+    *DIAGNOSIS,
+    "studies/judging/naming.py",
+    "fmus/ppy_actuator",
+    "demonstrations/bench.py",
+    "demonstrations/records.py",
+    "demonstrations/emulator",
+)
 PAIRS = (
     ("strain_saturation", "double_layer"),
     ("resistance_growth", "quadratic_strain"),
@@ -73,7 +80,7 @@ class Case:
     hidden : tuple of str
     seed : int
     options : dict
-        Of `studies.emulator.records.draw`.
+        Of `demonstrations.records.draw`.
     """
 
     group: str
@@ -92,7 +99,7 @@ def cases(seeds: int, first: int = 1) -> Iterator[Case]:
     first : int
         The first of them.
     """
-    from studies.emulator import CATALOGUE, UNKNOWN
+    from demonstrations.emulator import CATALOGUE, UNKNOWN
 
     for seed in range(first, first + seeds):
         for colour in (0.0, 0.9):
@@ -127,6 +134,7 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
     records : Path, optional
         Folder where drawn records are kept.
     """
+    from demonstrations import draw_cached, write
     from orchestration.api import read_record
     from orchestration.discrepancy import diagnose
     from orchestration.discrepancy.candidates import catalogue
@@ -135,7 +143,6 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
     from orchestration.fmu import find_model
     from orchestration.identify import normalised_rms
     from orchestration.rig import RIG_COMPONENT
-    from studies.emulator import draw_cached, write
 
     try:
         drawn = draw_cached(records, case.hidden, case.seed, **case.options)

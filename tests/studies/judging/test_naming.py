@@ -11,7 +11,7 @@ from collections import defaultdict
 import numpy as np
 import pytest
 
-from studies.emulator.variations import CATALOGUE
+from demonstrations.emulator.variations import CATALOGUE
 from studies.judging.naming import Case, cases, judge, page, right, run, too_many
 from tests.support.pace import slow_but
 
