@@ -6,8 +6,8 @@ from collections.abc import Callable, Container, Mapping, Sequence
 from pathlib import Path
 from typing import Unpack
 
-from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from orchestration.api.declaration import takes
 from orchestration.api.options import NoteOption, SweepFileKeywords, SweepKeywords
 from orchestration.api.simulation import (
@@ -18,8 +18,9 @@ from orchestration.api.simulation import (
     points_of,
     values_of,
 )
-from orchestration.fmu import Model, Value, source_of
+from orchestration.fmu import Model, Value
 from orchestration.fmu.isolation import Limits
+from orchestration.fmu.simulation import source_of
 from orchestration.reporting import option
 from orchestration.sweeps import (
     KEPT,

@@ -213,7 +213,7 @@ def _message(error: Exception) -> str:
         name = error.filename  # and what the system says of this file
         shown = name if len(name) < _LONGEST else f"{name[:_LONGEST]}..."
         return f"{shown}: {error.strerror}"
-    from orchestration.fmu.loading import faulty_place
+    from orchestration.fmu.model import faulty_place
 
     place = faulty_place(error)
     if place:

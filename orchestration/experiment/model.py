@@ -14,7 +14,7 @@ from pydantic import (
     model_validator,
 )
 
-from fmus.kit import UserError, suggestion
+from fmus.kit.errors import UserError, suggestion
 from orchestration.experiment.stimulus import AnyStimulus
 from orchestration.experiment.values import Amount, File, Span, ValueTable
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING, Any
 
-from fmus.kit import UserError, suggestion
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.files import is_file, is_folder
 from orchestration.experiment.library import shipped
 from orchestration.experiment.model import Experiment, NoiseTable, parse

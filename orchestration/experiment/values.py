@@ -16,8 +16,9 @@ from pydantic import (
     model_validator,
 )
 
-from fmus.kit import suggestion, units
-from orchestration.fmu import read_quantity
+from fmus.kit import units
+from fmus.kit.errors import suggestion
+from orchestration.fmu.signal import read_quantity
 
 
 class ValueTable(BaseModel):

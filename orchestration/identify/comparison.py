@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
-from orchestration.fmu import Model, Value, numeric, simulate, source_of
+from fmus.kit.errors import UserError, suggestion
+from orchestration.fmu import Model, Value
 from orchestration.fmu.isolation import limits_of
+from orchestration.fmu.signal import numeric
+from orchestration.fmu.simulation import simulate, source_of
 from orchestration.identify import presentation
 from orchestration.identify.fit_page import fit_page
 from orchestration.identify.fitting import FmuWithDifferences

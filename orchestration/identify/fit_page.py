@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.kit import capitalised, in_words, law_title, units, variable_title
+from fmus.kit import units
+from fmus.kit.titles import capitalised, in_words, law_title, variable_title
 from fmus.kit.units import format_prefixed, printed, unit_of_differences, write_prefixed
 from orchestration.reporting import (
     Bar,

@@ -9,9 +9,10 @@ import numpy as np
 import xarray
 from rich.table import Table
 
-from fmus.kit import UserError, capitalised, in_words
+from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
+from fmus.kit.titles import capitalised, in_words
 from fmus.kit.units import convert, printed, write_prefixed
 from orchestration.identify import ranks
 from orchestration.reporting import Markup, Page, escaped, option, pictures

@@ -25,7 +25,7 @@ from studies.plants import BY_THE_BOOK
 PAGE = ROOT / "docs" / "book-records.md"
 CODE = (
     *DIAGNOSIS,
-    "orchestration/fmu/effects.py",
+    "orchestration/fmu/model/effects.py",
     "studies/hidden",
     "studies/clean",
     "studies/plants/book.py",

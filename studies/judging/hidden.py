@@ -43,7 +43,7 @@ CODE = (
     *DIAGNOSIS,
     "fmus/galvanostat",
     "fmus/voice_coil_dma",
-    "orchestration/fmu/effects.py",
+    "orchestration/fmu/model/effects.py",
     "studies/hidden",
     "studies/clean",
     "studies/judging/hidden.py",

@@ -9,8 +9,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from benchmarks.tables import Table, Topic
-from fmus.kit import Effect, UserError, effect_name, made_with
+from fmus.kit import Effect, UserError
 from fmus.kit.arrays import Array
+from fmus.kit.effects import effect_name, made_with
 from studies.hidden_laws import Answer, LawCase, base_of, cases, draw_lack, is_right, series
 from studies.judging.clean import processor_time, settings_of, share
 from studies.judging.kept import among, judged

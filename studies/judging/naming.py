@@ -131,8 +131,8 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
     from orchestration.discrepancy import diagnose
     from orchestration.discrepancy.candidates import catalogue
     from orchestration.discrepancy.data import dataset_of
-    from orchestration.fmu import catalogue as known_effects
     from orchestration.fmu import find_model
+    from orchestration.fmu.model import catalogue as known_effects
     from orchestration.identify import normalised_rms
     from orchestration.rig import RIG_COMPONENT
     from studies.emulator import draw_cached, write
@@ -179,7 +179,8 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
 @cache
 def _families() -> dict[str, str]:
     """Return effects of the catalogue by name, with what shapes of one cause have in common."""
-    from orchestration.fmu import catalogue, find_model
+    from orchestration.fmu import find_model
+    from orchestration.fmu.model import catalogue
     from orchestration.rig import RIG_COMPONENT
 
     return {

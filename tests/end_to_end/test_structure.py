@@ -76,10 +76,11 @@ def test_the_hooks_before_a_commit_are_the_checks_of_make() -> None:
 def test_an_import_past_a_door_is_seen() -> None:
     """Of a module of another package, not of one's own, of one around it, or of one offered."""
     past = {
-        ("orchestration.sweeps.task", "orchestration.fmu.model"): False,
+        ("orchestration.sweeps.task", "orchestration.fmu.instance"): False,
+        ("orchestration.sweeps.task", "orchestration.fmu.model.loading"): False,
         ("orchestration.sweeps.task", "orchestration.fmu"): True,
-        ("orchestration.fmu.simulation", "orchestration.fmu.model"): True,
-        ("orchestration.fmu.check.binaries", "orchestration.fmu.model"): True,
+        ("orchestration.fmu.simulation.repeated", "orchestration.fmu.instance"): True,
+        ("orchestration.fmu.check.binaries", "orchestration.fmu.instance"): True,
         ("orchestration.sweeps.task", "orchestration.reporting.console"): True,
     }
     assert {imports: doors.may_import(*imports) for imports in past} == past

@@ -79,7 +79,8 @@ def _plan(options: BuildCommand) -> list[_PlannedFmu]:
 def _component(name: str, options: BuildCommand) -> type[Component]:
     """Return a component with effects laid over it, and with settings as its defaults."""
     from fmus.kit import stack
-    from orchestration.fmu import declared_signal, find_class, read_settings
+    from orchestration.fmu.model import find_class, read_settings
+    from orchestration.fmu.signal import declared_signal
 
     cls = find_class(name, options["laid_over"])
     known = {p.name: declared_signal(p) for p in (*cls.layout.parameters, *cls.layout.texts)}

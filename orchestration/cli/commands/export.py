@@ -38,7 +38,7 @@ def modelica(options: ExportModelicaCommand) -> None:
     from fmus.kit.build import version
     from fmus.kit.modelica import PACKAGE, package_files
     from orchestration.cli.models import model_file
-    from orchestration.fmu import find_class
+    from orchestration.fmu.model import find_class
     from orchestration.reporting import wrote
 
     names = options["names"] or []

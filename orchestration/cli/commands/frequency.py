@@ -58,7 +58,7 @@ def _beside_model(options: FrequencyCommand) -> FrequencyResponse:
     """Estimate responses of the model's signals, and simulate the model beside them."""
     from orchestration.api import frequency_response
     from orchestration.cli.models import open_measured
-    from orchestration.fmu import source_of
+    from orchestration.fmu.simulation import source_of
     from orchestration.reporting import progress
 
     model, record, parameters = open_measured(cast("MeasuredOptions", options))  # model is named

@@ -59,7 +59,7 @@ def _file(name: str) -> Path | None:
 
 def _named(name: str, options: LineariseCommand) -> tuple[Any, dict[str, Any] | None]:
     """Return the model, with effects laid over it, and the record that drives it, if one does."""
-    from orchestration.fmu import declared_model
+    from orchestration.fmu.model import declared_model
     from orchestration.records import read_record
     from orchestration.reporting import tell_repairs
     from orchestration.system import NAMES

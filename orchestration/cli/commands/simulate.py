@@ -13,7 +13,8 @@ from orchestration.cli.isolation import hearing_ctrl_c, limits
 from orchestration.cli.outputs import SIGNALS, Outputs
 
 if TYPE_CHECKING:
-    from orchestration.fmu import Array, Model, Value
+    from fmus.kit.arrays import Array
+    from orchestration.fmu import Model, Value
     from orchestration.records import Record
 
 
@@ -51,8 +52,9 @@ def _simulate_system(options: SimulateCommand) -> None:
 def _simulate_model(options: SimulateCommand) -> None:
     from orchestration.api import values_of
     from orchestration.cli.models import build_model
-    from orchestration.fmu import LimitOutputs, declared_model
     from orchestration.fmu import simulation as work
+    from orchestration.fmu.model import declared_model
+    from orchestration.fmu.simulation import LimitOutputs
     from orchestration.reporting import note, pictures, progress, wrote
 
     out = options["out"]

@@ -22,7 +22,8 @@ from fmus.kit import units as known_units
 from fmus.kit.arrays import Array
 from fmus.kit.storage import cache
 from orchestration.discrepancy.foreign.response import FmuResponse
-from orchestration.fmu import Model, Signal, load_class
+from orchestration.fmu import Model, Signal
+from orchestration.fmu.model import load_class
 from orchestration.identify.black_box.study import class_name, identifiers
 
 SIMULATED = "simulated_{}"

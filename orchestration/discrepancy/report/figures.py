@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
-from fmus.kit import capitalised, in_words, units
+from fmus.kit import units
 from fmus.kit.arrays import Array, Mask
+from fmus.kit.titles import capitalised, in_words
 from fmus.kit.units import format_value, unit_of_differences
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset

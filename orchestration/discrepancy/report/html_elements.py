@@ -8,8 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from fmus.kit import Component, Effect, capitalised, effect_title, summary
+from fmus.kit import Component, Effect
 from fmus.kit.build import relaxed_assumption
+from fmus.kit.declare import summary
+from fmus.kit.titles import capitalised, effect_title
 from fmus.kit.units import Described, format_prefixed
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.report.sizes import NOT_DETERMINED

@@ -7,8 +7,8 @@ import inspect
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
-from fmus.kit import UserError, suggestion
-from orchestration.fmu import load_subclass, names_class
+from fmus.kit.errors import UserError, suggestion
+from orchestration.fmu.model import load_subclass, names_class
 from orchestration.rig.backends.backend import Backend
 
 BACKENDS = {

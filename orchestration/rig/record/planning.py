@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from fmus import COMPONENTS, component
-from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from fmus.rig_proxy import LOCKSTEP, describe_latch
 from orchestration.experiment import Experiment, points, stimulus_values
 

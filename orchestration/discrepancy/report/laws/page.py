@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmus.kit import capitalised, in_words, variable_title
+from fmus.kit.titles import capitalised, in_words, variable_title
 from orchestration.discrepancy.laws import Correction
 from orchestration.discrepancy.report import html_elements
 from orchestration.discrepancy.report.figures import COLOURS
