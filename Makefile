@@ -57,7 +57,7 @@ test-slow: $(VENV)/installed-dev chromium
 	$(BIN)/pytest -n 2 --dist loadfile -m slow
 
 clean-study: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.clean
+	$(BIN)/python -m studies.judging.clean --out docs/clean-records.md
 	$(BIN)/python -m studies.judging.public
 
 hidden-study: $(VENV)/installed-dev
@@ -82,7 +82,7 @@ foreign-study: $(VENV)/installed-dev
 	$(BIN)/python -m studies.judging.foreign --records 16 --clean 12 --seed $(or $(SEED),20261165) --out docs/foreign-fmus.md
 
 naming: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.naming --seeds 2 --seed $(or $(SEED),700)
+	$(BIN)/python -m studies.judging.naming --seeds 2 --seed $(or $(SEED),700) --workers 2 --out docs/naming.md
 
 hil-demo: $(VENV)/installed
 	$(BIN)/ppy rig demo --out hil-output

@@ -11,7 +11,9 @@ import gc
 import shutil
 import signal
 import tempfile
+import tomllib
 from collections.abc import Callable, Iterator
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
@@ -38,6 +40,14 @@ _watch = Watch()
 # where the suite was started in the background nobody hears Ctrl-C, nor does what tests start: they
 # send it themselves
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_configure() -> None:
+    """Refuse an installation that is older than the entry points."""
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
+    for group, declared in project["entry-points"].items():
+        if not declared.keys() <= entry_points(group=group).names:
+            raise pytest.UsageError(f"{group}: pip install -e . --no-deps installs what is new")
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:

@@ -1,4 +1,4 @@
-"""Bode and Nyquist diagrams of measured frequency responses beside those of a model."""
+"""Bode and Nyquist diagrams of measured frequency responses and those of a model."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _RECORD: dict[str, Any] = {"color": pictures.FITTED, "label": "record, 95 %"}
 
 
 def draw(responses: Sequence[Response], title: str) -> Figure:
-    """Draw every response: magnitude above phase, the complex plane beside them.
+    """Draw every response: magnitude above phase, the complex plane to the right.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def _over_frequency(axis: Axes, frequency: Any, interval: Interval, drawn: Mask)
 
 
 def _bode_axes(above: Axes, below: Axes, response: Response) -> None:
-    """Scale and name the axes of a Bode diagram; what is lost in noise does not set the scale."""
+    """Scale and name the axes of a Bode diagram; points lost in noise do not set the scale."""
     above.set_yscale("log")
     seen = np.abs(response.values[response.seen])
     if seen.size:

@@ -31,7 +31,7 @@ _WHOLE = 1e6  # below which a number has no power of ten
 
 @dataclass(frozen=True)
 class FrequencyResponse(Displayable):
-    """Frequency responses that were estimated from a record, beside those of a model.
+    """Frequency responses that were estimated from a record, with those of a model.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class FrequencyResponse(Displayable):
     notes : tuple of str
         How they were estimated.
     repairs : tuple of Repair
-        What reading the record changed or noticed.
+        Repairs and remarks from reading the record.
     """
 
     source: str
@@ -70,7 +70,7 @@ class FrequencyResponse(Displayable):
         return one_line(f"FrequencyResponse {', '.join(self.responses)}: {self.source}{beside}")
 
     def overview(self) -> Iterator[RenderableType]:
-        """Yield what ``ppy frequency`` prints: a table of every response, and what was left out."""
+        """Yield the text of ``ppy frequency``: a table of every response, and the omitted lines."""
         against = f" against {self.model}" if self.model else ""
         yield f"{self.source}{against}: {self.samples} samples of {self.step:.6g} s"
         for response in self.responses.values():
@@ -143,7 +143,7 @@ class FrequencyResponse(Displayable):
 
 
 def _heading(column: str) -> str:
-    """Return the heading of a column; what has the unit of the response has none of its own."""
+    """Return the heading of a column; a column in the unit of the response has none of its own."""
     units = {"frequency": "Hz", "phase": "deg", "model_phase": "deg"}
     unit = units.get(column.removesuffix("_low").removesuffix("_high"))
     return f"{column} [{unit}]" if unit else column

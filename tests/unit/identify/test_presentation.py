@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from demonstrations.emulator.emulator import EmulatedRig
+from demonstrations.emulator.physics import RigParameters
 from fmus.kit import UserError
 from orchestration.experiment.waveforms import multilevel
 from orchestration.fmu.model import find_model
 from orchestration.identify import comparison as comparing
 from orchestration.records import Record
-from studies.emulator.emulator import EmulatedRig
-from studies.emulator.physics import RigParameters
 
 UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
 TIME: np.ndarray = 0.1 * np.arange(600)
