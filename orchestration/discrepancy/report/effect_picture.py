@@ -11,18 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.kit import (
-    Component,
-    Effect,
-    UserError,
-    effect_title,
-    in_words,
-    law_title,
-    made_with,
-    unstack,
-    within_sentence,
-)
+from fmus.kit import Component, Effect, UserError
 from fmus.kit.arrays import Array
+from fmus.kit.effects import made_with, unstack
+from fmus.kit.titles import effect_title, in_words, law_title, within_sentence
 from fmus.kit.units import with_prefix
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.diagnosis import Diagnosis

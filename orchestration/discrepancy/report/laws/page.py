@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from fmus.kit import capitalised, in_words, variable_title
+from fmus.kit.titles import capitalised, in_words, variable_title
 from orchestration.discrepancy.laws import Correction, Entry
 from orchestration.discrepancy.report import html_elements
 from orchestration.discrepancy.report.figures import COLOURS
