@@ -14,7 +14,7 @@ from demonstrations.thesis.claim import Claim, Entry, Erratum, Illustration
 from demonstrations.thesis.motor import Maxwell
 from fmus.foot import Foot, gait
 from fmus.kit.arrays import Array
-from orchestration.experiment import read, result_page, run
+from orchestration.experiment import read, run
 from orchestration.reporting import pictures
 
 if TYPE_CHECKING:
@@ -318,7 +318,7 @@ def _maxwell() -> Figure:
 
 
 def _tracked_loops() -> Figure:
-    return result_page.figure(run(read("work_loop")))
+    return run(read("work_loop")).plot()
 
 
 def _work_loops() -> Figure:

@@ -14,14 +14,12 @@ import numpy as np
 from fmus.kit import files
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.units import printed, write_prefixed
-from orchestration.identify.spectral import picture
 from orchestration.identify.spectral.response import Response
 from orchestration.records import Repair
 from orchestration.reporting import Displayable, one_line, plain_table
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
     from rich.console import RenderableType
     from rich.table import Table
 
@@ -87,11 +85,6 @@ class FrequencyResponse(Displayable):
             yield from _left_out(response)
         yield ""
         yield from self.notes
-
-    def draw(self) -> Figure:
-        """Draw Bode and Nyquist diagram of every response with 95 % bands, and the model's."""
-        title = f"{self.source} against {self.model}" if self.model else self.source
-        return picture.draw([*self.responses.values()], title)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return all responses as a table, a row for each ratio and frequency.

@@ -1,13 +1,10 @@
-"""Claims: a page holds picture, figures and the experiment; a picture has units on every axis."""
-
-import re
+"""Claims: a picture of an experiment has units on every axis, and constant signals are flat."""
 
 import pytest
 
-from orchestration.experiment import result_page
 from orchestration.experiment.execution import run
 from orchestration.experiment.reading import read
-from tests.support.command import PNG, works
+from tests.support.command import PNG
 from tests.support.experiments import played_record
 
 
@@ -16,27 +13,12 @@ def folder(tmp_path):
     return played_record(tmp_path)
 
 
-def test_a_page_holds_picture_figures_and_the_experiment(folder):
-    works("run", "play.toml", "--plot", "page.html", cwd=folder)
-    page = (folder / "page.html").read_text(encoding="utf-8")
-    for part in (
-        "A record is played back",
-        "31 points, 3 s",
-        "0.61 ohm",
-        "data:image/png;base64",
-        "seed 3",
-        "multilevel",
-    ):
-        assert part in page
-    assert not re.search(r"(src|href)=.https?:", page)
-
-
 def test_a_constant_input_and_a_boolean_have_axes_that_show_no_noise(tmp_path):
     (tmp_path / "still.toml").write_text(
         'component = "displacement_controller"\nduration = 1\nstep = 0.1\n[inputs]\nhold = 1\n',
         encoding="utf-8",
     )
-    figure = result_page.figure(run(read(str(tmp_path / "still.toml"))))
+    figure = run(read(str(tmp_path / "still.toml"))).plot()
     axes = {axis.get_ylabel().split("\n")[0]: axis for axis in figure.axes}
     assert [text.get_text() for text in axes["hold"].get_yticklabels()] == ["false", "true"]
     for axis in axes.values():
@@ -47,7 +29,7 @@ def test_a_constant_input_and_a_boolean_have_axes_that_show_no_noise(tmp_path):
 @pytest.mark.parametrize("over", ["time", "current"])
 def test_a_picture_has_units_on_every_axis(folder, over):
     done = run(read(str(folder / "play.toml"), [f"over={over}"]))
-    figure = result_page.figure(done)
+    figure = done.plot(folder / "run.png")
     labels = {axis.get_ylabel().replace("\n", " ") for axis in figure.axes}
     expected = {"current [A]", "force [N]", "voltage [V]", "displacement [mm]"} - {f"{over} [A]"}
     assert labels == expected
@@ -58,5 +40,4 @@ def test_a_picture_has_units_on_every_axis(folder, over):
         .get_ydata()
     )
     assert drawn == pytest.approx(1e3 * done.displacement.values)
-    result_page.plot(done, folder / "run.png")
     assert (folder / "run.png").read_bytes().startswith(PNG)

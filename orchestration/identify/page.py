@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+import shlex
 
 import numpy as np
 
-from fmus.kit import units
+from fmus.kit import UserError, units
 from fmus.kit.titles import capitalised, in_words, law_title, variable_title
 from fmus.kit.units import format_prefixed, printed, unit_of_differences, write_prefixed
+from orchestration.identify.comparison import Comparison, GoodnessOfFit
+from orchestration.identify.grey_box import Fit
 from orchestration.reporting import (
     Bar,
     Markup,
@@ -18,35 +20,38 @@ from orchestration.reporting import (
     Trace,
     elements,
     escaped,
+    flag,
     format_ends,
+    make_page,
     pictures,
     stacked,
 )
-
-if TYPE_CHECKING:
-    from orchestration.identify.comparison import Comparison, GoodnessOfFit
-    from orchestration.identify.grey_box import Fit
 
 _NAMED = 3  # parameters in the first sentence
 _HEIGHT, _RESIDUAL_HEIGHT = 190, 110  # pixels
 _BEFORE, _FITTED = "before", "fitted"
 
 
-def fit_page(comparison: Comparison, fit: Fit, command: str) -> Page:
-    """Make the page.
+@make_page.register(Comparison)
+def fit_page(comparison: Comparison, command: str = "") -> Page:
+    """Make the page of a comparison after a fit.
 
     Parameters
     ----------
     comparison : Comparison
-        After a fit.
-    fit : Fit
     command : str
-        That made it, to be repeated.
+        That made it; unless given, one that makes the same fit.
 
-    Returns
-    -------
-    Page
+    Raises
+    ------
+    UserError
+        If nothing was fitted.
     """
+    fit = comparison.fit
+    if fit is None:
+        raise UserError(
+            f"{comparison.record.source}: nothing was fitted, so there is nothing to report"
+        )
     model = comparison.model.name
     about = (
         f"Fit of <code>{escaped(model)}</code> to"
@@ -75,8 +80,17 @@ def fit_page(comparison: Comparison, fit: Fit, command: str) -> Page:
         f" output weighted by its own residual: {fit.evaluations} simulations."
     )
     page.items([repair.message for repair in comparison.record.repairs])
-    page.reproduction([comparison.record.source], command)
+    page.reproduction([comparison.record.source], command or _command(comparison, fit))
     return page
+
+
+def _command(comparison: Comparison, fit: Fit) -> str:
+    """Return a command that makes the same fit."""
+    words = ["ppy", "identify", str(comparison.record.source), "--model", comparison.model.name]
+    words += [flag("fit"), ",".join(fit.estimates)]
+    for name, value in comparison.parameters.items():
+        words += [flag("settings"), f"{name}={value}"]
+    return shlex.join(words)
 
 
 def _values(fit: Fit) -> str:
