@@ -18,7 +18,12 @@ from fmus.kit.units import format_value
 from orchestration.api.declaration import takes
 from orchestration.api.forms import seconds
 from orchestration.api.options import SimulateKeywords
-from orchestration.experiment import find_system, fused_model, is_system, system_model
+from orchestration.experiment.system_model import (
+    find_system,
+    fused_model,
+    is_system,
+    system_model,
+)
 from orchestration.fmu import (
     EndedSimulation,
     Model,

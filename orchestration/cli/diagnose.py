@@ -36,7 +36,7 @@ from orchestration.discrepancy.report import system_diagnosis_summary, system_ov
 from orchestration.discrepancy.systems import diagnose_system
 from orchestration.fmu import Model, declared_model
 from orchestration.records import Record
-from orchestration.reporting import note, out, progress, tell_repairs, wrote
+from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
 
 _ENDINGS = {
     "--json": JSON,

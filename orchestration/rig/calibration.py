@@ -25,7 +25,7 @@ from pydantic import (
 
 from fmus.kit import UserError, suggestion, units
 from fmus.kit.files import is_file
-from orchestration.experiment import read_toml
+from orchestration.experiment.values import read_toml
 from orchestration.rig.signals import UNITS, Limit
 
 _PRESETS = Path(__file__).with_name("presets")

@@ -55,7 +55,7 @@ def _facts(name: str, effects: Sequence[str]) -> _Facts:
     """Return what there is to know of a model: by its class, or else by its FMU's description."""
     from fmus import MODELS
     from orchestration.fmu import find_class, find_model, names_class, read_description
-    from orchestration.reporting import note
+    from orchestration.reporting.console import note
 
     if effects or name in MODELS or names_class(name):
         return _of_class(name, find_class(name, effects))
@@ -157,7 +157,8 @@ def _show(known: _Facts) -> None:
 
     from fmus.kit.units import format_range
     from orchestration.fmu import show
-    from orchestration.reporting import out, plain_table
+    from orchestration.reporting import plain_table
+    from orchestration.reporting.console import out
 
     out.print(known.name, style="bold", end="  ")
     out.print(f"{known.summary}\n")
@@ -196,7 +197,8 @@ def _show_effects(effects: Mapping[type[Effect], str]) -> None:
     Of measurements each kind once, with the outputs beneath.
     """
     from fmus.kit import effect_name
-    from orchestration.reporting import out, plain_table
+    from orchestration.reporting import plain_table
+    from orchestration.reporting.console import out
 
     table = plain_table(
         "effects that --with lays over it",
