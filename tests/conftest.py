@@ -26,6 +26,7 @@ from fmus.kit.build.toolchain import host_platform
 # their assertions explain themselves, too
 pytest.register_assert_rewrite("tests.contract", "tests.support")
 
+from tests.support.parts import VARIABLE, split  # noqa: E402
 from tests.support.punctual import Watch  # noqa: E402
 
 PUBLIC_DATA = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).parents[2] / "shared" / "data"))
@@ -58,6 +59,13 @@ def pytest_itemcollected(item: pytest.Item) -> None:
     moving = {"foot_dynamic", "foot_free"}
     if given.get("runtime") == "python" and moving & {given.get("name"), given.get("model")}:
         item.add_marker(pytest.mark.slow)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out the tests of other parts where one part of the suite is run."""
+    if VARIABLE in os.environ:
+        items[:], others = split(items, os.environ[VARIABLE])
+        config.hook.pytest_deselected(items=others)
 
 
 def pytest_collection_finish() -> None:
