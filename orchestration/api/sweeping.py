@@ -22,21 +22,10 @@ from orchestration.fmu import Model, Value
 from orchestration.fmu.isolation import Limits
 from orchestration.fmu.simulation import source_of
 from orchestration.reporting import option
-from orchestration.sweeps import (
-    KEPT,
-    MOST_WORKERS,
-    TRACE,
-    Range,
-    SweepResult,
-    Task,
-    checked_reductions,
-    choose_equations,
-    design,
-    given_range,
-    read_range,
-    read_sweep,
-    run_sweep,
-)
+from orchestration.sweeps import SweepResult, Task, choose_equations, design, read_sweep
+from orchestration.sweeps.execution import MOST_WORKERS, run_sweep
+from orchestration.sweeps.ranges import Range, given_range, read_range
+from orchestration.sweeps.reductions import KEPT, TRACE, checked_reductions
 from orchestration.sweeps.sensitivity import SOBOL_INDICES, TORNADO
 
 

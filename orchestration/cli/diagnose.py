@@ -37,7 +37,7 @@ from orchestration.discrepancy.systems import diagnose_system
 from orchestration.fmu import Model
 from orchestration.fmu.model import declared_model
 from orchestration.records import Record
-from orchestration.reporting import note, out, progress, tell_repairs, wrote
+from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
 
 _ENDINGS = {
     "--json": JSON,

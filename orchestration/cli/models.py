@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from fmus.kit import UserError
-from orchestration.reporting import detail, note, progress, warn
+from orchestration.reporting.console import detail, note, progress, warn
 
 if TYPE_CHECKING:
     from orchestration.cli.commands.options import MeasuredOptions
@@ -33,7 +33,7 @@ def open_measured(options: MeasuredOptions, runtime: str | None = None) -> Measu
     """
     from orchestration.api import as_measured, values_of
     from orchestration.identify import read_for
-    from orchestration.reporting import tell_repairs
+    from orchestration.reporting.console import tell_repairs
 
     declared = as_measured(options["model"], options["laid_over"], runtime)
     parameters = values_of(declared, options["settings"], options["preset"])

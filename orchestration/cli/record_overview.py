@@ -72,7 +72,8 @@ def _show(overview: FileOverview) -> None:
     """Print the clock, the columns, and what is noticed."""
     from rich.text import Text
 
-    from orchestration.reporting import out, plain_table
+    from orchestration.reporting import plain_table
+    from orchestration.reporting.console import out
 
     out.print(Text(overview.path.name, style="bold"), Text(f" {overview.rows} rows"))
     clock = overview.clock
@@ -101,7 +102,7 @@ def _show_proposal(options: InfoCommand, model: Model, proposal: Proposal) -> No
     """Print the columns of a model's signals, and the command that follows."""
     from rich.text import Text
 
-    from orchestration.reporting import out
+    from orchestration.reporting.console import out
 
     out.print(Text(f"\nfor {model.title}", style="bold"))
     known = {**model.inputs, **model.outputs}

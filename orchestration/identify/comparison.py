@@ -21,7 +21,8 @@ from orchestration.identify.grey_box import Fit, fit_grey_box
 from orchestration.identify.metrics import fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
 from orchestration.records import Arrays, Record, read_record, read_runs
-from orchestration.reporting import Displayable, make_page, one_line, option, path_of_report
+from orchestration.reporting import Displayable, make_page, one_line, option
+from orchestration.reporting.html import path_of_report
 
 if TYPE_CHECKING:
     import pandas

@@ -41,7 +41,7 @@ def build(options: BuildCommand) -> None:
     """
     from fmus.kit import build as kit
     from fmus.kit.build.stock import LIMITS
-    from orchestration.reporting import note
+    from orchestration.reporting.console import note
 
     platforms = platform_list(options["platforms"])
     planned = _plan(options)
@@ -109,7 +109,7 @@ def _build_all(planned: Sequence[_PlannedFmu], platforms: list[str] | None) -> b
     """Build FMUs; return False if one lacks a platform, which is noted, as its build failed."""
     from fmus.kit import build as kit
     from fmus.kit import files
-    from orchestration.reporting import note, out, progress
+    from orchestration.reporting.console import note, out, progress
 
     failures: list[str] = []
 

@@ -23,7 +23,7 @@ def new(options: NewCommand) -> None:
     documentation that belong to it, and says where it has to be made known.
     """
     from fmus.kit import files
-    from orchestration.reporting import out as screen
+    from orchestration.reporting.console import out as screen
 
     kind, name, folder = options["kind"], options["name"], options["out"]
     _check_name(name)

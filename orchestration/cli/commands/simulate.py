@@ -53,9 +53,14 @@ def _simulate_model(options: SimulateCommand) -> None:
     from orchestration.api import values_of
     from orchestration.cli.models import build_model
     from orchestration.fmu import simulation as work
+<<<<<<< HEAD
     from orchestration.fmu.model import declared_model
     from orchestration.fmu.simulation import LimitOutputs
     from orchestration.reporting import note, pictures, progress, wrote
+=======
+    from orchestration.reporting import pictures
+    from orchestration.reporting.console import note, progress, wrote
+>>>>>>> main
 
     out = options["out"]
     plot = options["plot"]
@@ -107,7 +112,7 @@ def _recorded(
     """Read the record of inputs, if one is given."""
     from orchestration.cli.models import check_inputs
     from orchestration.records import read_record
-    from orchestration.reporting import tell_repairs
+    from orchestration.reporting.console import tell_repairs
 
     file = options["input_file"]
     if file is None:
@@ -152,7 +157,8 @@ def _stimulus(
 
 def _show(model: Model, time: Array, outputs: Mapping[str, Array]) -> None:
     from fmus.kit.units import format_value
-    from orchestration.reporting import out, plain_table
+    from orchestration.reporting import plain_table
+    from orchestration.reporting.console import out
 
     columns = ("smallest", "largest", "last")
     table = plain_table(None, "output", *columns, right=columns)

@@ -21,7 +21,8 @@ from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.laws import unit_of
 from orchestration.discrepancy.report.figures import COLOURS, Chart
 from orchestration.discrepancy.report.wording import EXTENDED
-from orchestration.reporting import MOST, Markup, Panel, Trace, pictures, stacked
+from orchestration.reporting import pictures
+from orchestration.reporting.html import MOST, Markup, Panel, Trace, stacked
 
 _HEIGHT = 260  # pixels
 WITHOUT = "#52616e"  # of no model: the parameters are those with the effect

@@ -25,7 +25,8 @@ from orchestration.discrepancy.residuals import flattening_gain, flattening_pole
 from orchestration.fmu import Model
 from orchestration.identify import chi_squared_quantile
 from orchestration.identify.noise import Noise
-from orchestration.reporting import (
+from orchestration.reporting import pictures
+from orchestration.reporting.html import (
     MOST,
     Boundary,
     Markup,
@@ -33,7 +34,6 @@ from orchestration.reporting import (
     Trace,
     escaped,
     format_quantities,
-    pictures,
     stacked,
 )
 

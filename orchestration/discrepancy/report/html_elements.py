@@ -17,7 +17,8 @@ from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.report.sizes import NOT_DETERMINED
 from orchestration.discrepancy.report.wording import parameter_title
 from orchestration.identify.uncertainty import Estimate
-from orchestration.reporting import FITTED, Markup, escaped, format_ends, format_quantities
+from orchestration.reporting.html import Markup, escaped, format_ends, format_quantities
+from orchestration.reporting.pictures import FITTED
 
 _INTERVAL_WIDTH = 180  # pixels
 _INTERVAL_HEIGHT = 18  # pixels

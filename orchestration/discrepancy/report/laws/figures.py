@@ -15,14 +15,14 @@ from orchestration.discrepancy.report.laws.law_report import (
     describe_signal,
     shape_beside_line,
 )
-from orchestration.reporting import (
+from orchestration.reporting import pictures
+from orchestration.reporting.html import (
     Markup,
     Panel,
     Trace,
     escaped,
     format_quantities,
     heat_map,
-    pictures,
     stacked,
 )
 

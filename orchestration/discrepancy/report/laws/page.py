@@ -20,7 +20,7 @@ from orchestration.discrepancy.report.laws.law_report import (
 from orchestration.discrepancy.report.sections import add_data, add_notes
 from orchestration.discrepancy.report.wording import EXTENDED, REFITTED, format_interval
 from orchestration.discrepancy.validation import parameter_estimates
-from orchestration.reporting import Bar, Markup, Page, elements, escaped, format_quantities
+from orchestration.reporting.html import Bar, Markup, Page, elements, escaped, format_quantities
 
 _CHIPS = {"confirmed": "named", "refuted": "cause", "not confirmed": "ambiguous", "not asked": ""}
 

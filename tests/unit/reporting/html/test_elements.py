@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from orchestration.reporting import elements
-from orchestration.reporting.elements import Bar
+from orchestration.reporting.html import elements
+from orchestration.reporting.html.elements import Bar
 from tests.support.pages import words_of
 
 

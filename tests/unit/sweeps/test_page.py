@@ -11,7 +11,7 @@ import xarray
 
 from orchestration.reporting import plain_table
 from orchestration.sweeps import curves
-from orchestration.sweeps.sweep_page import Extreme, extremes, sweep_page
+from orchestration.sweeps.page import Extreme, extremes, sweep_page
 from tests.support.browser import chromium
 from tests.support.look import FAINT, OUTSIDE, UNREACHED
 from tests.support.pages import words_of

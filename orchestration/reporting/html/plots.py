@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.reporting.page import Markup, escaped
+from orchestration.reporting.html.page import Markup, escaped
 
 _GAP = 10.0  # times the steps on either side, from which on a line is broken
 MOST = 1600  # points of a line: two for every pixel of a wide page

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from orchestration.reporting.page import Markup, escaped
+from orchestration.reporting.html.page import Markup, escaped
 
 
 def chip(kind: str, text: str) -> Markup:

@@ -15,7 +15,8 @@ from fmus.kit.storage import scratch
 from fmus.kit.titles import capitalised, in_words
 from fmus.kit.units import convert, printed, write_prefixed
 from orchestration.identify import ranks
-from orchestration.reporting import Markup, Page, escaped, option, pictures
+from orchestration.reporting import option, pictures
+from orchestration.reporting.html import Markup, Page, escaped
 from orchestration.sweeps.reductions import REDUCTIONS
 from orchestration.sweeps.sensitivity import failures, parameters_of
 from orchestration.sweeps.storage import iterate_pieces

@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from orchestration.reporting.page import Page
-from orchestration.reporting.plots import (
+from orchestration.reporting.html.page import Page
+from orchestration.reporting.html.plots import (
     MOST,
     Boundary,
     Panel,

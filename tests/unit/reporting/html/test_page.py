@@ -7,8 +7,8 @@ import re
 
 import numpy as np
 
-from orchestration.reporting.page import SCROLLED, Markup, Page, escaped
-from orchestration.reporting.plots import Panel, Trace, stacked
+from orchestration.reporting.html.page import SCROLLED, Markup, Page, escaped
+from orchestration.reporting.html.plots import Panel, Trace, stacked
 from tests.support.pages import words_of
 
 NASTY = "</style><script>hurt()</script>"
