@@ -20,7 +20,7 @@ from orchestration.discrepancy.candidates.candidate import catalogue, label
 from orchestration.discrepancy.data.dataset import dataset_of
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.experiment.waveforms import multilevel
-from orchestration.fmu.effects import catalogue as known_effects
+from orchestration.fmu.model import catalogue as known_effects
 from orchestration.fmu.model import find_model
 from orchestration.records import Record
 from orchestration.rig.signals import RIG_COMPONENT
