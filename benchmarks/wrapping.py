@@ -12,7 +12,8 @@ import numpy as np
 
 from fmus import component
 from fmus.kit.build import build_cached
-from orchestration.fmu import Fmu, FmuSource, RepeatedRuns
+from orchestration.fmu import Fmu, RepeatedRuns
+from orchestration.fmu.simulation import FmuSource
 from tests.support import fmi3_fmus
 
 from .tables import Cell, Table, Topic

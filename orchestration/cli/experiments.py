@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     import xarray
 
     from orchestration.cli.commands.options import RunCommand, SimulateCommand
-    from orchestration.experiment import Experiment, Live
+    from orchestration.experiment import Experiment, ExperimentResult
+    from orchestration.experiment.live import Live
     from orchestration.fmu import Signal
     from orchestration.fmu.isolation import Limits
 
@@ -27,7 +28,7 @@ def run_and_write(
     name: str,
     options: RunCommand | SimulateCommand,
     live: Live | None = None,
-) -> xarray.Dataset:
+) -> ExperimentResult:
     """Run an experiment; show the result, and write and draw it if that was asked for.
 
     Parameters
@@ -44,9 +45,11 @@ def run_and_write(
     UserError
         If something does not fit, an FMU fails before the first point, or a file cannot be written.
     """
-    from orchestration.experiment import movable, result_page, results
+    from orchestration.experiment import results
+    from orchestration.experiment.reading import movable
     from orchestration.journal import removed_after
-    from orchestration.reporting import wrote
+    from orchestration.reporting import make_page
+    from orchestration.reporting.console import wrote
 
     out = options["out"]
     plot = options["plot"]
@@ -62,7 +65,10 @@ def run_and_write(
                 keep(data, out, live)
         wrote(out, "" if data.attrs["complete"] else "incomplete")
     if plot is not None:
-        result_page.plot(data, plot)
+        if plot.suffix.lower() == ".html":
+            make_page(data).write(plot)
+        else:
+            data.plot(plot)
         wrote(plot)
     return data
 
@@ -89,11 +95,11 @@ def _make(
     options: RunCommand | SimulateCommand,
     live: Live | None,
     folder: Path | None,
-) -> xarray.Dataset:
+) -> ExperimentResult:
     """Run an experiment, telling how far it is."""
     from orchestration.experiment import results
     from orchestration.experiment import run as make
-    from orchestration.reporting import err, note, progress
+    from orchestration.reporting.console import err, note, progress
 
     out = options["out"]
 
@@ -128,22 +134,21 @@ def _make(
 
 
 def _show(data: xarray.Dataset) -> None:
-    from orchestration.experiment import result_page
-    from orchestration.reporting import out, plain_table
+    from orchestration.experiment import page
+    from orchestration.reporting import plain_table
+    from orchestration.reporting.console import out
 
     columns = ("smallest", "largest", "last")
     table = plain_table(None, "signal", *columns, right=columns)
-    for row in result_page.extremes(data):
+    for row in page.extremes(data):
         table.add_row(*row)
-    out.print(result_page.state(data))
+    out.print(page.state(data))
     if "deadlines" in data.attrs:
-        out.print(result_page.pace(data))
+        out.print(page.pace(data))
     out.print(table)
-    cycles = result_page.cycles(data)
+    cycles = page.cycles(data)
     if cycles:
-        of_cycles = plain_table(
-            None, *result_page.CYCLE_COLUMNS, right=result_page.CYCLE_COLUMNS[1:]
-        )
+        of_cycles = plain_table(None, *page.CYCLE_COLUMNS, right=page.CYCLE_COLUMNS[1:])
         for row in cycles:
             of_cycles.add_row(*row)
         out.print(of_cycles)
@@ -157,7 +162,8 @@ def experiment_on_system(options: SimulateCommand) -> Experiment:
     UserError
         If the system or the record cannot be read, or an option is about one model.
     """
-    from orchestration.experiment import parse, subject
+    from orchestration.experiment import parse
+    from orchestration.experiment.subjects import subject
 
     name = options["model"]
     for option, value in (("--with", options["laid_over"]), ("--preset", options["preset"])):
@@ -178,8 +184,14 @@ def _recorded(
     options: SimulateCommand, inputs: Mapping[str, Signal], tables: dict[str, Any]
 ) -> dict[str, Any]:
     """Return the inputs of a system that a record gives; it lasts as long unless that is given."""
-    from orchestration.records import read_record, split_header_cell
+<<<<<<< HEAD
+    from orchestration.records import read_record
+    from orchestration.records.tables import split_header_cell
     from orchestration.reporting import tell_repairs
+=======
+    from orchestration.records import read_record, split_header_cell
+    from orchestration.reporting.console import tell_repairs
+>>>>>>> main
 
     file = options["input_file"]
     if file is None:

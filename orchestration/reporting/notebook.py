@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
+from orchestration.reporting.drawing import draw
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,7 +43,7 @@ class Displayable:
         UserError
             If there is nothing to draw.
         """
-        raise UserError(f"{type(self).__name__}: this has no picture")
+        return draw(self)
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw the result, and write the picture where a path is given.
@@ -119,7 +120,7 @@ def _html(part: RenderableType) -> str:
 
 def _table(table: Table) -> str:
     """Return a table with its title above it; numbers stand to the right."""
-    from orchestration.reporting.page import SCROLLED
+    from orchestration.reporting.html import SCROLLED
 
     columns = [(column, f' style="text-align:{column.justify}"') for column in table.columns]
     head = "".join(f"<th{style}>{_escaped(column.header)}</th>" for column, style in columns)
@@ -137,6 +138,6 @@ def _table(table: Table) -> str:
 
 def _escaped(content: RenderableType) -> str:
     """Return a text of rich, or of Python, as HTML."""
-    from orchestration.reporting.page import escaped
+    from orchestration.reporting.html import escaped
 
     return escaped(str(content))

@@ -14,16 +14,37 @@ ROOT = Path(__file__).parents[2]
 def modules() -> dict[str, Path]:
     """Every module and package of the source and the tests by its dotted name."""
     found = {}
-    for folder in ("fmus", "orchestration", "ppy_rig", "studies", "tests", "benchmarks"):
+    for folder in (
+        "fmus",
+        "orchestration",
+        "ppy_rig",
+        "demonstrations",
+        "studies",
+        "tests",
+        "benchmarks",
+    ):
         for path in sorted((ROOT / folder).rglob("*.py")):
             parts = path.relative_to(ROOT).with_suffix("").parts
-            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+            stub = path.with_suffix(".pyi")  # what a package whose names are loaded on use offers
+            name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+            found[name] = stub if stub.exists() else path
     return found
 
 
 @cache
 def _tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
+
+
+FOLDERS = (
+    "fmus",
+    "orchestration",
+    "ppy_rig",
+    "demonstrations",
+    "studies",
+    "tests",
+    "benchmarks",
+)
 
 
 def _bound(body: list[ast.stmt]) -> Iterator[tuple[str, ast.stmt]]:
@@ -81,7 +102,7 @@ def _within(module: str, names: list[str]) -> bool:
         return node is not None
     if isinstance(node, ast.ImportFrom):  # passed on from elsewhere, where it is looked for
         package = (
-            module.split(".") if modules()[module].name == "__init__.py" else module.split(".")[:-1]
+            module.split(".") if modules()[module].stem == "__init__" else module.split(".")[:-1]
         )
         above = package[: len(package) + 1 - node.level] if node.level else []
         return exists(".".join([*above, *filter(None, [node.module]), *names]))

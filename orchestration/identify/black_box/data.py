@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def input_output_data(
 
 
 def _as_numbers(values: ArrayLike, label: str) -> Array:
-    """Return a copy of values as an array of floats; refuse what is none."""
+    """Return a copy of values as an array of floats; refuse anything that is not a number."""
     try:
         return np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
-from fmus.kit import UserError, suggestion
+from fmus.kit.errors import UserError, suggestion
 from orchestration.identify.black_box.data import InputOutputData
 from orchestration.identify.black_box.estimation import identify
 from orchestration.identify.black_box.models import PolynomialModel
@@ -172,7 +172,7 @@ def search_orders(
     nk : int or sequence of int
         Delays in samples.
     criterion : str
-        AIC or BIC, which chooses the orders of every structure. AIC is what the thesis minimised;
+        AIC or BIC, which chooses the orders of every structure. The thesis minimised AIC;
         BIC does not prefer ever larger models as records grow.
     progress : callable
         Called with how many models are done, and of how many.

@@ -14,9 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.kit import Component, Effect, made_by, stack, transport_delay, unstack
+from fmus.kit import Component, Effect, stack
 from fmus.kit.arrays import Array, Indices, Mask
+from fmus.kit.effects import made_by, unstack
 from fmus.kit.record import CompiledModel, Trajectory, with_knots
+from fmus.kit.sensors import transport_delay
 from orchestration.identify.fitting.block_simulation import BlockwiseModel
 from orchestration.identify.fitting.simulation_input import SimulationInput
 
@@ -161,11 +163,13 @@ class DelayedModel:
     ) -> dict[str, Array]:
         """Return inputs at other instants: smooth ones interpolated, others held."""
         smooth = inputs if self._linear is True else self._linear or ()
-        held = np.searchsorted(clock, instants, "right") - 1
+        latest = np.searchsorted(clock, instants, "right") - 1
         resampled = {}
         for name, given in inputs.items():
             values = np.broadcast_to(np.asarray(given, dtype=float), len(clock))
-            resampled[name] = np.interp(instants, clock, values) if name in smooth else values[held]
+            resampled[name] = (
+                np.interp(instants, clock, values) if name in smooth else values[latest]
+            )
         return resampled
 
     def _complete(self, slopes: Array, by_delay: Mapping[str, Array]) -> Array:

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.units import base_unit
 from orchestration.identify.spectral.local_polynomial import (
     Estimates,
@@ -22,7 +22,8 @@ from orchestration.identify.spectral.local_polynomial import (
 from orchestration.identify.spectral.periods import named_period, period_of
 from orchestration.identify.spectral.response import Response
 from orchestration.identify.spectral.result import FrequencyResponse
-from orchestration.records import Record, sample_period
+from orchestration.records import Record
+from orchestration.records.sampling import sample_period
 from orchestration.reporting import option
 
 _SHARED = 0.5  # of the excited lines of an input that may be those of another
@@ -86,7 +87,7 @@ def estimate_responses(
     model: str = "",
     modelled: Mapping[str, Array] | None = None,
 ) -> FrequencyResponse:
-    """Estimate frequency responses from a record, and from a model's outputs beside it.
+    """Estimate frequency responses from a record, and from a model's outputs on it.
 
     Parameters
     ----------
@@ -371,7 +372,7 @@ def unit_of_ratio(above: str, below: str) -> str:
 
 
 def _nothing(inputs: Sequence[str], responses: Mapping[str, Response]) -> str:
-    """Return why there is no response at all, and what to do about it."""
+    """Return the reason why there is no response at all, with advice."""
     reasons = [reason for one in responses.values() for reason in one.left_out]
     names = " and ".join(inputs)
     if _ALIKE in reasons and len(inputs) > 1:

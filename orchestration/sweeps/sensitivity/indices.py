@@ -11,7 +11,7 @@ from rich.table import Table
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.reporting import pictures, plain_table
-from orchestration.sweeps.picture import describe_left_out, names_to_draw
+from orchestration.sweeps.curves import describe_left_out, names_to_draw
 from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity.numbers import (
     numbers,

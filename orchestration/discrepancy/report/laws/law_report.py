@@ -8,25 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.kit import (
-    SHAPES,
-    Component,
-    Effect,
-    SignalTerm,
-    effect_name,
-    effect_title,
-    in_words,
-    law_title,
-    made_with,
-    within_sentence,
-)
+from fmus.kit import Component, Effect
 from fmus.kit.arrays import Array
+from fmus.kit.corrections import SignalTerm
+from fmus.kit.curves import SHAPES
+from fmus.kit.effects import effect_name, made_with
+from fmus.kit.titles import effect_title, in_words, law_title, within_sentence
 from fmus.kit.units import base_unit, write_prefixed
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.law_corrections import LawSearch
 from orchestration.discrepancy.laws import Correction, LawMapResult, LawSignal, unit_of
 from orchestration.discrepancy.pipeline import Result
-from orchestration.discrepancy.report.laws.formula import parse_formula
 from orchestration.discrepancy.validation import Outcome, parameter_estimates
 from orchestration.identify.uncertainty import Estimate
 
@@ -205,8 +197,8 @@ def shape_formula(correction: Correction) -> str:
     """Return the named shape as a formula of x, without its remark; empty where there is none."""
     if not correction.shape:
         return ""
-    text = correction.model.effect.term.shape
-    return text and text.removesuffix(f", {parse_formula(text).remark}")
+    remark = r", [^()]*$"  # after a comma outside of brackets
+    return re.sub(remark, "", correction.model.effect.term.shape)
 
 
 def shape_width(correction: Correction) -> float | None:

@@ -23,12 +23,12 @@ from fmus.kit import (
     UserError,
     corrections,
     curves,
-    measurement_effects,
     sin,
     stack,
 )
+from fmus.kit.sensors import measurement_effects
 from fmus.kit.symbolic import check_component, families_for
-from orchestration.fmu import catalogue, load_class
+from orchestration.fmu.model import catalogue, load_class
 
 ROOT = Path(__file__).parents[4]
 PLACES = [
@@ -50,12 +50,6 @@ PLACES = [
     "studies/plants/models/thermal_nodes.py:ThermalNodes",
     "studies/plants/models/train.py:Train",
     "studies/plants/models/vessel.py:Vessel",
-    "studies/decays/models/decays.py:Pendulum",
-    "studies/decays/models/decays.py:Car",
-    "studies/decays/models/decays.py:Capacitor",
-    "studies/decays/models/decays.py:Cooling",
-    "studies/decays/models/decays.py:Torsion",
-    "studies/decays/models/decays.py:Recovery",
 ]
 WITHOUT_NUMBERS = [
     place

@@ -12,7 +12,7 @@ from fmus.kit.corrections import SignalTerm, correction
 from orchestration.discrepancy.report.laws import wording
 from orchestration.discrepancy.report.laws.page import add_laws
 from orchestration.discrepancy.validation import Outcome
-from orchestration.reporting import Page
+from orchestration.reporting.html import Page
 from studies.plants.models.motor import Motor
 from tests.support.law_reports import entry, motor_report
 
@@ -38,6 +38,20 @@ def test_a_correction_has_its_curve_its_law_and_its_row():
     assert "12.0" in text
     assert "drop over current" in text  # which the record cannot tell from it
     assert "Which law over which signal" not in text  # there is one entry alone
+
+
+@pytest.mark.parametrize(
+    ("shape", "kind", "line"),
+    [
+        ("quadratic", "add", "friction = friction model + a omega^2"),
+        ("linear", "multiply", "friction = friction model (1 + a omega)"),
+        ("exponential", "add", "friction = friction model + a (exp(omega / w) - 1)"),
+        ("sign_beyond", "add", "friction = friction model + a sign(omega) beyond |omega| = w"),
+    ],
+)
+def test_the_law_is_an_equation_of_its_signal_without_the_remark(shape, kind, line):
+    law_report, _ = motor_report(shape, kind=kind)
+    assert line in " ".join(page_of(law_report).split())
 
 
 def test_a_map_is_shown_where_there_is_more_than_one_law():

@@ -1,0 +1,117 @@
+"""The five-hour life of an actuator (section 4.3, figs. 4-5 to 4-7), watched and protected.
+
+The protection is what section 4.2 proposes.
+
+It is the shipped system ``degradation_watch``: galvanostat, ageing actuator, degradation estimator.
+The master steps them side by side (Jacobi): estimator and protection are sampled controllers, each
+looks at what is there at the sample instant, and what they decide there acts from the next one on.
+Gauss-Seidel would show the estimator a voltage of the end of a period beside the current of its
+beginning, which is another circuit.
+
+The protection ends what it reacts to, and has a price that the thesis does not mention: without
+current the actuator cools, its series resistance rises, and the next derating step comes sooner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from fmus.kit.arrays import Array
+from orchestration import master
+<<<<<<< HEAD
+from orchestration.experiment import square_wave
+from orchestration.fmu.simulation import grid
+=======
+from orchestration.experiment.waveforms import square_wave
+from orchestration.fmu import grid
+>>>>>>> main
+from orchestration.system import library
+from orchestration.system.library import AMPLITUDE, ESTIMATOR, FREQUENCY
+
+LIFE = 18000.0  # s, "approximately 5 hours"
+_NO_LIMIT = 15.0  # V, the compliance of the galvanostat: no voltage is beyond it
+# What is read of each FMU at every sample; states of the actuator, which are no outputs, tell its
+# series resistance.
+_STATES = ("actuator.throughput", "actuator.temperature_rise")
+_READ = (
+    "galvanostat.current",
+    "galvanostat.recovering",
+    "actuator.voltage",
+    *_STATES,
+    "estimator.voltage_limit",
+    "estimator.impedance",
+    "estimator.impedance_change",
+    "estimator.R1",
+    "estimator.R2",
+    "estimator.C",
+    "estimator.estimate_valid",
+)
+
+
+def run(
+    duration: float = LIFE,
+    protected: bool = True,
+    voltage_noise: float = 0.0,
+    seed: int = 0,
+    estimator: Mapping[str, float] = ESTIMATOR,
+    progress: Callable[[int], None] = lambda done: None,
+) -> dict[str, Array]:
+    """Let an actuator grow old.
+
+    Parameters
+    ----------
+    duration : float
+        Seconds.
+    protected : bool
+        Whether the voltage limit reaches the galvanostat.
+    voltage_noise : float
+        Of the measured voltage, V rms, white.
+    seed : int
+    estimator : Mapping of str to float
+        Parameters of the estimator.
+    progress : callable
+        Called with the number of samples done, now and then.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+        At the sample instants: ``time``, ``current_command``, ``current``, ``recovering``,
+        ``voltage`` and ``series_resistance`` of the actuator as they are, ``measured_voltage``, and
+        what the estimator says before its sample there.
+
+    Raises
+    ------
+    UserError
+        If an FMU cannot be built, refuses a parameter or fails.
+    """
+    system = library.system("degradation_watch").given(
+        {f"estimator.{name}": v for name, v in estimator.items()}
+    )
+    if not protected:
+        system = system.disconnected("galvanostat.voltage_limit", _NO_LIMIT)
+    time = grid(0.0, duration, system.step)[:-1]
+    command = square_wave(
+        time + 0.25 / FREQUENCY, AMPLITUDE, FREQUENCY
+    )  # half a half period first: nearly periodic
+    error = voltage_noise * np.random.default_rng(seed).standard_normal(time.size)
+    inputs = {"current_command": command}
+    if voltage_noise:
+        system = library.with_voltmeter(system, "actuator.voltage")
+        inputs = inputs | {"voltage_error": error}
+    life = master.run(system, time, inputs, method="jacobi", record=_READ, progress=progress)
+    if not life.complete:
+        raise KeyboardInterrupt
+    signals = {name.partition(".")[2]: values for name, values in life.signals.items()}
+    aged: Any = library.ageing_actuator()(**system.member("actuator").parameters)
+    for name in _STATES:
+        setattr(
+            aged, name.partition(".")[2], life.signals[name]
+        )  # a law on the record of its states
+    made = {
+        "series_resistance": aged.series_resistance(),
+        "measured_voltage": signals["voltage"] + error,
+    }
+    return {"time": time, "current_command": command} | signals | made

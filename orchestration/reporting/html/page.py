@@ -1,0 +1,239 @@
+"""One-page HTML reports: self-contained, readable on a phone, nothing loaded from elsewhere."""
+
+from __future__ import annotations
+
+import base64
+import html
+import platform
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+
+from fmus.kit import UserError, files
+from fmus.kit.build import STYLE
+
+_GROUND = "var(--jp-layout-color0, var(--vscode-editor-background, Canvas))"  # of notebooks, too
+_EDGE = "#7f8a96 3px, rgb(127 138 150 / 0.25) 3px, transparent"
+# A bar and a shadow at an edge beyond which there is more, without a script: what covers them moves
+# with the contents, and they do not. The bar has 3:1 to a light ground and to a dark one, and text
+# over the shadow keeps 4.5:1.
+SCROLLED = (
+    f"background: linear-gradient(to right, {_GROUND} 1rem, transparent) 0 0 / 2rem 100% no-repeat"
+    f" local, linear-gradient(to left, {_GROUND} 1rem, transparent) 100% 0 / 2rem 100% no-repeat"
+    f" local, linear-gradient(to right, {_EDGE}) 0 0 / 0.9rem 100% no-repeat,"
+    f" linear-gradient(to left, {_EDGE}) 100% 0 / 0.9rem 100% no-repeat"
+)
+_MORE = """
+body { overflow-wrap: anywhere; max-width: 64rem }
+h1 { font-size: 1.7rem; margin: 0.3rem 0 0.8rem }
+h2 { margin-top: 2.4rem; border-top: 1px solid #e3e8ec; padding-top: 1.2rem }
+p.about { color: #52616e; font-size: 0.92rem; margin-bottom: 0 } p.about code { background: none }
+p.verdict { font-size: 1.2rem; border-left: 4px solid #0b6aa2; padding: 0.8rem 1rem;
+  background: #f7f9fb; border-radius: 0 6px 6px 0 }
+p.verdict code, li code, td code { overflow-wrap: anywhere }
+figure { margin: 1.2rem 0; min-width: 0 }
+figcaption, .muted { color: #52616e; font-size: 0.92rem }
+table { font-size: 0.9rem } td { white-space: nowrap } th, td { overflow-wrap: normal }
+td:not(:first-child) { font-variant-numeric: tabular-nums }
+div.table, div.picture, div.scroll { overflow-x: auto; SCROLLED }
+@media print { div.table, div.picture, div.scroll { background: none; overflow: visible } }
+:focus-visible { outline: 2px solid #0b6aa2 }
+summary { cursor: pointer; color: #0b3d5c; padding: 0.3rem 0; font-weight: 600 }
+@media (max-width: 640px) { div.picture img { max-width: none; width: 640px } }
+"""
+_CHART = """
+.chart { font-size: 0.8rem; line-height: 1.2; color: #3c4a57 }
+.chart ul { display: flex; flex-wrap: wrap; gap: 0.2rem 1rem; list-style: none; padding: 0;
+  margin: 0 0 0.4rem }
+.chart li i { display: inline-block; width: 1.1rem; height: 0.25rem; margin-right: 0.35rem;
+  vertical-align: middle }
+.chart p { margin: 0.5rem 0 0.2rem } .chart p.across { text-align: center; margin: 0 }
+.chart .strip { position: relative; height: 1.2rem; overflow: hidden }
+.chart .strip span { position: absolute; white-space: nowrap; color: #7a5410; padding: 0 0.2rem }
+.chart .plot, .chart .x, .chart .strip { position: relative; margin: 0 0.8rem 0 3.6rem }
+.chart .x { height: 1.5rem } .chart .plot span, .chart .x span { position: absolute }
+.chart .plot span { right: 100%; padding-right: 0.35rem; transform: translateY(50%);
+  white-space: nowrap }
+.chart .x span { top: 0.25rem; transform: translateX(-50%); white-space: nowrap }
+.chart svg { display: block; width: 100%; height: 100%; fill: none; overflow: hidden;
+  border-left: 1px solid #9aa5af; border-bottom: 1px solid #9aa5af }
+.chart path { vector-effect: non-scaling-stroke; stroke-linejoin: round }
+.chart .grid { stroke: #e3e8ec } .chart .mark { stroke: #b98a2f; stroke-dasharray: 4 3 }
+table.heat { border-collapse: separate; border-spacing: 2px } table.heat td { border: 0;
+  text-align: right }
+table.heat th { border: 0; font-weight: 400; white-space: nowrap }
+"""
+
+_ELEMENTS = """
+.chip { display: inline-block; padding: 0.02rem 0.55rem; border-radius: 1rem; font-size: 0.85em;
+  white-space: nowrap; background: #e9eef2; color: #3c4a57 }
+.chip.consistent, .chip.named { background: #dcefe2; color: #155c2e }
+.chip.recalibrate { background: #dcebf6; color: #0b4f7a }
+.chip.cause, .chip.differs { background: #fbe0e3; color: #8f1f30 }
+.chip.ambiguous, .chip.nottoldapart { background: #fbedcf; color: #734d05 }
+.chip.unexplained { background: #e9e1f5; color: #4d2c82 }
+p.verdict .chip { font-weight: 600; margin-right: 0.4rem } sup { line-height: 0 }
+code.id { font-size: 0.85em; color: #52616e; background: none; padding: 0 }
+table { width: 100% } td .two { display: block; white-space: normal; min-width: 7rem }
+td:first-child .two { min-width: 13rem } td .two .muted { display: block; line-height: 1.35 }
+.bars { display: grid; grid-template-columns: minmax(6rem, max-content) 1fr max-content;
+  gap: 0.25rem 0.8rem; align-items: center; margin: 0.6rem 0 1.2rem;
+  font-variant-numeric: tabular-nums }
+.bars b { grid-column: 1 / -1 } .bars .track { height: 0.8rem; background: #f2f5f8;
+  border-radius: 2px }
+.bars .track i { display: block; height: 100%; min-width: 2px; border-radius: 2px }
+.equation { font: italic 1.25rem serif; margin: 0.8rem 0 1rem; overflow-x: auto }
+.gain { display: block; height: 4px; border-radius: 2px; background: #0b6aa2; margin-top: 0.3rem;
+  min-width: 1px }
+.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 22rem), 1fr));
+  gap: 0 1.2rem }
+.pair figure { margin: 0.4rem 0 } svg.interval { display: block; margin-top: 0.35rem }
+@media (max-width: 640px) {
+  .bars { grid-template-columns: 1fr max-content; grid-auto-flow: dense }
+  .bars .track { grid-column: 1 / -1 } }
+"""
+
+
+class Markup(str):
+    """Text that is HTML already and is not escaped again."""
+
+
+def escaped(text: str) -> Markup:
+    """Return a text as HTML; bytes of a file name that are no text are shown as such."""
+    if isinstance(text, Markup):
+        return text
+    return Markup(html.escape(text.encode(errors="backslashreplace").decode()))
+
+
+def path_of_report(path: str | Path) -> Path:
+    """Return the path of a report, by a name that is one of a page.
+
+    Raises
+    ------
+    UserError
+        If the name does not end in ``.html``.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise UserError(f"{target}: the name of a report ends in .html")
+    return target
+
+
+class Page:
+    """A page that grows downwards. All texts may be `Markup`.
+
+    Parameters
+    ----------
+    title : str
+        The result in a sentence.
+    verdict : str
+        What it rests on, shown below the title.
+    about : str
+        What the page is of, in small print above the title.
+    """
+
+    def __init__(self, title: str, verdict: str, about: str = ""):
+        self.title = title
+        self.parts = [f'<p class="about">{escaped(about)}</p>'] if about else []
+        self.parts += [f"<h1>{escaped(title)}</h1>", f'<p class="verdict">{escaped(verdict)}</p>']
+
+    def heading(self, text: str) -> None:
+        """Begin a section."""
+        self.parts.append(f"<h2>{escaped(text)}</h2>")
+
+    def subheading(self, text: str) -> None:
+        """Begin a part of a section."""
+        self.parts.append(f"<h3>{escaped(text)}</h3>")
+
+    def text(self, text: str) -> None:
+        """Add a paragraph."""
+        self.parts.append(f"<p>{escaped(text)}</p>")
+
+    def items(self, lines: Sequence[str]) -> None:
+        """Add a list."""
+        self.parts.append("<ul>" + "".join(f"<li>{escaped(line)}</li>" for line in lines) + "</ul>")
+
+    def table(self, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+        """Add a table of texts."""
+        columns = "".join(f'<th scope="col">{escaped(cell)}</th>' for cell in head)
+        body = ""
+        for row in rows:
+            body += f"<tr>{''.join(f'<td>{escaped(cell)}</td>' for cell in row)}</tr>"
+        self.parts.append(
+            f'<div class="table" tabindex="0" role="region" aria-label="{_plain(head)}">'
+            f"<table><tr>{columns}</tr>{body}</table></div>"
+        )
+
+    @contextmanager
+    def folded(self, summary: str) -> Iterator[None]:
+        """Fold up what is added while the context lasts, until somebody asks for it."""
+        self.parts.append(f"<details><summary>{escaped(summary)}</summary>")
+        yield
+        self.parts.append("</details>")
+
+    def picture(self, file: Path, caption: str) -> None:
+        """Embed a PNG with what it shows."""
+        data = base64.b64encode(file.read_bytes()).decode()
+        text = escaped(caption)
+        self.parts.append(
+            f'<figure><div class="picture" tabindex="0"><img alt="{text}"'
+            f' src="data:image/png;base64,{data}"></div><figcaption>{text}</figcaption></figure>'
+        )
+
+    def chart(self, chart: Markup, caption: str) -> None:
+        """Add a chart of `stacked` or `heat_map`, with what it shows."""
+        self.parts.append(f"<figure>{chart}<figcaption>{escaped(caption)}</figcaption></figure>")
+
+    def code(self, lines: Sequence[str]) -> None:
+        """Add commands to copy."""
+        self.parts.append(f'<pre tabindex="0"><code>{escaped(chr(10).join(lines))}</code></pre>')
+
+    def reproduction(self, files: Sequence[Path], command: str) -> None:
+        """Add the command that made the page, versions, and digests of the files it was given."""
+        self.subheading("How to reproduce")
+        self.code([command])
+        facts = {"ppy-rig": version("ppy-rig"), "Python": platform.python_version()}
+        for file in files:
+            facts[f"SHA-256 of {file.name}"] = _digest(file)
+        lines = (f"{escaped(name)}: <code>{escaped(text)}</code>" for name, text in facts.items())
+        self.items([*map(Markup, lines)])
+        self.text("Nothing is drawn at random: the same files give the same page.")
+
+    def html(self) -> str:
+        """Return the whole page."""
+        head = (
+            '<meta charset="utf-8"><meta name="viewport" content="width=device-width,'
+            ' initial-scale=1">'
+        )
+        style = STYLE + _MORE.replace("SCROLLED", SCROLLED) + _CHART + _ELEMENTS
+        head += f"<title>{_plain([self.title])}</title><style>{style}</style>"
+        body = "\n".join(self.parts)
+        return (
+            f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head>\n'
+            f"<body><main>{body}</main></body></html>\n"
+        )
+
+    def write(self, path: Path) -> None:
+        """Write the page.
+
+        Raises
+        ------
+        UserError
+            If the file cannot be written.
+        """
+        files.write(path, self.html().encode())
+
+
+def _plain(texts: Sequence[str]) -> str:
+    """Return texts without their markup, where only text may stand."""
+    return ", ".join(re.sub(r"<[^>]+>", " ", escaped(text)).strip() for text in texts)
+
+
+def _digest(path: Path) -> str:
+    try:
+        return sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return "cannot be read again"
