@@ -5,12 +5,13 @@ BIN := $(VENV)/bin
 # the tests start Python some thousand times, and each start would compile our modules anew
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fuzz fuzz-models demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark docs docs-version chromium dist clean help
+.PHONY: fuzz fuzz-models demo hil-demo test test-slow test-slow-part foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark docs docs-version chromium dist clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
 	@echo "make test       checks and tests"
 	@echo "make test-slow  the tests that take longer, and every case of those that have many: nightly, and before a release"
+	@echo "make test-slow-part a fifth of them, another one with every commit; PPY_PART=2/5 chooses"
 	@echo "make docs       the site in build/site, its notebooks run anew; a warning is an error"
 	@echo "make docs-version the site of this version beside those of others in build/versions; ADDRESS=URL where it is served"
 	@echo "make fuzz       damaged files to whatever reads files, for ten minutes; SEED=N and SECONDS=N likewise"
@@ -56,8 +57,12 @@ fuzz-models: $(VENV)/installed-dev
 test-slow: $(VENV)/installed-dev chromium
 	$(BIN)/pytest -n 2 --dist loadfile -m slow
 
+# the slow tests in five parts, another one with every commit: red is seen after five at the latest
+test-slow-part: export PPY_PART ?= $(shell expr $$(git rev-list --count HEAD 2>/dev/null || date +%j) % 5 + 1)/5
+test-slow-part: test-slow
+
 clean-study: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.clean
+	$(BIN)/python -m studies.judging.clean --out docs/clean-records.md
 	$(BIN)/python -m studies.judging.public
 
 hidden-study: $(VENV)/installed-dev
@@ -82,7 +87,7 @@ foreign-study: $(VENV)/installed-dev
 	$(BIN)/python -m studies.judging.foreign --records 16 --clean 12 --seed $(or $(SEED),20261165) --out docs/foreign-fmus.md
 
 naming: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.naming --seeds 2 --seed $(or $(SEED),700)
+	$(BIN)/python -m studies.judging.naming --seeds 2 --seed $(or $(SEED),700) --workers 2 --out docs/naming.md
 
 hil-demo: $(VENV)/installed
 	$(BIN)/ppy rig demo --out hil-output

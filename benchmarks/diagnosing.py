@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import orchestration as ppy
-from studies.emulator import draw, write
+from demonstrations import draw, write
 
 from .tables import Cell, Table
 from .timing import in_a_process, verdict

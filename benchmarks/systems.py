@@ -12,6 +12,7 @@ from typing import Any
 import fmpy
 import numpy as np
 
+from demonstrations.thesis import ageing
 from fmus import component
 from fmus.kit.arrays import Array
 from fmus.kit.record.compiled import CompiledModel
@@ -19,7 +20,6 @@ from orchestration import master
 from orchestration.master.reference.fused import fuse
 from orchestration.system import ssp
 from orchestration.system.model import Member, Port, System, connect
-from studies.thesis import ageing
 from tests.support import hosts
 
 from .tables import Cell, Table

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-import orchestration as ppy
+import ppy_rig as ppy
 from fmus import component
 from fmus.controllers.design import pid_gains
 from orchestration import master

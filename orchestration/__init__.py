@@ -1,11 +1,7 @@
-"""Diagnosis of simulation models against measured records, and FMI components of a rig.
+"""Simulation of FMUs and systems, and diagnosis of models against measured records.
 
->>> import orchestration as ppy
->>> record = ppy.read_record("hidden.csv", model="ppy_actuator")  # doctest: +SKIP
->>> result = ppy.diagnose(record, model="ppy_actuator")  # doctest: +SKIP
->>> print(result)  # doctest: +SKIP
-
-Importing this package is cheap: a name is loaded when it is first used.
+``import ppy_rig as ppy`` offers its names. Importing this package is cheap: a name is loaded when
+it is first used.
 """
 
 import lazy_loader

@@ -59,8 +59,8 @@ def diagnose(
 
     Examples
     --------
-    >>> import orchestration as ppy
-    >>> from studies.emulator.records import draw, write
+    >>> import ppy_rig as ppy
+    >>> from demonstrations.records import draw, write
     >>> write(draw("strain_saturation", seed=1, duration=300.0), "hidden.csv")
     >>> result = ppy.diagnose("hidden.csv", effects=["strain_saturation", "double_layer"])
     >>> result.causes
@@ -218,8 +218,8 @@ def laws(
 
     Examples
     --------
-    >>> import orchestration as ppy
-    >>> from studies.emulator.records import draw, write
+    >>> import ppy_rig as ppy
+    >>> from demonstrations.records import draw, write
     >>> write(draw(None, seed=1, duration=60.0), "right.csv")
     >>> print(ppy.laws("right.csv").sentence)
     No law is found to lack anything.

@@ -59,7 +59,7 @@ def frequency_response(
     Examples
     --------
     >>> import numpy as np
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> time = 0.1 * np.arange(600)
     >>> current = np.where(time % 10.0 < 4.99, 0.9, -0.9)
     >>> run = ppy.simulate("ppy_actuator", {"current": current}, time=time)

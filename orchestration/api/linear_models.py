@@ -46,7 +46,7 @@ def black_box(
     Examples
     --------
     >>> import numpy as np
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> rng = np.random.default_rng(1)
     >>> u, y = rng.normal(size=400), np.zeros(400)
     >>> for k in range(1, 400):

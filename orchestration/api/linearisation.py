@@ -74,7 +74,7 @@ def linearise(
 
     Examples
     --------
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> fast = ppy.linearise("ppy_actuator", inputs=["current"], outputs=["voltage"])
     >>> round(float(fast.poles()[0].real), 4)
     -0.1332

@@ -38,7 +38,7 @@ def build(model: type[Component] | str, path: str | Path, **options: Unpack[Buil
 
     Examples
     --------
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> ppy.build("ppy_actuator", "actuator.fmu", effects=["strain_saturation"]).name
     'actuator.fmu'
     """
@@ -70,7 +70,7 @@ def check(path: str | Path) -> Findings:
 
     Examples
     --------
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> findings = ppy.check(ppy.build("ppy_actuator", "actuator.fmu"))
     >>> [finding for finding in findings if finding.severity == "error"]
     []

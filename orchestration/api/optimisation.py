@@ -54,7 +54,7 @@ def optimise(
 
     Examples
     --------
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> over = {"r_po": "30..45 mm", "r_pl": "5..30 mm"}
     >>> objectives = ["ankle_limited_force & toe_limited_force", "toe_stroke"]
     >>> front = ppy.optimise("foot_design", over, maximise=objectives, levels=5)

@@ -1,4 +1,4 @@
-"""Options of the functions of ``import orchestration as ppy`` that the command line takes, too.
+"""Options of the functions of ``import ppy_rig as ppy`` that the command line takes, too.
 
 Nothing heavy is imported here, for ``ppy COMMAND --help`` reads this module; types that would need
 it stand in quotes. With ``from __future__ import annotations`` all of them would, and the options

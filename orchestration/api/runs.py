@@ -71,7 +71,7 @@ def run(
 
     Examples
     --------
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> result = ppy.run("fig_3_4", settings={"duration": "2 s"})
     >>> result["voltage"].attrs["units"]
     'V'

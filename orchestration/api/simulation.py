@@ -154,7 +154,7 @@ def simulate(
 
     Examples
     --------
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> step = ppy.simulate("ppy_actuator", {"current": 0.9}, stop=30.0, settings={"R1": 0.5})
     >>> round(float(step["charge"][-1]), 2)
     5.59

@@ -70,7 +70,7 @@ def sweep(
 
     Examples
     --------
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> over = {"R1": "0.3..0.7:3", "C": "5, 10"}
     >>> found = ppy.sweep("ppy_actuator", over, {"current": 0.5}, stop=10.0, step=0.1)
     >>> dict(found["voltage_last"].sizes)
@@ -193,7 +193,7 @@ def sweep_file(
 
     Examples
     --------
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> found = ppy.sweep_file("examples/release.toml")
     >>> dict(found["voltage_largest"].sizes)
     {'case': 64}

@@ -265,7 +265,7 @@ def find_model(name_or_path: str, runtime: str | None = None, effects: Sequence[
 
     Examples
     --------
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> model = ppy.find_model("ppy_actuator", effects=["strain_saturation"])
     >>> sorted(model.inputs)
     ['current', 'force']

@@ -1,4 +1,4 @@
-"""Claims: ``import orchestration as ppy`` has what a user needs, as the commands show it."""
+"""Claims: ``import ppy_rig as ppy`` has what a user needs, as the commands show it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import orchestration as ppy
+import orchestration
+import ppy_rig as ppy
+from demonstrations.records import draw, write
 from orchestration.reporting import console
-from studies.emulator.records import draw, write
 from tests.support.command import works
 
 EFFECTS = ["strain_saturation", "quadratic_strain"]
@@ -34,7 +35,7 @@ def result(hidden):
 
 def test_importing_loads_neither_numpy_nor_any_name():
     code = (
-        "import sys, orchestration; print([m for m in ('numpy', 'casadi', 'rich', 'pint') if m in"
+        "import sys, ppy_rig; print([m for m in ('numpy', 'casadi', 'rich', 'pint') if m in"
         " sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -48,6 +49,11 @@ def test_every_name_is_there_and_says_how_it_is_used():
         assert name in dir(ppy)
     with pytest.raises(AttributeError, match=r"attribute.*diagnoze"):
         ppy.diagnoze  # noqa: B018
+
+
+def test_it_offers_what_orchestration_does_and_is_listed_so():
+    assert dir(ppy) == dir(orchestration)
+    assert all(getattr(ppy, name) is getattr(orchestration, name) for name in ppy.__all__)
 
 
 def test_a_result_prints_as_the_command_does(hidden, result, tmp_path, monkeypatch):

@@ -39,7 +39,7 @@ import sys
 
 import numpy as np
 
-import orchestration as ppy
+import ppy_rig as ppy
 from orchestration.system import Member, Port, System
 
 step = 0.1

@@ -11,7 +11,7 @@ from rich.table import Table
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.reporting import pictures, plain_table
-from orchestration.sweeps.picture import describe_left_out, names_to_draw
+from orchestration.sweeps.curves import describe_left_out, names_to_draw
 from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity.numbers import (
     numbers,
@@ -92,7 +92,7 @@ def sensitivity(found: xarray.Dataset, *, level: float = 0.95, seed: int = 0) ->
 
     Examples
     --------
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> over = {"R1": "0.3..0.7", "C": "5..10"}
     >>> found = ppy.sweep(
     ...     "ppy_actuator", over, {"current": 0.5}, stop=10.0, kind="sobol-indices", samples=64

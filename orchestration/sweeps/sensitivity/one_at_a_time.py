@@ -13,7 +13,7 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.experiment import results
 from orchestration.reporting import option, pictures, plain_table
-from orchestration.sweeps.picture import describe_left_out, names_to_draw
+from orchestration.sweeps.curves import describe_left_out, names_to_draw
 from orchestration.sweeps.ranges import Range
 from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity.numbers import (
@@ -88,7 +88,7 @@ def tornado(found: xarray.Dataset) -> SweepResult:
 
     Examples
     --------
-    >>> import orchestration as ppy
+    >>> import ppy_rig as ppy
     >>> over = {"R1": "0.3..0.7", "C": "2..10"}
     >>> found = ppy.sweep("ppy_actuator", over, {"current": 0.5}, stop=10.0, kind="tornado")
     >>> moved = ppy.tornado(found)["voltage_last_tornado"]

@@ -27,5 +27,5 @@ def test_its_names_are_the_public_ones_and_its_types_are_checked():
 
     assert dir(ppy) == sorted(ppy.__all__)
     assert not any(name in dir(ppy) for name in ("api", "cli", "fmu", "lazy_loader"))
-    for package in ("orchestration", "fmus"):
+    for package in ("orchestration", "ppy_rig", "fmus"):
         assert files(package).joinpath("py.typed").is_file()
