@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +23,6 @@ from demonstrations.graphical.quantity import GraphicalEstimate
 from demonstrations.graphical.signals import over_time
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.identify import finite_or_none
 from orchestration.identify.black_box import (
     Identification,
     InputOutputData,
@@ -66,13 +65,6 @@ class Circuit:
     def exists(self) -> bool:
         """True if there is a circuit that behaves as estimated."""
         return all(np.isfinite(value) for value in self.values.values())
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON: None where there is no circuit."""
-        return {
-            name: getattr(self, name).to_dict() | {"value": finite_or_none(self.values[name])}
-            for name in UNITS
-        }
 
 
 @dataclass(frozen=True)
@@ -139,22 +131,6 @@ class CircuitReading(Displayable):
     def __repr__(self) -> str:
         values = ", ".join(f"{name} = {self.values[name]:.3g} {UNITS[name]}" for name in UNITS)
         return one_line(f"CircuitReading until {self.windows[-1].end:g} s: {values}")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON."""
-        return {
-            "windows": [
-                {
-                    "start": w.start,
-                    "end": w.end,
-                    "least_squares": w.least_squares.to_dict(),
-                    "output_error": w.output_error.to_dict(),
-                }
-                for w in self.windows
-            ],
-            "noise": {"value": self.noise, "unit": "V"},
-            "warnings": [*self.warnings],
-        }
 
     def draw(self) -> Figure:
         """Draw R1, R2 and C over the windows, with their intervals."""

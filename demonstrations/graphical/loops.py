@@ -8,7 +8,7 @@ lag, which repeats in every cycle, does not widen them, and a drift is seen in t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,11 +50,6 @@ class Loops:
     area: GraphicalEstimate
     gap: GraphicalEstimate
     cycles: int
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON."""
-        names = ("slope", "intercept", "slope_through_zero", "area", "gap")
-        return {name: getattr(self, name).to_dict() for name in names} | {"cycles": self.cycles}
 
 
 def read_loops(

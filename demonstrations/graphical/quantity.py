@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
-
-from orchestration.identify import finite_or_none
 
 _LEVEL = 0.975  # of a two-sided interval of 95 %
 
@@ -33,14 +30,6 @@ class GraphicalEstimate:
     def __str__(self) -> str:
         low, high = self.interval
         return f"{self.value:.4g} {self.unit} (95 % interval {low:.4g} to {high:.4g})"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON: None for an open end of ``ci95``."""
-        return {
-            "value": self.value,
-            "ci95": [finite_or_none(end) for end in self.interval],
-            "unit": self.unit,
-        }
 
 
 def quantity(value: float, standard_error: float, repetitions: int, unit: str) -> GraphicalEstimate:

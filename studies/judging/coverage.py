@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.tables import Table, Topic
-from fmus.kit import Effect, SignalTerm, correction
+from fmus.kit import Effect
+from fmus.kit.corrections import SignalTerm, correction
 from orchestration.api import read_record
 from orchestration.discrepancy import diagnose
 from orchestration.discrepancy.data import joined_dataset
@@ -110,8 +111,7 @@ def judge(case: CoverageCase) -> Row:
     term = TERMS[case.term]
     amount = case.strength * term.amount
     lack = over(f"{term.law} + {term.signal}", lambda x: amount * term.form(x / term.at))
-    plain = Case(**{name: getattr(case, name) for name in Case.__dataclass_fields__})
-    drawn = draw(plain, plant=PLANTS[term.plant].with_hidden(lack.change))
+    drawn = draw(case, plant=PLANTS[term.plant].with_hidden(lack.change))
     model = find_model(drawn.plant.model)
     assert model.cls is not None
     signal = SignalTerm(term.signal, scale=term.at)
