@@ -18,20 +18,9 @@ from orchestration.api.declaration import takes
 from orchestration.api.forms import optional_seconds, seconds
 from orchestration.api.options import LineariseKeywords
 from orchestration.api.simulation import Inputs, as_declared, inputs_over, values_of
-<<<<<<< HEAD
-from orchestration.experiment import with_classes
+from orchestration.experiment.subjects import with_classes
 from orchestration.fmu import Model, read_description
 from orchestration.fmu.signal import declared_signal, numeric, read_setting
-=======
-from orchestration.experiment.subjects import with_classes
-from orchestration.fmu import (
-    Model,
-    declared_signal,
-    numeric,
-    read_description,
-    read_setting,
-)
->>>>>>> main
 from orchestration.linear import (
     FmuRequest,
     LinearModel,

@@ -19,29 +19,13 @@ from fmus.kit.units import format_value
 from orchestration.api.declaration import takes
 from orchestration.api.forms import seconds
 from orchestration.api.options import SimulateKeywords
-<<<<<<< HEAD
-from orchestration.experiment import find_system, fused_model, is_system, system_model
-from orchestration.fmu import Model, Value
-=======
 from orchestration.experiment.system_model import (
     find_system,
     fused_model,
     is_system,
     system_model,
 )
-from orchestration.fmu import (
-    EndedSimulation,
-    Model,
-    Value,
-    built,
-    declared_model,
-    declared_model_of,
-    draw_signals,
-    grid,
-    source_of,
-)
-from orchestration.fmu import simulate as run_fmu
->>>>>>> main
+from orchestration.fmu import Model, Value
 from orchestration.fmu.isolation import isolation
 from orchestration.fmu.model import built, declared_model, declared_model_of
 from orchestration.fmu.simulation import EndedSimulation, draw_signals, grid, source_of

@@ -184,14 +184,9 @@ def _recorded(
     options: SimulateCommand, inputs: Mapping[str, Signal], tables: dict[str, Any]
 ) -> dict[str, Any]:
     """Return the inputs of a system that a record gives; it lasts as long unless that is given."""
-<<<<<<< HEAD
     from orchestration.records import read_record
     from orchestration.records.tables import split_header_cell
-    from orchestration.reporting import tell_repairs
-=======
-    from orchestration.records import read_record, split_header_cell
     from orchestration.reporting.console import tell_repairs
->>>>>>> main
 
     file = options["input_file"]
     if file is None:

@@ -12,10 +12,6 @@ from pydantic import (
     model_validator,
 )
 
-<<<<<<< HEAD
-from fmus.kit.errors import UserError, suggestion
-=======
->>>>>>> main
 from orchestration.experiment.stimulus import AnyStimulus
 from orchestration.experiment.values import Amount, File, Span, ValueTable, checked
 

@@ -19,14 +19,9 @@ from pydantic import (
     model_validator,
 )
 
-<<<<<<< HEAD
 from fmus.kit import units
-from fmus.kit.errors import suggestion
+from fmus.kit.errors import UserError, suggestion
 from orchestration.fmu.signal import read_quantity
-=======
-from fmus.kit import UserError, suggestion, units
-from orchestration.fmu import read_quantity
->>>>>>> main
 
 Checked = TypeVar("Checked", bound=BaseModel)
 

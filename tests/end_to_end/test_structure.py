@@ -20,7 +20,7 @@ from tests.support.import_graph import module_graph
 WIDEST = 17  # names that a package may offer
 # may not become wider: rooms that are to be replaced, front doors, catalogues of effects and plants
 WIDER = {
-    "fmus.kit": 91,
+    "fmus.kit": 19,  # the language of components; the functions of laws count as one
     "fmus.kit.build": 27,
     "fmus.kit.symbolic": 19,
     "fmus.ppy_actuator.effects": 27,
@@ -31,12 +31,10 @@ WIDER = {
     "orchestration.discrepancy.data": 26,
     "orchestration.discrepancy.selection": 32,
     "orchestration.discrepancy.validation": 24,
-    "orchestration.fmu": 54,
     "orchestration.identify": 18,
     "orchestration.identify.black_box": 18,
     "orchestration.identify.fitting": 27,
     "orchestration.identify.uncertainty": 19,
-    "orchestration.records": 32,
     "orchestration.rig": 25,
     "studies.plants": 20,
 }

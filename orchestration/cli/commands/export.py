@@ -38,13 +38,8 @@ def modelica(options: ExportModelicaCommand) -> None:
     from fmus.kit.build import version
     from fmus.kit.modelica import PACKAGE, package_files
     from orchestration.cli.models import model_file
-<<<<<<< HEAD
     from orchestration.fmu.model import find_class
-    from orchestration.reporting import wrote
-=======
-    from orchestration.fmu import find_class
     from orchestration.reporting.console import wrote
->>>>>>> main
 
     names = options["names"] or []
     if options["laid_over"] and not names:

@@ -58,13 +58,8 @@ def _beside_model(options: FrequencyCommand) -> FrequencyResponse:
     """Estimate responses of the model's signals, and simulate the model beside them."""
     from orchestration.api import frequency_response
     from orchestration.cli.models import open_measured
-<<<<<<< HEAD
     from orchestration.fmu.simulation import source_of
-    from orchestration.reporting import progress
-=======
-    from orchestration.fmu import source_of
     from orchestration.reporting.console import progress
->>>>>>> main
 
     model, record, parameters = open_measured(cast("MeasuredOptions", options))  # model is named
     with progress() as tell:

@@ -55,14 +55,9 @@ class _Facts(NamedTuple):
 def _facts(name: str, effects: Sequence[str]) -> _Facts:
     """Return what there is to know of a model: by its class, or else by its FMU's description."""
     from fmus import MODELS
-<<<<<<< HEAD
     from orchestration.fmu import find_model, read_description
     from orchestration.fmu.model import find_class, names_class
-    from orchestration.reporting import note
-=======
-    from orchestration.fmu import find_class, find_model, names_class, read_description
     from orchestration.reporting.console import note
->>>>>>> main
 
     if effects or name in MODELS or names_class(name):
         return _of_class(name, find_class(name, effects))
@@ -164,14 +159,9 @@ def _show(known: _Facts) -> None:
     from rich.text import Text
 
     from fmus.kit.units import format_range
-<<<<<<< HEAD
     from orchestration.fmu.signal import show
-    from orchestration.reporting import out, plain_table
-=======
-    from orchestration.fmu import show
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import out
->>>>>>> main
 
     out.print(known.name, style="bold", end="  ")
     out.print(f"{known.summary}\n")
@@ -209,14 +199,9 @@ def _show_effects(effects: Mapping[type[Effect], str]) -> None:
 
     Of measurements each kind once, with the outputs beneath.
     """
-<<<<<<< HEAD
     from fmus.kit.effects import effect_name
-    from orchestration.reporting import out, plain_table
-=======
-    from fmus.kit import effect_name
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import out
->>>>>>> main
 
     table = plain_table(
         "effects that --with lays over it",

@@ -53,14 +53,10 @@ def _simulate_model(options: SimulateCommand) -> None:
     from orchestration.api import values_of
     from orchestration.cli.models import build_model
     from orchestration.fmu import simulation as work
-<<<<<<< HEAD
     from orchestration.fmu.model import declared_model
     from orchestration.fmu.simulation import LimitOutputs
-    from orchestration.reporting import note, pictures, progress, wrote
-=======
     from orchestration.reporting import pictures
     from orchestration.reporting.console import note, progress, wrote
->>>>>>> main
 
     out = options["out"]
     plot = options["plot"]

@@ -156,13 +156,8 @@ def _named_after(name: str, ending: str) -> Path:
 def _opened(name_or_file: str, runtime: str | None = None) -> Iterator[System]:
     """Open a system that ships, or one from a file; an archive's FMUs are there only meanwhile."""
     from fmus.kit.storage import scratch
-<<<<<<< HEAD
     from orchestration.fmu.model import refuse_runtime
-    from orchestration.reporting import progress
-=======
-    from orchestration.fmu import refuse_runtime
     from orchestration.reporting.console import progress
->>>>>>> main
     from orchestration.system import library, ssp
     from orchestration.system.ssp import ENDINGS
 

@@ -44,14 +44,9 @@ from orchestration.discrepancy.residuals import ResidualAnalysis
 from orchestration.discrepancy.validation import simulated_outputs
 from orchestration.identify import rms
 from orchestration.identify.uncertainty import Estimate
-<<<<<<< HEAD
 from orchestration.records import Record
 from orchestration.records.runs import base_name, shown_name
-from orchestration.reporting import Bar, Markup, Page, elements, escaped
-=======
-from orchestration.records import Record, base_name, shown_name
 from orchestration.reporting.html import Bar, Markup, Page, elements, escaped
->>>>>>> main
 
 _DRAWN = 3  # effects of which there is a picture
 _EVIDENCE_HEAD = ["effect", "fall of BIC", "p-value", "verdict"]

@@ -1,5 +1,4 @@
 from .effects import catalogue as catalogue
-from .effects import check_catalogue as check_catalogue
 from .effects import families as families
 from .effects import known_effects as known_effects
 from .loading import faulty_place as faulty_place
