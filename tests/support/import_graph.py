@@ -42,7 +42,8 @@ def _named(node: ast.AST, package: str) -> Iterator[tuple[str, str]]:
         module = ".".join(filter(None, (*above, node.module)))
         yield from ((module, alias.name) for alias in node.names)
     for child in ast.iter_child_nodes(node):
-        yield from _named(child, package)
+        if isinstance(child, ast.stmt | ast.excepthandler | ast.match_case):
+            yield from _named(child, package)
 
 
 def _defining(module: str, name: str, files: dict[str, Path]) -> str:
