@@ -78,7 +78,8 @@ class Option(NamedTuple):
     doc : str
         Meaning for Python, with what a line has no room for; `help` unless given.
     default : object
-        Value where the option is not given; `REQUIRED` if it must be.
+        Value where the option is not given; `REQUIRED` if it must be. A function is called for it
+        when a command is made.
     form : Form
     flag : str
         Name on the command line, ``--on/--off`` for both values of a switch; made from the name
