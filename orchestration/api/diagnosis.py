@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Unpack
 
 from fmus.kit import MEASUREMENTS, UserError
+from fmus.kit.extras import require
 from orchestration.api.command import equivalent_command
 from orchestration.api.declaration import takes
 from orchestration.api.forms import optional_seconds
@@ -67,6 +68,7 @@ def diagnose(
     ['strain_saturation']
     >>> low, high = result.parameters["R1"].interval
     """
+    require("threadpoolctl")
     subject = as_declared(model)
     progress = options["progress"]
     mapping = options["mapping"]
@@ -224,6 +226,7 @@ def laws(
     >>> print(ppy.laws("right.csv").sentence)
     No law is found to lack anything.
     """
+    require("threadpoolctl")
     subject = as_declared(model)
     refuse_without_laws(subject)
     progress = options["progress"]

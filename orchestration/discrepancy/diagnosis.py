@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from fmus.kit import Component, Effect
 from orchestration.discrepancy.budget import Budget
@@ -51,6 +50,7 @@ from orchestration.discrepancy.selection import (
     solver_error_notes,
 )
 from orchestration.discrepancy.validation import ConfirmedSelection, confirm, errors_in_variables
+from orchestration.identify import single_threaded
 
 _ALIKE = 1.2  # times the least error, up to which explanations of a record cannot be told apart
 # of the error that a record read otherwise leaves, up to which causes must come to be named
@@ -160,9 +160,7 @@ def searched_parameters(cls: type[Component]) -> list[str]:
     ]
 
 
-# fits run side by side, and the matrices are narrow: a thread for each product would only wait for
-# the others
-@threadpool_limits.wrap(limits=1)
+@single_threaded
 def diagnose(
     cls: type[Component],
     data: Dataset,

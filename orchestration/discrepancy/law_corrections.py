@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from scipy.special import chdtrc
-from threadpoolctl import threadpool_limits
 
 from fmus.kit import Effect, effect_name, made_with
 from orchestration.discrepancy.budget import Budget
@@ -44,6 +43,7 @@ from orchestration.discrepancy.validation import (
     confirm,
     errors_in_variables,
 )
+from orchestration.identify import single_threaded
 
 _RELAXATIONS = 3  # of one law and signal, one beside the other
 # of BIC, by which a model may be worse and still count as fitting as well
@@ -233,8 +233,7 @@ def _search_in_rounds(
     return replace(laws, beside=beside), both
 
 
-# as in a diagnosis: fits run side by side, and the matrices are narrow
-@threadpool_limits.wrap(limits=1)
+@single_threaded
 def _search_once(
     diagnosis: Diagnosis, progress: Callable[[str], None], only: Entry | None, budget: Budget
 ) -> LawSearch:
@@ -307,7 +306,7 @@ def _fit_known_effect(
     return known if known.fit.bic <= best.model.fit.bic + _AS_GOOD else None
 
 
-@threadpool_limits.wrap(limits=1)
+@single_threaded
 def _with_correction(
     diagnosis: Diagnosis, laws: LawSearch, progress: Callable[[str], None]
 ) -> Diagnosis:

@@ -14,7 +14,6 @@ from itertools import permutations
 from typing import Any, TypeVar
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
@@ -35,6 +34,7 @@ from orchestration.discrepancy.design.stimuli import (
 )
 from orchestration.discrepancy.parallel import parallel_map
 from orchestration.discrepancy.selection import Selection
+from orchestration.identify import single_threaded
 
 Experiment = dict[str, Stimulus]
 T = TypeVar("T")
@@ -173,9 +173,7 @@ class DiscriminatingExperiment:
         return [head, *rows, f"# Above {ENOUGH:g} is very strong evidence."]
 
 
-# fits run side by side, and the matrices are narrow: a thread for each product would only wait for
-# the others
-@threadpool_limits.wrap(limits=1)
+@single_threaded
 def design_experiment(
     selection: Selection,
     data: Dataset,

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
@@ -43,6 +42,7 @@ from orchestration.discrepancy.systems.verdict import (
     diagnose_member,
     not_assessed,
 )
+from orchestration.identify import single_threaded
 from orchestration.records import parse_mapping
 from orchestration.system import Port, System, check, interface, ssp
 
@@ -53,8 +53,7 @@ _LOOP_SIMULATIONS = 120
 _SHORTEST = 100  # samples
 
 
-# matrices are narrow: a thread for each product would only wait for the others
-@threadpool_limits.wrap(limits=1)
+@single_threaded
 def diagnose_system(
     record_path: Path,
     ssp_path: Path,

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from fmus.kit.arrays import Array
 from orchestration.identify.black_box.data import InputOutputData, check_varies
@@ -23,6 +22,7 @@ from orchestration.identify.black_box.search import (
     refined,
 )
 from orchestration.identify.noise import Noise, fit_autoregression
+from orchestration.identify.threads import single_threaded
 from orchestration.identify.uncertainty import Covariance, parameter_covariance, sandwich_covariance
 
 # If a model costs more without the offset than BIC grants an offset, times this factor, no search
@@ -132,8 +132,7 @@ def box_jenkins(
     return identify(data, "BJ", orders(data, nb, nk, nf=nf, nc=nc, nd=nd))
 
 
-# matrices are narrow: a thread for each product would only wait for the others
-@threadpool_limits.wrap(limits=1)
+@single_threaded
 def identify(
     data: InputOutputData,
     structure: str,

@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import block_diag
-from threadpoolctl import threadpool_limits
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
@@ -28,6 +27,7 @@ from orchestration.identify.black_box.orders import Count, orders, whole
 from orchestration.identify.black_box.polynomials import solved
 from orchestration.identify.black_box.result import Identification
 from orchestration.identify.black_box.start_values import innovations
+from orchestration.identify.threads import single_threaded
 
 _HORIZONS = (10, 20, 40)  # block rows, of which the best are kept; at least two more than the order
 _COLUMNS = 4  # samples for each row of the data matrix, at least
@@ -45,8 +45,7 @@ class _Matrices(NamedTuple):
     k: Array
 
 
-# matrices are narrow: a thread for each product would only wait for the others
-@threadpool_limits.wrap(limits=1)
+@single_threaded
 def state_space(data: InputOutputData, order: int, nk: Count = 1, first: int = 0) -> Identification:
     """Identify a state-space model in innovations form.
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from fmus.kit.arrays import Array
+from fmus.kit.extras import optional
 from orchestration.records.header import plain_unit, read_header_cell
 from orchestration.records.record import Repair, refuse
 from orchestration.records.table import Column, Table, as_numbers, split_header_cell
@@ -18,12 +19,8 @@ def read_parquet(path: Path, content: bytes) -> Table:
     Units come from the column names ``name [unit]``, else from the fields' metadata entry ``unit``.
     Refused: a damaged file, and any if pyarrow is absent.
     """
-    try:
+    with optional():
         import pyarrow.parquet as parquet
-    except ImportError:
-        raise refuse(
-            path, "reading Parquet needs pyarrow: pip install 'ppy-rig[records]'"
-        ) from None
     try:
         arrow = parquet.read_table(io.BytesIO(content))
         columns = []

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 from fmus.kit import UserError, suggestion
+from fmus.kit.extras import optional
 from orchestration.fmu import load_subclass, names_class
 from orchestration.rig.backends.backend import Backend
 
@@ -20,7 +21,6 @@ BACKENDS = {
 """Name of a backend -> module and class; strings, so that listing them imports nothing."""
 
 Result = TypeVar("Result")
-_EXTRAS = {"nidaqmx": "nidaqmx", "pyvisa": "visa"}  # library -> extra that installs it
 
 
 def open_backend(spec: str, options: Mapping[str, str]) -> Backend:
@@ -130,16 +130,8 @@ def backend_class(spec: str) -> type[Backend]:
             f"no backend {spec!r}{suggestion(spec, [*BACKENDS, 'path/to/file.py:Class'])}"
         )
     module, name = BACKENDS[spec].split(":")
-    try:
+    with optional():
         loaded: type[Backend] = getattr(importlib.import_module(module), name)
-    except ModuleNotFoundError as error:
-        extra = _EXTRAS.get((error.name or "").partition(".")[0])
-        if extra is None:
-            raise
-        raise UserError(
-            f"backend {spec}: {error.name} is not installed; install it with: pip install"
-            f" 'ppy-rig[{extra}]'"
-        ) from error
     return loaded
 
 
