@@ -2,15 +2,18 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# a module of ours, of which an error that is meant for a user is a line
+RUN := $(BIN)/python -m tests.support.target
 # the tests start Python some thousand times, and each start would compile our modules anew
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fuzz fuzz-models demo hil-demo test test-slow foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark docs docs-version chromium dist clean help
+.PHONY: fuzz fuzz-models demo hil-demo test test-slow test-slow-part foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark docs docs-version chromium dist clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
 	@echo "make test       checks and tests"
 	@echo "make test-slow  the tests that take longer, and every case of those that have many: nightly, and before a release"
+	@echo "make test-slow-part a fifth of them, another one with every commit; PPY_PART=2/5 chooses"
 	@echo "make docs       the site in build/site, its notebooks run anew; a warning is an error"
 	@echo "make docs-version the site of this version beside those of others in build/versions; ADDRESS=URL where it is served"
 	@echo "make fuzz       damaged files to whatever reads files, for ten minutes; SEED=N and SECONDS=N likewise"
@@ -45,62 +48,66 @@ docs: $(VENV)/installed-dev
 	$(BIN)/python -m sphinx -W --keep-going -q -c docs/site -d build/doctrees . build/site
 
 docs-version: $(VENV)/installed-dev
-	$(BIN)/python docs/site/versions.py $(if $(ADDRESS),--address $(ADDRESS))
+	$(RUN) docs.site.versions $(if $(ADDRESS),--address $(ADDRESS))
 
 fuzz: $(VENV)/installed-dev
-	$(BIN)/python -m tests.support.fuzz --seconds $(or $(SECONDS),600) --seed $(or $(SEED),0)
+	$(RUN) tests.support.fuzz --seconds $(or $(SECONDS),600) --seed $(or $(SEED),0)
 
 fuzz-models: $(VENV)/installed-dev
-	$(BIN)/python -m tests.support.fuzz_models --cases $(or $(CASES),2000) --seed $(or $(SEED),0)
+	$(RUN) tests.support.fuzz_models --cases $(or $(CASES),2000) --seed $(or $(SEED),0)
 
 test-slow: $(VENV)/installed-dev chromium
 	$(BIN)/pytest -n 2 --dist loadfile -m slow
 
+# the slow tests in five parts, another one with every commit: red is seen after five at the latest
+test-slow-part: export PPY_PART ?= $(shell expr $$(git rev-list --count HEAD 2>/dev/null || date +%j) % 5 + 1)/5
+test-slow-part: test-slow
+
 clean-study: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.clean
-	$(BIN)/python -m studies.judging.public
+	$(RUN) studies.judging.clean --out docs/clean-records.md
+	$(RUN) studies.judging.public
 
 hidden-study: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.hidden --records 144 --two 16 --seed $(or $(SEED),20261124) --without VoiceCoil --out docs/hidden-records.md
+	$(RUN) studies.judging.hidden --records 144 --two 16 --seed $(or $(SEED),20261124) --without VoiceCoil --out docs/hidden-records.md
 
 book-study: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.book --records 80 --clean 20 --seed $(or $(SEED),20261205) --out docs/book-records.md
+	$(RUN) studies.judging.book --records 80 --clean 20 --seed $(or $(SEED),20261205) --out docs/book-records.md
 
 misuse-study: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.misuse --each 2 --seed $(or $(SEED),20261181) --out docs/misused-records.md
+	$(RUN) studies.judging.misuse --each 2 --seed $(or $(SEED),20261181) --out docs/misused-records.md
 
 bench-study: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.bench --records 10 --seed $(or $(SEED),20261186) --out docs/bench-records.md
+	$(RUN) studies.judging.bench --records 10 --seed $(or $(SEED),20261186) --out docs/bench-records.md
 
 laws-study: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.laws --records 120 --clean 232 --actuator 1 --catalogue 60 --seed $(or $(SEED),20261150) --without VoiceCoil --out docs/hidden-laws.md
+	$(RUN) studies.judging.laws --records 120 --clean 232 --actuator 1 --catalogue 60 --seed $(or $(SEED),20261150) --without VoiceCoil --out docs/hidden-laws.md
 
 public-laws: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.public_laws
+	$(RUN) studies.judging.public_laws
 
 foreign-study: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.foreign --records 16 --clean 12 --seed $(or $(SEED),20261165) --out docs/foreign-fmus.md
+	$(RUN) studies.judging.foreign --records 16 --clean 12 --seed $(or $(SEED),20261165) --out docs/foreign-fmus.md
 
 naming: $(VENV)/installed-dev
-	$(BIN)/python -m studies.judging.naming --seeds 2 --seed $(or $(SEED),700)
+	$(RUN) studies.judging.naming --seeds 2 --seed $(or $(SEED),700) --workers 2 --out docs/naming.md
 
 hil-demo: $(VENV)/installed
 	$(BIN)/ppy rig demo --out hil-output
 
 soak: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.rig_soak --seconds $(or $(SECONDS),600)
+	$(RUN) benchmarks.rig_soak --seconds $(or $(SECONDS),600)
 
 proxy-faults: $(VENV)/installed-dev
-	$(BIN)/python -m tests.support.rig.masters
+	$(RUN) tests.support.rig.masters
 
 hil-faults: $(VENV)/installed-dev
-	$(BIN)/python -m tests.support.rig.faults
+	$(RUN) tests.support.rig.faults
 
 hil-faults-all: $(VENV)/installed-dev
-	$(BIN)/python -m tests.support.rig.faults --all
+	$(RUN) tests.support.rig.faults --all
 
 hil-latency: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks.rig_latency
+	$(RUN) benchmarks.rig_latency
 
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check .
@@ -109,13 +116,13 @@ check: $(VENV)/installed-dev
 	$(BIN)/lint-imports --no-logo
 
 benchmark: $(VENV)/installed-dev
-	$(BIN)/python -m benchmarks
+	$(RUN) benchmarks
 
 dist: $(VENV)/installed-dev
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
-	$(BIN)/python -m studies.release.folder --out dist/release
-	$(BIN)/python -m tests.support.compatibility --out dist/release
+	$(RUN) studies.release.folder --out dist/release
+	$(RUN) tests.support.compatibility --out dist/release
 
 # The report is looked at in a real browser; without the rights to install one, that test says why it is skipped.
 chromium:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 
+from demonstrations.thesis import ageing
 from fmus import component
 from fmus.kit.build.building import build_cached
 from orchestration.fmu.instance import Fmu
 from orchestration.system.library import ageing_actuator
-from studies.thesis import ageing
 
 from .tables import Cell, Table, Topic
 from .timing import take_turns

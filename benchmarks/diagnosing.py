@@ -11,6 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from demonstrations.bench import NOISE
+from demonstrations.emulator.emulator import EmulatedRig
+from demonstrations.emulator.hidden_coupling import SaturatingStrain
+from demonstrations.emulator.physics import RigParameters
+from demonstrations.records import UNITS
 from orchestration.discrepancy.candidates.candidate import catalogue, label
 from orchestration.discrepancy.data.dataset import dataset_of
 from orchestration.discrepancy.diagnosis import diagnose
@@ -19,11 +24,6 @@ from orchestration.fmu.effects import catalogue as known_effects
 from orchestration.fmu.model import find_model
 from orchestration.records import Record
 from orchestration.rig.signals import RIG_COMPONENT
-from studies.emulator.bench import NOISE
-from studies.emulator.emulator import EmulatedRig
-from studies.emulator.hidden_coupling import SaturatingStrain
-from studies.emulator.physics import RigParameters
-from studies.emulator.records import UNITS
 
 from .tables import Cell, Table, Topic
 

@@ -46,7 +46,7 @@ FUNCTIONS = {
 
 def measure(quick: bool = False, count: int = 46) -> Topic:
     """Diagnose records of an emulated rig with one hidden effect each, a process each."""
-    from studies.emulator import CATALOGUE
+    from demonstrations.emulator import CATALOGUE
 
     names = list(CATALOGUE)
     splits = []
@@ -68,7 +68,7 @@ def measure(quick: bool = False, count: int = 46) -> Topic:
 
 def _drawn(folder: Path, hidden: str, seed: int, strength: float, minutes: float) -> bool:
     """Draw a record, and write its halves as files; False if it cannot be of that strength."""
-    from studies.emulator import draw, write
+    from demonstrations import draw, write
 
     try:
         drawn = draw(hidden, seed, strength=strength, duration=60.0 * minutes, rate=RATE)

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
+from demonstrations.bench import NOISE
+from demonstrations.emulator.emulator import EmulatedRig
+from demonstrations.emulator.physics import RigParameters
+from demonstrations.records import UNITS
 from orchestration.experiment.waveforms import multilevel
 from orchestration.fmu.model import find_model
 from orchestration.records import Record
 from orchestration.rig.signals import RIG_COMPONENT
-from studies.emulator.bench import NOISE
-from studies.emulator.emulator import EmulatedRig
-from studies.emulator.physics import RigParameters
-from studies.emulator.records import UNITS
 
 from .tables import Cell, Table, Topic
 

@@ -47,9 +47,9 @@ _SHOWN = 12  # differences of a record that are listed
 
 def draw(folder: Path, seed: int, count: int) -> None:
     """Draw records of every hidden variation in turn, clean and unknown ones among them."""
-    from studies.emulator.records import draw as drawn
-    from studies.emulator.records import write
-    from studies.emulator.variations import CATALOGUE, UNKNOWN
+    from demonstrations.emulator.variations import CATALOGUE, UNKNOWN
+    from demonstrations.records import draw as drawn
+    from demonstrations.records import write
 
     folder.mkdir(parents=True, exist_ok=True)
     hidden = [

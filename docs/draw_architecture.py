@@ -67,7 +67,9 @@ def layers(container: str) -> list[list[str]]:
         "importlinter"
     ]
     (contract,) = (
-        c for c in settings["contracts"] if c["type"] == "layers" and c["containers"] == [container]
+        c
+        for c in settings["contracts"]
+        if c["type"] == "layers" and c.get("containers") == [container]
     )
     return [[name.strip() for name in layer.split("|")] for layer in contract["layers"]]
 

@@ -168,6 +168,23 @@ def entry(name: str, thing: Any, level: int = 2) -> Iterator[str]:
                 inspect.isroutine(below) or isinstance(below, property)
             ):
                 yield from entry(f"{name}.{own}", below, level + 1)
+        yield from pictured(name, thing, level + 1)
+
+
+def pictured(name: str, cls: type, level: int) -> Iterator[str]:
+    """Lines on the picture of a result, which is drawn by a function for its type."""
+    from fmus.kit import UserError
+    from orchestration.reporting.drawing import draw, registered
+
+    try:
+        drawing = registered(draw, cls, "picture")
+    except UserError:
+        return
+    yield f"{'#' * level} {name}.draw\n\n```python\n{name}.draw()\n```\n"
+    parts = sections(inspect.getdoc(drawing) or "")
+    yield f"{markdown(parts.pop(''))}\n"
+    for heading, text in parts.items():
+        yield from described(heading, text)
 
 
 def inherited(cls: type) -> Iterator[str]:

@@ -5,8 +5,8 @@ Run it anywhere: ``python examples/dc_motor.py``; it draws ``dc_motor.png``.
 
 from pathlib import Path
 
+from demonstrations.thesis.motor import DcMotor, Maxwell, figure
 from orchestration.reporting.pictures import save
-from studies.thesis.motor import DcMotor, Maxwell, figure
 
 LOAD = 2.75  # N, the largest of the thesis
 

@@ -11,7 +11,9 @@ import gc
 import shutil
 import signal
 import tempfile
+import tomllib
 from collections.abc import Callable, Iterator
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
@@ -24,6 +26,7 @@ from fmus.kit.build.toolchain import host_platform
 # their assertions explain themselves, too
 pytest.register_assert_rewrite("tests.contract", "tests.support")
 
+from tests.support.parts import VARIABLE, split  # noqa: E402
 from tests.support.punctual import Watch  # noqa: E402
 
 PUBLIC_DATA = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).parents[2] / "shared" / "data"))
@@ -40,6 +43,14 @@ _watch = Watch()
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_configure() -> None:
+    """Refuse an installation that is older than the entry points."""
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
+    for group, declared in project["entry-points"].items():
+        if not declared.keys() <= entry_points(group=group).names:
+            raise pytest.UsageError(f"{group}: pip install -e . --no-deps installs what is new")
+
+
 def pytest_itemcollected(item: pytest.Item) -> None:
     """Leave to the slow tests what is asked of the moving feet in Python: each costs as much as all
     other FMUs together.
@@ -48,6 +59,13 @@ def pytest_itemcollected(item: pytest.Item) -> None:
     moving = {"foot_dynamic", "foot_free"}
     if given.get("runtime") == "python" and moving & {given.get("name"), given.get("model")}:
         item.add_marker(pytest.mark.slow)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out the tests of other parts where one part of the suite is run."""
+    if VARIABLE in os.environ:
+        items[:], others = split(items, os.environ[VARIABLE])
+        config.hook.pytest_deselected(items=others)
 
 
 def pytest_collection_finish() -> None:

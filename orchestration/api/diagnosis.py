@@ -61,7 +61,7 @@ def diagnose(
     Examples
     --------
     >>> import ppy_rig as ppy
-    >>> from studies.emulator.records import draw, write
+    >>> from demonstrations.records import draw, write
     >>> write(draw("strain_saturation", seed=1, duration=300.0), "hidden.csv")
     >>> result = ppy.diagnose("hidden.csv", effects=["strain_saturation", "double_layer"])
     >>> result.causes
@@ -221,7 +221,7 @@ def laws(
     Examples
     --------
     >>> import ppy_rig as ppy
-    >>> from studies.emulator.records import draw, write
+    >>> from demonstrations.records import draw, write
     >>> write(draw(None, seed=1, duration=60.0), "right.csv")
     >>> print(ppy.laws("right.csv").sentence)
     No law is found to lack anything.

@@ -42,7 +42,7 @@ def compare(
     Examples
     --------
     >>> import ppy_rig as ppy
-    >>> from studies.emulator.records import draw, write
+    >>> from demonstrations.records import draw, write
     >>> write(draw(None, seed=1, duration=60.0), "clean.csv")
     >>> compared = ppy.compare("clean.csv", fit=["R1", "R2", "C"])
     >>> bool(compared.after["voltage"].fit_percent > compared.before["voltage"].fit_percent)
@@ -90,7 +90,7 @@ def fit(
     Examples
     --------
     >>> import ppy_rig as ppy
-    >>> from studies.emulator.records import draw, write
+    >>> from demonstrations.records import draw, write
     >>> write(draw(None, seed=1, duration=60.0), "clean.csv")
     >>> fitted = ppy.fit("clean.csv", "ppy_actuator", ["R1", "C"])
     >>> sorted(fitted.values)

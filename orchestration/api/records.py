@@ -52,7 +52,7 @@ def read_record(
     Examples
     --------
     >>> import ppy_rig as ppy
-    >>> from studies.emulator.records import draw, write
+    >>> from demonstrations.records import draw, write
     >>> write(draw(None, seed=1, duration=60.0), "clean.csv")
     >>> record = ppy.read_record("clean.csv", model="ppy_actuator")
     >>> sorted(record.signals)

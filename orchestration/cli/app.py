@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import sys
+from collections.abc import Mapping
+from functools import cache
 from importlib import import_module
 from inspect import cleandoc
 from typing import Annotated, Any, NoReturn
@@ -20,57 +23,61 @@ from orchestration.cli.real_time import IncompleteRecord
 from orchestration.reporting import in_shell
 
 _LONGEST = 300  # characters of a name that are shown
+_MODULES = "orchestration.cli.commands"
+_ENTRY_POINTS = "ppy_rig.commands"  # group of what installed packages bring, as `_GROUPS` has it
+_Groups = Mapping[str, Mapping[str, tuple[str, str]]]
 # By what they are for: a line for ``ppy --help``, which has room for one at 80 columns, and the
-# function or group of commands in a module of `commands`.
-_GROUPS = {
+# function or group of commands in a module, which is named from `commands` on.
+_GROUPS: _Groups = {
     "Find out what is wrong": {
         "diagnose": (
             "Name what a model gets wrong on a record, and extend it by that.",
-            "diagnose:diagnose",
+            ".diagnose:diagnose",
         ),
         "laws": (
             "Ask every law what it lacks: over which signal, by which curve.",
-            "diagnose:laws",
+            ".diagnose:laws",
         ),
         "compare": (
             "Hold a model against a record: fit in percent; --fit recalibrates.",
-            "compare:compare",
+            ".compare:compare",
         ),
         "identify": (
             "Identify parameters of a component or any FMU from a record.",
-            "identify:identify",
+            ".identify:identify",
         ),
         "frequency": (
             "Estimate impedance and dynamic stiffness, with intervals.",
-            "frequency:frequency",
+            ".frequency:frequency",
         ),
         "black-box": (
             "Identify ARX to Box-Jenkins models of a column, and choose one.",
-            "black_box:black_box",
+            ".black_box:black_box",
         ),
-        "demo": ("Do everything once, with pictures and a report.", "thesis:demo"),
     },
     "Models, systems, experiments, rigs": {
-        "list": ("List the components.", "list:list_components"),
-        "info": ("Show a model's variables, units, ranges, effects, sources.", "info:info"),
-        "new": ("Write a model, an effect or a rig's backend to start from.", "new:new"),
-        "build": ("Build FMUs: OUT/python/NAME.fmu and OUT/native/NAME.fmu.", "build:build"),
-        "export": ("Write components as a package of Modelica.", "export:exports"),
-        "check": ("Check FMUs: structure, units, documentation, binaries.", "check:check"),
+        "list": ("List the components.", ".list:list_components"),
+        "info": ("Show a model's variables, units, ranges, effects, sources.", ".info:info"),
+        "new": ("Write a model, an effect or a rig's backend to start from.", ".new:new"),
+        "build": ("Build FMUs: OUT/python/NAME.fmu and OUT/native/NAME.fmu.", ".build:build"),
+        "export": ("Write components as a package of Modelica.", ".export:exports"),
+        "check": ("Check FMUs: structure, units, documentation, binaries.", ".check:check"),
         "linearise": (
             "State space, Bode, margins, poles of a component, FMU, system.",
-            "linearise:linearise",
+            ".linearise:linearise",
         ),
-        "simulate": ("Simulate a component, any FMU, or a system (.ssp).", "simulate:simulate"),
-        "run": ("Run an experiment, a system, or a result again, bit by bit.", "run:run"),
-        "system": ("Show, draw and check systems of FMUs; export them as SSP.", "system:systems"),
-        "thesis": ("Recompute the thesis: what holds, what does not and why.", "thesis:thesis"),
-        "sweep": ("Run a model over many values of its parameters.", "sweep:sweep"),
-        "optimise": ("Search parameters for the best, or for a Pareto front.", "optimise:optimise"),
-        "rig": ("Serve a rig, watch it, record from it, stop it.", "rig:rig"),
+        "simulate": ("Simulate a component, any FMU, or a system (.ssp).", ".simulate:simulate"),
+        "run": ("Run an experiment, a system, or a result again, bit by bit.", ".run:run"),
+        "system": ("Show, draw and check systems of FMUs; export them as SSP.", ".system:systems"),
+        "sweep": ("Run a model over many values of its parameters.", ".sweep:sweep"),
+        "optimise": (
+            "Search parameters for the best, or for a Pareto front.",
+            ".optimise:optimise",
+        ),
+        "rig": ("Serve a rig, watch it, record from it, stop it.", ".rig:rig"),
     },
 }
-_COMMANDS = {name: about for group in _GROUPS.values() for name, about in group.items()}
+_OWN = {name: about for group in _GROUPS.values() for name, about in group.items()}
 _OPTIONS = "-q|-v|--version|--install-completion"
 
 
@@ -84,41 +91,83 @@ class _Commands(TyperGroup):
         return names()
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        if cmd_name not in _COMMANDS:
+        # entry points are read only where the command is none of our own
+        if cmd_name not in _OWN and cmd_name not in names():
             return None
-        summary, _ = _COMMANDS[cmd_name]
         loaded = load(cmd_name)
-        if isinstance(loaded, typer.Typer):
-            group: Any = typer.main.get_command(loaded)
-            group.help = summary
-            for name, one in group.commands.items():
-                one.epilog = epilog(f"{cmd_name} {name}")
-            return group
-        alone = typer.Typer(rich_markup_mode="rich", add_completion=False)
-        _, _, details = (loaded.__doc__ or "").partition("\n\n")
-        text = f"{summary}\n\n{cleandoc(details)}"
-        alone.command(cmd_name, help=text, epilog=epilog(cmd_name))(loaded)
-        return typer.main.get_command(alone)
+        if not isinstance(loaded, typer.Typer):
+            return _alone(cmd_name)
+        group: Any = typer.main.get_command(loaded)
+        group.help, _ = _about(cmd_name)
+        for name, one in group.commands.items():
+            one.epilog = epilog(f"{cmd_name} {name}")
+        for words in filter(re.compile(f"{cmd_name} ").match, _commands()):
+            one = _alone(words)
+            group.add_command(one, one.name)
+        return group
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the commands by what they are for; the whole fits a terminal of 24 lines."""
         formatter.write(f"Usage: ppy [{_OPTIONS}] COMMAND ... (examples: --help)\n")
-        width = max(map(len, _COMMANDS))
-        for title, group in _GROUPS.items():
+        width = max(map(len, names()))
+        for title, group in _groups().items():
             formatter.write(typer.style(title, bold=True) + "\n")
-            for name, (summary, _) in group.items():
-                formatter.write(f"  {name:{width}}  {summary}\n")
+            for name in filter(group.get, names()):
+                formatter.write(f"  {name:{width}}  {group[name][0]}\n")
+
+
+def _alone(words: str) -> Any:
+    """Return the command of a function; `words` call it, after ``ppy``."""
+    function = load(words)
+    summary, _ = _about(words)
+    _, _, details = (function.__doc__ or "").partition("\n\n")
+    text = f"{summary}\n\n{cleandoc(details)}"
+    alone = typer.Typer(rich_markup_mode="rich", add_completion=False)
+    alone.command(words.split()[-1], help=text, epilog=epilog(words))(function)
+    return typer.main.get_command(alone)
+
+
+@cache
+def _groups() -> _Groups:
+    """Return our own commands, then those that installed packages bring, by what they are for.
+
+    A package of somebody else that cannot be loaded takes no other command with it, and none
+    replaces a command of ours.
+    """
+    from importlib.metadata import entry_points
+
+    groups = {title: dict(group) for title, group in _GROUPS.items()}
+    for entry in entry_points(group=_ENTRY_POINTS):
+        try:
+            for title, group in entry.load().items():
+                for name, (summary, function) in group.items():
+                    if name not in _OWN:
+                        groups.setdefault(title, {})[name] = (summary, function)
+        except Exception as error:
+            from orchestration.reporting import warn
+
+            warn(f"commands of {entry.value} are left out: {type(error).__name__}: {error}")
+    return groups
+
+
+def _commands() -> dict[str, tuple[str, str]]:
+    """Return the summary and the function of all commands, by the words that call them."""
+    return {words: about for group in _groups().values() for words, about in group.items()}
+
+
+def _about(words: str) -> tuple[str, str]:
+    return _OWN.get(words) or _commands()[words]
 
 
 def names() -> list[str]:
-    """Return the names of the commands."""
-    return list(_COMMANDS)
+    """Return the names of the commands, without those that a package adds to a group."""
+    return [words for words in _commands() if " " not in words]
 
 
 def load(name: str) -> Any:
     """Return the function of a command, or the group of commands of a name."""
-    module, _, attribute = _COMMANDS[name][1].partition(":")
-    return getattr(import_module(f"orchestration.cli.commands.{module}"), attribute)
+    module, _, attribute = _about(name)[1].partition(":")
+    return getattr(import_module(module, _MODULES), attribute)
 
 
 app = typer.Typer(

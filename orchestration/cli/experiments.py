@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import xarray
 
     from orchestration.cli.commands.options import RunCommand, SimulateCommand
-    from orchestration.experiment import Experiment, Live
+    from orchestration.experiment import Experiment, ExperimentResult, Live
     from orchestration.fmu import Signal
     from orchestration.fmu.isolation import Limits
 
@@ -27,7 +27,7 @@ def run_and_write(
     name: str,
     options: RunCommand | SimulateCommand,
     live: Live | None = None,
-) -> xarray.Dataset:
+) -> ExperimentResult:
     """Run an experiment; show the result, and write and draw it if that was asked for.
 
     Parameters
@@ -44,9 +44,9 @@ def run_and_write(
     UserError
         If something does not fit, an FMU fails before the first point, or a file cannot be written.
     """
-    from orchestration.experiment import movable, result_page, results
+    from orchestration.experiment import movable, results
     from orchestration.journal import removed_after
-    from orchestration.reporting import wrote
+    from orchestration.reporting import make_page, wrote
 
     out = options["out"]
     plot = options["plot"]
@@ -62,7 +62,10 @@ def run_and_write(
                 keep(data, out, live)
         wrote(out, "" if data.attrs["complete"] else "incomplete")
     if plot is not None:
-        result_page.plot(data, plot)
+        if plot.suffix.lower() == ".html":
+            make_page(data).write(plot)
+        else:
+            data.plot(plot)
         wrote(plot)
     return data
 
@@ -89,7 +92,7 @@ def _make(
     options: RunCommand | SimulateCommand,
     live: Live | None,
     folder: Path | None,
-) -> xarray.Dataset:
+) -> ExperimentResult:
     """Run an experiment, telling how far it is."""
     from orchestration.experiment import results
     from orchestration.experiment import run as make
@@ -128,22 +131,20 @@ def _make(
 
 
 def _show(data: xarray.Dataset) -> None:
-    from orchestration.experiment import result_page
+    from orchestration.experiment import page
     from orchestration.reporting import out, plain_table
 
     columns = ("smallest", "largest", "last")
     table = plain_table(None, "signal", *columns, right=columns)
-    for row in result_page.extremes(data):
+    for row in page.extremes(data):
         table.add_row(*row)
-    out.print(result_page.state(data))
+    out.print(page.state(data))
     if "deadlines" in data.attrs:
-        out.print(result_page.pace(data))
+        out.print(page.pace(data))
     out.print(table)
-    cycles = result_page.cycles(data)
+    cycles = page.cycles(data)
     if cycles:
-        of_cycles = plain_table(
-            None, *result_page.CYCLE_COLUMNS, right=result_page.CYCLE_COLUMNS[1:]
-        )
+        of_cycles = plain_table(None, *page.CYCLE_COLUMNS, right=page.CYCLE_COLUMNS[1:])
         for row in cycles:
             of_cycles.add_row(*row)
         out.print(of_cycles)

@@ -1,4 +1,4 @@
-from . import result_page as result_page
+from . import page as page
 from . import results as results
 from . import waveforms as waveforms
 from . import work_loop as work_loop

@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray
@@ -29,9 +29,6 @@ from orchestration.master import Pacing
 from orchestration.records import write_record
 from orchestration.reporting import ResultDataset
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 FORMATS = (".nc", ".csv", ".parquet")
 _ABOUT = b"ppy_rig"  # key of the metadata in a Parquet file
 
@@ -44,20 +41,6 @@ class ExperimentResult(ResultDataset):
     """
 
     __slots__ = ()
-
-    def draw(self) -> Figure:
-        """Draw every signal, over time or over the signal that the experiment names.
-
-        Raises
-        ------
-        UserError
-            If it is a part of an experiment only.
-        """
-        from orchestration.experiment import result_page
-
-        if "experiment" not in self.attrs or "time" not in self.dims:
-            raise UserError("this is a part of an experiment, of which there is no picture")
-        return result_page.figure(self)
 
 
 def dataset(

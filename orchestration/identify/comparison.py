@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,17 +14,15 @@ from fmus.kit.arrays import Array
 from orchestration.fmu import Model, Value, numeric, simulate, source_of
 from orchestration.fmu.isolation import limits_of
 from orchestration.identify import presentation
-from orchestration.identify.fit_page import fit_page
 from orchestration.identify.fitting import FmuWithDifferences
 from orchestration.identify.grey_box import Fit, fit_grey_box
 from orchestration.identify.metrics import fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
 from orchestration.records import Arrays, Record, read_record, read_runs
-from orchestration.reporting import Displayable, flag, one_line, option, path_of_report
+from orchestration.reporting import Displayable, make_page, one_line, option, path_of_report
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
     from rich.console import RenderableType
 
 
@@ -109,10 +106,6 @@ class Comparison(Displayable):
         """
         return presentation.figures(self)
 
-    def draw(self) -> Figure:
-        """Draw, for every measured output, record and simulation above the residual."""
-        return presentation.draw_comparison(self)
-
     def report(self, path: str | Path, command: str = "") -> Path:
         """Write a page on the fit, to look at and pass on.
 
@@ -130,18 +123,8 @@ class Comparison(Displayable):
             ``.html``.
         """
         target = path_of_report(path)
-        if self.fit is None:
-            raise UserError(f"{target}: nothing was fitted, so there is nothing to report")
-        fit_page(self, self.fit, command or self._command(self.fit)).write(target)
+        make_page(self, command).write(target)
         return target
-
-    def _command(self, fit: Fit) -> str:
-        """Return a command that makes the same fit."""
-        words = ["ppy", "identify", str(self.record.source), "--model", self.model.name]
-        words += [flag("fit"), ",".join(fit.estimates)]
-        for name, value in self.parameters.items():
-            words += [flag("settings"), f"{name}={value}"]
-        return shlex.join(words)
 
 
 def read_for(model: Model, path: Path | Arrays, mapping: Mapping[str, str] | None = None) -> Record:

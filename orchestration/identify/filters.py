@@ -35,7 +35,7 @@ def moving_average(numerator: Array | Sequence[float], values: Array) -> Array:
 def autoregression(denominator: Any, values: Any) -> Any:
     """Filter the columns of values by one over a polynomial in the delay, from rest.
 
-    What comes out solves a triangular system, of which the bands are the coefficients.
+    The output solves a triangular system whose bands are the coefficients.
 
     Parameters
     ----------

@@ -144,12 +144,12 @@ class Fit(Displayable):
         UserError
             If there are none, or the file cannot be written.
         """
-        from orchestration.identify.uncertainty import draw
+        from orchestration.identify.uncertainty import draw_profiles
         from orchestration.reporting import pictures
 
         if not self.profiles:
             raise UserError("no profile was made yet: profile(name) makes one")
-        return pictures.also_saved(draw([*self.profiles.values()]), path)
+        return pictures.also_saved(draw_profiles([*self.profiles.values()]), path)
 
     @property
     def coupled(self) -> dict[tuple[str, str], float]:
@@ -212,10 +212,6 @@ class Fit(Displayable):
             for name, e in self.estimates.items()
         )
         return one_line(f"Fit {values}")
-
-    def draw(self) -> Figure:
-        """Draw every parameter with its 95 % interval, and where it started from."""
-        return presentation.draw_fit(self)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the parameters as a table, a row for each, SI.

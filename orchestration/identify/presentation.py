@@ -1,4 +1,4 @@
-"""Fits and comparisons as text, pictures and JSON."""
+"""Fits and comparisons as text, tables and JSON."""
 
 from __future__ import annotations
 
@@ -10,21 +10,15 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from fmus.kit import units
-from fmus.kit.units import Described, format_difference, format_value, unit_of_differences
+from fmus.kit.units import format_difference, format_value
 from orchestration.identify.metrics import finite_or_none
-from orchestration.reporting import pictures, plain_table
+from orchestration.reporting import plain_table
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from orchestration.identify.comparison import Comparison, GoodnessOfFit
     from orchestration.identify.grey_box import Fit
-    from orchestration.identify.uncertainty import Estimate
-
-_MUCH_LARGER = 25.0  # ratio of residuals from which on the larger one is not drawn
 
 
 def overview(comparison: Comparison) -> Group:
@@ -46,7 +40,7 @@ def overview(comparison: Comparison) -> Group:
         None, "output", "run", "fit", "RMS error", "residual", right=("fit", "RMS error")
     )
     for output in comparison.before:
-        for label, run in _runs(comparison).items():
+        for label, run in runs(comparison).items():
             g = run[output]
             error = format_difference(g.rms, model.outputs[output])
             residual = g.whiteness.summary() if g.whiteness else "too short to judge"
@@ -65,7 +59,7 @@ def _percent(g: GoodnessOfFit) -> str:
     return f"{g.fit_percent:.2f} %" if math.isfinite(g.fit_percent) else "undefined"
 
 
-def _runs(comparison: Comparison) -> dict[str, dict[str, GoodnessOfFit]]:
+def runs(comparison: Comparison) -> dict[str, dict[str, GoodnessOfFit]]:
     """Return the assessed simulations by label."""
     if comparison.after is None:
         return {"simulated": comparison.before}
@@ -116,7 +110,7 @@ def frame(comparison: Comparison) -> pandas.DataFrame:
             "white": test.is_white if (test := run[output].whiteness) else None,
         }
         for output in comparison.before
-        for label, run in _runs(comparison).items()
+        for label, run in runs(comparison).items()
     }
     made = pandas.DataFrame.from_dict(rows, orient="index")
     return made.rename_axis(["output", "run"])
@@ -161,67 +155,3 @@ def figures(comparison: Comparison) -> dict[str, Any]:
     if comparison.fit is not None and comparison.after is not None:
         result["fitted"] = {"outputs": outputs(comparison.after), **comparison.fit.to_dict()}
     return result
-
-
-def draw_comparison(comparison: Comparison) -> Figure:
-    """Draw, for every measured output, record and simulation above the residual."""
-    title = f"{comparison.record.source.name} against {comparison.model.name}"
-    figure, axes = pictures.panels(2 * len(comparison.before), title)
-    for k, output in enumerate(comparison.before):
-        _draw_output(comparison, output, axes[2 * k], axes[2 * k + 1])
-    pictures.logarithmic(axes, comparison.record.time)
-    return figure
-
-
-def draw_fit(fit: Fit) -> Figure:
-    """Draw every fitted parameter with its 95 % interval, and where it started from."""
-    title = "fitted parameters with 95 % intervals"
-    figure, axes = pictures.panels(len(fit.estimates), title, "", 0.75, shared=False)
-    for axis, (name, estimate) in zip(axes, fit.estimates.items(), strict=True):
-        _draw_estimate(axis, name, estimate, fit.declared[name])
-    axes[0].legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1
-    )
-    return figure
-
-
-def _draw_estimate(axis: Axes, name: str, estimate: Estimate, declared: Described) -> None:
-    """Draw one parameter; an interval with an open end goes to the edge of the picture."""
-    unit = declared.display or declared.unit
-    value, nominal, *ends = (
-        units.convert(x, declared.unit, unit)
-        for x in (estimate.value, estimate.nominal, *estimate.interval)
-    )
-    axis.plot(nominal, 0.0, "o", mfc="none", color=pictures.MEASURED, label="started from")
-    axis.plot(value, 0.0, "o", color=pictures.FITTED, label="fitted")
-    axis.margins(0.1, 0.5)
-    edges = axis.get_xlim()
-    shown = [x if math.isfinite(x) else edge for x, edge in zip(ends, edges, strict=True)]
-    axis.plot(shown, [0.0, 0.0], color=pictures.FITTED, lw=2, label="95 % interval", zorder=1)
-    axis.set_yticks([0.0], [name.replace("_", " ")])
-    axis.set_xlabel("" if unit == "1" else f"[{unit}]")
-
-
-def _draw_output(comparison: Comparison, output: str, over: Axes, below: Axes) -> None:
-    """Draw one output above its residual."""
-    time = comparison.record.time
-    signal = comparison.model.outputs[output]
-    difference = unit_of_differences(signal)
-    before = comparison.before[output]
-    after = before if comparison.after is None else comparison.after[output]
-    measured = units.convert(before.measured, signal.unit, signal.display)
-    over.plot(time, measured, color=pictures.MEASURED, lw=2.5, label="measured")
-    # the residual of the fit would vanish beside a much larger one before it
-    hidden = before.rms > _MUCH_LARGER * after.rms
-    colours = (pictures.MODEL, pictures.FITTED)
-    for (label, run), colour in zip(_runs(comparison).items(), colours, strict=False):
-        g = run[output]
-        values = units.convert(g.simulated, signal.unit, signal.display)
-        over.plot(time, values, color=colour, label=f"{label}: {g.fit_percent:.1f} % fit")
-        if not hidden or g is after:
-            below.plot(time, units.convert(g.residual, signal.unit, difference), color=colour)
-    over.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1
-    )
-    pictures.label(over, output, signal.display)
-    pictures.label(below, "residual (fitted)" if hidden else "residual", difference)

@@ -22,7 +22,6 @@ from orchestration.reporting import Displayable, one_line, plain_table
 
 if TYPE_CHECKING:
     import control
-    from matplotlib.figure import Figure
     from rich.console import RenderableType
 
 _MATLAB = ".mat"
@@ -239,12 +238,6 @@ class LinearModel(Displayable):
     def __repr__(self) -> str:
         ends = f"{', '.join(self.inputs)} -> {', '.join(self.outputs)}"
         return one_line(f"LinearModel {self.name} {self.point.words}: {ends}")
-
-    def draw(self) -> Figure:
-        """Draw Bode diagram, step response, poles and zeros, at all operating points in one."""
-        from orchestration.linear import picture
-
-        return picture.draw(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all of it, complex numbers as pairs of real and imaginary part."""

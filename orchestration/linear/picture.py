@@ -12,13 +12,11 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from orchestration.linear.model import FAR, LinearModel
-from orchestration.reporting import FITTED, FORMATS, pictures
+from orchestration.reporting import draw, pictures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = ["FORMATS", "draw"]
 
 _POINTS = 500  # of a curve
 _SLOWEST = 5.0  # time constants of the slowest pole that a step response shows
@@ -26,17 +24,9 @@ _CYCLES = 3.0  # of the crossover frequency, that a closed loop's step response 
 _PALEST = 0.35
 
 
-def draw(model: LinearModel) -> Figure:
-    """Draw a model and what goes with it, from its first input to its first output.
-
-    Parameters
-    ----------
-    model : LinearModel
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+@draw.register(LinearModel)
+def draw_linear_model(model: LinearModel) -> Figure:
+    """Draw Bode diagram, step response, poles and zeros, at all operating points in one."""
     title = f"{model.name}: {model.inputs[0]} to {model.outputs[0]}"
     if model.loop:
         title = f"{model.name}: loop transfer function, cut at {model.loop}"
@@ -84,7 +74,7 @@ def _draw_band(model: LinearModel, frequencies: Array, gain: Axes, phase: Axes, 
     if not model.variations:
         return
     curves = [_bode(one, frequencies) for one in model.variations]
-    look: dict[str, Any] = {"color": FITTED, "alpha": 0.2, "linewidth": 0.0}
+    look: dict[str, Any] = {"color": pictures.FITTED, "alpha": 0.2, "linewidth": 0.0}
     label = f"{len(curves)} values of parameters"
     for axis, values in ((gain, [c[0] for c in curves]), (phase, [c[1] for c in curves])):
         axis.fill_between(frequencies, np.min(values, 0), np.max(values, 0), label=label, **look)

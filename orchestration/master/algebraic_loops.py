@@ -94,8 +94,8 @@ class FixedPoint:
         if error(x, r) > 1.0:
             self._jacobian = None
             raise UserError(
-                f"no solution found in {self.evaluations - before} evaluations; what"
-                f" comes around still differs by {np.max(np.abs(r * self._scale)):.3g}"
+                f"no solution found in {self.evaluations - before} evaluations; the"
+                f" residual of the loop is still {np.max(np.abs(r * self._scale)):.3g}"
             )
         return x * self._scale
 
@@ -106,7 +106,7 @@ class FixedPoint:
             self._jacobian = self._jacobian + np.outer(unexplained, step) / (step @ step)
 
     def _residual(self, x: Array) -> Array:
-        """Return what comes around the loop minus what went in, in units of the nominal values."""
+        """Return the values after one pass of the loop minus those before, in nominal values."""
         self.evaluations += 1
         return self._g(x * self._scale) / self._scale - x
 

@@ -131,7 +131,7 @@ class Instance:
         status : int
             The FMI status.
         request : str
-            What the member was asked to do.
+            The request to the member, in words.
         step : CommunicationStep
 
         Raises

@@ -1,4 +1,4 @@
-"""Running a system in an isolated process: its rows of outputs survive whatever a member does."""
+"""Running a system in an isolated process: its rows of outputs survive a crash of a member."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def run_isolated(
                 return result
             raise Stopped(message, result) from end
         except OSError as error:
-            # FMUs may take from their process what it needs, such as files
+            # FMUs may use up resources of their process, such as files
             message = f"{system.name}: {error.strerror or error}"
             description = process.progress.rows_description()
             kept = process.progress.state().row
@@ -153,7 +153,7 @@ def _run(
 def _partial_run(
     progress: SharedProgress, description: RowDescription | None, kept: int, message: str
 ) -> Run:
-    """Return what was computed before the process ended.
+    """Return the rows that were computed before the process ended.
 
     Parameters
     ----------

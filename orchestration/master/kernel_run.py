@@ -82,7 +82,7 @@ class KernelRun:
 
 
 def translate(executor: Executor, points: Sequence[float], rows: Array) -> Program:
-    """Return the kernel's program of what all members do in a step and at its end.
+    """Return the kernel's program of all calls of members in a step and at its end.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ class RealTime:
         the step before it.
     makes_up : bool
         Whether a run that is late by more than allowed hurries until it is on time again. With a
-        rig it must not: what is measured would be as old as ever in a time that goes faster, and a
+        rig it must not: measurements would be as old as ever in a time that goes faster, and a
         loop that closes over it diverges.
     processor : int, optional
         The only processor to run on, where the system permits that.

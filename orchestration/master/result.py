@@ -9,14 +9,11 @@ from typing import TYPE_CHECKING
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.master.pacing import Pacing
-from orchestration.reporting import Displayable, one_line, pictures, plain_table
+from orchestration.reporting import Displayable, one_line, plain_table
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
     from rich.console import RenderableType
-
-_MOST_PANELS = 16  # more in one picture are not looked at
 
 
 @dataclass(frozen=True)
@@ -99,17 +96,17 @@ class Run(Displayable):
     notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        return one_line(f"Run {self._extent} of {len(self.signals)} signals")
+        return one_line(f"Run {self.extent} of {len(self.signals)} signals")
 
     @property
-    def _extent(self) -> str:
+    def extent(self) -> str:
         """Its points and its end."""
         end = f" to {self.time[-1]:g} s" if self.time.size else ""
         return f"{self.time.size} points{end}{'' if self.complete else ', incomplete'}"
 
     def overview(self) -> Iterator[RenderableType]:
         """Yield the extent in time, tables of signals and of the members' effort, and remarks."""
-        yield self._extent + (f": {self.message}" if self.message else "")
+        yield self.extent + (f": {self.message}" if self.message else "")
         columns = ("smallest", "largest", "last")
         signals = plain_table(None, "signal", *columns, "unit", right=columns)
         for name, values in self.signals.items():
@@ -122,24 +119,6 @@ class Run(Displayable):
             members.add_row(name, f"{one.steps:,}", f"{100.0 * one.share:.0f} %")
         yield members
         yield from self.notes
-
-    def draw(self) -> Figure:
-        """Draw the signals over time, one panel each; of many only the first.
-
-        Raises
-        ------
-        UserError
-            If the run has no points or no signals.
-        """
-        if not (self.time.size and self.signals):
-            raise UserError("the run has no points or no signals, so there is nothing to draw")
-        shown = list(self.signals.items())[:_MOST_PANELS]
-        figure, axes = pictures.panels(len(shown), self._extent)
-        for axis, (name, values) in zip(axes, shown, strict=True):
-            axis.plot(self.time, values, color=pictures.MODEL)
-            pictures.fit_values(axis)
-            pictures.label(axis, name, self.units[name])
-        return figure
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the signals as a table over time.

@@ -51,10 +51,10 @@ class MemberCall(NamedTuple):
         Returns the FMI status.
     member : Instance
     request : str
-        What the member is asked to do, for the message if it fails.
+        The request to the member in words, for the message if it fails.
     operation : BufferTransfer, PlainStep or ExchangeStage, optional
-        What the call does, for the kernel. An `ExchangeStage` has the values of the point at which
-        the step begins; None can be done by Python only.
+        The operation of the call, for the kernel. An `ExchangeStage` has the values of the point
+        at which the step begins; None can be done by Python only.
     """
 
     call: FmiCall
@@ -73,7 +73,7 @@ class ExchangeStage(NamedTuple):
     scaled : list of BufferedConnection
         The same with factor and offset.
     disturbances : list of (int, list of float)
-        Place of a connected input, and what is added to it at each point.
+        Place of a connected input, and the value that is added to it at each point.
     external : list of (int, list of float)
         Place of an input, and its value from outside at each point.
     calls : list of MemberCall

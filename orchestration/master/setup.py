@@ -151,7 +151,7 @@ def disturbance_values(
         port = system.port(name)
         if port not in connected:
             raise UserError(
-                f"disturbance {name}: is no connected input; what nothing is connected to is driven"
+                f"disturbance {name}: is no connected input; one without a connection is driven"
             )
         values_of[port] = _column(f"disturbance {name}", values, points)
     return values_of

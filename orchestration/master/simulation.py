@@ -53,8 +53,8 @@ class CouplingOptions(TypedDict, total=False):
         Connected inputs are held over a step, or change linearly.
     feedthrough : bool
         False: outputs are read at the end of every step, before any input is set. There are no
-        algebraic loops then, but an output that depends on inputs is a step late. This is what FMI
-        2.0 requires of a master in the strict sense.
+        algebraic loops then, but an output that depends on inputs is a step late. FMI 2.0 requires
+        it of a master in the strict sense.
     tolerance : float, optional
         Between two points take as many steps as it takes to keep the coupling error of each below
         ``tolerance * (nominal + |value|)``; default one step.
@@ -101,8 +101,8 @@ def run(
     time : ndarray, shape (n,)
         Communication points in s, increasing.
     inputs : Mapping of str to ndarray, shape (n,)
-        By input of the system, or by ``member.variable``, in the FMU's units; what is missing keeps
-        its start value.
+        By input of the system, or by ``member.variable``, in the FMU's units; an input that is
+        missing keeps its start value.
     disturbances : Mapping of str to ndarray, shape (n,)
         Values that are added to connected inputs ``member.variable``, in their units, from every
         point until the next, for instance the part of a record that a model of the source does not
@@ -201,7 +201,7 @@ def _check_points(time: Array) -> list[float]:
 
 
 def _coupling(options: CouplingOptions) -> CouplingOptions:
-    """Return all options, those that are not given by default; refuse what is not allowed."""
+    """Return all options, with defaults for those not given; refuse values that are not allowed."""
     unknown = sorted(options.keys() - _COUPLING.keys())
     if unknown:
         raise TypeError(f"run() got an unexpected keyword argument {unknown[0]!r}")

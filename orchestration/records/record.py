@@ -11,11 +11,10 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.reporting import Displayable, one_line, pictures
+from orchestration.reporting import Displayable, one_line
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
     from rich.console import RenderableType
 
 REPAIRING_KINDS = frozenset(
@@ -131,24 +130,6 @@ class Record(Displayable):
         import pandas
 
         return pandas.DataFrame(self.signals, index=pandas.Index(self.time, name="time"))
-
-    def draw(self) -> Figure:
-        """Draw every signal over time, one panel each.
-
-        Raises
-        ------
-        UserError
-            If it has no samples or no signals.
-        """
-        if not (self.time.size and self.signals):
-            raise UserError(f"{self.source}: no samples or no signals, so there is nothing to draw")
-        figure, axes = pictures.panels(len(self.signals), self.source.name)
-        for axis, (name, values) in zip(axes, self.signals.items(), strict=True):
-            axis.plot(self.time, values, color=pictures.MEASURED, lw=1)
-            pictures.fit_values(axis)
-            pictures.label(axis, name, self.units[name])
-        pictures.logarithmic(axes, self.time)
-        return figure
 
 
 def list_rows(rows: Iterable[int], limit: int = 5) -> str:

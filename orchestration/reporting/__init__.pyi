@@ -16,6 +16,8 @@ from .console import verbosity as verbosity
 from .console import warn as warn
 from .console import wrote as wrote
 from .datasets import ResultDataset as ResultDataset
+from .drawing import draw as draw
+from .drawing import make_page as make_page
 from .elements import Bar as Bar
 from .elements import format_ends as format_ends
 from .elements import format_quantities as format_quantities

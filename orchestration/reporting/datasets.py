@@ -13,6 +13,7 @@ import xarray
 from xarray.plot.accessor import DatasetPlotAccessor
 
 from orchestration.reporting import pictures
+from orchestration.reporting.drawing import draw
 from orchestration.reporting.notebook import bundle
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ class ResultDataset(xarray.Dataset):
         UserError
             If there is nothing to draw.
         """
-        raise NotImplementedError
+        return draw(self)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the result as a table."""

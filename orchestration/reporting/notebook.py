@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
+from orchestration.reporting.drawing import draw
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,7 +43,7 @@ class Displayable:
         UserError
             If there is nothing to draw.
         """
-        raise UserError(f"{type(self).__name__}: this has no picture")
+        return draw(self)
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw the result, and write the picture where a path is given.

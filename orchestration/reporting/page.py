@@ -85,7 +85,7 @@ td:first-child .two { min-width: 13rem } td .two .muted { display: block; line-h
 .bars b { grid-column: 1 / -1 } .bars .track { height: 0.8rem; background: #f2f5f8;
   border-radius: 2px }
 .bars .track i { display: block; height: 100%; min-width: 2px; border-radius: 2px }
-math { font-size: 1.25rem; margin: 0.8rem 0 1rem; overflow-x: auto; max-width: 100% }
+.equation { font: italic 1.25rem serif; margin: 0.8rem 0 1rem; overflow-x: auto }
 .gain { display: block; height: 4px; border-radius: 2px; background: #0b6aa2; margin-top: 0.3rem;
   min-width: 1px }
 .pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 22rem), 1fr));

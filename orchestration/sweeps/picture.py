@@ -1,131 +1,36 @@
-"""Picture of a sweep: numbers over the first parameter, as curves of a grid or as points."""
+"""Picture of a sweep, or of its analysis: the one that its dimensions call for."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import product
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-import xarray
+from typing import TYPE_CHECKING
 
 from fmus.kit import UserError
-from orchestration.experiment import results
-from orchestration.reporting import option, pictures
+from orchestration.reporting import draw
+from orchestration.sweeps.curves import draw_curves
+from orchestration.sweeps.result import SweepResult
+from orchestration.sweeps.sensitivity import indices, one_at_a_time, prediction_bands
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOST = 6  # panels of a picture, and curves of a legend
 
-
-def names_to_draw(names: Sequence[str]) -> list[str]:
-    """Return as many of the names as a picture has room for."""
-    return list(names[:MOST])
-
-
-def describe_left_out(names: Sequence[str]) -> list[str]:
-    """Say in a line, if at all, which of the names a picture has no room for."""
-    if len(names) <= MOST:
-        return []
-    return [
-        f"the picture shows the first {MOST} of {len(names)} numbers, without"
-        f" {', '.join(names[MOST:])}; {option('outputs')} and {option('keep')} choose others"
-    ]
-
-
-def draw(data: xarray.Dataset) -> Figure:
-    """Draw the first numbers of a sweep over its parameters, in display units.
-
-    Parameters
-    ----------
-    data : xarray.Dataset
-        Of `orchestration.sweeps.execution.dataset`.
+@draw.register(SweepResult)
+def draw_sweep(data: SweepResult) -> Figure:
+    """Draw numbers over parameters; indices, a tornado or bands of what was analysed.
 
     Raises
     ------
     UserError
-        If there are no numbers.
+        If there is nothing to draw, or it is a part of a sweep only.
     """
-    names = names_to_draw(_numbers(data))
-    if not names:
-        raise no_numbers()
-    first = _parameters(data)[0]
-    across, unit = results.displayed(data[first])
-    figure, panels = pictures.panels(len(names), str(data.attrs["model"]))
-    for panel, name in zip(panels, names, strict=True):
-        values, own = results.displayed(data[name])
-        if "case" in data[name].dims:
-            panel.plot(across, values, ".", color=pictures.MODEL)
-        else:
-            _draw_curves(panel, data, data[name].copy(data=values), first, across)
-        pictures.label(panel, name, own)
-    if 1 < _count_curves(data[names[0]], first) <= MOST:
-        panels[0].legend()
-    panels[-1].set_xlabel(first + ("" if unit == "1" else f" [{unit}]"))
-    return figure
-
-
-def no_numbers() -> UserError:
-    """Return the refusal of a picture of numbers where none is kept."""
-    return UserError(
-        "no picture: numbers are drawn over parameters, such as"
-        f" {option('keep', ['last'])}, and there are none"
-    )
-
-
-def left_out(data: xarray.Dataset) -> list[str]:
-    """Return what the picture of a sweep leaves out, in a line each."""
-    numbers = _numbers(data)
-    first, *others = _parameters(data)
-    return [*describe_left_out(numbers), *_describe_others(data[numbers[0]], first, others)]
-
-
-def _numbers(data: xarray.Dataset) -> list[str]:
-    return [
-        str(name) for name, value in data.items() if name != "failure" and "time" not in value.dims
-    ]
-
-
-def _parameters(data: xarray.Dataset) -> list[str]:
-    return [str(name) for name in data.coords if name != "time"]
-
-
-def _count_curves(value: xarray.DataArray, first: str) -> int:
-    """Return how many curves a number of a grid is; 0 where its cases are points."""
-    return 0 if "case" in value.dims else value.size // value.sizes[first]
-
-
-def _describe_others(value: xarray.DataArray, first: str, others: Sequence[str]) -> list[str]:
-    """Say in a line, if at all, what is not seen of the parameters besides the first."""
-    named = ", ".join(others)
-    curves = _count_curves(value, first)
-    if others and not curves:
-        return [f"the picture shows the cases over {first} alone, not over {named}"]
-    if curves > MOST:
-        return [
-            f"the picture has {curves} curves, from dark to light in the order of {named},"
-            " and no room for a legend"
-        ]
-    return []
-
-
-def _draw_curves(
-    panel: Any, data: xarray.Dataset, value: xarray.DataArray, first: str, across: Any
-) -> None:
-    """Draw a number over the first parameter of a grid, a curve for all values of the others."""
-    others = [str(dim) for dim in value.dims if dim != first]
-    curves = value.transpose(first, *others).values.reshape(len(across), -1).T
-    shades = np.linspace(1.0, 0.25, len(curves))
-    for curve, shade, label in zip(curves, shades, _labels(data, others), strict=True):
-        panel.plot(across, curve, color=pictures.MODEL, alpha=float(shade), label=label)
-
-
-def _labels(data: xarray.Dataset, parameters: list[str]) -> list[str]:
-    """Return a label for every combination of values of parameters, the last changing fastest."""
-    texts = []
-    for name in parameters:
-        values, unit = results.displayed(data[name])
-        suffix = "" if unit == "1" else f" {unit}"
-        texts.append([f"{name} = {value:g}{suffix}" for value in values])
-    return [", ".join(one) for one in product(*texts)]
+    dimensions = {str(name) for name in data.dims}
+    swept = {*str(data.attrs.get("over", "")).split()}
+    if {"parameter", "index"} <= dimensions:
+        return indices.draw(data)
+    if {"parameter", "end"} <= dimensions:
+        return one_at_a_time.draw(data)
+    if "quantile" in dimensions:
+        return prediction_bands.draw(data)
+    if swept and ("case" in dimensions or swept <= dimensions):
+        return draw_curves(data)
+    raise UserError("this is a part of a sweep, of which there is no picture; draw the whole")

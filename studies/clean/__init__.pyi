@@ -7,5 +7,6 @@ from .records import CleanRecord as CleanRecord
 from .records import cases as cases
 from .records import conditions as conditions
 from .records import draw as draw
+from .records import in_turn as in_turn
 from .records import timing_of as timing_of
 from .stimuli import SMOOTH as SMOOTH

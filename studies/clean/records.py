@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from studies.clean.disturbances import INPUT_NOISE, JITTER, ON_OUTPUTS, jittered
 from studies.clean.stimuli import SMOOTH, STIMULI, Shape
 from studies.plants import DRAWN, FINEST, PLANTS, Loop, Plant, closed_loop, simulate
 
+Choices = Mapping[str, list[list[tuple[str, ...]]]]  # what may be hidden in plants, by groups
 CLOSED = "closed loop"
 RELEASED = "released"  # nothing drives a free decay
 KINDS = tuple(ON_OUTPUTS)
@@ -211,6 +212,38 @@ def conditions(plant: Plant, noise: str, seed: int, rng: np.random.Generator) ->
     )
     at_rest = bool(rng.random() < 0.5) or plant.begins_at_rest or bool(plant.released)
     return Case(plant.name, stimulus, noise, seed, timing, smooth, at_rest)
+
+
+def in_turn(
+    count: int, seed: int, plants: Sequence[str], rng: np.random.Generator, choices: Choices
+) -> Iterator[tuple[Case, tuple[str, ...], int]]:
+    """Yield cases, what is hidden in each, and its turn.
+
+    Plants and kinds of noise come in turn, and what may be hidden in a plant as well, in an order
+    that is drawn; all else as for clean records.
+
+    Parameters
+    ----------
+    count, seed : int
+    plants : sequence of str
+    rng : numpy.random.Generator
+    choices : mapping of str to list of list of tuple of str
+        By plant: groups of what may be hidden, of which a case has one of one group.
+    """
+    waiting: dict[str, list[list[tuple[str, ...]]]] = {name: [] for name in plants}
+    for k in range(count):
+        plant = PLANTS[plants[k % len(plants)]]
+        turn = k // len(plants)
+        left = waiting[plant.name]
+        if not left:
+            every = choices[plant.name]
+            left += [every[i] for i in rng.permutation(len(every))]
+        group = left.pop()
+        hidden = group[rng.integers(len(group))]
+        noise = KINDS[(k + turn) % len(KINDS)]
+        if noise == "jitter" and plant.rate > 1.0 / JITTER:
+            noise = KINDS[0]  # samples would change their order
+        yield conditions(plant, noise, 100_000 * seed + k, rng), hidden, turn
 
 
 def timing_of(plant: Plant, timing: str) -> tuple[float, float, float]:

@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from fmus.kit.arrays import Array
-from studies.clean import KINDS, Case, CleanRecord, conditions, draw, least_squares_fit, timing_of
+from studies.clean import Case, CleanRecord, draw, in_turn, least_squares_fit, timing_of
 from studies.hidden.variations import OUTSIDE, STRENGTHS, USUAL, VARIATIONS, Variation
 from studies.plants import PLANTS, Plant
 
@@ -45,7 +45,6 @@ class HiddenCase(Case):
 
 def draw_hidden(case: HiddenCase, strength: float | None = None) -> CleanRecord:
     """Draw one record; of another strength if wanted, 0 for none."""
-    plain = Case(**{n: getattr(case, n) for n in Case.__dataclass_fields__})
     _, duration, _ = timing_of(PLANTS[case.plant], case.timing)
     changes = [
         one.variation.drawn(
@@ -55,17 +54,17 @@ def draw_hidden(case: HiddenCase, strength: float | None = None) -> CleanRecord:
         )
         for one in case.alone()
     ]
-    return draw(plain, plant=PLANTS[case.plant].with_hidden(*changes))
+    return draw(case, plant=PLANTS[case.plant].with_hidden(*changes))
 
 
 def cases(count: int, seed: int, plants: Sequence[str] = USUAL) -> list[HiddenCase]:
     """Draw cases of one hidden effect; one in six is outside every family."""
-    return list(_cases(count, seed, plants, np.random.default_rng([seed, 13]), _single))
+    return list(_cases(count, seed, plants, 13, _single))
 
 
 def cases_of_two(count: int, seed: int, plants: Sequence[str] = USUAL) -> list[HiddenCase]:
     """Draw cases of two effects at once, of one strength."""
-    return list(_cases(count, seed, plants, np.random.default_rng([seed, 14]), _double))
+    return list(_cases(count, seed, plants, 14, _double))
 
 
 def _single(plant: str) -> Choices:
@@ -94,31 +93,12 @@ def _laws(variation: Variation) -> set[str]:
 
 
 def _cases(
-    count: int,
-    seed: int,
-    plants: Sequence[str],
-    rng: np.random.Generator,
-    known: Callable[[str], Choices],
+    count: int, seed: int, plants: Sequence[str], stream: int, known: Callable[[str], Choices]
 ) -> Iterator[HiddenCase]:
-    """Draw cases: plants, kinds of noise and strengths in turn.
-
-    Families of a plant are drawn at random, all else as for clean records.
-    """
-    choices = {name: known(name) for name in plants}
-    families: dict[str, list[tuple[str, ...]]] = {name: [] for name in plants}
-    for k in range(count):
-        plant = PLANTS[plants[k % len(plants)]]
-        turn = k // len(plants)
-        left = families[plant.name]
-        if not left:
-            every = list(choices[plant.name])
-            left += [every[i] for i in rng.permutation(len(every))]
-        shapes = choices[plant.name][left.pop()]
-        hidden = dict(zip(("hidden", "second"), shapes[rng.integers(len(shapes))], strict=False))
-        noise = KINDS[(k + turn) % len(KINDS)]
-        if noise == "jitter" and plant.rate > 200.0:
-            noise = KINDS[0]
-        case = conditions(plant, noise, 100_000 * seed + k, rng)
+    rng = np.random.default_rng([seed, stream])
+    choices = {name: [*known(name).values()] for name in plants}
+    for case, names, turn in in_turn(count, seed, plants, rng, choices):
+        hidden = dict(zip(("hidden", "second"), names, strict=False))
         yield HiddenCase(**asdict(case), **hidden, strength=STRENGTHS[turn % len(STRENGTHS)])
 
 

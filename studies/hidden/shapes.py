@@ -5,15 +5,17 @@ Each has several shapes, their sizes drawn at random.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import exp, pi, sin, sqrt
 
 import numpy as np
 
 from studies.hidden import curves
-from studies.plants import Change, in_a_row, late, of_time, play, remembered, static
+from studies.plants import Change, in_a_row, ladder, late, of_time, play, remembered, static
 
+TWO = 0.4, 1.6  # times of two stores, over their mean
+THREE = 0.2, 0.7, 2.5
 OUTSIDE = "outside"  # every family: nothing in the catalogue is right
 STRENGTHS = 1.0, 0.3
 
@@ -64,14 +66,25 @@ class Variation:
         return self.make(Dice(rng, strength, duration))
 
 
-def named(plant: str, family: str, right: str, shapes: dict[str, Maker]) -> Iterator[Variation]:
-    """Return the shapes of a family; right answers are separated by semicolons."""
-    names = frozenset(name.strip() for name in right.split(";") if name.strip())
-    for shape, make in shapes.items():
-        yield Variation(plant, family, shape, names, make)
+Shapes = dict[str, Maker]  # of one family, by name
+Family = tuple[str, str, Shapes]  # name, right answers (separated by semicolons), shapes
 
 
-def dry(place: str, low: float, high: float, width: float, finest: float) -> dict[str, Maker]:
+def variations(plant: str, families: Iterable[Family]) -> Iterator[Variation]:
+    """Yield every shape of the families of a plant."""
+    for family, right, shapes in families:
+        names = frozenset(name.strip() for name in right.split(";") if name.strip())
+        for shape, make in shapes.items():
+            yield Variation(plant, family, shape, names, make)
+
+
+def sensor(kind: str, output: str, *size: float) -> Family:
+    """Return a fault of the sensor of an output, one of `_SENSORS`."""
+    effect, shapes = _SENSORS[kind]
+    return f"sensor {kind}", f"{effect}({output})", shapes(output, *size)
+
+
+def dry(place: str, low: float, high: float, width: float, finest: float) -> Shapes:
     """Return dry friction with three shapes of its sign."""
     return {
         "arc tangent": lambda d: static(place, curves.dry_arctan(d.size(low, high), width), finest),
@@ -80,7 +93,7 @@ def dry(place: str, low: float, high: float, width: float, finest: float) -> dic
     }
 
 
-def drag(place: str, low: float, high: float, at: float) -> dict[str, Maker]:
+def drag(place: str, low: float, high: float, at: float) -> Shapes:
     """Return drag by other powers than two, or one that tapers."""
     return {
         "lower power": lambda d: static(
@@ -93,7 +106,7 @@ def drag(place: str, low: float, high: float, at: float) -> dict[str, Maker]:
     }
 
 
-def uneven(place: str, low: float, high: float, at: float) -> dict[str, Maker]:
+def uneven(place: str, low: float, high: float, at: float) -> Shapes:
     """Return forces larger in one direction than in the other."""
     return {
         "rounded": lambda d: static(place, curves.one_way(d.size(low, high), at)),
@@ -101,7 +114,7 @@ def uneven(place: str, low: float, high: float, at: float) -> dict[str, Maker]:
     }
 
 
-def zone(place: str, low: float, high: float) -> dict[str, Maker]:
+def zone(place: str, low: float, high: float) -> Shapes:
     """Return dead zones: rounded, with soft edges, or wider on one side."""
     return {
         "hyperbola": lambda d: static(place, curves.zone_hyperbola(d.size(low, high))),
@@ -110,7 +123,7 @@ def zone(place: str, low: float, high: float) -> dict[str, Maker]:
     }
 
 
-def levelling(place: str, low: float, high: float) -> dict[str, Maker]:
+def levelling(place: str, low: float, high: float) -> Shapes:
     """Return saturations by three formulas."""
 
     def algebraic(d: Dice) -> Change:
@@ -127,7 +140,7 @@ def levelling(place: str, low: float, high: float) -> dict[str, Maker]:
     }
 
 
-def backlash(place: str, low: float, high: float, time: float) -> dict[str, Maker]:
+def backlash(place: str, low: float, high: float, time: float) -> Shapes:
     """Return play with rounded or uneven edges that settles in a time."""
 
     def rounded(d: Dice) -> Change:
@@ -141,7 +154,7 @@ def backlash(place: str, low: float, high: float, time: float) -> dict[str, Make
     return {"rounded": rounded, "uneven": uneven}
 
 
-def lag(place: str, low: float, high: float) -> dict[str, Maker]:
+def lag(place: str, low: float, high: float) -> Shapes:
     """Return two lags in a row, or two in parallel."""
 
     def spread(d: Dice) -> Change:
@@ -154,7 +167,7 @@ def lag(place: str, low: float, high: float) -> dict[str, Maker]:
     }
 
 
-def drift(output: str, size: float) -> dict[str, Maker]:
+def drift(output: str, size: float) -> Shapes:
     """Return drifts of an output that settle, slow down or grow."""
 
     def settling(d: Dice) -> Change:
@@ -173,12 +186,105 @@ def drift(output: str, size: float) -> dict[str, Maker]:
     return {"settling": settling, "root": root, "growing": growing}
 
 
-def delayed(output: str, low: float, high: float) -> dict[str, Maker]:
+def delayed(output: str, low: float, high: float) -> Shapes:
     """Return a delay of an output by whole samples."""
     return {"whole samples": lambda d: late(output, d.size(low, high))}
 
 
-def shifted(place: str, size: float) -> dict[str, Maker]:
+def gain(output: str, low: float, high: float) -> Shapes:
+    """Return a sensor of another scale, which has one shape only."""
+
+    def constant(d: Dice) -> Change:
+        share = d.sign() * d.size(low, high)
+        return static(output, lambda y: share * y)
+
+    return {"constant": constant}
+
+
+def powers(place: str, at: float, **shapes: tuple[float, float, float, float]) -> Shapes:
+    """Return powers by name: sizes at `at` and exponents, each between two."""
+
+    def make(low: float, high: float, least: float, most: float) -> Maker:
+        return lambda d: static(place, curves.power(d.size(low, high), at, d.plain(least, most)))
+
+    return {name.replace("_", " "): make(*drawn) for name, drawn in shapes.items()}
+
+
+def hardening(place: str, low: float, high: float, at: float) -> Shapes:
+    """Return springs that harden by two formulas."""
+    return {
+        "sinh": lambda d: static(place, curves.hard_sinh(d.size(low, high), at)),
+        "rational": lambda d: static(place, curves.hard_rational(d.size(low, high), at)),
+    }
+
+
+def stop(
+    place: str,
+    low: float,
+    high: float,
+    where: tuple[float, float],
+    width: float,
+    either_side: bool = True,
+) -> Shapes:
+    """Return one-sided stops, rounded or after Hertz, of a stiffness and at a place."""
+
+    def make(curve: Callable[[float, float, float, float], curves.Curve]) -> Maker:
+        return lambda d: static(
+            place,
+            curve(d.size(low, high), d.plain(*where), width, d.sign() if either_side else 1.0),
+        )
+
+    return {"rounded": make(curves.stop_rounded), "Hertz": make(curves.stop_hertz)}
+
+
+def stores(
+    place: str,
+    amount: tuple[float, float],
+    time: tuple[float, float],
+    rest: float = 0.0,
+    names: tuple[str, str] = ("two stores", "three stores"),
+) -> Shapes:
+    """Return two or three stores behind resistances, beside what is there: they take and give."""
+
+    def make(times: tuple[float, ...]) -> Maker:
+        def store(d: Dice) -> Change:
+            mean = d.plain(*time)
+            return remembered(place, d.size(*amount), [mean * t for t in times], rest, ahead=True)
+
+        return store
+
+    return {name: make(times) for name, times in zip(names, (TWO, THREE), strict=True)}
+
+
+def slow_pair(
+    place: str,
+    amount: tuple[float, float],
+    diffusion: tuple[float, float],
+    stretched: tuple[float, float],
+) -> Shapes:
+    """Return what follows by diffusion, or by a spectrum of times; both times are drawn."""
+
+    def spectrum(d: Dice) -> Change:
+        mean = d.plain(*stretched)
+        return remembered(place, d.size(*amount), [mean * 10.0**k for k in (-0.6, -0.2, 0.2, 0.6)])
+
+    return {
+        "diffusion": lambda d: ladder(place, d.size(*amount), d.plain(*diffusion)),
+        "stretched": spectrum,
+    }
+
+
+def charge_transfer(place: str, low: float, high: float) -> Shapes:
+    """Return overvoltages of a charge transfer, V at 2 A."""
+    return {
+        "Butler and Volmer": lambda d: static(
+            place, curves.butler_volmer(d.size(low, high), 2.0, d.plain(0.15, 0.5))
+        ),
+        **powers(place, 2.0, exponent=(low, high, 0.4, 0.6)),
+    }
+
+
+def shifted(place: str, size: float) -> Shapes:
     """Return a constant, which has one shape only; here it wanders by a tenth."""
 
     def constant(d: Dice) -> Change:
@@ -189,7 +295,7 @@ def shifted(place: str, size: float) -> dict[str, Maker]:
     return {"constant": constant}
 
 
-def outside(place: str, size: float, period: float, per_signal: float) -> dict[str, Maker]:
+def outside(place: str, size: float, period: float, per_signal: float) -> Shapes:
     """Return a disturbance that returns, one that jumps, and one that ages the law."""
 
     def returning(d: Dice) -> Change:
@@ -207,3 +313,12 @@ def outside(place: str, size: float, period: float, per_signal: float) -> dict[s
         return of_time(place, lambda x, t: most * x * (t / d.duration) ** 2)
 
     return {"returning": returning, "jumping": jumping, "ageing": ageing}
+
+
+_SENSORS: dict[str, tuple[str, Callable[..., Shapes]]] = {
+    "lag": ("sensor_lag", lag),
+    "delay": ("transport_delay", delayed),
+    "offset": ("sensor_offset", shifted),
+    "drift": ("sensor_drift", drift),
+    "gain": ("sensor_gain", gain),
+}

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from fmus.kit.arrays import Array
-from studies.clean import KINDS as NOISES
-from studies.clean import Case, CleanRecord, conditions, draw, timing_of
+from studies.clean import Case, CleanRecord, draw, in_turn, timing_of
 from studies.hidden import COARSE, STRENGTHS, base_refit, widths
 from studies.hidden_laws.kinds import KINDS, NAMES
 from studies.hidden_laws.place import Curve, Lack
@@ -42,37 +41,20 @@ def lack_of(case: LawCase, strength: float | None = None) -> Lack:
 
 def draw_lack(case: LawCase, strength: float | None = None) -> CleanRecord:
     """Draw one record; of another strength if wanted, 0 for none."""
-    plain = Case(**{n: getattr(case, n) for n in Case.__dataclass_fields__})
-    return draw(plain, plant=PLANTS[case.plant].with_hidden(lack_of(case, strength).change))
+    return draw(case, plant=PLANTS[case.plant].with_hidden(lack_of(case, strength).change))
 
 
 def cases(count: int, seed: int, plants: Sequence[str] = NAMES) -> list[LawCase]:
-    """Draw cases: plants, kinds of noise and strengths in turn.
-
-    Kinds of a plant are drawn at random, all else as for clean records.
-    """
-    return list(_cases(count, seed, plants))
-
-
-def _cases(count: int, seed: int, plants: Sequence[str]) -> Iterator[LawCase]:
-    rng = np.random.default_rng([seed, 30])
-    waiting: dict[str, list[str]] = {name: [] for name in plants}
-    for k in range(count):
-        plant = PLANTS[plants[k % len(plants)]]
-        turn = k // len(plants)
-        several = list(
-            dict.fromkeys(kind.kind for kind in KINDS.values() if kind.plant == plant.name)
-        )
-        if not waiting[plant.name]:
-            waiting[plant.name] = [several[i] for i in rng.permutation(len(several))]
-        wanted = waiting[plant.name].pop()
-        shapes = [n for n, kind in KINDS.items() if (kind.plant, kind.kind) == (plant.name, wanted)]
-        hidden = shapes[rng.integers(len(shapes))]
-        noise = NOISES[(k + turn) % len(NOISES)]
-        if noise == "jitter" and plant.rate > 200.0:
-            noise = NOISES[0]
-        case = conditions(plant, noise, 100_000 * seed + k, rng)
-        yield LawCase(**asdict(case), hidden=hidden, strength=STRENGTHS[turn % len(STRENGTHS)])
+    """Draw cases: plants, kinds of noise, kinds of lack and strengths in turn."""
+    choices: dict[str, dict[str, list[tuple[str, ...]]]] = {name: {} for name in NAMES}
+    for name, kind in KINDS.items():
+        choices[kind.plant].setdefault(kind.kind, []).append((name,))
+    groups = {plant: [*choices[plant].values()] for plant in plants}
+    drawn = in_turn(count, seed, plants, np.random.default_rng([seed, 30]), groups)
+    return [
+        LawCase(**asdict(case), hidden=hidden, strength=STRENGTHS[turn % len(STRENGTHS)])
+        for case, (hidden,), turn in drawn
+    ]
 
 
 @dataclass(frozen=True)

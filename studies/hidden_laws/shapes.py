@@ -8,8 +8,8 @@ from math import cos, exp, tanh
 
 import numpy as np
 
-from studies.hidden import STRENGTHS, Dice, curves
-from studies.hidden_laws.place import Answer, Curve, Lack, answers
+from studies.hidden import Dice, curves
+from studies.hidden_laws.place import Answer, Curve, Lack, answers, over, over_count
 from studies.plants import PLANTS, Place
 
 Maker = Callable[[Dice], Lack]
@@ -57,26 +57,17 @@ class Kind:
         return self.make(Dice(rng, strength, duration))
 
 
-def kinds(
-    plant: str,
-    kind: str,
-    place: str,
-    shapes: dict[str, tuple[frozenset[str], Maker]],
-    memory: str = "",
-    signals: str = "",
-    *,
-    memories: str = "",
-    multiplied: str = "",
-    also: str = "",
-    coefficient: tuple[str, float] = ("", 1.0),
-) -> Iterator[Kind]:
-    """Make a kind in its shapes.
+@dataclass(frozen=True)
+class Missing:
+    """What a law of a plant may lack, in several shapes.
 
-    Parameters
+    Attributes
     ----------
-    plant, kind, place : str
-    shapes : dict of str to tuple of frozenset and callable
-        By name, with the closed form's.
+    kind : str
+    place : str
+        Law and signal.
+    shapes : Shapes or dict of str to callable
+        Curves of the signal or of what is remembered of it, or what makes the whole.
     memory : str
         What is remembered of the signal.
     signals : str
@@ -91,17 +82,53 @@ def kinds(
     coefficient : tuple of str and float
         Of `Kind`.
     """
-    at = Place.of(place)
-    nominal = PLANTS[plant].nominal
-    laws = ", ".join(PLANTS[plant].equals(at.law, nominal)) if at.kind == "add" else at.law
-    of = f"{at.signal}{f', {signals}' if signals else ''} [{memories or memory}]"
-    texts = [f"{laws} {'+' if at.kind == 'add' else 'x'} {of}", also]
-    if multiplied:
-        texts.append(f"{multiplied} * {of}")
-    for shape, (closed, make) in shapes.items():
-        yield Kind(
-            plant, kind, shape, at, memory, answers(";".join(texts)), closed, make, coefficient
-        )
+
+    kind: str
+    place: str
+    shapes: Shapes | dict[str, Maker]
+    memory: str = ""
+    signals: str = ""
+    memories: str = ""
+    multiplied: str = ""
+    also: str = ""
+    coefficient: tuple[str, float] = ("", 1.0)
+
+    def kinds(self, plant: str) -> Iterator[Kind]:
+        """Yield every shape."""
+        at = Place.of(self.place)
+        right = answers(";".join(self._answers(plant, at)))
+        for shape, made in self.shapes.items():
+            closed, make = (NONE, made) if callable(made) else (made[0], self._maker(made[1]))
+            yield Kind(
+                plant,
+                self.kind,
+                shape,
+                at,
+                self.memory,
+                right,
+                closed,
+                make,
+                self.coefficient,
+            )
+
+    def _answers(self, plant: str, at: Place) -> Iterator[str]:
+        """Yield answers that are right, as `answers` reads them."""
+        named = ", ".join(filter(None, (at.signal, self.signals)))
+        of = f"{named} [{self.memories or self.memory}]"
+        if at.kind == "add":
+            yield f"{', '.join(PLANTS[plant].equals(at.law, PLANTS[plant].nominal))} + {of}"
+        else:
+            yield f"{at.law} x {of}"
+        yield self.also
+        if self.multiplied:
+            yield f"{self.multiplied} * {of}"
+
+    def _maker(self, draw: Callable[[Dice], Curve]) -> Maker:
+        """Return what draws a curve of the signal, or of what is counted of it."""
+        counted = "time" if Place.of(self.place).signal == "time" else self.memory
+        if counted:
+            return lambda d: over_count(self.place, draw(d), counted)
+        return lambda d: over(self.place, draw(d))
 
 
 def odd_powers(low: float, high: float, at: float) -> Shapes:
@@ -236,21 +263,3 @@ def positive(low: float, high: float, at: float) -> Shapes:
 
 def _scaled(amount: float, at: float, form: Curve, zero: float = 0.0) -> Curve:
     return lambda x: amount * form((x - zero) / at)
-
-
-__all__ = [
-    "NONE",
-    "STRENGTHS",
-    "Kind",
-    "Maker",
-    "Shapes",
-    "even",
-    "growing",
-    "kinds",
-    "levelling",
-    "odd_bends",
-    "odd_powers",
-    "one_sided",
-    "positive",
-    "rising",
-]

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fmus.kit import Effect
 from orchestration.discrepancy import Verdict
 from orchestration.identify import normalised_rms
 from studies.clean import CleanRecord
-from studies.hidden import HiddenCase
 from studies.judging.floor import BASE, EVIDENCE, Fitted
+from studies.judging.study import Row
 
 if TYPE_CHECKING:
     from orchestration.api import DiagnosisResult
 
-Row = dict[str, Any]
 LEAST = 1.3  # noise widths that must be left of a hidden effect
 
 
@@ -30,11 +29,6 @@ def related(effects: Mapping[str, type[Effect]], right: set[str]) -> set[str]:
     """Return labels of effects with law and signal of right ones: shape, not another cause."""
     families = {effects[name].term.family for name in right} - {""}
     return right | {name for name, effect in effects.items() if effect.term.family in families}
-
-
-def title(row: Row) -> str:
-    """Name a record."""
-    return str(HiddenCase(**{n: row[n] for n in HiddenCase.__dataclass_fields__ if n in row}))
 
 
 def excluded(row: Row) -> str:

@@ -7,30 +7,17 @@ fault as with dry friction of the slide, and diagnoses each from its file.
 
 from __future__ import annotations
 
-import argparse
-import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from benchmarks.tables import Table, Topic
 from orchestration.discrepancy.systems import SystemDiagnosis, diagnose_system
 from orchestration.system import library, ssp
 from studies.benches import BenchRecord, draw
-from studies.judging.kept import add_options, among, judged
-from studies.judging.stamp import stamp
+from studies.judging.study import Chosen, Part, Row, Study, among, processor_time
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "bench-records.md"
-CODE = (
-    "orchestration/discrepancy/systems",
-    "fmus/kit/fmi",
-    "fmus/voice_coil_dma",
-    "fmus/ppy_actuator",
-    "studies/benches",
-)
 CLEAN = "clean"
 FRICTION = "dry friction"
 KINDS = (CLEAN, FRICTION)
@@ -38,24 +25,6 @@ _FORCES = {CLEAN: (0.0, 0.0), FRICTION: (0.1, 0.5)}  # N
 # Dry friction is one law over one signal: Stribeck's curve that falls off beyond all velocities of
 # a record is Coulomb's, with as many parameters. Said before the study was drawn.
 _NAMES = ("coulomb_friction", "stribeck_friction")
-_HEAD = (
-    "# What is said of benches with an actuator\n"
-    "\n"
-    "Drawn by `python -m studies.judging.bench --records {records} --seed {seed}`; `make"
-    " bench-study` draws it anew.\n"
-    "Records of 10 to 25 s at 100 Hz of a voice coil that holds an actuator, by a simulation that"
-    " shares no code with\n"
-    "the models under test. The 30 Hz controller begins at any phase of the record's clock; every"
-    " second bench has\n"
-    "parameters that are not nominal, in every second the noise of the load cell goes through the"
-    " controller, and the\n"
-    "clock of every fourth jitters by 0.3 ms. Each is diagnosed with `ppy diagnose RECORD --system"
-    " dma_bench.ssp`.\n"
-    "\n"
-    "{stamp}\n"
-    "\n"
-)
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -92,9 +61,9 @@ def judge(case: BenchCase) -> Row:
         path = record.write(Path(folder) / "record.csv")
         system = Path(folder) / "dma_bench.ssp"
         ssp.write(library.system("dma_bench"), system)
-        begun = _processor_time()
+        begun = processor_time()
         diagnosis = diagnose_system(path, system)
-        seconds = _processor_time() - begun
+        seconds = processor_time() - begun
     return (
         asdict(case)
         | {
@@ -105,12 +74,6 @@ def judge(case: BenchCase) -> Row:
         }
         | _said(diagnosis, record)
     )
-
-
-def _processor_time() -> float:
-    """Return the seconds of processor time of this process and of compilers that it ran."""
-    times = os.times()
-    return times.user + times.system + times.children_user + times.children_system
 
 
 def _said(diagnosis: SystemDiagnosis, record: BenchRecord) -> Row:
@@ -197,22 +160,37 @@ def _described(row: Row) -> str:
     return f"{row['verdict']} {row['causes'] or row['named']} in {row['seconds']:.0f} s"
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.judging.bench", description=__doc__.split("\n\n")[0]
-    )
-    add_options(parser, 10, "bench")
-    parser.add_argument("--out", type=Path, help="page to write")
-    chosen = parser.parse_args(arguments)
-    kept = chosen.kept or ROOT / "build" / "bench" / f"{chosen.seed}.jsonl"
-    wanted = among(cases(chosen.records, chosen.seed), chosen)
-    text = str(report(judged(wanted, kept, judge, _described)))
-    print("\n" + text)
-    if chosen.out is not None:
-        head = _HEAD.format(records=chosen.records, seed=chosen.seed, stamp=stamp(CODE))
-        chosen.out.write_text(head + text + "\n", encoding="utf-8")
+def _parts(chosen: Chosen) -> Iterator[Part]:
+    yield Part(among(cases(chosen.records, chosen.seed), chosen), judge, _described, report)
+
+
+STUDY = Study(
+    name="bench",
+    about=__doc__,
+    parts=_parts,
+    numbers={"--records": (10, "records of every kind")},
+    page="bench-records.md",
+    head="""# What is said of benches with an actuator
+
+Drawn by `python -m studies.judging.bench {options}`; `make bench-study` draws it anew.
+Records of 10 to 25 s at 100 Hz of a voice coil that holds an actuator, by a simulation that shares
+no code with the models under test. The 30 Hz controller begins at any phase of the record's clock;
+every second bench has parameters that are not nominal, in every second the noise of the load cell
+goes through the controller, and the clock of every fourth jitters by 0.3 ms. Each is diagnosed with
+`ppy diagnose RECORD --system dma_bench.ssp`.
+
+{stamp}
+
+""",
+    code=(
+        "orchestration/discrepancy/systems",
+        "fmus/kit/fmi",
+        "fmus/voice_coil_dma",
+        "fmus/ppy_actuator",
+        "studies/benches",
+    ),
+)
 
 
 if __name__ == "__main__":
-    main()
+    STUDY.main()

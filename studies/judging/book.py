@@ -9,92 +9,64 @@ is right are as in the studies of hidden effects and of clean records (`studies.
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Iterator
 
 from studies.clean import cases as clean_cases
 from studies.hidden import cases as hidden_cases
 from studies.judging import clean, hidden
 from studies.judging.answers import LEAST
-from studies.judging.clean import ROOT
-from studies.judging.kept import add_options, among
-from studies.judging.stamp import DIAGNOSIS, stamp
+from studies.judging.stamp import DIAGNOSIS
+from studies.judging.study import Chosen, Part, Study, among
 from studies.plants import BY_THE_BOOK
 
-PAGE = ROOT / "docs" / "book-records.md"
-CODE = (
-    *DIAGNOSIS,
-    "orchestration/fmu/effects.py",
-    "studies/hidden",
-    "studies/clean",
-    "studies/plants/book.py",
-    "studies/plants/models",
-    "studies/judging/answers.py",
-    "studies/judging/book.py",
-    "studies/judging/hidden.py",
-)
-_HEAD = (
-    "# How often hidden effects are named, in models by the book\n"
-    "\n"
-    "Drawn by `python -m studies.judging.book {options}`, a seed that was not looked at before;\n"
-    "`make book-study` draws it anew. Ten systems as textbooks have them, simulated by equations"
-    " that share no code with\n"
-    "what they judge, each beside the model that an engineer writes first, in the units of its"
-    " field: a micromachined\n"
-    "accelerometer (um, ms), a loudspeaker (mm, ms), an air vessel (bar, g/s), the swinging load"
-    " of a crane and a coasting\n"
-    "train (km), which nothing drives, a ship (degrees, minutes), two tanks (cm, l/s, minutes), a"
-    " building (kW, eight\n"
-    "days), a lithium cell (A h, hours) and a motor with a gear (rpm). Nothing is listed as"
-    " possibly wrong: families only.\n"
-    "What may be hidden and what names it rightly is in `studies/hidden/book.py`. Not counted are"
-    " records in which the\n"
-    "effect leaves less than {least:g} noise widths after a refit of the base{alike}.\n"
-    "See also [the other hidden records](hidden-records.md).\n"
-    "\n"
-    "{stamp}\n"
-    "\n"
-)
-_ALIKE = ",\nand those that another effect makes as well"
 
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.judging.book", description=__doc__.split("\n\n")[0]
-    )
-    add_options(parser, 60, "book")
-    parser.add_argument(
-        "--clean", type=int, default=20, help="records without anything hidden, in SEED-clean.jsonl"
-    )
-    parser.add_argument(
-        "--no-floor", action="store_true", help="do not fit every effect alone, which takes longest"
-    )
-    parser.add_argument("--out", type=Path, help="page to write")
-    chosen = parser.parse_args(arguments)
-    kept = chosen.kept or ROOT / "build" / "book" / f"{chosen.seed}.jsonl"
-    progress = lambda line: print(line, flush=True)  # noqa: E731
+def _parts(chosen: Chosen) -> Iterator[Part]:
     wanted = among(hidden_cases(chosen.records, chosen.seed, BY_THE_BOOK), chosen)
+    yield hidden.part(wanted, not chosen.no_floor)
     bare = among(clean_cases(chosen.clean, chosen.seed, BY_THE_BOOK), chosen)
-    topics = []
-    if wanted:
-        topics.append(hidden.report(hidden.run(wanted, kept, not chosen.no_floor, progress)))
-    if bare:
-        beside = kept.with_stem(f"{kept.stem}-clean")
-        topics.append(clean.report(clean.run(bare, beside, 0, progress, ["families"])))
-    text = "\n\n".join(map(str, topics))
-    print("\n" + text)
-    if chosen.out is not None:
-        options = f"--records {chosen.records} --clean {chosen.clean} --seed {chosen.seed}"
-        head = _HEAD.format(
-            options=options + " --no-floor" * chosen.no_floor,
-            least=LEAST,
-            alike="" if chosen.no_floor else _ALIKE,
-            stamp=stamp(CODE),
-        )
-        chosen.out.write_text(head + text + "\n", encoding="utf-8")
+    yield clean.part(bare, effects=["families"], name="clean")
+
+
+STUDY = Study(
+    name="book",
+    about=__doc__,
+    parts=_parts,
+    numbers={
+        "--records": (60, "records with one hidden effect"),
+        "--clean": (20, "records without anything hidden, in SEED-clean.jsonl"),
+    },
+    switches=hidden.NO_FLOOR,
+    page="book-records.md",
+    head=f"""# How often hidden effects are named, in models by the book
+
+Drawn by `python -m studies.judging.book {{options}}`, a seed that was not looked at before;
+`make book-study` draws it anew. Ten systems as textbooks have them, simulated by equations that
+share no code with what they judge, each with the model that an engineer writes first, in the units
+of its field: a micromachined accelerometer (um, ms), a loudspeaker (mm, ms), an air vessel (bar,
+g/s), the swinging load of a crane and a coasting train (km), which nothing drives, a ship (degrees,
+minutes), two tanks (cm, l/s, minutes), a building (kW, eight days), a lithium cell (A h, hours) and
+a motor with a gear (rpm). Nothing is listed as possibly wrong: families only. What may be hidden
+and what names it rightly is in `studies/hidden/book.py`. Not counted are records in which the
+effect leaves less than {LEAST:g} noise widths after a refit of the base and, unless `--no-floor` is
+given, those that another effect makes as well. [The other hidden records](hidden-records.md) are
+judged likewise.
+
+{{stamp}}
+
+""",
+    code=(
+        *DIAGNOSIS,
+        "orchestration/fmu/effects.py",
+        "studies/hidden",
+        "studies/clean",
+        "studies/plants/book.py",
+        "studies/plants/models",
+        "studies/judging/answers.py",
+        "studies/judging/book.py",
+        "studies/judging/hidden.py",
+    ),
+)
 
 
 if __name__ == "__main__":
-    main()
+    STUDY.main()

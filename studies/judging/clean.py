@@ -8,14 +8,13 @@ kept as a line of JSON as soon as it is judged; an interrupted run goes on where
 
 from __future__ import annotations
 
-import argparse
-import os
 import re
 import tempfile
 import time as clock
 from collections import Counter, defaultdict
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,23 +32,22 @@ from studies.clean import (
     least_squares_fit,
     pooled_error,
 )
-from studies.judging.kept import add_options, among, judged
+from studies.judging.study import (
+    Chosen,
+    Part,
+    Row,
+    Study,
+    among,
+    counted,
+    grouped,
+    processor_time,
+    share,
+    title,
+)
 
 if TYPE_CHECKING:
     from orchestration.api import DiagnosisResult
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "clean-records.md"
-_HEAD = (
-    "# What is said of records in which nothing is hidden\n"
-    "\n"
-    "Drawn by `python -m studies.judging.clean --records {records} --seed {seed}`; `make "
-    "clean-study` draws others.\n"
-    "The generators share no code with the models, and whatever is named is false\n"
-    "([decision 20](decisions/0020-an-independent-yardstick.md)).\n"
-    "\n"
-)
-Row = dict[str, Any]
 # samples a parameter, from which on fitted errors are held against least squares where fitted
 EFFECTIVE = 50.0
 WORSE = 1.02  # of the best of the others, what a refit may leave
@@ -160,11 +158,6 @@ def right(row: Row) -> bool:
     return row["verdict"] in ("consistent", "recalibrate")
 
 
-def processor_time() -> float:
-    """Return processor time of this process and its children, s: compilers run beside it."""
-    return float(sum(os.times()[:4]))
-
-
 def _without_figures(text: str) -> str:
     return re.sub(r"\S*/\S*\.csv", "FILE", re.sub(r"[-+]?\d[\d.,e+-]*", "#", text))[:110]
 
@@ -209,22 +202,6 @@ def _least(drawn: CleanRecord) -> Row:
     return {"least": error}
 
 
-def run(
-    wanted: Sequence[Case],
-    kept: Path,
-    every: int,
-    progress: Callable[[str], None] = print,
-    effects: Sequence[str] | None = None,
-) -> list[Row]:
-    """Judge all cases that are not kept yet; every so-manieth is held against least squares."""
-    numbers = {case: k for k, case in enumerate(wanted, start=1)}
-
-    def one(case: Case) -> Row:
-        return judge(case, every > 0 and numbers[case] % every == 0, effects)
-
-    return judged(wanted, kept, one, _said, progress)
-
-
 def _said(row: Row) -> str:
     said = row["verdict"] if right(row) else f"{row['verdict'].upper()}: {_shortened(row['why'])}"
     ratio = f"; refit/best {_ratio(row):.3f}" if "least" in row and "refit" in row else ""
@@ -245,13 +222,9 @@ def report(rows: Sequence[Row]) -> Topic:
         f"{share(len(false), len(judged))} with a false cause (1 % are allowed), "
         f"{share(len(left), len(judged))} falsely `unexplained` (3 %)."
     ]
-    columns = ["records", "right", "false cause", "unexplained", "refused", "other"]
+    kinds = ("right", "false cause", "unexplained", "refused", "other")
     for axis in ("noise", "stimulus", "plant", "timing", "smooth"):
-        table = []
-        for name, these in grouped(rows, axis).items():
-            counts = Counter(_kind(row) for row in these)
-            table.append([str(name), len(these), *(counts[kind] for kind in columns[1:])])
-        parts.append(Table([axis, *columns], table))
+        parts.append(counted(rows, axis, kinds, _kind))
     parts += [_coverage(judged), *_fits(judged), _times(rows), *_why(rows)]
     return Topic("Clean records", parts)
 
@@ -266,19 +239,6 @@ def _kind(row: Row) -> str:
         if row["verdict"] in ("unexplained", "refused")
         else "other"
     )
-
-
-def share(part: int, whole: int) -> str:
-    """Format a part of a whole with its percentage."""
-    return f"{part} ({100.0 * part / max(whole, 1):.1f} %)"
-
-
-def grouped(rows: Iterable[Row], axis: str) -> dict[Any, list[Row]]:
-    """Group rows by a key, in the order of its values as text."""
-    groups: dict[Any, list[Row]] = defaultdict(list)
-    for row in rows:
-        groups[row[axis]].append(row)
-    return dict(sorted(groups.items(), key=lambda item: str(item[0])))
 
 
 def _coverage(rows: Sequence[Row]) -> Table:
@@ -324,15 +284,11 @@ def _fits(rows: Sequence[Row]) -> list[str | Table]:
         f" samples a parameter; {share(len(bad), len(enough))} of them are beyond {WORSE:g}."
     )
     worst = [
-        [_named(row), _ratio(row), row["refit"], row["least"], row["untouched"], row["true"]]
+        [title(row, Case), _ratio(row), row["refit"], row["least"], row["untouched"], row["true"]]
         for row in bad[:12]
     ]
     columns = ["record", "ratio", "refitted", "least squares", "untouched", "true"]
     return [text, *([Table(columns, worst)] if worst else [])]
-
-
-def _named(row: Row) -> str:
-    return str(Case(**{n: row[n] for n in Case.__dataclass_fields__}))
 
 
 def _times(rows: Sequence[Row]) -> str:
@@ -340,7 +296,7 @@ def _times(rows: Sequence[Row]) -> str:
     worst = max(rows, key=lambda row: row["seconds"])
     return (
         f"Processor time of a diagnosis: median {np.median(seconds):.1f} s, 90 %"
-        f" {np.quantile(seconds, 0.9):.1f} s, worst {seconds.max():.1f} s ({_named(worst)})."
+        f" {np.quantile(seconds, 0.9):.1f} s, worst {seconds.max():.1f} s ({title(worst, Case)})."
     )
 
 
@@ -355,7 +311,7 @@ def _why(rows: Sequence[Row]) -> list[str | Table]:
         }:
             kinds[kind][row["noise"]] += 1
     table = [[kind, *(count[noise] for noise in KINDS)] for kind, count in sorted(kinds.items())]
-    each = [[_named(row), row["verdict"], _shortened(row["why"])] for row in wrong]
+    each = [[title(row, Case), row["verdict"], _shortened(row["why"])] for row in wrong]
     return [
         "What was found where nothing is, in so many records:",
         Table(["found", *KINDS], table),
@@ -367,38 +323,57 @@ def _shortened(why: Sequence[str], most: int = 6) -> str:
     return "; ".join(why[:most]) + (f"; {len(why) - most} more" if len(why) > most else "")
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.judging.clean", description=__doc__.split("\n\n")[0]
-    )
-    add_options(parser, 320, "clean")
-    parser.add_argument(
-        "--every",
-        type=int,
-        default=4,
-        help="hold every so-manieth against least squares; 0 for none",
-    )
-    parser.add_argument(
-        "--effects", nargs="*", help="considered instead of those that the models list: families"
-    )
-    parser.add_argument(
-        "--out", type=Path, help="page; default docs/clean-records.md unless some are left out"
-    )
-    chosen = parser.parse_args(arguments)
-    wanted = among(cases(chosen.records, chosen.seed), chosen)
-    kept = chosen.kept or ROOT / "build" / "clean" / f"{chosen.seed}.jsonl"
-    text = str(
-        report(
-            run(wanted, kept, chosen.every, lambda line: print(line, flush=True), chosen.effects)
-        )
-    )
-    print("\n" + text)
-    page = chosen.out or (None if chosen.only or chosen.without or chosen.effects else PAGE)
-    if page is not None:
-        head = _HEAD.format(records=chosen.records, seed=chosen.seed)
-        page.write_text(head + text + "\n", encoding="utf-8")
+def _judge(every: int, effects: Sequence[str] | None, case: Case) -> Row:
+    """Judge a record; every so-manieth is held against least squares."""
+    number = case.seed % 100_000 + 1
+    return judge(case, every > 0 and number % every == 0, effects)
+
+
+def part(
+    wanted: Sequence[Case],
+    every: int = 0,
+    effects: Sequence[str] | None = None,
+    name: str = "",
+) -> Part:
+    """Return records in which nothing is hidden as a part of a study.
+
+    Parameters
+    ----------
+    wanted : sequence of Case
+    every : int
+        Every so-manieth is held against least squares; 0 for none.
+    effects : sequence of str, optional
+        That are considered; those of the models unless given.
+    name : str
+        Of the part.
+    """
+    return Part(wanted, partial(_judge, every, effects), _said, report, name)
+
+
+def _parts(chosen: Chosen) -> Iterator[Part]:
+    effects = ["families"] if chosen.effects else None
+    yield part(among(cases(chosen.records, chosen.seed), chosen), chosen.every, effects)
+
+
+STUDY = Study(
+    name="clean",
+    about=__doc__,
+    parts=_parts,
+    numbers={
+        "--records": (320, "records"),
+        "--every": (4, "hold every so-manieth against least squares; 0 for none"),
+    },
+    switches={"--effects": "consider families instead of what the models list"},
+    page="clean-records.md",
+    head="""# What is said of records in which nothing is hidden
+
+Drawn by `python -m studies.judging.clean {options}`; `make clean-study` draws others.
+The generators share no code with the models, and whatever is named is false
+([decision 20](decisions/0020-an-independent-yardstick.md)).
+
+""",
+)
 
 
 if __name__ == "__main__":
-    main()
+    STUDY.main()

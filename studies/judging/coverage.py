@@ -7,9 +7,8 @@ offered. So what intervals miss is not the form. The generators share no code wi
 
 from __future__ import annotations
 
-import argparse
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,8 +23,8 @@ from orchestration.discrepancy.data import joined_dataset
 from orchestration.fmu import Model, find_model
 from studies.clean import KINDS, Case, CleanRecord, conditions, draw
 from studies.hidden_laws import over
-from studies.judging.clean import ROOT, grouped, settings_of, share
-from studies.judging.kept import Row, add_options, among, judged
+from studies.judging.clean import settings_of
+from studies.judging.study import Chosen, Part, Row, Study, among, grouped, share
 from studies.plants import PLANTS
 
 if TYPE_CHECKING:
@@ -111,8 +110,7 @@ def judge(case: CoverageCase) -> Row:
     term = TERMS[case.term]
     amount = case.strength * term.amount
     lack = over(f"{term.law} + {term.signal}", lambda x: amount * term.form(x / term.at))
-    plain = Case(**{name: getattr(case, name) for name in Case.__dataclass_fields__})
-    drawn = draw(plain, plant=PLANTS[term.plant].with_hidden(lack.change))
+    drawn = draw(case, plant=PLANTS[term.plant].with_hidden(lack.change))
     model = find_model(drawn.plant.model)
     assert model.cls is not None
     signal = SignalTerm(term.signal, scale=term.at)
@@ -169,18 +167,12 @@ def report(rows: Sequence[Row]) -> Topic:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.judging.coverage", description=__doc__.split("\n\n")[0]
-    )
-    add_options(parser, 120, "coverage")
-    chosen = parser.parse_args(arguments)
-    kept = chosen.kept or ROOT / "build" / "coverage" / f"{chosen.seed}.jsonl"
-    wanted = among(cases(chosen.records, chosen.seed), chosen)
-    rows = judged(wanted, kept, judge, answer_line, lambda line: print(line, flush=True))
-    print(f"\n{report(rows)}")
+def _parts(chosen: Chosen) -> Iterator[Part]:
+    yield Part(among(cases(chosen.records, chosen.seed), chosen), judge, answer_line, report)
+
+
+STUDY = Study("coverage", __doc__, _parts, {"--records": (120, "records")})
 
 
 if __name__ == "__main__":
-    main()
+    STUDY.main()

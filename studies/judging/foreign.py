@@ -10,10 +10,9 @@ are whether reporting one is right, and what it gains on data that no fit has se
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time as clock
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -28,35 +27,12 @@ from studies.clean import cases as clean_cases
 from studies.hidden import USUAL, HiddenCase, draw_hidden, left
 from studies.hidden import cases as hidden_cases
 from studies.judging.answers import LEAST
-from studies.judging.clean import ROOT, Row, grouped, settings_of, share
-from studies.judging.kept import add_options, among, judged
-from studies.judging.stamp import DIAGNOSIS, stamp
+from studies.judging.clean import settings_of
+from studies.judging.stamp import DIAGNOSIS
+from studies.judging.study import Chosen, Part, Row, Study, among, grouped, share
 
-CODE = (
-    *DIAGNOSIS,
-    "orchestration/api/diagnosis.py",
-    "orchestration/discrepancy/foreign",
-    "studies/hidden",
-    "studies/clean",
-    "studies/judging/foreign.py",
-)
-PAGE = ROOT / "docs" / "foreign-fmus.md"
 NONE = "nothing"
 _HALF = 0.5
-_HEAD = (
-    "# What is said of FMUs without equations\n"
-    "\n"
-    "Drawn by `python -m studies.judging.foreign {options}`, a seed that was not looked at "
-    "before.\n"
-    "The generators share no code with what they judge; the FMUs are native ones, given "
-    "away without what tells of their\n"
-    "classes. A third of every record is held out. What an effect inside an FMU is called "
-    "cannot be known from outside: what\n"
-    "is named is a correction of an input, of an output or by a sensor, with its gain.\n"
-    "\n"
-    "{stamp}\n"
-    "\n"
-)
 
 
 def judge_clean(case: Case) -> Row:
@@ -134,91 +110,106 @@ def _said(row: Row) -> str:
     )
 
 
-def report(clean: Sequence[Row], hidden: Sequence[Row]) -> Topic:
-    """Return tables of what was reported, and what it gained."""
-    counted = [row for row in hidden if row["verdict"]]
-    answered = [row for row in clean if row["verdict"] != "refused"]
+def report_clean(rows: Sequence[Row]) -> Topic:
+    """Return how often a cause is named where nothing is hidden."""
+    answered = [row for row in rows if row["verdict"] != "refused"]
     false = sum(bool(row["causes"]) for row in answered)
-    rows = []
-    for family, these in grouped([*answered, *counted], "family").items():
+    told = (
+        f"Nothing hidden: a cause is named in {share(false, len(answered))} of {len(answered)};"
+        f" {len(rows) - len(answered)} refused."
+    )
+    return Topic("FMUs that are right", [told, _by_family(answered), *_time(rows), *_refused(rows)])
+
+
+def report_hidden(rows: Sequence[Row]) -> Topic:
+    """Return what was reported where something is hidden, and what it gained."""
+    counted = [row for row in rows if row["verdict"]]
+    inside = [row for row in counted if "left" in row]
+    told = (
+        f"Something hidden, at least {LEAST:g} noise widths of it left after a refit of the"
+        f" base: {len(counted)} of {len(rows)}, {len(counted) - len(inside)} of these"
+        " refused. A cause is named in"
+        f" {share(sum(bool(r['causes']) for r in inside), len(inside))}; the error on data that"
+        " no fit has seen is at least halved in"
+        f" {share(sum(r['left'] < _HALF for r in inside), len(inside))}. An affine function of"
+        " all inputs and simulated outputs, which is what one would try first, halves it in"
+        f" {share(sum(r['naive'] < _HALF for r in inside), len(inside))}."
+    )
+    parts = [told, _by_family(counted), *_time(inside), *_refused(counted)]
+    return Topic("FMUs in which something is hidden", parts)
+
+
+def _by_family(rows: Sequence[Row]) -> Table:
+    table = []
+    for family, these in grouped(rows, "family").items():
         lefts = [row["left"] for row in these if "left" in row]
-        named_causes = sorted({cause for row in these for cause in row["causes"]})
-        rows.append(
+        table.append(
             [
                 family,
                 len(these),
                 sum(bool(row["causes"]) for row in these),
                 sum(x < _HALF for x in lefts),
                 float(np.median(lefts)) if lefts else float("nan"),
-                ", ".join(named_causes),
+                ", ".join(sorted({cause for row in these for cause in row["causes"]})),
             ]
         )
-    inside = [row for row in counted if "left" in row]
-    parts: list[str | Table] = [
-        (
-            f"Nothing hidden: a cause is named in {share(false, len(answered))} of {len(answered)};"
-            f" {len(clean) - len(answered)} refused."
-        ),
-        (
-            f"Something hidden, at least {LEAST:g} noise widths of it left after a refit of the"
-            f" base: {len(counted)} of {len(hidden)}, {len(counted) - len(inside)} of these"
-            " refused. A cause is named in"
-            f" {share(sum(bool(r['causes']) for r in inside), len(inside))}; the error on data that"
-            " no fit has seen is at least halved in"
-            f" {share(sum(r['left'] < _HALF for r in inside), len(inside))}. An affine function of"
-            " all inputs and simulated outputs, which is what one would try first, halves it in"
-            f" {share(sum(r['naive'] < _HALF for r in inside), len(inside))}."
-        ),
-        Table(["hidden", "records", "with a cause", "halved", "error left, median", "named"], rows),
-    ]
-    seconds = [row["seconds"] for row in (*clean, *inside) if "seconds" in row]
-    if seconds:
-        parts.append(f"Processor time of a diagnosis: median {np.median(seconds):.0f} s.")
-    refused = [
-        [_name(row), row["why"]] for row in (*clean, *counted) if row["verdict"] == "refused"
-    ]
-    return Topic(
-        "FMUs without equations",
-        [*parts, *([Table(["refused", "why"], refused)] if refused else [])],
-    )
+    columns = ["hidden", "records", "with a cause", "halved", "error left, median", "named"]
+    return Table(columns, table)
+
+
+def _time(rows: Sequence[Row]) -> list[str]:
+    seconds = [row["seconds"] for row in rows if "seconds" in row]
+    if not seconds:
+        return []
+    return [f"Processor time of a diagnosis: median {np.median(seconds):.0f} s."]
+
+
+def _refused(rows: Sequence[Row]) -> list[Table]:
+    refused = [[_name(row), row["why"]] for row in rows if row["verdict"] == "refused"]
+    return [Table(["refused", "why"], refused)] if refused else []
 
 
 def _name(row: Row) -> str:
     return f"{row['plant']}, {row['family']}, {row['stimulus']}, {row['noise']}"
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.judging.foreign", description=__doc__.split("\n\n")[0]
-    )
-    add_options(parser, 24, "foreign")
-    parser.add_argument("--clean", type=int, default=24, help="records in which nothing is hidden")
-    parser.add_argument("--out", type=Path, help="page to write")
-    chosen = parser.parse_args(arguments)
-    kept = chosen.kept or ROOT / "build" / "foreign" / f"{chosen.seed}.jsonl"
-    clean = among(clean_cases(chosen.clean, chosen.seed), chosen)
-    hidden = among(hidden_cases(chosen.records, chosen.seed, USUAL), chosen)
-    progress = lambda line: print(line, flush=True)  # noqa: E731
-    beside = kept.with_stem(f"{kept.stem}-clean")
-    text = str(
-        report(
-            judged(clean, beside, judge_clean, _said, progress),
-            judged(hidden, kept, judge_hidden, _said, progress),
-        )
-    )
-    print("\n" + text)
-    if chosen.out is not None:
-        options = f"--records {chosen.records} --clean {chosen.clean} --seed {chosen.seed}"
-        options += "".join(
-            f" --{name} {' '.join(words)}"
-            for name in ("only", "without")
-            if (words := getattr(chosen, name))
-        )
-        chosen.out.write_text(
-            _HEAD.format(options=options, stamp=stamp(CODE)) + text + "\n", encoding="utf-8"
-        )
+def _parts(chosen: Chosen) -> Iterator[Part]:
+    bare = among(clean_cases(chosen.clean, chosen.seed), chosen)
+    yield Part(bare, judge_clean, _said, report_clean, "clean")
+    wanted = among(hidden_cases(chosen.records, chosen.seed, USUAL), chosen)
+    yield Part(wanted, judge_hidden, _said, report_hidden)
+
+
+STUDY = Study(
+    name="foreign",
+    about=__doc__,
+    parts=_parts,
+    numbers={
+        "--records": (24, "records with one hidden effect"),
+        "--clean": (24, "records in which nothing is hidden"),
+    },
+    page="foreign-fmus.md",
+    head="""# What is said of FMUs without equations
+
+Drawn by `python -m studies.judging.foreign {options}`, a seed that was not looked at before.
+The generators share no code with what they judge; the FMUs are native ones, given away without
+what tells of their classes. A third of every record is held out. What an effect inside an FMU is
+called cannot be known from outside: what is named is a correction of an input, of an output or by a
+sensor, with its gain.
+
+{stamp}
+
+""",
+    code=(
+        *DIAGNOSIS,
+        "orchestration/api/diagnosis.py",
+        "orchestration/discrepancy/foreign",
+        "studies/hidden",
+        "studies/clean",
+        "studies/judging/foreign.py",
+    ),
+)
 
 
 if __name__ == "__main__":
-    main()
+    STUDY.main()

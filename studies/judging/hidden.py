@@ -10,11 +10,10 @@ at once as well (`studies.judging.hidden_two`).
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 
@@ -24,52 +23,28 @@ from studies.hidden import OUTSIDE, USUAL, HiddenCase, cases, cases_of_two, draw
 from studies.judging import hidden_two
 from studies.judging.answers import (
     LEAST,
-    Row,
     alike,
     excluded,
     held_out,
     related,
     right_names,
+)
+from studies.judging.clean import diagnosed, settings_of
+from studies.judging.floor import fitted_alone, listed
+from studies.judging.stamp import DIAGNOSIS
+from studies.judging.study import (
+    Chosen,
+    Part,
+    Row,
+    Study,
+    among,
+    counted,
+    grouped,
+    share,
     title,
 )
-from studies.judging.clean import ROOT, diagnosed, grouped, settings_of, share
-from studies.judging.floor import fitted_alone, listed
-from studies.judging.kept import add_options, among, judged
-from studies.judging.stamp import DIAGNOSIS, stamp
 from studies.plants import ON_REQUEST
 
-PAGE = ROOT / "docs" / "hidden-records.md"
-CODE = (
-    *DIAGNOSIS,
-    "fmus/galvanostat",
-    "fmus/voice_coil_dma",
-    "orchestration/fmu/effects.py",
-    "studies/hidden",
-    "studies/clean",
-    "studies/judging/hidden.py",
-    "studies/judging/hidden_two.py",
-    "studies/judging/answers.py",
-    "studies/judging/floor.py",
-)
-_HEAD = (
-    "# How often hidden effects are named, in models that nobody here prepared\n"
-    "\n"
-    "Drawn by `python -m studies.judging.hidden {options}`, a seed that was not looked at "
-    "before.\n"
-    "Every family has several shapes, none of them the catalogue's formula, and the "
-    "generators share no code with what they\n"
-    "judge. Not counted are records in which the effect leaves less than {least:g} noise "
-    "widths after a refit of the base,\n"
-    "and those that another effect makes as well: both are computed. What is called right "
-    "is in\n"
-    "`studies/hidden/variations.py`; the floor fits every effect alone from nominal values "
-    "and takes the best\n"
-    "([why](decisions/0028-one-noise-for-all.md)). "
-    "[Ten models by the book](book-records.md) are judged likewise.\n"
-    "\n"
-    "{stamp}\n"
-    "\n"
-)
 _GOOD = "first", "in the group"
 _KINDS = "first", "in the group", "another", "none", "refused"
 
@@ -144,14 +119,14 @@ def false_secondary(row: Row) -> list[str]:
 def report(rows: Sequence[Row]) -> Topic:
     """Return tables of the answers."""
     why = Counter(excluded(row) for row in rows)
-    counted = [row for row in rows if not excluded(row)]
-    inside = [row for row in counted if row["family"] != OUTSIDE]
+    those = [row for row in rows if not excluded(row)]
+    inside = [row for row in those if row["family"] != OUTSIDE]
     good = sum(named(row) in _GOOD for row in inside)
     parts: list[str | Table] = [
         (
             f"{len(rows)} records: {share(why['too little'], len(rows))} leave less than {LEAST:g}"
             f" noise widths, {share(why['alike'], len(rows))} could be of another effect;"
-            f" {len(counted)} count."
+            f" {len(those)} count."
         ),
         (
             f"Of {len(inside)} with an effect of a family, it is named first or in the ambiguous"
@@ -162,25 +137,10 @@ def report(rows: Sequence[Row]) -> Topic:
         *_beside_floor(inside),
     ]
     for axis in ("family", "plant", "strength", "stimulus", "noise", "timing"):
-        columns = [axis, "records", *_KINDS, "false secondary"]
-        parts.append(
-            Table(
-                columns,
-                [[str(name), *_counts(these)] for name, these in grouped(counted, axis).items()],
-            )
-        )
+        parts.append(counted(those, axis, _KINDS, named, false_secondary=false_secondary))
     return Topic(
-        "Hidden effects", [*parts, *_quality(inside), *_excluded(rows), *_confusion(counted)]
+        "Hidden effects", [*parts, *_quality(inside), *_excluded(rows), *_confusion(those)]
     )
-
-
-def _counts(rows: Sequence[Row]) -> list[int]:
-    kinds = Counter(named(row) for row in rows)
-    return [
-        len(rows),
-        *(kinds[kind] for kind in _KINDS),
-        sum(bool(false_secondary(row)) for row in rows),
-    ]
 
 
 def _beside_floor(rows: Sequence[Row]) -> list[str]:
@@ -259,7 +219,7 @@ def _confusion(rows: Sequence[Row]) -> list[str | Table]:
     wrong = [row for row in rows if named(row) not in _GOOD or false_secondary(row)]
     return [
         "What was said of the others:",
-        Table(["record", "said"], [[title(row), answer_line(row)] for row in wrong]),
+        Table(["record", "said"], [[title(row, HiddenCase), answer_line(row)] for row in wrong]),
     ]
 
 
@@ -277,59 +237,58 @@ def answer_line(row: Row) -> str:
     )
 
 
-def run(
-    wanted: Sequence[HiddenCase],
-    kept: Path,
-    with_floor: bool = True,
-    progress: Callable[[str], None] = print,
-) -> list[Row]:
-    """Judge all cases that are not kept yet."""
-    return judged(wanted, kept, lambda case: judge(case, with_floor), answer_line, progress)
+def part(wanted: Sequence[HiddenCase], with_floor: bool = True) -> Part:
+    """Return records with one hidden effect as a part of a study."""
+    return Part(wanted, partial(judge, with_floor=with_floor), answer_line, report)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.judging.hidden", description=__doc__.split("\n\n")[0]
-    )
-    add_options(parser, 120, "hidden")
-    parser.add_argument(
-        "--two",
-        type=int,
-        default=0,
-        help="records with two effects at once, kept in SEED-two.jsonl",
-    )
-    parser.add_argument(
-        "--no-floor", action="store_true", help="do not fit every effect alone, which takes longest"
-    )
-    parser.add_argument("--out", type=Path, help="page to write")
-    chosen = parser.parse_args(arguments)
+NO_FLOOR = {"--no-floor": "do not fit every effect alone, which takes longest"}
+
+
+def _parts(chosen: Chosen) -> Iterator[Part]:
     plants = [name for name in ON_REQUEST if name in chosen.only] or USUAL
-    wanted = among(cases(chosen.records, chosen.seed, plants), chosen)
+    yield part(among(cases(chosen.records, chosen.seed, plants), chosen), not chosen.no_floor)
     pairs = among(cases_of_two(chosen.two, chosen.seed, plants), chosen)
-    kept = chosen.kept or ROOT / "build" / "hidden" / f"{chosen.seed}.jsonl"
-    progress = lambda line: print(line, flush=True)  # noqa: E731
-    topics = [report(run(wanted, kept, not chosen.no_floor, progress))] if wanted else []
-    if pairs:
-        beside = kept.with_stem(f"{kept.stem}-two")
-        topics.append(
-            hidden_two.report(
-                judged(pairs, beside, hidden_two.judge, hidden_two.answer_line, progress)
-            )
-        )
-    text = "\n\n".join(map(str, topics))
-    print("\n" + text)
-    if chosen.out is not None:
-        options = [f"--records {chosen.records} --seed {chosen.seed}"]
-        options += [f"--two {chosen.two}"] if pairs else []
-        options += [
-            f"--{name} {' '.join(words)}"
-            for name in ("only", "without")
-            if (words := getattr(chosen, name))
-        ]
-        head = _HEAD.format(options=" ".join(options), least=LEAST, stamp=stamp(CODE))
-        chosen.out.write_text(head + text + "\n", encoding="utf-8")
+    yield Part(pairs, hidden_two.judge, hidden_two.answer_line, hidden_two.report, "two")
+
+
+STUDY = Study(
+    name="hidden",
+    about=__doc__,
+    parts=_parts,
+    numbers={
+        "--records": (120, "records with one hidden effect"),
+        "--two": (0, "records with two at once, kept in SEED-two.jsonl"),
+    },
+    switches=NO_FLOOR,
+    page="hidden-records.md",
+    head=f"""# How often hidden effects are named, in models that nobody here prepared
+
+Drawn by `python -m studies.judging.hidden {{options}}`, a seed that was not looked at before.
+Every family has several shapes, none of them the catalogue's formula, and the generators share no
+code with what they judge. Not counted are records in which the effect leaves less than {LEAST:g}
+noise widths after a refit of the base, and those that another effect makes as well: both are
+computed. What is called right is in `studies/hidden/variations.py`; the floor fits every effect
+alone from nominal values and takes the best ([why](decisions/0028-one-noise-for-all.md)).
+[Ten models by the book](book-records.md) are judged likewise.
+
+{{stamp}}
+
+""",
+    code=(
+        *DIAGNOSIS,
+        "fmus/galvanostat",
+        "fmus/voice_coil_dma",
+        "orchestration/fmu/effects.py",
+        "studies/hidden",
+        "studies/clean",
+        "studies/judging/hidden.py",
+        "studies/judging/hidden_two.py",
+        "studies/judging/answers.py",
+        "studies/judging/floor.py",
+    ),
+)
 
 
 if __name__ == "__main__":
-    main()
+    STUDY.main()

@@ -19,16 +19,15 @@ from orchestration.fmu import find_model
 from studies.hidden import HiddenCase, draw_hidden, left, left_beside
 from studies.judging.answers import (
     LEAST,
-    Row,
     alike,
     excluded,
     held_out,
     related,
     right_names,
-    title,
 )
-from studies.judging.clean import diagnosed, grouped, settings_of, share
+from studies.judging.clean import diagnosed, settings_of
 from studies.judging.floor import fitted_alone, listed
+from studies.judging.study import Row, counted, share, title
 
 _KINDS = "both", "one", "none", "refused"
 
@@ -111,9 +110,9 @@ def answer_line(row: Row) -> str:
 def report(rows: Sequence[Row]) -> Topic:
     """Return tables of the answers."""
     why = Counter(left_out(row) for row in rows)
-    counted = [row for row in rows if not left_out(row)]
-    kinds = Counter(named(row) for row in counted)
-    count = len(counted)
+    those = [row for row in rows if not left_out(row)]
+    kinds = Counter(named(row) for row in those)
+    count = len(those)
     parts: list[str | Table] = [
         (
             "Two effects of different families, places and laws in one record. Each must leave"
@@ -131,30 +130,20 @@ def report(rows: Sequence[Row]) -> Topic:
         (
             f"Both are named in {share(kinds['both'], count)}, one in {share(kinds['one'], count)},"
             f" none in {share(kinds['none'], count)}; false causes in"
-            f" {share(sum(bool(false_causes(r)) for r in counted), count)}."
+            f" {share(sum(bool(false_causes(r)) for r in those), count)}."
         ),
     ]
     for axis in ("plant", "pair", "strength", "stimulus", "noise", "timing"):
-        table = [[str(name), *_counts(these)] for name, these in grouped(counted, axis).items()]
-        parts.append(Table([axis, "records", *_KINDS, "false causes"], table))
+        parts.append(counted(those, axis, _KINDS, named, false_causes=false_causes))
     if count:
-        seconds = [row["seconds"] for row in counted]
+        seconds = [row["seconds"] for row in those]
         parts.append(
             f"Processor time of a diagnosis: median {np.median(seconds):.1f} s, 90 %"
             f" {np.quantile(seconds, 0.9):.1f} s."
         )
-    wrong = [row for row in counted if named(row) != "both" or false_causes(row)]
+    wrong = [row for row in those if named(row) != "both" or false_causes(row)]
     parts += [
         "What was said of the others:",
-        Table(["record", "said"], [[title(row), answer_line(row)] for row in wrong]),
+        Table(["record", "said"], [[title(row, HiddenCase), answer_line(row)] for row in wrong]),
     ]
     return Topic("Two at once", parts)
-
-
-def _counts(rows: Sequence[Row]) -> list[int]:
-    kinds = Counter(named(row) for row in rows)
-    return [
-        len(rows),
-        *(kinds[kind] for kind in _KINDS),
-        sum(bool(false_causes(row)) for row in rows),
-    ]

@@ -12,20 +12,19 @@ on, and counts what is named beside them (`studies.judging.laws_catalogue`).
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.tables import Topic
 from fmus.kit import UserError
 from orchestration.identify import normalised_rms
 from studies.clean import CleanRecord
+from studies.clean import cases as clean_cases
 from studies.hidden_laws import (
     Answer,
     Base,
@@ -40,11 +39,9 @@ from studies.hidden_laws import (
     series,
 )
 from studies.judging import laws_catalogue, laws_clean
-from studies.judging.clean import ROOT, settings_of
-from studies.judging.kept import add_options, among, judged
+from studies.judging.clean import settings_of
 from studies.judging.laws_answers import (
     LEAST,
-    Row,
     answer,
     band_covers,
     closed_form,
@@ -55,43 +52,11 @@ from studies.judging.laws_answers import (
     stands_still,
 )
 from studies.judging.laws_report import answer_line, report
-from studies.judging.stamp import DIAGNOSIS, stamp
+from studies.judging.stamp import DIAGNOSIS
+from studies.judging.study import Chosen, Part, Row, Study, among
 
 if TYPE_CHECKING:
     from orchestration.api import LawsResult
-
-PAGE = ROOT / "docs" / "hidden-laws.md"
-CODE = (
-    *DIAGNOSIS,
-    "orchestration/discrepancy/laws",
-    "fmus/kit/corrections.py",
-    "fmus/voice_coil_dma",
-    "fmus/ppy_actuator",
-    "studies/hidden_laws",
-    "studies/hidden",
-    "studies/clean",
-    "studies/judging/laws.py",
-    "studies/judging/laws_answers.py",
-    "studies/judging/laws_report.py",
-    "studies/judging/laws_clean.py",
-    "studies/judging/laws_catalogue.py",
-)
-_HEAD = (
-    "# How often a law is found that lacks what no catalogue has\n"
-    "\n"
-    "Drawn by `python -m studies.judging.laws {options}`, a seed that was not looked at before.\n"
-    "Every kind has three shapes, and the generators share no code with what they judge. "
-    "Not counted are records in which\n"
-    "what is hidden leaves less than {least:g} noise widths after a refit of the base, or "
-    "hangs on a signal that stands\n"
-    "still, so that it is a constant. What is called right is in\n"
-    "`studies/hidden_laws/kinds.py`: every form that does the same to the outputs. No "
-    "effect of a catalogue is looked\n"
-    "at ([why](decisions/0030-the-missing-law-as-a-curve.md)).\n"
-    "\n"
-    "{stamp}\n"
-    "\n"
-)
 
 
 def judge(case: LawCase) -> Row:
@@ -216,67 +181,59 @@ def _held_out(result: LawsResult, drawn: CleanRecord) -> Row:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.judging.laws", description=__doc__.split("\n\n")[0]
-    )
-    add_options(parser, 0, "laws")
-    parser.add_argument("--clean", type=int, default=0, help="records in which nothing is hidden")
-    parser.add_argument(
-        "--actuator", type=int, default=0, metavar="SEEDS", help="of each variation of the rig"
-    )
-    parser.add_argument(
-        "--catalogue", type=int, default=0, help="records diagnosed with the catalogue on"
-    )
-    parser.add_argument("--out", type=Path, help="page to write")
-    chosen = parser.parse_args(arguments)
-    others = chosen.clean or chosen.actuator or chosen.catalogue
-    records = chosen.records or (0 if others else 120)
-    kept = chosen.kept or ROOT / "build" / "laws" / f"{chosen.seed}.jsonl"
-    topics = list(_topics(chosen, records, kept))
-    text = "\n\n".join(map(str, topics))
-    print("\n" + text)
-    if chosen.out is not None:
-        words = {
-            "records": records,
-            "clean": chosen.clean,
-            "actuator": chosen.actuator,
-            "catalogue": chosen.catalogue,
-            "seed": chosen.seed,
-        }
-        head = [f"--{name} {count}" for name, count in words.items() if count]
-        head += [
-            f"--{name} {' '.join(words)}"
-            for name in ("only", "without")
-            if (words := getattr(chosen, name))
-        ]
-        page = _HEAD.format(options=" ".join(head), least=LEAST, stamp=stamp(CODE)) + text + "\n"
-        chosen.out.write_text(page, encoding="utf-8")
+def _parts(chosen: Chosen) -> Iterator[Part]:
+    seed = chosen.seed
+    yield Part(among(cases(chosen.records, seed), chosen), judge, answer_line, report)
+    bare = among(clean_cases(chosen.clean, seed), chosen)
+    rig = among(laws_clean.rig_cases(chosen.actuator, seed), chosen)
+    both = among(cases(chosen.catalogue, seed), chosen)
+    clean = laws_clean
+    yield Part(bare, clean.judge_clean, clean.said_of_clean, clean.clean_report, "clean")
+    yield Part(rig, clean.judge_rig, clean.said_of_rig, clean.rig_report, "actuator")
+    named = laws_catalogue
+    yield Part(both, named.judge, named.answer_line, named.report, "catalogue")
 
 
-def _topics(chosen: argparse.Namespace, records: int, kept: Path) -> Sequence[Topic]:
-    def progress(line: str) -> None:
-        print(line, flush=True)
+STUDY = Study(
+    name="laws",
+    about=__doc__,
+    parts=_parts,
+    numbers={
+        "--records": (120, "records of hidden laws"),
+        "--clean": (0, "records in which nothing is hidden"),
+        "--actuator": (0, "seeds of each variation of the rig"),
+        "--catalogue": (0, "records diagnosed with the catalogue on"),
+    },
+    page="hidden-laws.md",
+    head=f"""# How often a law is found that lacks what no catalogue has
 
-    topics = []
-    if records:
-        topics.append(
-            report(
-                judged(
-                    among(cases(records, chosen.seed), chosen), kept, judge, answer_line, progress
-                )
-            )
-        )
-    for name, count, study in (
-        ("clean", chosen.clean, laws_clean.clean),
-        ("actuator", chosen.actuator, laws_clean.actuator),
-        ("catalogue", chosen.catalogue, laws_catalogue.catalogue),
-    ):
-        if count:
-            topics.append(study(count, chosen, kept.with_stem(f"{kept.stem}-{name}"), progress))
-    return topics
+Drawn by `python -m studies.judging.laws {{options}}`, a seed that was not looked at before.
+Every kind has three shapes, and the generators share no code with what they judge. Not counted are
+records in which what is hidden leaves less than {LEAST:g} noise widths after a refit of the base,
+or depends on a signal that stands still, so that it is a constant. What is called right is in
+`studies/hidden_laws/kinds.py`: every form that does the same to the outputs. No effect of a
+catalogue is looked at ([why](decisions/0030-the-missing-law-as-a-curve.md)).
+
+{{stamp}}
+
+""",
+    code=(
+        *DIAGNOSIS,
+        "orchestration/discrepancy/laws",
+        "fmus/kit/corrections.py",
+        "fmus/voice_coil_dma",
+        "fmus/ppy_actuator",
+        "studies/hidden_laws",
+        "studies/hidden",
+        "studies/clean",
+        "studies/judging/laws.py",
+        "studies/judging/laws_answers.py",
+        "studies/judging/laws_report.py",
+        "studies/judging/laws_clean.py",
+        "studies/judging/laws_catalogue.py",
+    ),
+)
 
 
 if __name__ == "__main__":
-    main()
+    STUDY.main()

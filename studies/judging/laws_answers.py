@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmus.kit.arrays import Array
 from studies.hidden_laws import Answer, Kind, counted, is_right, proportional
+from studies.judging.study import Row
 from studies.plants import Plant
 
 if TYPE_CHECKING:
     from orchestration.discrepancy.laws import Correction, Entry
 
-Row = dict[str, Any]
 LEAST = 4.0  # noise widths that must be left of what is hidden
 GROUP = 3  # members of a group of which it is of use to be told
 SAID = ("first", "in the group", "large group", "further down", "another", "none", "refused")

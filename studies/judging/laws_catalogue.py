@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import argparse
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 from benchmarks.tables import Table, Topic
 from fmus.kit import Effect, UserError, effect_name, made_with
 from fmus.kit.arrays import Array
-from studies.hidden_laws import Answer, LawCase, base_of, cases, draw_lack, is_right, series
-from studies.judging.clean import processor_time, settings_of, share
-from studies.judging.kept import among, judged
-from studies.judging.laws_answers import Row, excluded, stands_still
+from studies.hidden_laws import Answer, LawCase, base_of, draw_lack, is_right, series
+from studies.judging.clean import settings_of
+from studies.judging.laws_answers import excluded, stands_still
+from studies.judging.study import Row, processor_time, share, title
 
-Progress = Callable[[str], None]
 # what is remembered of a signal, by the words that the family of an effect has for it
 _MEMORIES = {
     "over temperature": ("heat",),
@@ -24,12 +22,6 @@ _MEMORIES = {
     "over": ("",),
     "remembering": ("lagged", "leading"),
 }
-
-
-def catalogue(count: int, chosen: argparse.Namespace, kept: Path, progress: Progress) -> Topic:
-    """Diagnose records of hidden laws with the catalogue and the laws."""
-    drawn = among(cases(count, chosen.seed), chosen)
-    return report(judged(drawn, kept, judge, answer_line, progress))
 
 
 def judge(case: LawCase) -> Row:
@@ -140,10 +132,6 @@ def report(rows: Sequence[Row]) -> Topic:
                 f" in {share(len(false), len(counted))}."
             ),
             "What was said of the others:",
-            Table(["record", "said"], [[_title(row), answer_line(row)] for row in wrong]),
+            Table(["record", "said"], [[title(row, LawCase), answer_line(row)] for row in wrong]),
         ],
     )
-
-
-def _title(row: Row) -> str:
-    return str(LawCase(**{name: row[name] for name in LawCase.__dataclass_fields__}))

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import argparse
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from benchmarks.tables import Table, Topic
-from studies.clean import Case, cases, draw
+from studies.clean import Case, draw
 from studies.hidden_laws import Answer, answers
-from studies.judging.clean import grouped, settings_of, share
-from studies.judging.kept import among, judged
-from studies.judging.laws_answers import GOOD, SAID, Row, confirmed, named
+from studies.judging.clean import settings_of
+from studies.judging.laws_answers import GOOD, SAID, confirmed, named
 from studies.judging.laws_report import words
+from studies.judging.study import Row, counted, share, title
 
-Progress = Callable[[str], None]
 _DURATION = 300.0  # s, of a record of the rig
 _FILMS = "film_voltage, capacitor_voltage"
 _CHAIN = (
@@ -76,22 +74,13 @@ class RigCase:
         return f"{self.variation}, {self.strength:g}, {self.seed}"
 
 
-def clean(count: int, chosen: argparse.Namespace, kept: Path, progress: Progress) -> Topic:
-    """Search the laws of clean records."""
-    return clean_report(
-        judged(
-            among(cases(count, chosen.seed), chosen), kept, _judge_clean, _said_of_clean, progress
-        )
-    )
+def rig_cases(seeds: int, first: int) -> list[RigCase]:
+    """Return so many records of every variation of the rig."""
+    return [RigCase(name, first + k) for k in range(seeds) for name in RIG]
 
 
-def actuator(seeds: int, chosen: argparse.Namespace, kept: Path, progress: Progress) -> Topic:
-    """Search the laws of records of the emulated rig."""
-    wanted = [RigCase(name, chosen.seed + k) for k in range(seeds) for name in RIG]
-    return rig_report(judged(among(wanted, chosen), kept, _judge_rig, _said_of_rig, progress))
-
-
-def _judge_clean(case: Case) -> Row:
+def judge_clean(case: Case) -> Row:
+    """Search the laws of a clean record."""
     from studies.judging.laws import judged_answers, searched_laws
 
     drawn = draw(case)
@@ -102,7 +91,8 @@ def _judge_clean(case: Case) -> Row:
     return row if result is None else row | judged_answers(result, frozenset(), {}, drawn.step)
 
 
-def _said_of_clean(row: Row) -> str:
+def said_of_clean(row: Row) -> str:
+    """Return the answer to a clean record as a line of text."""
     return f"{words(row)} ({row['seconds']:.0f} s)"
 
 
@@ -114,22 +104,20 @@ def clean_report(rows: Sequence[Row]) -> Topic:
         f" {share(sum(map(_worth, rows)), len(rows))} more; {sum('refused' in row for row in rows)}"
         " refused."
     ]
-    columns = ["records", "confirmed", "worth looking at", "refused"]
     for axis in ("noise", "stimulus", "plant"):
-        table = [
-            [
-                str(name),
-                len(r),
-                sum(map(_sure, r)),
-                sum(map(_worth, r)),
-                sum("refused" in row for row in r),
-            ]
-            for name, r in grouped(rows, axis).items()
-        ]
-        parts.append(Table([axis, *columns], table))
+        parts.append(
+            counted(
+                rows,
+                axis,
+                (),
+                str,
+                confirmed=_sure,
+                worth_looking_at=_worth,
+                refused=lambda row: "refused" in row,
+            )
+        )
     false = [row for row in rows if _sure(row) or _worth(row)]
-    fields = Case.__dataclass_fields__
-    each = [[str(Case(**{n: row[n] for n in fields})), words(row)] for row in false]
+    each = [[title(row, Case), words(row)] for row in false]
     return Topic("Laws of clean records", [*parts, Table(["record", "said"], each)])
 
 
@@ -141,10 +129,11 @@ def _worth(row: Row) -> bool:
     return bool(row.get("said")) and not confirmed(row)
 
 
-def _judge_rig(case: RigCase) -> Row:
+def judge_rig(case: RigCase) -> Row:
+    """Search the laws of the model of the rig."""
+    from demonstrations import draw as draw_rig
+    from demonstrations import write
     from orchestration.rig import RIG_COMPONENT
-    from studies.emulator import draw as draw_rig
-    from studies.emulator import write
     from studies.judging.laws import judged_answers, searched_laws
 
     try:
@@ -163,7 +152,8 @@ def _judge_rig(case: RigCase) -> Row:
     )
 
 
-def _said_of_rig(row: Row) -> str:
+def said_of_rig(row: Row) -> str:
+    """Return the answer to a record of the rig as a line of text."""
     if "impossible" in row:
         return row["impossible"]
     return f"{named(row)}: {words(row)} ({row['widths']:.1f} widths, {row['seconds']:.0f} s)"
@@ -174,15 +164,7 @@ def rig_report(rows: Sequence[Row]) -> Topic:
     drawn = [row for row in rows if "impossible" not in row]
     good = sum(named(row) in GOOD for row in drawn)
     sure = sum(confirmed(row) for row in drawn if "said" in row)
-    table = []
-    for name, these in grouped(drawn, "variation").items():
-        said = [named(row) for row in these]
-        table.append([str(name), len(these), *(said.count(kind) for kind in SAID)])
-    wrong = [
-        [str(RigCase(row["variation"], row["seed"], row["strength"])), _said_of_rig(row)]
-        for row in drawn
-        if named(row) not in GOOD
-    ]
+    wrong = [[title(row, RigCase), said_of_rig(row)] for row in drawn if named(row) not in GOOD]
     return Topic(
         "The emulated rig, with the catalogue off",
         [
@@ -192,7 +174,7 @@ def rig_report(rows: Sequence[Row]) -> Topic:
                 f" first or in a first group in {share(good, len(drawn))}; confirmed in"
                 f" {share(sure, len(drawn))}. Left out are variations of sensors."
             ),
-            Table(["variation", "records", *SAID], table),
+            counted(drawn, "variation", SAID, named),
             "What was said of the others:",
             Table(["record", "said"], wrong),
         ],

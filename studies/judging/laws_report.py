@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
 
 from benchmarks.tables import Table, Topic
 from studies.hidden_laws import LawCase
-from studies.judging.clean import grouped, share
 from studies.judging.laws_answers import (
     GOOD,
     GROUP,
     LEAST,
     SAID,
-    Row,
     as_good,
     confirmed,
     excluded,
     named,
     wrongly_confirmed,
 )
-
-
-def title(row: Row) -> str:
-    """Name a record."""
-    return str(LawCase(**{n: row[n] for n in LawCase.__dataclass_fields__ if n in row}))
+from studies.judging.study import Row, counted, grouped, share, title
 
 
 def answer_line(row: Row) -> str:
@@ -55,58 +48,47 @@ def words(row: Row) -> str:
 
 def report(rows: Sequence[Row]) -> Topic:
     """Return tables of the answers to records in which something is hidden."""
-    counted = [row for row in rows if not excluded(row)]
+    those = [row for row in rows if not excluded(row)]
     still = [row for row in rows if row.get("still")]
-    good, first = (sum(named(row) in kinds for row in counted) for kinds in (GOOD, GOOD[:1]))
-    naive = sum(row["naive_right"] for row in counted)
+    good, first = (sum(named(row) in kinds for row in those) for kinds in (GOOD, GOOD[:1]))
+    naive = sum(row["naive_right"] for row in those)
     parts: list[str | Table] = [
         (
             f"{len(rows)} records: in {share(len(still), len(rows))} the signal stands still, and"
-            f" {share(len(rows) - len(counted) - len(still), len(rows))} leave less than {LEAST:g}"
-            f" noise widths; {len(counted)} count. The right law over the right signal is first, or"
-            f" in a first group of at most {GROUP}, in {share(good, len(counted))}, first in"
-            f" {share(first, len(counted))}; somewhere in the map in"
-            f" {share(sum(row.get('in_map') is not None for row in counted), len(counted))}. The"
-            f" naive signal is right in {share(naive, len(counted))}; it names no law."
+            f" {share(len(rows) - len(those) - len(still), len(rows))} leave less than {LEAST:g}"
+            f" noise widths; {len(those)} count. The right law over the right signal is first, or"
+            f" in a first group of at most {GROUP}, in {share(good, len(those))}, first in"
+            f" {share(first, len(those))}; somewhere in the map in"
+            f" {share(sum(row.get('in_map') is not None for row in those), len(those))}. The"
+            f" naive signal is right in {share(naive, len(those))}; it names no law."
         ),
         (
-            f"Confirmed by unseen data: {share(sum(map(confirmed, counted)), len(counted))};"
-            f" confirmed and wrong: {share(sum(map(wrongly_confirmed, counted)), len(counted))}."
+            f"Confirmed by unseen data: {share(sum(map(confirmed, those)), len(those))};"
+            f" confirmed and wrong: {share(sum(map(wrongly_confirmed, those)), len(those))}."
             " Not right, but within 2 % of the error of the truth on what was held out, so that"
             " the record hardly tells them apart:"
-            f" {share(sum(map(as_good, counted)), len(counted))}."
+            f" {share(sum(map(as_good, those)), len(those))}."
         ),
     ]
     for axis in ("strength", "plant", "noise", "stimulus"):
-        parts.append(_table(counted, axis))
-    of = [{**row, "kind of lack": f"{row['plant']}: {row['kind']}"} for row in counted]
-    parts += [_table(of, "kind of lack"), *_quality(counted), *_excluded(rows), *_wrong(counted)]
+        parts.append(_table(those, axis))
+    of = [{**row, "kind of lack": f"{row['plant']}: {row['kind']}"} for row in those]
+    parts += [_table(of, "kind of lack"), *_quality(those), *_excluded(rows), *_wrong(those)]
     return Topic("Hidden laws", parts)
 
 
 def _table(rows: Sequence[Row], axis: str) -> Table:
-    columns = [
+    return counted(
+        rows,
         axis,
-        "records",
-        *SAID,
-        "confirmed",
-        "confirmed and wrong",
-        "added for multiplied",
-        "wrong but as good",
-        "naive signal right",
-    ]
-    table = []
-    for name, these in grouped(rows, axis).items():
-        said = Counter(named(row) for row in these)
-        sure = sum(map(confirmed, these))
-        wrong = sum(map(wrongly_confirmed, these))
-        naive = sum(row["naive_right"] for row in these)
-        good = sum(map(as_good, these))
-        way = sum(bool(row.get("another_way")) for row in these)
-        table.append(
-            [str(name), len(these), *(said[kind] for kind in SAID), sure, wrong, way, good, naive]
-        )
-    return Table(columns, table)
+        SAID,
+        named,
+        confirmed=confirmed,
+        confirmed_and_wrong=wrongly_confirmed,
+        added_for_multiplied=lambda row: row.get("another_way"),
+        wrong_but_as_good=as_good,
+        naive_signal_right=lambda row: row["naive_right"],
+    )
 
 
 def _median(values: Sequence[float]) -> float:
@@ -183,7 +165,7 @@ def _wrong(rows: Sequence[Row]) -> list[str | Table]:
     wrong = [row for row in rows if named(row) not in GOOD]
     table = [
         [
-            title(row),
+            title(row, LawCase),
             answer_line(row),
             str(row.get("rank") or ""),
             str(row.get("in_map") or ""),

@@ -8,9 +8,8 @@ its name, or else that the model does not describe the record.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,9 +18,9 @@ import numpy as np
 
 from benchmarks.tables import Table, Topic
 from fmus.kit import UserError
-from studies.judging.clean import ROOT, settings_of, share
-from studies.judging.kept import add_options, among, judged
-from studies.judging.stamp import DIAGNOSIS, stamp
+from studies.judging.clean import settings_of
+from studies.judging.stamp import DIAGNOSIS
+from studies.judging.study import Chosen, Part, Row, Study, among, share, title
 from studies.misuse import KINDS, MisuseCase, cases, draw_misused, write
 
 if TYPE_CHECKING:
@@ -29,9 +28,6 @@ if TYPE_CHECKING:
     from orchestration.discrepancy import Note
     from studies.misuse import Columns
 
-CODE = (*DIAGNOSIS, "studies/clean", "studies/misuse", "studies/judging/misuse.py")
-PAGE = ROOT / "docs" / "misused-records.md"
-Row = dict[str, Any]
 REFUSED = "refused"
 NAMED = "told by name"
 IN_GENERAL = "told in general"
@@ -57,18 +53,6 @@ _FAULTS = {  # notes on what was done to values
     "outputs of something else": {"unrelated"},
 }
 _GENERAL = {"large_error", "unrelated", "implausible", "not_followed", "end_not_followed"}
-_HEAD = (
-    "# What is said of records that were spoilt\n"
-    "\n"
-    "Drawn by `python -m studies.judging.misuse --each {each} --seed {seed}`; `make misuse-study`"
-    " draws it anew.\n"
-    "The records are clean ones, of generators that share no code with the models under test,"
-    " spoilt in the ways\n"
-    "of `studies/misuse/kinds.py`. Whatever cause is named is false.\n"
-    "\n"
-    "{stamp}\n"
-    "\n"
-)
 
 
 def judge(case: MisuseCase) -> Row:
@@ -142,33 +126,35 @@ def report(rows: Sequence[Row]) -> Topic:
         f" {share(counts[MISLED], len(rows))} mislead: a cause, `consistent` or `recalibrate`.",
         Table(["misuse", *OUTCOMES], table),
     ]
-    wrong = [[_title(row), row["said"]] for row in rows if row["outcome"] == MISLED]
+    wrong = [[title(row, MisuseCase), row["said"]] for row in rows if row["outcome"] == MISLED]
     if wrong:
         parts.append(Table(["misled", "said"], wrong))
     return Topic("Misused records", parts)
 
 
-def _title(row: Row) -> str:
-    return str(MisuseCase(**{name: row[name] for name in MisuseCase.__dataclass_fields__}))
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.judging.misuse", description=__doc__.split("\n\n")[0]
-    )
-    add_options(parser, 0, "misuse")
-    parser.add_argument("--each", type=int, default=2, help="records of every kind")
-    parser.add_argument("--out", type=Path, help="page to write")
-    chosen = parser.parse_args(arguments)
-    kept = chosen.kept or ROOT / "build" / "misuse" / f"{chosen.seed}.jsonl"
+def _parts(chosen: Chosen) -> Iterator[Part]:
     wanted = among(cases(chosen.each, chosen.seed), chosen)
-    text = str(report(judged(wanted, kept, judge, lambda row: f"{row['outcome']}: {row['said']}")))
-    print("\n" + text)
-    if chosen.out is not None:
-        head = _HEAD.format(each=chosen.each, seed=chosen.seed, stamp=stamp(CODE))
-        chosen.out.write_text(head + text + "\n", encoding="utf-8")
+    yield Part(wanted, judge, lambda row: f"{row['outcome']}: {row['said']}", report)
+
+
+STUDY = Study(
+    name="misuse",
+    about=__doc__,
+    parts=_parts,
+    numbers={"--each": (2, "records of every kind")},
+    page="misused-records.md",
+    head="""# What is said of records that were spoilt
+
+Drawn by `python -m studies.judging.misuse {options}`; `make misuse-study` draws it anew.
+The records are clean ones, of generators that share no code with the models under test, spoilt in
+the ways of `studies/misuse/kinds.py`. Whatever cause is named is false.
+
+{stamp}
+
+""",
+    code=(*DIAGNOSIS, "studies/clean", "studies/misuse", "studies/judging/misuse.py"),
+)
 
 
 if __name__ == "__main__":
-    main()
+    STUDY.main()

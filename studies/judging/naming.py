@@ -2,22 +2,16 @@
 
 A confusion matrix and the rates that count.
 
-`python -m studies.judging.naming --seed NEW` writes ``docs/naming.md``; the seed should be one that
-nobody has looked at. Every diagnosis is kept as soon as it is made, in a folder named after the
-code that made it, so that an interrupted run goes on where it stopped.
+`python -m studies.judging.naming --seeds 2 --seed NEW --out docs/naming.md` writes the page; the
+seed should be one that nobody has looked at.
 """
 
 from __future__ import annotations
 
-import argparse
-import hashlib
-import json
-import os
 import tempfile
 import time as clock
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from itertools import permutations
@@ -26,11 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from studies.judging.stamp import DIAGNOSIS, digest, stamp
+from benchmarks.tables import Table, Topic
+from studies.judging.stamp import DIAGNOSIS
+from studies.judging.study import Chosen, Part, Row, Study, among
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "naming.md"
-CODE = (*DIAGNOSIS, "studies/judging/naming.py", "fmus/ppy_actuator", "studies/emulator")
 PAIRS = (
     ("strain_saturation", "double_layer"),
     ("resistance_growth", "quadratic_strain"),
@@ -48,18 +41,6 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "three minutes": {"duration": 180.0},
     "not at rest": {"at_rest": False},
 }
-_ABOUT = (
-    "How often the hidden effect is named: hundreds of emulated records, a confusion matrix and"
-    " the rates that count."
-)
-_LEGEND = (
-    "*First* are those in which the hidden effect, in whatever shape, stands at the top,"
-    " and *in its shape* those in which it does so by its own name; *or in the group* adds"
-    " to the former those in which the verdict `ambiguous` tells it as a rival of the top."
-    " *Too many* are records with more causes than were hidden, shapes of one law over one"
-    " signal counted once. What is right where none is hidden is in"
-    " `studies/judging/naming.py`."
-)
 CHANGES = {"R1 +40 %": ("R1", {"R1": 1.4}), "k2 -30 %": ("k2", {"k2": 0.7})}
 
 
@@ -73,13 +54,16 @@ class Case:
     hidden : tuple of str
     seed : int
     options : dict
-        Of `studies.emulator.records.draw`.
+        Of `demonstrations.records.draw`.
     """
 
     group: str
     hidden: tuple[str, ...]
     seed: int
     options: dict[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return f"{self.group}: {' + '.join(self.hidden) or 'nothing'} {self.seed}"
 
 
 def cases(seeds: int, first: int = 1) -> Iterator[Case]:
@@ -92,7 +76,7 @@ def cases(seeds: int, first: int = 1) -> Iterator[Case]:
     first : int
         The first of them.
     """
-    from studies.emulator import CATALOGUE, UNKNOWN
+    from demonstrations.emulator import CATALOGUE, UNKNOWN
 
     for seed in range(first, first + seeds):
         for colour in (0.0, 0.9):
@@ -118,15 +102,9 @@ def cases(seeds: int, first: int = 1) -> Iterator[Case]:
                 yield from (Case(group, (name,), seed, options) for name in CATALOGUE)
 
 
-def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
-    """Draw a record, diagnose it from its CSV file, and return the answer beside the right one.
-
-    Parameters
-    ----------
-    case : Case
-    records : Path, optional
-        Folder where drawn records are kept.
-    """
+def judge(case: Case) -> Row:
+    """Draw a record, diagnose it from its CSV file, and return the answer and the right one."""
+    from demonstrations import draw, write
     from orchestration.api import read_record
     from orchestration.discrepancy import diagnose
     from orchestration.discrepancy.candidates import catalogue
@@ -135,10 +113,9 @@ def judge(case: Case, records: Path | None = None) -> dict[str, Any]:
     from orchestration.fmu import find_model
     from orchestration.identify import normalised_rms
     from orchestration.rig import RIG_COMPONENT
-    from studies.emulator import draw_cached, write
 
     try:
-        drawn = draw_cached(records, case.hidden, case.seed, **case.options)
+        drawn = draw(case.hidden, case.seed, **case.options)
     except ValueError as error:
         return asdict(case) | {"impossible": str(error)}
     model = find_model(RIG_COMPONENT)
@@ -192,7 +169,7 @@ def _cause(name: str) -> str:
     return _families().get(name, name)
 
 
-def right(row: dict[str, Any], rivals: bool = True, shapes: bool = True) -> bool:
+def right(row: Row, rivals: bool = True, shapes: bool = True) -> bool:
     """Return whether the answer is the right one.
 
     Parameters
@@ -229,7 +206,7 @@ def right(row: dict[str, Any], rivals: bool = True, shapes: bool = True) -> bool
     return cause(row["wanted"][0]) in map(cause, named)
 
 
-def too_many(row: dict[str, Any]) -> bool:
+def too_many(row: Row) -> bool:
     """Return whether more causes are named than were hidden, shapes of one counted once."""
     return (
         len({*map(_cause, row["causes"])}) > len(row["hidden"])
@@ -237,190 +214,135 @@ def too_many(row: dict[str, Any]) -> bool:
     )
 
 
-def run(
-    wanted: Iterable[Case], folder: Path, workers: int, records: Path | None = None
-) -> list[dict[str, Any]]:
-    """Judge all cases that are not in the folder yet, side by side."""
-    folder.mkdir(parents=True, exist_ok=True)
-    todo = []
-    rows = []
-    for case in wanted:
-        file = folder / f"{hashlib.sha256(repr(case).encode()).hexdigest()[:24]}.json"
-        if file.exists():
-            rows.append(json.loads(file.read_text(encoding="utf-8")))
-        else:
-            todo.append((case, file))
-    with ProcessPoolExecutor(workers) as pool:
-        waiting = {pool.submit(judge, case, records): (case, file) for case, file in todo}
-        for k, done in enumerate(as_completed(waiting), start=1):
-            case, file = waiting[done]
-            row = done.result()
-            file.write_text(json.dumps(row), encoding="utf-8")
-            rows.append(row)
-            hidden = " + ".join(case.hidden) or "nothing"
-            print(
-                f"{k}/{len(todo)} {case.group}: {hidden} {case.seed}: {_summary(row)}", flush=True
-            )
-    return rows
-
-
-def _summary(row: dict[str, Any]) -> str:
+def _summary(row: Row) -> str:
     if row.get("impossible"):
         return str(row["impossible"])
     mark = "ok " if right(row) else "NO "
     return f"{mark} {row['verdict']} {row['causes']} {row['rivals']}"
 
 
-def page(rows: list[dict[str, Any]], options: str = "") -> str:
-    """Write the results as Markdown, with the command line options that they were drawn by."""
-    rows = [row for row in rows if "impossible" not in row]
-    groups = list(dict.fromkeys(row["group"] for row in sorted(rows, key=lambda r: r["group"])))
-    lines = [
-        "# How often the hidden effect is named",
-        "",
-        _ABOUT,
-        "",
-        f"Drawn by `python -m studies.judging.naming{options}`: {len(rows)} records, by seeds that"
-        " were not looked at before.",
-        _LEGEND,
-        "",
-        stamp(CODE),
-        "",
-        *_rates(rows, groups),
-        *_by_effect(rows, [group for group in groups if "strength" in group]),
-        *_named_first(rows),
-        *_intervals(rows),
-        *_times(rows),
+def report(rows: Sequence[Row]) -> Topic:
+    """Return tables of what was named."""
+    drawn = [row for row in rows if "impossible" not in row]
+    groups = sorted({row["group"] for row in drawn})
+    parts: list[str | Table] = [
+        f"{len(drawn)} records.",
+        _rates(drawn, groups),
+        _by_effect(drawn, [group for group in groups if "strength" in group]),
+        _named_first(drawn),
+        *_intervals(drawn),
+        _times(drawn),
     ]
-    return "\n".join(lines)
+    return Topic("What was named", parts)
 
 
-def _rates(rows: list[dict[str, Any]], groups: list[str]) -> list[str]:
-    """Return a table of how often the hidden effect was named, by group of records."""
-    lines = [
-        "| records | first | in its shape | or in the group | too many | of "
-        "| extended model / true model, held out (median, 90 %) |",
-        "|---|---|---|---|---|---|---|",
-    ]
+def _rates(rows: Sequence[Row], groups: Sequence[str]) -> Table:
+    """Return how often the hidden effect was named, by group of records."""
+    table = []
     for group in groups:
         members = [row for row in rows if row["group"] == group]
-        counts = [
-            sum(right(row, rivals=False, shapes=True) for row in members),
-            sum(right(row, rivals=False, shapes=False) for row in members),
-            sum(map(right, members)),
-            sum(map(too_many, members)),
-        ]
-        cells = " | ".join(map(str, counts))
         ratios = [row["ratio"] for row in members]
-        spread = f"{np.median(ratios):.3f}, {np.quantile(ratios, 0.9):.3f}"
-        lines.append(f"| {group} | {cells} | {len(members)} | {spread} |")
-    return lines
+        table.append(
+            [
+                group,
+                sum(right(row, rivals=False, shapes=True) for row in members),
+                sum(right(row, rivals=False, shapes=False) for row in members),
+                sum(map(right, members)),
+                sum(map(too_many, members)),
+                len(members),
+                f"{np.median(ratios):.3f}, {np.quantile(ratios, 0.9):.3f}",
+            ]
+        )
+    columns = ["records", "first", "in its shape", "or in the group", "too many", "of"]
+    return Table([*columns, "extended model / true model, held out (median, 90 %)"], table)
 
 
-def _by_effect(rows: list[dict[str, Any]], groups: list[str]) -> list[str]:
-    """Return a table of how often each effect was named, by group of records."""
-    lines = [
-        "",
-        "## By effect",
-        "",
-        "| hidden | " + " | ".join(groups) + " | all |",
-        "|" + "---|" * (2 + len(groups)),
-    ]
+def _by_effect(rows: Sequence[Row], groups: Sequence[str]) -> Table:
+    """Return how often each effect was named, by group of records."""
     single = [
         row for row in rows if len(row["hidden"]) == 1 and row["group"] != "outside the catalogue"
     ]
+    table = []
     for name in dict.fromkeys(row["hidden"][0] for row in single):
-        cells = []
-        for group in [*groups, None]:
-            members = [
-                row for row in single if row["hidden"][0] == name and group in (row["group"], None)
-            ]
-            cells.append(f"{sum(map(right, members))}/{len(members)}")
-        lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    return lines
+        own = [row for row in single if row["hidden"][0] == name]
+        of = [[row for row in own if row["group"] == group] for group in groups]
+        table.append([name, *(f"{sum(map(right, some))}/{len(some)}" for some in [*of, own])])
+    return Table(["hidden", *groups, "all"], table)
 
 
-def _named_first(rows: list[dict[str, Any]]) -> list[str]:
-    """Return a table of what was named first, by what was hidden."""
+def _named_first(rows: Sequence[Row]) -> Table:
+    """Return what was named first, by what was hidden."""
     counts: dict[str, Counter[str]] = defaultdict(Counter)
     for row in rows:
         hidden = " + ".join(row["wanted"]) or row["group"]
         counts[hidden][row["causes"][0] if row["causes"] else row["verdict"]] += 1
-    lines = ["", "## What was named first", "", "| hidden | named first: times |", "|---|---|"]
-    for hidden in sorted(counts):
-        named = ", ".join(f"{name}: {count}" for name, count in counts[hidden].most_common())
-        lines.append(f"| {hidden} | {named} |")
-    return lines
-
-
-def _intervals(rows: list[dict[str, Any]]) -> list[str]:
-    """Return sentences on how many parameters lie within their intervals."""
-    inside = [hit for row in rows if right(row) for hit in row["inside"].values()]
-    lines = [
-        "",
-        f"Of {len(inside)} physical parameters of rightly judged records,"
-        f" {100 * np.mean(inside):.1f} % lie within their interval.",
-        "",
+    table = [
+        [hidden, ", ".join(f"{name}: {count}" for name, count in counts[hidden].most_common())]
+        for hidden in sorted(counts)
     ]
+    return Table(["hidden", "named first: times"], table)
+
+
+def _intervals(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield sentences on how many parameters lie within their intervals."""
+    inside = [hit for row in rows if right(row) for hit in row["inside"].values()]
+    yield (
+        f"Of {len(inside)} physical parameters of rightly judged records,"
+        f" {100 * np.mean(inside):.1f} % lie within their interval. The rig's effects have other"
+        " forms than the catalogue's, which moves parameters that trade with them."
+    )
     clean_rows = [row for row in rows if row["group"].startswith("clean")]
     clean = [hit for row in clean_rows for hit in row["inside"].values()]
     if clean:
-        lines += [f"On clean records, {100 * np.mean(clean):.1f} % of {len(clean)} do.", ""]
-    return lines
+        yield f"On clean records, {100 * np.mean(clean):.1f} % of {len(clean)} do."
 
 
-def _times(rows: list[dict[str, Any]]) -> list[str]:
-    """Return sentences on what moves parameters, and on how long a diagnosis took."""
+def _times(rows: Sequence[Row]) -> str:
     seconds = [row["seconds"] for row in rows]
-    return [
-        "The rig's effects have other forms than the catalogue's, which moves parameters that"
-        " trade with them.",
-        "",
-        f"A diagnosis took {np.median(seconds):.1f} s (median),"
-        f" {np.quantile(seconds, 0.95):.1f} s (95 %).",
-        "",
-    ]
+    return (
+        f"A diagnosis took {np.median(seconds):.1f} s (median), {np.quantile(seconds, 0.95):.1f} s"
+        " (95 %)."
+    )
 
 
-def main() -> None:
-    """Run the command line."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.judging.naming", description=__doc__.split("\n\n")[0]
-    )
-    parser.add_argument(
-        "--seeds", type=int, default=4, help="of every variation; 4 are some 900 records"
-    )
-    parser.add_argument("--seed", type=int, default=1, help="the first of the seeds")
-    parser.add_argument(
-        "--folder", type=Path, help="where diagnoses are kept; default build/naming/DIGEST"
-    )
-    parser.add_argument(
-        "--records", type=Path, help="where drawn records are kept; default nowhere"
-    )
-    parser.add_argument("--workers", type=int, default=os.cpu_count())
-    parser.add_argument(
-        "--only",
-        nargs="*",
-        default=[],
-        help="words that the group or the hidden effect must contain",
-    )
-    parser.add_argument(
-        "--out", type=Path, help="page to write; default docs/naming.md unless --only is given"
-    )
-    chosen = parser.parse_args()
-    wanted = [
-        c
-        for c in cases(chosen.seeds, chosen.seed)
-        if all(word in f"{c.group} {c.hidden}" for word in chosen.only)
-    ]
-    folder = chosen.folder or ROOT / "build" / "naming" / digest(CODE)
-    options = f" --seeds {chosen.seeds} --seed {chosen.seed}"
-    text = page(run(wanted, folder, chosen.workers, chosen.records), options)
-    out = chosen.out or (None if chosen.only else PAGE)
-    print(text)
-    if out is not None:
-        out.write_text(text, encoding="utf-8")
+def part(wanted: Sequence[Case]) -> Part:
+    """Return cases as a part of a study."""
+    return Part(wanted, judge, _summary, report)
+
+
+def _parts(chosen: Chosen) -> Iterator[Part]:
+    yield part(among(cases(chosen.seeds, chosen.seed), chosen))
+
+
+STUDY = Study(
+    name="naming",
+    about=__doc__,
+    parts=_parts,
+    numbers={"--seeds": (4, "of every variation; 4 are some 900 records")},
+    page="naming.md",
+    head="""# How often the hidden effect is named
+
+How often the hidden effect is named: hundreds of emulated records, a confusion matrix and the rates
+that count. Drawn by `python -m studies.judging.naming {options}`, by seeds that were not looked at
+before. *First* are those in which the hidden effect, in whatever shape, stands at the top, and *in
+its shape* those in which it does so by its own name; *or in the group* adds to the former those in
+which the verdict `ambiguous` names it as a rival of the top. *Too many* are records with more
+causes than were hidden, shapes of one law over one signal counted once. What is right where none
+is hidden is in `studies/judging/naming.py`.
+
+{stamp}
+
+""",
+    code=(
+        *DIAGNOSIS,
+        "studies/judging/naming.py",
+        "fmus/ppy_actuator",
+        "demonstrations/bench.py",
+        "demonstrations/records.py",
+        "demonstrations/emulator",
+    ),
+)
 
 
 if __name__ == "__main__":
-    main()
+    STUDY.main()

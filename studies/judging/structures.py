@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import detrend
 
+from demonstrations.emulator import EmulatedRig, RigParameters
 from fmus.kit.arrays import Array
 from orchestration.experiment.waveforms import multilevel, square_wave
 from orchestration.identify.black_box import (
@@ -32,7 +33,6 @@ from orchestration.identify.black_box import (
     roots,
     search_orders,
 )
-from studies.emulator import EmulatedRig, RigParameters
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "black-box-structures.md"
 # table 3-2: fit to identification and to validation data in percent, Akaike's criterion

@@ -1,21 +1,17 @@
 """Reference results of the controllers, from the laws of their README on plain numbers.
 
 Run ``python -m studies.references.controllers`` after changing a default value; its output is in
-the components' folder ``reference``. ``NAME_in.csv`` and ``NAME_ref.csv`` have the form of the FMI
-cross-check: a repeated time marks a jump. Communication points are sample instants; the sample at
+the components' folder ``reference``. Communication points are sample instants; the sample at
 one is taken just after it, with the new inputs.
 """
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from studies.references.files import write_options, write_rows
-
-FOLDER = Path(__file__).parents[2] / "fmus" / "controllers" / "reference"
+from studies.references.files import Reference
 
 Row = list[float]
 # Outputs before the first sample, then after each, from the inputs of its instant.
@@ -328,39 +324,14 @@ CASES = {
 }
 
 
-def solve(case: Case) -> tuple[list[Row], list[Row]]:
-    """Rows of inputs and of outputs; the outputs just before and just after a jump both appear."""
-    inputs: list[Row] = []
-    outputs: list[Row] = []
-    held: Row | None = None
-    for k, row in enumerate(case.law(case.stimulus, case.count)):
-        time = round(k * case.period, 9)
-        now = case.stimulus(k)
-        if held is not None and held != now:
-            inputs.append([time, *held])
-            outputs.append([time, *row])
-        if held != now:
-            inputs.append([time, *now])
-        outputs.append([time, *row])
-        held = now
-    inputs.append([round(case.count * case.period, 9), *case.stimulus(case.count)])
-    return inputs, outputs
-
-
-def write(name: str, case: Case) -> None:
-    """Write the files of a controller."""
-    inputs, outputs = solve(case)
-    write_rows(FOLDER / f"{name}_in.csv", case.inputs.split(","), inputs)
-    write_rows(FOLDER / f"{name}_ref.csv", case.outputs.split(","), outputs)
-    stop = round(case.count * case.period, 9)
-    write_options(FOLDER / f"{name}_ref.opt", stop, case.period, "sample by sample")
-
-
 def main() -> None:
     """Write the files of all."""
-    FOLDER.mkdir(exist_ok=True)
     for name, case in CASES.items():
-        write(name, case)
+        reference = Reference(name, case.inputs.split(","), case.outputs.split(","), case.period)
+        for k, row in enumerate(case.law(case.stimulus, case.count)):
+            reference.add(round(k * case.period, 9), case.stimulus(k), lambda _, row=row: row)
+        stop = round(case.count * case.period, 9)
+        reference.write("controllers", stop, "sample by sample")
 
 
 if __name__ == "__main__":

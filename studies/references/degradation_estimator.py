@@ -9,13 +9,12 @@ cross-check: a repeated time marks a jump.
 """
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
-from studies.references.files import write_options
+from studies.references.files import COMPONENTS, write_lines, write_options
 
-FOLDER = Path(__file__).parents[2] / "fmus" / "degradation_estimator" / "reference"
+FOLDER = COMPONENTS / "degradation_estimator" / "reference"
 
 NAME = "degradation_estimator"
 STEP = 0.1
@@ -123,21 +122,20 @@ def solve(current: np.ndarray, voltage: np.ndarray) -> list[list[float]]:
 
 def main() -> None:
     """Write the files."""
-    folder = FOLDER
     current, voltage = record()
     lines = ["time,current,voltage"]
     for k, pair in enumerate(zip(current, voltage, strict=True)):
         for held in (*([(current[k - 1], voltage[k - 1])] if k else []), pair):
             lines.append(f"{k * STEP:.10g},{held[0]:.6g},{held[1]:.6g}")
     lines.append(f"{STOP:.10g},{current[-1]:.6g},{voltage[-1]:.6g}")
-    (folder / f"{NAME}_in.csv").write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    write_lines(FOLDER / f"{NAME}_in.csv", lines)
     lines = [",".join(["time", *OUTPUTS])]
     for k, row in enumerate(solve(current, voltage)):
         jumps = 0 < k < len(current) and current[k] != current[k - 1]
         # no output follows an input at once, so that both rows of a jump are the same
         lines += [",".join(f"{value:.12g}" for value in (k * STEP, *row))] * (2 if jumps else 1)
-    (folder / f"{NAME}_ref.csv").write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-    write_options(folder / f"{NAME}_ref.opt", STOP, STEP, "weighted normal equations")
+    write_lines(FOLDER / f"{NAME}_ref.csv", lines)
+    write_options(FOLDER / f"{NAME}_ref.opt", STOP, STEP, "weighted normal equations")
 
 
 if __name__ == "__main__":

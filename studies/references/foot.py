@@ -6,23 +6,20 @@ scipy's DOP853 to 1e-12. ``foot_free``: Newton's and Euler's equations of four r
 projected on leg and joints (Kane), where the component has those of Lagrange.
 
 Run ``python -m studies.references.foot`` after changing a default value; its output is in the
-component's folder ``reference``. ``NAME_in.csv`` and ``NAME_ref.csv`` have the form of the FMI
-cross-check: a repeated time marks a jump.
+component's folder ``reference``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from studies.references.files import write_options, write_rows
+from studies.references.files import Reference
 
 Slope = Callable[[np.ndarray, np.ndarray], np.ndarray]
-
-FOLDER = Path(__file__).parents[2] / "fmus" / "foot" / "reference"
 
 STEP = 0.01
 STOP = 1.0
@@ -355,76 +352,82 @@ def fed_free(time: float) -> np.ndarray:
     return np.array([*loads, 0.4 * np.sin(1.1 * k), 0.3 * np.cos(1.6 * k)])
 
 
-def follow(
-    stimulus: Callable[[float], np.ndarray],
-    row: Callable[[np.ndarray, np.ndarray], list[float]],
-    slope: Slope,
-    start: np.ndarray,
-    stop: float = STOP,
-) -> tuple[list[list[float]], list[list[float]]]:
-    """Rows of inputs and of outputs; just before and just after a jump both appear."""
-    state, held = start, stimulus(0.0)
-    inputs = [[0.0, *held]]
-    results = [[0.0, *row(state, held)]]
-    for k in range(1, round(stop / STEP) + 1):
-        time = round(k * STEP, 9)
-        state = move(slope, state, held)
-        now = stimulus(time)
-        results.append([time, *row(state, held)])
-        if not np.array_equal(held, now):
-            inputs += [[time, *held], [time, *now]]
-            results.append([time, *row(state, now)])
-        held = now
-    if inputs[-1][0] < stop:
-        inputs.append([stop, *held])
-    return inputs, results
+class Case(NamedTuple):
+    """A foot and what it is fed.
+
+    Attributes
+    ----------
+    inputs, outputs : tuple of str
+    stimulus : callable
+        Inputs at a time in s.
+    row : callable
+        Outputs of state and inputs.
+    slope : callable
+        Derivatives of the state.
+    start : ndarray
+        The state at first.
+    solver : str
+    stop : float
+        s.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    stimulus: Callable[[float], np.ndarray]
+    row: Callable[[np.ndarray, np.ndarray], list[float]]
+    slope: Slope | None = None
+    start: np.ndarray = np.zeros(0)
+    solver: str = "algebraic"
+    stop: float = STOP
+
+
+def given(time: float) -> np.ndarray:
+    """Return loads and posture."""
+    return np.concatenate([fed(time), *given_posture(time)])
+
+
+CASES = {
+    "foot": Case((*LOADS, *POSTURE), OUTPUTS, given, lambda _, u: outputs(u[6:9], u[9:], u[:6])),
+    "foot_design": Case(
+        (*LOADS, *POSTURE),
+        ("ankle_limited_force", "toe_limited_force", "toe_force", "toe_stroke"),
+        given,
+        lambda _, u: design_outputs(u[6:9]),
+    ),
+    "foot_dynamic": Case(
+        LOADS,
+        (*POSTURE, *OUTPUTS),
+        fed,
+        lambda x, u: [*x, *outputs(x[:3], x[3:], u)],
+        fixed_slope,
+        np.zeros(6),
+        "DOP853",
+    ),
+    "foot_free": Case(
+        FREE_LOADS,
+        (*FREE_STATES, *OUTPUTS, *FREE_OUTPUTS),
+        fed_free,
+        free_outputs,
+        free_slope,
+        np.array([*np.zeros(8), 0.25, *np.zeros(7)]),
+        "DOP853",
+        FREE_STOP,
+    ),
+}
 
 
 def main() -> None:
     """Write the files."""
-    cases = {
-        "foot": (
-            (*LOADS, *POSTURE),
-            OUTPUTS,
-            follow(
-                lambda t: np.concatenate([fed(t), *given_posture(t)]),
-                lambda _, u: outputs(u[6:9], u[9:], u[:6]),
-                lambda x, _: np.zeros(x.size),
-                np.zeros(1),
-            ),
-        ),
-        "foot_design": (
-            (*LOADS, *POSTURE),
-            ("ankle_limited_force", "toe_limited_force", "toe_force", "toe_stroke"),
-            follow(
-                lambda t: np.concatenate([fed(t), *given_posture(t)]),
-                lambda _, u: design_outputs(u[6:9]),
-                lambda x, _: np.zeros(x.size),
-                np.zeros(1),
-            ),
-        ),
-        "foot_dynamic": (
-            LOADS,
-            (*POSTURE, *OUTPUTS),
-            follow(fed, lambda x, u: [*x, *outputs(x[:3], x[3:], u)], fixed_slope, np.zeros(6)),
-        ),
-        "foot_free": (
-            FREE_LOADS,
-            (*FREE_STATES, *OUTPUTS, *FREE_OUTPUTS),
-            follow(
-                fed_free,
-                free_outputs,
-                free_slope,
-                np.array([*np.zeros(8), 0.25, *np.zeros(7)]),
-                FREE_STOP,
-            ),
-        ),
-    }
-    for name, (signals, results, tables) in cases.items():
-        for suffix, header, rows in zip(("in", "ref"), (signals, results), tables, strict=True):
-            write_rows(FOLDER / f"{name}_{suffix}.csv", header, rows)
-        solver = "DOP853" if name in ("foot_dynamic", "foot_free") else "algebraic"
-        write_options(FOLDER / f"{name}_ref.opt", tables[1][-1][0], STEP, solver)
+    for name, case in CASES.items():
+        reference = Reference(name, case.inputs, case.outputs, STEP)
+        state = case.start
+        for k in range(round(case.stop / STEP) + 1):
+            time = round(k * STEP, 9)
+            now = case.stimulus(time)
+            if k and case.slope is not None:
+                state = move(case.slope, state, case.stimulus(round((k - 1) * STEP, 9)))
+            reference.add(time, now, lambda u, x=state, case=case: case.row(x, np.array(u)))
+        reference.write("foot", time, case.solver, ends_held=False)
 
 
 if __name__ == "__main__":

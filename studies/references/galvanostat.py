@@ -1,16 +1,13 @@
 """Reference results of the galvanostat, from the laws of its README on plain numbers.
 
 Run ``python -m studies.references.galvanostat`` after changing a default value; its output is in
-the component's folder ``reference``. ``NAME_in.csv`` and ``NAME_ref.csv`` have the form of the FMI
-cross-check: a repeated time marks a jump.
+the component's folder ``reference``.
 """
 
 import math
-from pathlib import Path
+from collections.abc import Sequence
 
-from studies.references.files import write_options, write_rows
-
-FOLDER = Path(__file__).parents[2] / "fmus" / "galvanostat" / "reference"
+from studies.references.files import Reference
 
 LIMIT = 1.3
 COMPLIANCE = 15.0
@@ -35,7 +32,7 @@ def stimulus(time: float) -> tuple[float, float, float]:
 
 
 def instrument(
-    inputs: tuple[float, ...], waiting: int, share: float, sampled: float
+    inputs: Sequence[float], waiting: int, share: float, sampled: float
 ) -> tuple[float, int, int]:
     """Return outputs from the inputs and what the samples left.
 
@@ -48,25 +45,17 @@ def instrument(
     return current, int(command > high or command < low), int(waiting > 0)
 
 
-def solve() -> tuple[list[list[float]], list[list[float]]]:
-    """Rows of inputs and of outputs; the outputs just before and just after a jump both appear."""
+def main() -> None:
+    """Write the files."""
+    reference = Reference("galvanostat", INPUTS, OUTPUTS, STEP)
     waiting = 0
     share = 1.0
     sampled = 0.0
-    held: tuple[float, ...] | None = None
-    inputs = []
-    outputs = []
     taken = 0
     for k in range(round(STOP / STEP) + 1):
-        time = round(k * STEP, 9)
-        now = stimulus(time)
-        if held is not None and held != now:
-            inputs.append([time, *held])
-            outputs.append([time, *instrument(held, waiting, share, sampled)])
-        if held is None or held != now:
-            inputs.append([time, *now])
-        outputs.append([time, *instrument(now, waiting, share, sampled)])
-        held = now
+        now = stimulus(round(k * STEP, 9))
+        left = waiting, share, sampled
+        reference.add(round(k * STEP, 9), now, lambda u, left=left: instrument(u, *left))
         # samples from here up to the next communication point, which belongs to the next step
         while 5 * (k + 1) > 2 * taken:
             if waiting > 1:
@@ -78,16 +67,7 @@ def solve() -> tuple[list[list[float]], list[list[float]]]:
             )
             sampled = now[1]
             taken += 1
-    inputs.append([STOP, *now])
-    return inputs, outputs
-
-
-def main() -> None:
-    """Write the files."""
-    inputs, outputs = solve()
-    write_rows(FOLDER / "galvanostat_in.csv", INPUTS, inputs)
-    write_rows(FOLDER / "galvanostat_ref.csv", OUTPUTS, outputs)
-    write_options(FOLDER / "galvanostat_ref.opt", STOP, STEP, "event by event")
+    reference.write("galvanostat", STOP, "event by event")
 
 
 if __name__ == "__main__":

@@ -1,18 +1,13 @@
 """Reference results of the actuator, exact solutions of eqs. 3.5 by matrix exponential.
 
 Run ``python -m studies.references.ppy_actuator`` after changing a default value; its output is in
-the component's folder ``reference``. ``NAME_in.csv`` and ``NAME_ref.csv`` have the form of the FMI
-cross-check: a repeated time marks a jump.
+the component's folder ``reference``.
 """
-
-from pathlib import Path
 
 import numpy as np
 from scipy.linalg import expm
 
-from studies.references.files import write_options, write_rows
-
-FOLDER = Path(__file__).parents[2] / "fmus" / "ppy_actuator" / "reference"
+from studies.references.files import Reference
 
 R1 = 0.43
 R2 = 2.35
@@ -85,29 +80,6 @@ def voltage_driven() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return a, b, c
 
 
-def solve(
-    a: np.ndarray, b: np.ndarray, c: np.ndarray, scales: tuple[float, float]
-) -> tuple[list[list[float]], list[list[float]]]:
-    """Rows of inputs and of outputs; the outputs just before and just after a jump both appear."""
-    step = expm(np.block([[a, b], [np.zeros((2, 5))]]) * STEP)
-    state = np.zeros(3)
-    inputs = []
-    outputs = []
-    held = None
-    for k in range(round(STOP / STEP) + 1):
-        time = round(k * STEP, 9)
-        now = np.array(stimulus(time)) * scales
-        if held is not None and not np.array_equal(held, now):
-            inputs.append([time, *held])
-            outputs.append([time, *(c @ np.concatenate([state, held]))])
-        if held is None or not np.array_equal(held, now):
-            inputs.append([time, *now])
-        outputs.append([time, *(c @ np.concatenate([state, now]))])
-        state, held = (step @ np.concatenate([state, now]))[:3], now
-    inputs.append([STOP, *now])
-    return inputs, outputs
-
-
 def main() -> None:
     """Write the files."""
     # 0.5 mm per newton of the force stimulus keeps the length-driven actuator taut
@@ -117,13 +89,16 @@ def main() -> None:
         # half a volt per ampere of the current stimulus: 2.4 A at a turn
         "ppy_actuator_voltage_driven": (voltage_driven(), (0.5, 1.0)),
     }
-    for name, (matrices, scales) in cases.items():
-        inputs, outputs = solve(*matrices, scales)
-        for suffix, header, rows in zip(
-            ("in", "ref"), HEADER[name], (inputs, outputs), strict=True
-        ):
-            write_rows(FOLDER / f"{name}_{suffix}.csv", header, rows)
-        write_options(FOLDER / f"{name}_ref.opt", STOP, STEP, "matrix exponential")
+    for name, ((a, b, c), scales) in cases.items():
+        reference = Reference(name, *HEADER[name], STEP)
+        step = expm(np.block([[a, b], [np.zeros((2, 5))]]) * STEP)
+        state = np.zeros(3)
+        for k in range(round(STOP / STEP) + 1):
+            time = round(k * STEP, 9)
+            now = np.array(stimulus(time)) * scales
+            reference.add(time, now, lambda u, x=state, c=c: c @ np.concatenate([x, u]))
+            state = (step @ np.concatenate([state, now]))[:3]
+        reference.write("ppy_actuator", STOP, "matrix exponential")
 
 
 if __name__ == "__main__":

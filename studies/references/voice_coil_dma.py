@@ -1,19 +1,14 @@
 """Reference results of the analyser, the sampled loop solved by matrix exponential.
 
 Run ``python -m studies.references.voice_coil_dma`` after changing a default value; its output is in
-the component's folder ``reference``. ``NAME_in.csv`` and ``NAME_ref.csv`` have the form of the FMI
-cross-check: a repeated time marks a jump. A sample at a communication point is taken just after it,
+the component's folder ``reference``. A sample at a communication point is taken just after it,
 with the new inputs.
 """
-
-from pathlib import Path
 
 import numpy as np
 from scipy.linalg import expm
 
-from studies.references.files import write_options, write_rows
-
-FOLDER = Path(__file__).parents[2] / "fmus" / "voice_coil_dma" / "reference"
+from studies.references.files import Reference
 
 R = 3.0
 L = 1e-3
@@ -28,7 +23,6 @@ HIGH = 10.0
 SPRING = 500.0  # N/m; held over a communication step, a stiffer one would not be stable
 STEP = 0.01
 STOP = 3.0
-NAME = "voice_coil_dma"
 # states: current, position, velocity, filtered force, filtered position; inputs: voltage, tension
 A = np.array(
     [
@@ -52,8 +46,8 @@ def stimulus(index: int, position: float) -> tuple[float, float]:
     return (1.0, 2.0, 0.5, 30.0, 0.0)[min(index // 60, 4)], round(max(SPRING * position, 0.0), 9)
 
 
-def solve() -> tuple[list[list[float]], list[list[float]]]:
-    """Rows of inputs and of outputs; the outputs just before and just after a jump both appear."""
+def main() -> None:
+    """Write the files."""
     state = np.zeros(5)
     command = 0.0
     previous = 0.0
@@ -66,20 +60,14 @@ def solve() -> tuple[list[list[float]], list[list[float]]]:
             propagators[key] = expm(np.block([[A, U], [np.zeros((2, 7))]]) * key)[:5]
         return np.asarray(propagators[key] @ np.concatenate([state, [command, tension]]))
 
-    inputs = []
-    outputs = []
-    held = None
+    sensors = ("force_measured", "position_measured")
+    signals = ("position", "velocity", "coil_current", "coil_voltage", *sensors)
+    reference = Reference("voice_coil_dma", ("force_reference", "tension"), signals, STEP)
     count = round(STOP / STEP)
     for k in range(count + 1):
         now = stimulus(k, state[1])
-        row = [k * STEP, state[1], state[2], state[0], command, state[3], state[4]]
-        if held != now:
-            if held is not None:
-                inputs.append([k * STEP, *held])
-                outputs.append(row)
-            inputs.append([k * STEP, *now])
-        outputs.append(row)
-        held = now
+        row = [state[1], state[2], state[0], command, state[3], state[4]]
+        reference.add(k * STEP, now, lambda _, row=row: row)
         # sample instants are thirtieths and communication points hundredths of a second: counted in
         # 1/300 s
         at = 3 * k
@@ -92,18 +80,7 @@ def solve() -> tuple[list[list[float]], list[list[float]]]:
             until = min(3 * (k + 1), 10 * sample)
             state = flow((until - at) / 300, now[1])
             at = until
-    inputs.append([STOP, *stimulus(count, state[1])])
-    return inputs, outputs
-
-
-def main() -> None:
-    """Write the files."""
-    inputs, outputs = solve()
-    write_rows(FOLDER / f"{NAME}_in.csv", ("force_reference", "tension"), inputs)
-    sensors = ("force_measured", "position_measured")
-    signals = ("position", "velocity", "coil_current", "coil_voltage", *sensors)
-    write_rows(FOLDER / f"{NAME}_ref.csv", signals, outputs)
-    write_options(FOLDER / f"{NAME}_ref.opt", STOP, STEP, "matrix exponential")
+    reference.write("voice_coil_dma", STOP, "matrix exponential")
 
 
 if __name__ == "__main__":

@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from demonstrations.bench import NOISE
+from demonstrations.emulator.emulator import EmulatedRig
+from demonstrations.emulator.hidden_electrical import DoubleLayer
+from demonstrations.emulator.physics import RigParameters
 from docs import draw_architecture as drawing
 from orchestration.experiment.waveforms import steps
 from orchestration.records import write_record
-from studies.emulator.bench import NOISE
-from studies.emulator.emulator import EmulatedRig
-from studies.emulator.hidden_electrical import DoubleLayer
-from studies.emulator.physics import RigParameters
 from tests.support.command import UNITS
 
 PAGE = (drawing.ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import pytest
 
+from demonstrations.emulator.emulator import EmulatedRig
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import suggestion
-from studies.emulator.emulator import EmulatedRig
 from tests.support.archive import edited
 from tests.support.command import here, measure, on_terminal, posix, ppy, refused
 

@@ -13,9 +13,9 @@ import sys
 
 import pytest
 
+from demonstrations.emulator.emulator import EmulatedRig
+from demonstrations.emulator.physics import RigParameters
 from orchestration.cli.examples import EXAMPLES
-from studies.emulator.emulator import EmulatedRig
-from studies.emulator.physics import RigParameters
 from tests.support.command import measure, works
 from tests.support.rig.process import Server
 from tests.support.rig.small_rig import free_port

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
+from demonstrations.emulator.emulator import EmulatedRig
 from fmus import COMPONENTS
 from fmus.kit.build.building import RUNTIMES
 from orchestration.records import read_record
-from studies.emulator.emulator import EmulatedRig
 from tests.support.browser import browse, measured
 from tests.support.command import UNITS, ppy
 

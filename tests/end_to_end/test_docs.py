@@ -15,6 +15,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -57,6 +58,7 @@ FOLDERS = (
     "fmus",
     "orchestration",
     "ppy_rig",
+    "demonstrations",
     "studies",
     "benchmarks",
     "tests",
@@ -67,6 +69,7 @@ MARKDOWN = sorted(
     for pattern in ("*.md", *(f"{folder}/**/*.md" for folder in FOLDERS))
     for path in ROOT.glob(pattern)
 )
+ENTRY_POINTS = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"])
 DOTTED = re.compile(
     r"(?<![\w./])(?:orchestration|ppy_rig|fmus|studies|tests|benchmarks)(?:\.\w+)+(?![\w/])"
 )
@@ -275,7 +278,7 @@ def test_modules_and_files_that_a_page_names_exist(page: Path) -> None:
     """
     text = (ROOT / page).read_text(encoding="utf-8")
     dotted = {name for name in DOTTED.findall(text) if not name.endswith((".md", ".py"))}
-    assert {name for name in dotted if not source.exists(name)} == set()
+    assert {name for name in dotted - ENTRY_POINTS if not source.exists(name)} == set()
     paths = {path.rstrip(".") for path in PATH.findall(text)}
     assert {path for path in paths if not (ROOT / path).exists()} == set()
     known = [*source.modules().values(), *(ROOT / "examples").glob("*.py")]

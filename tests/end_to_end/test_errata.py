@@ -13,13 +13,20 @@ import numpy as np
 import pytest
 from scipy.signal import butter, freqs
 
+from demonstrations.emulator.emulator import EmulatedRig
+from demonstrations.emulator.physics import RigParameters
+from demonstrations.thesis import (
+    chapters,
+    circuit,
+    degradation,
+    force_loop,
+    forgetting,
+    identification,
+)
 from fmus import component
 from fmus.kit.units import parse
 from orchestration.experiment.waveforms import square_wave
 from orchestration.identify.grey_box import fit_grey_box
-from studies.emulator.emulator import EmulatedRig
-from studies.emulator.physics import RigParameters
-from studies.thesis import chapters, circuit, degradation, force_loop, forgetting, identification
 from tests.support.thesis_findings import claim, claims, row
 
 DEFAULT = {p.name: p.start for p in component("ppy_actuator").layout.parameters}
@@ -32,7 +39,7 @@ NUMBERS = [int(number) for number in re.findall(r"^\| (\d+) \|", PAGE, re.M)]
 
 
 def test_the_page_is_what_the_computations_give() -> None:
-    assert chapters.errata_page() == PAGE, "run python -m studies.thesis.chapters"
+    assert chapters.errata_page() == PAGE, "run python -m demonstrations.thesis.chapters"
 
 
 def test_rows_are_numbered_without_gaps() -> None:

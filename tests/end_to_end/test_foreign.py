@@ -5,6 +5,9 @@ The oracle is what was done to a lag whose closed form is known; SciPy's filter 
 
 from __future__ import annotations
 
+import csv
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -12,8 +15,10 @@ from scipy.signal import lfilter
 import orchestration as ppy
 from fmus.kit import UserError
 from orchestration.system.ssp.reading import read as read_ssp
+from tests.support.archive import edited
+from tests.support.command import ppy as ppy_command
 from tests.support.command import refused, works
-from tests.support.hosts import build_one_state_fmu
+from tests.support.hosts import ONE_STATE_DESCRIPTION, build_one_state_fmu
 
 STEP, TAU = 0.1, 0.8
 TIME = STEP * np.arange(2000)
@@ -244,3 +249,34 @@ def test_a_fit_of_what_has_equations_is_refused(folder):
             fit=["R1"],
             mapping={"x": "voltage"},
         )
+
+
+def hostile(folder):
+    """An FMU and its record whose names and descriptions would run a command if they were code."""
+    run = f"__import__('pathlib').Path({str(folder / 'ran')!r}).touch()"
+    names = {"u": f'u"); {run}; ("', "x": f"'say \"{run}\"'", "tau": f'{{{run}}}"""\n{run}\n\\'}
+    root = ElementTree.fromstring(ONE_STATE_DESCRIPTION)
+    for variable in root.iterfind("ModelVariables/ScalarVariable"):
+        variable.set("name", names[variable.get("name")])
+        variable.set("description", f'"""\n    {run}\n    """')
+    description = ElementTree.tostring(root)
+    model = edited(
+        build_one_state_fmu(folder),
+        folder / f"'; {run.replace('/', '')}; '.fmu",
+        lambda name, contents: (name, description if name.endswith(".xml") else contents),
+    )
+    record = folder / "r.csv"
+    with record.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(["time", names["u"], names["x"]])
+        rows.writerows(np.column_stack([TIME, U, 1.2 * lagged(U)])[:300].tolist())
+    return model, record, names
+
+
+@pytest.mark.slow  # a diagnosis in a process of its own
+def test_no_name_of_an_fmu_is_run_as_code(tmp_path):
+    model, record, names = hostile(tmp_path)
+    fit = ("--fit", names["tau"], "--effects", "none", "--no-laws")
+    done = ppy_command("diagnose", record, "--model", model, *fit, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert not (tmp_path / "ran").exists()

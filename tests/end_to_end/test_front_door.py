@@ -13,8 +13,8 @@ import pytest
 
 import orchestration
 import ppy_rig as ppy
+from demonstrations.records import draw, write
 from orchestration.reporting import console
-from studies.emulator.records import draw, write
 from tests.support.command import works
 
 EFFECTS = ["strain_saturation", "quadratic_strain"]

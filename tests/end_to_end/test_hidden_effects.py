@@ -14,17 +14,10 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from fmus.kit.record.compiled import CompiledModel
-from fmus.kit.sensors import MEASUREMENTS
-from fmus.ppy_actuator.effects import EFFECTS
-from fmus.ppy_actuator.model import PpyActuator
-from orchestration.experiment.waveforms import multilevel
-from orchestration.identify.grey_box import fit_grey_box
-from orchestration.records import read_record
-from studies.emulator import records
-from studies.emulator.bench import NOISE
-from studies.emulator.emulator import EmulatedRig, Physics
-from studies.emulator.hidden_coupling import (
+from demonstrations import records
+from demonstrations.bench import NOISE
+from demonstrations.emulator.emulator import EmulatedRig, Physics
+from demonstrations.emulator.hidden_coupling import (
     ChargedSoftness,
     EvenStrain,
     LaggingStrain,
@@ -32,7 +25,7 @@ from studies.emulator.hidden_coupling import (
     PlayingStrain,
     SaturatingStrain,
 )
-from studies.emulator.hidden_electrical import (
+from demonstrations.emulator.hidden_electrical import (
     ChargeDependentCapacitance,
     DiffusionLayer,
     DoubleLayer,
@@ -41,30 +34,37 @@ from studies.emulator.hidden_electrical import (
     OnsettingLeakage,
     SelfHeating,
 )
-from studies.emulator.hidden_mechanical import (
+from demonstrations.emulator.hidden_mechanical import (
     CreepSpectrum,
     LoadDependentSpring,
     ReluctantRecovery,
     SaggingFilm,
     YieldingFlow,
 )
-from studies.emulator.hidden_sensor import (
+from demonstrations.emulator.hidden_sensor import (
     BiasedSensor,
     DriftingSensor,
     LateSensor,
     MisscaledSensor,
     SluggishSensor,
 )
-from studies.emulator.hidden_unknown import (
+from demonstrations.emulator.hidden_unknown import (
     Hum,
     LooseContact,
     LooseFixture,
     RestlessAir,
     SlippingClamp,
 )
-from studies.emulator.physics import RigParameters, Transition, together
-from studies.emulator.records import draw, draw_cached, write
-from studies.emulator.variations import CATALOGUE, UNKNOWN, VARIATIONS
+from demonstrations.emulator.physics import RigParameters, Transition, together
+from demonstrations.emulator.variations import CATALOGUE, UNKNOWN, VARIATIONS
+from demonstrations.records import draw, draw_cached, write
+from fmus.kit.record.compiled import CompiledModel
+from fmus.kit.sensors import MEASUREMENTS
+from fmus.ppy_actuator.effects import EFFECTS
+from fmus.ppy_actuator.model import PpyActuator
+from orchestration.experiment.waveforms import multilevel
+from orchestration.identify.grey_box import fit_grey_box
+from orchestration.records import read_record
 from tests.support.completeness import check_complete
 
 NOMINAL = RigParameters()
@@ -84,7 +84,7 @@ def truth(hidden=None, parameters=NOMINAL, time=TIME, current=CURRENT, force=FOR
 
 def test_every_effect_of_the_catalogue_has_a_variation():
     ids = {effect.id for effect in EFFECTS.values()} | set(MEASUREMENTS)
-    where = "CATALOGUE of studies/emulator/variations.py, with a class of a module hidden_..."
+    where = "CATALOGUE of demonstrations/emulator/variations.py, with a class of a module hidden_*"
     check_complete(CATALOGUE, ids, where)
     assert not set(UNKNOWN) & set(CATALOGUE)
     assert len(UNKNOWN) >= 4

@@ -17,7 +17,7 @@ import casadi as ca
 import psutil
 import pytest
 
-from studies.emulator.emulator import EmulatedRig
+from demonstrations.emulator.emulator import EmulatedRig
 from tests.support.command import measure, posix, works
 
 TRIES = 15

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 import orchestration
+from demonstrations.records import draw, write
 from docs import make_python_reference as reference
 from orchestration.system import Member, System
-from studies.emulator.records import draw, write
 from tests.support.pace import slow_but
 
 NAMES = (

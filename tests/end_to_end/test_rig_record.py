@@ -13,11 +13,11 @@ from functools import partial
 import numpy as np
 import pytest
 
+from demonstrations.bench import NOISE
+from demonstrations.emulator.hidden_coupling import SaturatingStrain
+from demonstrations.emulator.physics import RigParameters
 from orchestration.experiment import results
 from orchestration.rig.keys import make_keys
-from studies.emulator.bench import NOISE
-from studies.emulator.hidden_coupling import SaturatingStrain
-from studies.emulator.physics import RigParameters
 from tests.support.command import recording, works
 from tests.support.rig.small_rig import SmallRig, free_port
 

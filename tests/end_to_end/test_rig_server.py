@@ -11,11 +11,11 @@ from math import fsum, sin
 import pytest
 import zmq
 
+from demonstrations.backend import Emulator
 from fmus.rig_proxy.link import Link
 from fmus.rig_proxy.protocol import REPLIES, decode
 from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.operator import ask
-from studies.emulator.backend import Emulator
 from tests.support.rig.driver import INPUTS, OUTPUTS, Driver
 from tests.support.rig.process import Server
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import re
 import tomllib
+from graphlib import CycleError, TopologicalSorter
 from itertools import chain
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from packaging.requirements import Requirement
 
 from docs.draw_architecture import imports
 from tests.support import doors
+from tests.support.import_graph import module_graph
 
 ROOT = Path(__file__).parents[2]
 TESTS = ROOT / "tests"
@@ -83,6 +85,32 @@ def test_an_import_past_a_door_is_seen() -> None:
         ("orchestration.sweeps.task", "orchestration.reporting.console"): True,
     }
     assert {imports: doors.may_import(*imports) for imports in past} == past
+
+
+def test_no_module_is_imported_in_a_circle() -> None:
+    """At once or when a function is called: each can be read and moved without the other."""
+    graph = module_graph()
+    assert "orchestration.reporting.drawing" in graph["orchestration.reporting.notebook"]
+    TopologicalSorter(graph).prepare()  # CycleError names the modules of a circle
+
+
+def test_a_circle_is_seen_by_a_door_and_inside_a_function(tmp_path: Path) -> None:
+    package = tmp_path / "orchestration" / "a"
+    package.mkdir(parents=True)
+    for name, text in {
+        "__init__.py": "",
+        "__init__.pyi": "from .one import f as f",
+        "one.py": "if TYPE_CHECKING:\n    from orchestration.b import g\ndef f(): ...",
+    }.items():
+        (package / name).write_text(text, encoding="utf-8")
+    other = tmp_path / "orchestration" / "b.py"
+    other.write_text("def g():\n    from orchestration.a import f", encoding="utf-8")
+    graph = module_graph(tmp_path)
+    assert graph["orchestration.b"] == {"orchestration.a.one"}
+    TopologicalSorter(graph).prepare()
+    (package / "one.py").write_text("def f():\n    from ..b import g", encoding="utf-8")
+    with pytest.raises(CycleError, match="cycle"):
+        TopologicalSorter(module_graph(tmp_path)).prepare()
 
 
 def test_every_name_that_a_package_offers_is_there() -> None:

@@ -16,8 +16,8 @@ import pytest
 from scipy.linalg import expm
 
 import ppy_rig as ppy
-from studies.emulator import RigParameters
-from studies.emulator.stepping import hidden_effect
+from demonstrations.emulator import RigParameters
+from demonstrations.emulator.stepping import hidden_effect
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "tension_loop.py"
 EFFECTS = ["strain_lag", "strain_saturation", "strain_hysteresis", "double_layer"]

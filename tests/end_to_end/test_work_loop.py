@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import orchestration as ppy
+from demonstrations.emulator import EmulatedRig, RigParameters
+from demonstrations.emulator.hidden_coupling import LaggingStrain, SaturatingStrain
+from demonstrations.emulator.physics import together
+from demonstrations.emulator.stepping import DEVIATIONS, ForceDriven, Noise, SteppedRig
 from orchestration.experiment.work_loop import MODES, TrackedLoop, WorkLoop, planned_current
 from orchestration.system import library
-from studies.emulator import EmulatedRig, RigParameters
-from studies.emulator.hidden_coupling import LaggingStrain, SaturatingStrain
-from studies.emulator.physics import together
-from studies.emulator.stepping import DEVIATIONS, ForceDriven, Noise, SteppedRig
 from tests.support.pace import slow_but
 from tests.support.stepped_system import run_on_rig
 

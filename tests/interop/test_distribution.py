@@ -35,7 +35,7 @@ def run(command, folder, **environment):
 
 def copied(folder):
     """Copy what a distribution is made of, because building leaves files behind."""
-    for part in ("fmus", "orchestration", "ppy_rig", "studies"):
+    for part in ("fmus", "orchestration", "ppy_rig", "demonstrations"):
         ignored = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / part, folder / part, ignore=ignored)
     for part in ("pyproject.toml", "README.md", "LICENSE"):

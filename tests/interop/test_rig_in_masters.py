@@ -9,11 +9,11 @@ import sys
 import numpy as np
 import pytest
 
+from demonstrations.backend import Emulator
 from fmus import component
 from fmus.kit import stack
 from fmus.kit.build.building import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
-from studies.emulator.backend import Emulator
 from tests.support import hosts
 from tests.support.pace import slow_but
 from tests.support.rig.process import Server

@@ -6,6 +6,10 @@ from functools import cache, partial
 
 import numpy as np
 
+from demonstrations.bench import NOISE
+from demonstrations.emulator.emulator import EmulatedRig
+from demonstrations.emulator.physics import RigParameters
+from demonstrations.emulator.variations import CATALOGUE
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.candidates.candidate import Candidate, own_parameters
@@ -17,10 +21,6 @@ from orchestration.discrepancy.selection.stepwise import Selection, Step
 from orchestration.experiment.waveforms import steps
 from orchestration.identify.fitting.prediction_error import fit_prediction_error
 from orchestration.identify.fitting.problem import Problem
-from studies.emulator.bench import NOISE
-from studies.emulator.emulator import EmulatedRig
-from studies.emulator.physics import RigParameters
-from studies.emulator.variations import CATALOGUE
 
 TIME = 0.2 * np.arange(1501)
 RIG = RigParameters(R1=0.40, R2=2.5, C=2.6, alpha=7.2e-5, k1=6000.0, b1=1.8e6, k2=1.05e4, b2=1.9e6)

@@ -20,10 +20,10 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from demonstrations.emulator.emulator import EmulatedRig
 from orchestration.cli import app
 from orchestration.experiment.waveforms import multilevel
 from orchestration.records import write_record
-from studies.emulator.emulator import EmulatedRig
 
 UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
 PNG = b"\x89PNG\r\n\x1a\n"

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from demonstrations.records import UNITS, Drawn, draw
 from fmus.ppy_actuator.effects import EFFECTS
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.records import Record, write_record
-from studies.emulator.records import UNITS, Drawn, draw
 
 FEW = [
     EFFECTS[name]

@@ -9,7 +9,7 @@ from grimp import ImportGraph
 from importlinter import Contract, ContractCheck, fields, output
 
 ROOT = Path(__file__).parents[2]
-ROOTS = ("fmus", "orchestration", "ppy_rig", "studies")
+ROOTS = ("fmus", "orchestration", "ppy_rig", "demonstrations", "studies")
 
 
 class Doors(Contract):

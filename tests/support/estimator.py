@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from demonstrations.emulator.emulator import EmulatedRig
+from demonstrations.emulator.physics import RigParameters
 from orchestration.experiment.waveforms import square_wave
-from studies.emulator.emulator import EmulatedRig
-from studies.emulator.physics import RigParameters
 
 R1, R2, C, PERIOD = 0.43, 2.35, 2.70, 0.1  # ohm, ohm, F, s: typed in from table 3-1
 OMEGA = 0.628  # rad/s

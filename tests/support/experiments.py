@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from demonstrations.emulator.emulator import EmulatedRig
 from orchestration.records import write_record
-from studies.emulator.emulator import EmulatedRig
 from tests.support.command import measure
 
 GOOD = """

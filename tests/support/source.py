@@ -14,7 +14,15 @@ ROOT = Path(__file__).parents[2]
 def modules() -> dict[str, Path]:
     """Every module and package of the source and the tests by its dotted name."""
     found = {}
-    for folder in ("fmus", "orchestration", "ppy_rig", "studies", "tests", "benchmarks"):
+    for folder in (
+        "fmus",
+        "orchestration",
+        "ppy_rig",
+        "demonstrations",
+        "studies",
+        "tests",
+        "benchmarks",
+    ):
         for path in sorted((ROOT / folder).rglob("*.py")):
             parts = path.relative_to(ROOT).with_suffix("").parts
             found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
@@ -24,6 +32,17 @@ def modules() -> dict[str, Path]:
 @cache
 def _tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
+
+
+FOLDERS = (
+    "fmus",
+    "orchestration",
+    "ppy_rig",
+    "demonstrations",
+    "studies",
+    "tests",
+    "benchmarks",
+)
 
 
 def _bound(body: list[ast.stmt]) -> Iterator[tuple[str, ast.stmt]]:

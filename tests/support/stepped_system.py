@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from demonstrations.emulator.stepping import SteppedRig
 from fmus.kit import Component
 from fmus.kit.integrate import Integrator
 from orchestration.system import System
-from studies.emulator.stepping import SteppedRig
 from tests.support.sampled import outputs
 
 

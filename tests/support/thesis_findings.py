@@ -1,7 +1,7 @@
 """Looking up what ``ppy thesis`` finds."""
 
-from studies.thesis import chapters
-from studies.thesis.claim import Claim, Erratum
+from demonstrations.thesis import chapters
+from demonstrations.thesis.claim import Claim, Erratum
 
 
 def claims(number: int) -> list[Claim]:

@@ -653,31 +653,7 @@ class LawsCommand(
     """Options of ``ppy laws``."""
 
 
-# --- demonstration, thesis, systems --------------------------------------------------------------
-
-
-class DemoCommand(TypedDict, total=False):
-    """Options of ``ppy demo``."""
-
-    out: Annotated[
-        Path,
-        Option(
-            "Folder for FMUs, pictures, the record and the report.", default=Path("demo-output")
-        ),
-    ]
-
-
-class PageOption(TypedDict, total=False):
-    """The page of the thesis."""
-
-    out: Annotated[
-        Path,
-        Option("Where the page goes.", default=Path("thesis.html"), metavar="FOLDER_OR_HTML"),
-    ]
-
-
-class ThesisCommand(PageOption, JsonOption, total=False):
-    """Options of ``ppy thesis``."""
+# --- systems -------------------------------------------------------------------------------------
 
 
 class SystemArgument(TypedDict, total=False):
@@ -887,18 +863,6 @@ class KeysCommand(TypedDict, total=False):
             "What that client may: watch (and stop), command, or acknowledge (all there is).",
             metavar="ROLE",
         ),
-    ]
-
-
-class RigDemoCommand(TypedDict, total=False):
-    """Options of ``ppy rig demo``."""
-
-    out: Annotated[
-        Path,
-        Option("Everything that is made goes here.", default=Path("hil-output"), metavar="FOLDER"),
-    ]
-    seed: Annotated[
-        int, Option("Which emulated rig, and which effect is hidden in it.", default=1, least=0)
     ]
 
 

@@ -15,7 +15,6 @@ from orchestration.cli.commands.options import (
     CheckRigCommand,
     KeysCommand,
     RecordRigCommand,
-    RigDemoCommand,
     ServeCommand,
     ServerOptions,
     StatusCommand,
@@ -341,12 +340,3 @@ def check(options: CheckRigCommand) -> None:
     verdicts = check_server(_server(options), options["beyond_limits"])
     if any(verdict.holds is False for verdict in verdicts):
         raise typer.Exit(1)
-
-
-@rig.command("demo")
-@command(RigDemoCommand)
-def demo(options: RigDemoCommand) -> None:
-    """Close the loop once, in real time, on an emulated rig in which an effect is hidden."""
-    from studies.demo import on_rig
-
-    on_rig.run(options["out"], options["seed"])

@@ -115,7 +115,8 @@ def _check(out: Path | None, plot: Path | None) -> Callable[[Task, Design], None
 def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> None:
     """Say what a sweep comes to, write it and draw it."""
     from orchestration.reporting import console
-    from orchestration.sweeps import picture, sweep_page
+    from orchestration.sweeps import left_out as left_out_of_sweep
+    from orchestration.sweeps import sweep_page
     from orchestration.sweeps.sensitivity import analysis_of, merge_analysis
 
     out = options["out"]
@@ -125,7 +126,7 @@ def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> No
     analysis = analysis_of(data.attrs["design"])
     shown = data
     whole: xarray.Dataset = data
-    left_out: Callable[[xarray.Dataset], list[str]] = picture.left_out
+    left_out: Callable[[xarray.Dataset], list[str]] = left_out_of_sweep
     try:
         if analysis is not None:
             shown = analysis.analyse(data)

@@ -11,36 +11,24 @@ it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from hashlib import sha256
+from functools import reduce
+from math import isfinite
+from operator import add, attrgetter
+from typing import Any
 
-import numpy as np
-
-from fmus.kit import Component, UserError
+from fmus.kit import Component, Input, Output, Parameter, State, UserError
 from fmus.kit import units as known_units
 from fmus.kit.arrays import Array
-from fmus.kit.storage import cache
 from orchestration.discrepancy.foreign.response import FmuResponse
-from orchestration.fmu import Model, Signal, load_class
+from orchestration.fmu import Model, Signal
 from orchestration.identify.black_box.study import class_name, identifiers
 
 SIMULATED = "simulated_{}"
 IN_FMU = "{}_in_fmu"
 RECORDED = "{}_as_recorded"
-_HEAD = '''"""{doc}"""
-
-from fmus.kit import Component, Input, Output, Parameter, State
-
-
-class {cls}(Component):
-    """{doc}"""
-
-    name = "{identifier}"
-    experiment = {experiment!r}
-    unchecked = {laws!r}
-
-'''
+_Value = Callable[[Any], Any]  # of an instance of the component
 
 
 @dataclass(frozen=True)
@@ -77,7 +65,7 @@ def output_correction(
     step: float,
     responses: Mapping[tuple[str, str], FmuResponse] | None = None,
 ) -> OutputCorrection:
-    """Write and load the component that corrects the outputs of an FMU.
+    """Make the component that corrects the outputs of an FMU.
 
     Parameters
     ----------
@@ -99,31 +87,25 @@ def output_correction(
     correction = OutputCorrection(Component, names, {name: identifier[name] for name in fit})
     of_inputs = {name for _, name in responses or {}}
     moved = {name: signal for name, signal in inputs.items() if name in of_inputs}
-    following = {output: _write_response(names, output, responses or {}) for output in measured}
-    declarations = [
-        *_input_lines(names, inputs),
-        *_recorded_lines(names, moved),
-        *_simulated_lines(correction, outputs),
-        *_parameter_lines(model, correction, measured, fit),
-        *(line for response in following.values() for line in response.states),
-    ]
-    laws = [
-        *(_law_in_fmu(name, names[name]) for name in moved),
-        *(
-            _output_law(correction, outputs[output], fit, response.terms)
-            for output, response in following.items()
-        ),
-        *(law for response in following.values() for law in response.laws),
-    ]
+    following = {output: _response(names, output, responses or {}) for output in measured}
+    body = _inputs(names, inputs) | _recorded(names, moved) | _simulated(correction, outputs)
+    body |= _parameters(model, correction, measured, fit)
+    for response in following.values():
+        body |= response.states
+    laws = {IN_FMU.format(names[name]): _law_in_fmu(name, names[name]) for name in moved}
+    for output, response in following.items():
+        terms = [*_linearised(correction, output, fit), *response.terms]
+        laws[names[output]] = _output_law(outputs[output], terms)
+    for response in following.values():
+        laws |= response.rates
     doc = f"What stands behind {model.path.name}."
-    cls = _load(model, doc, "corrected", declarations, laws, (stop, step))
-    return replace(correction, cls=cls)
+    return replace(correction, cls=_component(model, doc, "corrected", body, laws, (stop, step)))
 
 
 def input_correction(
     model: Model, moved: Sequence[str], stop: float, step: float
 ) -> type[Component]:
-    """Write and load the component that corrects inputs before an FMU gets them.
+    """Make the component that corrects inputs before an FMU gets them.
 
     Parameters
     ----------
@@ -135,12 +117,12 @@ def input_correction(
     """
     inputs = real_signals(model.inputs)
     names = dict(zip(inputs, identifiers(tuple(inputs)), strict=True))
-    declarations = _input_lines(names, inputs)
-    laws = [
-        replace(_law_in_fmu(name, names[name]), output_unit=_unit(inputs[name])) for name in moved
-    ]
+    laws = {
+        IN_FMU.format(names[name]): Output(_unit(inputs[name]))(_law_in_fmu(name, names[name]))
+        for name in moved
+    }
     doc = f"What stands ahead of {model.path.name}."
-    return _load(model, doc, "fed", declarations, laws, (stop, step))
+    return _component(model, doc, "fed", _inputs(names, inputs), laws, (stop, step))
 
 
 def real_signals(signals: Mapping[str, Signal]) -> dict[str, Signal]:
@@ -148,102 +130,81 @@ def real_signals(signals: Mapping[str, Signal]) -> dict[str, Signal]:
     return {name: signal for name, signal in signals.items() if signal.type == "real"}
 
 
-def _parameter_lines(
-    model: Model, correction: OutputCorrection, measured: Sequence[str], fit: Mapping[str, float]
-) -> list[str]:
-    """Return lines of a component's source that declare the parameters of an FMU that may change.
+def _inputs(names: Mapping[str, str], inputs: Mapping[str, Signal]) -> dict[str, Any]:
+    """Declare inputs as the FMU has them; one that nobody sets stays at its start value."""
+    return {
+        names[name]: Input(_unit(signal), start=float(signal.start), doc=_doc(signal))
+        for name, signal in inputs.items()
+    }
 
-    Inputs are declared beside them for the derivatives of outputs by these parameters.
+
+def _recorded(names: Mapping[str, str], moved: Mapping[str, Signal]) -> dict[str, Any]:
+    """Declare the recorded values of the inputs that may be others in the FMU."""
+    return {
+        RECORDED.format(names[name]): Input(_unit(signal), doc=f"{name} as it was recorded")
+        for name, signal in moved.items()
+    }
+
+
+def _simulated(correction: OutputCorrection, outputs: Mapping[str, Signal]) -> dict[str, Any]:
+    """Declare the outputs that the FMU simulates, which are inputs of the correction."""
+    return {
+        correction.simulated(name): Input(_unit(signal), doc=f"{name} of the FMU")
+        for name, signal in outputs.items()
+    }
+
+
+def _parameters(
+    model: Model, correction: OutputCorrection, measured: Sequence[str], fit: Mapping[str, float]
+) -> dict[str, Any]:
+    """Declare the parameters of an FMU that may change, and derivatives of outputs by them.
+
+    The derivatives are inputs.
     """
-    lines = []
+    declared: dict[str, Any] = {}
     for parameter, own_name in correction.fitted.items():
-        lines.append(_parameter_line(own_name, model.parameters[parameter], fit[parameter]))
+        declared[own_name] = _parameter(model.parameters[parameter], fit[parameter])
         for output in measured:
             unit = _unit(model.outputs[output])
-            declaration = f'Input("{unit}", doc="what {parameter} does to {output}")'
-            lines.append(f"    {correction.slope(output, parameter)} = {declaration}")
-    return lines
+            doc = f"what {parameter} does to {output}"
+            declared[correction.slope(output, parameter)] = Input(unit, doc=doc)
+    return declared
 
 
-def _parameter_line(name: str, signal: Signal, value: float) -> str:
-    ends = "".join(
-        f", {end}={x!r}" for end, x in (("min", signal.min), ("max", signal.max)) if np.isfinite(x)
-    )
+def _parameter(signal: Signal, value: float) -> Any:
+    ends = {"min": signal.min, "max": signal.max}
+    finite = {name: end for name, end in ends.items() if isfinite(end)}  # a description may say NaN
     size = abs(value) or 1.0
-    return (
-        f'    {name} = Parameter({value!r}, "{_unit(signal)}"{ends}, nominal={size!r},'
-        f' doc="{_doc(signal)}")'
-    )
+    return Parameter(value, _unit(signal), **finite, nominal=size, doc=_doc(signal))
 
 
-def _linearised(correction: OutputCorrection, output: str, fit: Mapping[str, float]) -> list[str]:
-    """Write the terms of an output: what the FMU simulates, and what its parameters change."""
-    terms = [f"self.{correction.simulated(output)}"]
+def _linearised(
+    correction: OutputCorrection, output: str, fit: Mapping[str, float]
+) -> list[_Value]:
+    """Return the terms of an output: what the FMU simulates, and what its parameters change."""
+    terms: list[_Value] = [attrgetter(correction.simulated(output))]
     for parameter, name in correction.fitted.items():
-        change = f"(self.{name} - {fit[parameter]!r})"
-        terms.append(f"{change} * self.{correction.slope(output, parameter)}")
+        terms.append(_change(name, fit[parameter], correction.slope(output, parameter)))
     return terms
 
 
-def _input_lines(names: Mapping[str, str], inputs: Mapping[str, Signal]) -> list[str]:
-    """Declare inputs as the FMU has them; one that nobody sets stays at its start value."""
-    return [
-        f'    {names[n]} = Input("{_unit(s)}", start={float(s.start)!r}, doc="{_doc(s)}")'
-        for n, s in inputs.items()
-    ]
-
-
-def _recorded_lines(names: Mapping[str, str], moved: Mapping[str, Signal]) -> list[str]:
-    """Declare what was recorded of the inputs that may be others in the FMU."""
-    return [
-        f'    {RECORDED.format(names[n])} = Input("{_unit(s)}", doc="{n} as it was recorded")'
-        for n, s in moved.items()
-    ]
-
-
-def _simulated_lines(correction: OutputCorrection, outputs: Mapping[str, Signal]) -> list[str]:
-    """Declare the outputs that the FMU simulates, which are inputs of the correction."""
-    return [
-        f'    {correction.simulated(n)} = Input("{_unit(s)}", doc="{n} of the FMU")'
-        for n, s in outputs.items()
-    ]
+def _change(parameter: str, at: float, slope: str) -> _Value:
+    return lambda self: (getattr(self, parameter) - at) * getattr(self, slope)
 
 
 @dataclass(frozen=True)
-class _Law:
-    """A law of a component's source; it is an output where it has a unit of one."""
+class _Response:
+    """States, laws of their rates, and terms of an output, by which it follows its inputs."""
 
-    name: str
-    returned: str
-    doc: str
-    output_unit: str | None = None
-
-    @property
-    def lines(self) -> list[str]:
-        """Lines of its definition."""
-        unit = self.output_unit
-        return [
-            "",
-            *([] if unit is None else [f'    @Output("{unit}")']),
-            f"    def {self.name}(self):",
-            f'        """{self.doc}"""',
-            f"        return {self.returned}",
-        ]
+    states: dict[str, Any] = field(default_factory=dict)
+    rates: dict[str, _Value] = field(default_factory=dict)
+    terms: list[_Value] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
-class _WrittenResponse:
-    """Lines of states, laws, and terms of an output, by which it follows its inputs."""
-
-    states: list[str] = field(default_factory=list)
-    laws: list[_Law] = field(default_factory=list)
-    terms: list[str] = field(default_factory=list)
-
-
-def _write_response(
+def _response(
     names: Mapping[str, str], output: str, responses: Mapping[tuple[str, str], FmuResponse]
-) -> _WrittenResponse:
-    """Write the linear response of an output to the difference of inputs from those recorded.
+) -> _Response:
+    """Make the linear response of an output to the difference of inputs from those recorded.
 
     The difference is between what the FMU gets (a law of the component) and the record (an input).
     The response has states (a, b, c, d of a state-space model), laws of their rates, and terms that
@@ -257,67 +218,78 @@ def _write_response(
     responses : Mapping of tuple of str to FmuResponse
         By output and input.
     """
-    written = _WrittenResponse()
+    made = _Response()
     for (responding, name), response in responses.items():
         if responding != output:
             continue
-        difference = f"(self.{IN_FMU.format(names[name])}() - self.{RECORDED.format(names[name])})"
+        difference = _difference(IN_FMU.format(names[name]), RECORDED.format(names[name]))
         states = [f"{names[output]}_after_{names[name]}_{k + 1}" for k in range(len(response.c))]
-        written.terms.extend(_products(response.c, states))
+        made.terms.extend(_products(response.c, states))
         if response.d:
-            written.terms.append(f"{response.d!r} * {difference}")
+            made.terms.append(_product(response.d, difference))
         for k, state in enumerate(states):
             rate = f"rate_of_{state}"
-            written.states.append(
-                f'    {state} = State("1", rate="{rate}", doc="response of {output} to {name}")'
-            )
-            terms = [*_products(response.a[k], states), f"{float(response.b[k])!r} * {difference}"]
-            written.laws.append(_Law(rate, " + ".join(terms), "Rate of the state."))
-    return written
+            made.states[state] = State("1", rate=rate, doc=f"response of {output} to {name}")
+            terms = _products(response.a[k], states)
+            terms.append(_product(float(response.b[k]), difference))
+            made.rates[rate] = _sum(terms, "Rate of the state.")
+    return made
 
 
-def _products(amounts: Array, states: Sequence[str]) -> list[str]:
-    return [f"{float(k)!r} * self.{state}" for k, state in zip(amounts, states, strict=True) if k]
+def _difference(law: str, name: str) -> _Value:
+    return lambda self: getattr(self, law)() - getattr(self, name)
 
 
-def _law_in_fmu(name: str, identifier: str) -> _Law:
-    """Write the law of what an input is in the FMU."""
-    return _Law(IN_FMU.format(identifier), f"self.{identifier}", f"What of {name} the FMU gets.")
+def _products(amounts: Array, states: Sequence[str]) -> list[_Value]:
+    return [
+        _product(float(k), attrgetter(state)) for k, state in zip(amounts, states, strict=True) if k
+    ]
 
 
-def _output_law(
-    correction: OutputCorrection, signal: Signal, fit: Mapping[str, float], response: Sequence[str]
-) -> _Law:
-    """Write the law of an output, to which the terms of its response are added."""
-    terms = [*_linearised(correction, signal.name, fit), *response]
-    own_name = correction.names[signal.name]
-    return _Law(own_name, " + ".join(terms), f"{_doc(signal)}.", _unit(signal))
+def _product(amount: float, value: _Value) -> _Value:
+    return lambda self: amount * value(self)
 
 
-def _load(
+def _sum(terms: Sequence[_Value], doc: str) -> _Value:
+    """Make the law that adds terms in their order."""
+
+    def law(self: Any) -> Any:
+        return reduce(add, (term(self) for term in terms))
+
+    law.__doc__ = doc
+    return law
+
+
+def _law_in_fmu(name: str, identifier: str) -> _Value:
+    """Make the law of what an input is in the FMU."""
+    return _sum([attrgetter(identifier)], f"What of {name} the FMU gets.")
+
+
+def _output_law(signal: Signal, terms: Sequence[_Value]) -> Any:
+    return Output(_unit(signal))(_sum(terms, f"{_doc(signal)}."))
+
+
+def _component(
     model: Model,
     doc: str,
     ending: str,
-    declarations: Sequence[str],
-    laws: Sequence[_Law],
+    declared: Mapping[str, Any],
+    laws: Mapping[str, Any],
     experiment: tuple[float, float],
 ) -> type[Component]:
-    """Write a class to a file in the cache, where it is found again, and load it."""
+    """Make the class of a component from its declarations and laws.
+
+    It is made, not written and loaded: names and descriptions are those of somebody else's FMU.
+    """
     (identifier,) = identifiers((model.path.stem,))
-    name = class_name(identifier)
-    head = _HEAD.format(
-        doc=doc,
-        cls=name,
-        identifier=f"{identifier}_{ending}",
-        experiment=experiment,
-        laws=tuple(law.name for law in laws),  # slopes and gains are written as bare numbers
-    )
-    definitions = [line for law in laws for line in law.lines]
-    text = head + "\n".join([*declarations, *definitions, ""])
-    file = cache.cached_file(
-        f"behind-{sha256(text.encode()).hexdigest()[:16]}/{identifier}.py", text.encode
-    )
-    return load_class(f"{file}:{name}")
+    body = {
+        "__doc__": doc,
+        "__module__": __name__,
+        "name": f"{identifier}_{ending}",
+        "experiment": experiment,
+        "unchecked": tuple(laws),  # slopes and gains are bare numbers
+    }
+    return type(class_name(identifier), (Component,), {**body, **declared, **laws})
 
 
 def _unit(signal: Signal) -> str:
@@ -330,6 +302,6 @@ def _unit(signal: Signal) -> str:
 
 
 def _doc(signal: Signal) -> str:
-    """Return the description of a signal as it may stand in a string, or its name."""
-    printable = "".join(c for c in signal.doc if c.isprintable() and c not in '"\\')
+    """Return the description of a signal without control characters, or its name."""
+    printable = "".join(filter(str.isprintable, signal.doc))
     return printable.strip(". ") or signal.name

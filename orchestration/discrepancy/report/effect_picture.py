@@ -1,4 +1,8 @@
-"""The picture of an effect: its law along the record, with the effect and without it."""
+"""The picture of an effect: its law over its signal, with the effect and without it.
+
+An effect with a memory is no function of its signal and has no picture: over the signal it would
+be a tangle of lines.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,7 @@ from fmus.kit import (
     unstack,
     within_sentence,
 )
-from fmus.kit.arrays import Array, Indices
+from fmus.kit.arrays import Array
 from fmus.kit.units import with_prefix
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.diagnosis import Diagnosis
@@ -31,7 +35,6 @@ _HEIGHT = 260  # pixels
 WITHOUT = "#52616e"  # of no model: the parameters are those with the effect
 _BINS = 60  # of a signal, within which a function of it hardly changes
 _SCATTER = 0.1  # of the spread of what an effect does, that it may have within a bin
-_WINDOW = 6  # part of a record that is shown of what is no function of a signal
 _MOST_POINTS = 300  # that are drawn of a record
 _NUDGE = 1e-4  # of what a law spans, by which it is changed to see which output shows it
 _SHOWS = 0.1  # of the most that an output answers, below which it tells nothing of the law
@@ -63,8 +66,6 @@ class LawValues(NamedTuple):
     ----------
     law, signal : AxisLabel
         What is drawn upwards, and what the effect is over; that has no title where it has none.
-    time : ndarray, shape (n,)
-        Seconds.
     x : ndarray, shape (n,)
         The signal, SI.
     with_effect, without : ndarray, shape (n,)
@@ -77,7 +78,6 @@ class LawValues(NamedTuple):
 
     law: AxisLabel
     signal: AxisLabel
-    time: Array
     x: Array
     with_effect: Array
     without: Array
@@ -108,7 +108,7 @@ def effect_chart(diagnosis: Diagnosis, chosen: FittedCandidate) -> Chart | None:
     Returns
     -------
     Chart or None
-        None where the law cannot be evaluated along the record.
+        None where the law cannot be evaluated along the record, or is no function of its signal.
     """
     try:
         values = law_values(diagnosis, chosen.effect)
@@ -116,66 +116,28 @@ def effect_chart(diagnosis: Diagnosis, chosen: FittedCandidate) -> Chart | None:
         return None
     if not np.isfinite(values.with_effect + values.without).all():
         return None
+    if not values.is_function:
+        return None
     title = within_sentence(effect_title(chosen.effect))
     words = (
         f"Points: the {values.shown_by} as measured, less what all other laws of the model make"
         " of it."
         if values.shown_by
         else "No measured output shows this law at the same instant, so there are no points."
+        " Ticks below: where the record has been."
     )
-    if values.is_function:
-        covered = "" if values.shown_by else " Ticks below: where the record has been."
-        text = f"The law with and without {title}, all else the same. {words}{covered}"
-        return Chart(_over_signal(values), text)
-    return Chart(
-        _over_time(values),
-        f"The law with and without {title}, where it does most; the states are the same. {words}",
-    )
+    return Chart(_draw(values), f"The law with and without {title}, all else the same. {words}")
 
 
-def _over_signal(values: LawValues) -> Markup:
-    """Draw the law as the function of its signal that it is."""
+def _draw(values: LawValues) -> Markup:
+    """Draw the law without and with its effect over the signal, and what the record shows of it."""
     order = np.argsort(values.x)
     across, (x,) = values.signal.scaled(values.x)
     along = np.linspace(x.min(), x.max(), MOST)
     curves = [
         np.interp(along, x[order], law[order]) for law in (values.without, values.with_effect)
     ]
-    return _draw(values, along, curves, x, np.arange(len(x)), across)
-
-
-def _over_time(values: LawValues) -> Markup:
-    """Draw the part of the record in which the effect does most."""
-    count = len(values.time)
-    length = max(count // _WINDOW, min(count, 2))
-    size = np.abs(values.with_effect - values.without)
-    work = np.convolve(size, np.ones(length), "valid")
-    first = int(work.argmax())
-    part = np.arange(first, first + length)
-    curves = [values.without[part], values.with_effect[part]]
-    return _draw(values, values.time[part], curves, values.time, part, "time [s]")
-
-
-def _draw(
-    values: LawValues, along: Array, curves: list[Array], x: Array, part: Indices, across: str
-) -> Markup:
-    """Draw the law without and with its effect, and what the record shows of it.
-
-    Parameters
-    ----------
-    values : LawValues
-    along : ndarray, shape (m,)
-        Where the curves are given.
-    curves : list of ndarray, shape (m,)
-        The law without the effect and with it, SI.
-    x : ndarray, shape (n,)
-        Of every sample, the place on the horizontal axis.
-    part : ndarray of int
-        The samples that are drawn.
-    across : str
-        Title of that axis.
-    """
-    known = part[np.isfinite(values.measured[part])] if values.shown_by else part
+    known = np.flatnonzero(np.isfinite(values.measured) | (not values.shown_by))
     thinned = known[np.unique(np.linspace(0, len(known) - 1, _MOST_POINTS).astype(int))]
     title, (without, with_effect, measured) = values.law.scaled(*curves, values.measured[thinned])
     traces = [
@@ -185,7 +147,7 @@ def _draw(
     if values.shown_by:
         points = Trace("measured", x[thinned], measured, pictures.MEASURED, 3.0, dots=True)
         traces.insert(0, points)
-    elif values.is_function:
+    else:
         foot = np.full(len(thinned), min(without.min(), with_effect.min()))
         traces.append(Trace("the record", x[thinned], foot, pictures.MEASURED, 1.0, dots=True))
     return stacked([Panel(title, _HEIGHT, traces)], across)
@@ -220,7 +182,6 @@ def law_values(diagnosis: Diagnosis, effect: type[Effect]) -> LawValues:
     return LawValues(
         AxisLabel(law_title(cls, law), unit),
         _signal_label(cls, effect, signal),
-        one.time,
         x,
         with_effect,
         without,

@@ -124,7 +124,7 @@ def input_output_data(
 
 
 def _as_numbers(values: ArrayLike, label: str) -> Array:
-    """Return a copy of values as an array of floats; refuse what is none."""
+    """Return a copy of values as an array of floats; refuse anything that is not a number."""
     try:
         return np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:

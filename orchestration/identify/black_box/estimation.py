@@ -143,7 +143,7 @@ def identify(
     """Identify a polynomial model.
 
     Signals are taken as deviations from their means, and a constant is estimated with the
-    parameters, because the mean of an output that has not settled is no operating point. Where BIC
+    parameters, because the mean of an output that still drifts is no operating point. Where BIC
     does not prefer it to the constant that makes the output zero where all inputs are, it is that
     one.
 

@@ -14,7 +14,7 @@ from fmus.kit.arrays import Array
 from orchestration.identify.black_box.data import InputOutputData
 
 # Singular values, relative to the largest, that do not count: the cut-off of the thesis, section
-# 3.3.2, and what is zero but for rounding.
+# 3.3.2, and values that only rounding keeps from zero.
 CUTOFF = 0.01
 SINGULAR = 1e-9
 _HIGHEST = 50  # default order of the autocovariance matrix

@@ -1,6 +1,6 @@
 """Least squares of prediction errors among stable models, by Gauss-Newton steps in a trust region.
 
-The region is a ball in the parameters as they are. Scaled by what each does, as Levenberg's and
+The region is a ball in the parameters as they are. Scaled by the effect of each, as Levenberg's and
 Marquardt's damping is often made, steps would be longest in those that do least: in reflection
 coefficients near one, where a search then stays.
 
@@ -83,7 +83,7 @@ class _Linearised(NamedTuple):
     slopes : ndarray, shape (r,)
         Singular values.
     errors : ndarray, shape (r,)
-        What of the errors a change along every direction can undo.
+        Components of the errors that a change along each direction can undo.
     """
 
     directions: Array
@@ -156,7 +156,7 @@ def minimise(
 
 
 def _next_radius(radius: float, step: Array, share: float) -> float:
-    """Return the radius after a step with some share of what it promised."""
+    """Return the next radius, from the ratio of actual to predicted reduction of the last step."""
     length = float(np.linalg.norm(step))
     if share < _POOR:
         return _LOWERED * min(length, radius)

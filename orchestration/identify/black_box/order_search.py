@@ -172,7 +172,7 @@ def search_orders(
     nk : int or sequence of int
         Delays in samples.
     criterion : str
-        AIC or BIC, which chooses the orders of every structure. AIC is what the thesis minimised;
+        AIC or BIC, which chooses the orders of every structure. The thesis minimised AIC;
         BIC does not prefer ever larger models as records grow.
     progress : callable
         Called with how many models are done, and of how many.

@@ -188,7 +188,7 @@ class PredictionError:
             begun = filtered(_ONE, f, np.array([self._impulse, regressors[0]]))
             impulse, driven = -filtered(parts.d, parts.c, begun)
             _delay(slopes[free : free + nf], impulse)
-            # a delayed input passes the filter as the input itself does, but for what it has
+            # a delayed input passes the filter as the input itself does, but for its values
             # before the first sample
             _delay(slopes[own : own + nb], driven)
             for k in range(nb):

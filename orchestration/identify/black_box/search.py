@@ -138,7 +138,7 @@ def _model(reduced: ReducedPredictionError, minimum: GaussNewtonMinimum) -> Opti
 def _minima(
     reduced: ReducedPredictionError, points: Sequence[Array], known: float
 ) -> list[GaussNewtonMinimum]:
-    """Return the lowest minima from some starting points, beside one of a known cost."""
+    """Return the lowest minima reached from some starting points, and one of a known cost."""
 
     def followed(x: Array, iterations: int) -> GaussNewtonMinimum:
         return minimise(reduced, x, iterations, _ROUGH)
@@ -176,8 +176,8 @@ def _missing(problem: PredictionError, contained: Sequence[Optimum]) -> Iterator
                     problem.inputs, problem.output, beneath, problem.first, problem.offset
                 )
             )
-            held = [other for other in known if beneath.contains(other.orders)]
-            known.append(_model(smaller, _first_minima(smaller, held)[0]))
+            nested = [other for other in known if beneath.contains(other.orders)]
+            known.append(_model(smaller, _first_minima(smaller, nested)[0]))
             yield known[-1]
 
 

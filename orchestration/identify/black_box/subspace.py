@@ -107,7 +107,7 @@ def _best_horizon(
     """Return the model of the horizon with the smallest prediction errors, and these."""
     operating_point = data.inputs.mean(axis=0)
     level = float(data.output.mean())
-    # an input that acts after one sample is what a state-space model has without more
+    # a state-space model without direct feedthrough has a delay of one sample already
     later = [max(delay - 1, 0) for delay in delays]
     direct = [delay == 0 for delay in delays]
     u = _delayed(data.inputs - operating_point, later)
@@ -134,11 +134,11 @@ def _best_horizon(
 
 def _delayed(u: Array, lags: list[int]) -> Array:
     """Delay every input by so many samples, held at its first value before."""
-    held = [
+    delayed = [
         np.concatenate([np.full(lag, column[0]), column])[: len(u)]
         for column, lag in zip(u.T, lags, strict=True)
     ]
-    return np.stack(held, axis=1)
+    return np.stack(delayed, axis=1)
 
 
 def _horizons(order: int, samples: int, inputs: int) -> Iterator[int]:
@@ -166,7 +166,7 @@ def _observability(u: Array, y: Array, order: int, horizon: int) -> Array:
     samples = len(outputs)
     future = inputs[:, :, horizon:].reshape(samples, -1)
     past = inputs[:, :, :horizon].reshape(samples, -1)
-    # the column of ones takes the constant away: the mean of a record that has not settled is no
+    # the column of ones takes the constant away: the mean of a record that still drifts is no
     # operating point
     rows = [np.ones((samples, 1)), future, past, outputs]
     triangle = np.asarray(np.linalg.qr(np.hstack(rows), mode="r")).T

@@ -2,12 +2,12 @@
 
 Given F, C and D, the errors are linear in A, B, the offset and the free responses, which are at
 their optimum wherever errors are evaluated (Golub and Pereyra: SIAM J. Numerical Analysis 10,
-1973). Slopes are those of Kaufman (BIT 15, 1975): of the errors by F, C and D, less what the
-linear parameters can undo.
+1973). Slopes are those of Kaufman (BIT 15, 1975): of the errors by F, C and D, less the part
+that linear parameters can undo.
 
 Coordinates are the inverse hyperbolic tangents of reflection coefficients, so that every point is
 a model whose F, C and D are stable (Monahan: Biometrika 71, 1984), and none ends at the edge of
-what is admissible because it went straight there.
+the admissible set because it went straight there.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class _Projection(NamedTuple):
         All parameters.
     errors : ndarray, shape (samples,)
     regressors : ndarray, shape (q, samples)
-        What linear parameters change of the errors, each row of length one.
+        Derivatives of the errors by the linear parameters, each row of length one.
     weights : ndarray, shape (r, q)
         Their combinations that are orthonormal.
     slopes : ndarray, shape (k, size)
@@ -68,8 +68,8 @@ class ReducedPredictionError:
         n = problem.orders
         self.problem = problem
         self._counts = (*n.nf, n.nc, n.nd)
-        # Noise whose time constant exceeds the record cannot be told from a random walk, and a
-        # predictor of such a memory not from one that is unstable: poles and zeros of the noise
+        # Noise whose time constant exceeds the record looks like a random walk, and a predictor
+        # of such a memory like one that is unstable: poles and zeros of the noise
         # model keep that much inside the unit circle (decision 57). A path of such a time constant
         # shows in the response to its input.
         within_record = float(np.exp(-1.0 / max(problem.samples, 1)))
@@ -88,7 +88,7 @@ class ReducedPredictionError:
     def coordinates(self, polynomials: Sequence[Array]) -> Array:
         """Return the coordinates of every F, C and D, given as monic polynomials.
 
-        Lower orders are filled up with zeros; roots outside of what is admissible are reflected.
+        Lower orders are filled up with zeros; roots outside of the admissible region are reflected.
         """
         blocks = []
         for polynomial, count, radius in zip(polynomials, self._counts, self._radii, strict=True):
@@ -126,7 +126,7 @@ class ReducedPredictionError:
         return self._projection(x).errors
 
     def jacobian(self, x: Array) -> Array:
-        """Return their derivatives (samples, size), less what linear parameters can undo."""
+        """Return their derivatives (samples, size) outside of the span of linear parameters."""
         at = self._projection(x)
         parts = self.problem.coefficients(at.theta)
         rows = at.slopes.T @ self.problem.nonlinear_slopes(parts)

@@ -1,7 +1,7 @@
 """Simulation of a long record block by block, for the sake of memory.
 
 A simulation with derivatives has a column for every state and output by every parameter, most of
-which nobody reads: the derivatives of states serve those of what is measured alone. A block begins
+which nobody reads: the derivatives of states serve those of measured outputs alone. A block begins
 with the states, and their derivatives, that the block before ended with.
 """
 
@@ -76,7 +76,7 @@ class BlockwiseModel:
         return replace(ran, sensitivities=wanted)
 
     def run_in_blocks(self, given: SimulationInput) -> Trajectory:
-        """Simulate like `run`, however short the record is, with derivatives of what is measured.
+        """Simulate like `run`, however short the record is, with derivatives of measured outputs.
 
         Any block may take the internal steps that those before it have left of the record's.
         """

@@ -161,11 +161,13 @@ class DelayedModel:
     ) -> dict[str, Array]:
         """Return inputs at other instants: smooth ones interpolated, others held."""
         smooth = inputs if self._linear is True else self._linear or ()
-        held = np.searchsorted(clock, instants, "right") - 1
+        latest = np.searchsorted(clock, instants, "right") - 1
         resampled = {}
         for name, given in inputs.items():
             values = np.broadcast_to(np.asarray(given, dtype=float), len(clock))
-            resampled[name] = np.interp(instants, clock, values) if name in smooth else values[held]
+            resampled[name] = (
+                np.interp(instants, clock, values) if name in smooth else values[latest]
+            )
         return resampled
 
     def _complete(self, slopes: Array, by_delay: Mapping[str, Array]) -> Array:

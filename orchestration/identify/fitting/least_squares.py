@@ -222,7 +222,7 @@ def _columns(slopes: Array, free: Mask) -> Array:
 def _as_one_row(values: Array, count: int) -> Array:
     """Return a residual (m,) in coordinates in which only its first is not zero, (count + 1,)."""
     row = np.zeros(count + 1)
-    # what is not finite stays so
+    # values that are not finite stay so
     row[0] = np.sqrt(values @ values)
     return row
 

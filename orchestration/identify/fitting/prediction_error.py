@@ -49,7 +49,7 @@ _CURVED = 0.1  # of the expected curvature, below which the observed one is chan
 class Method:
     """The effort of a fit: tolerance, passes and trial points.
 
-    The default tolerance is far below what any evidence turns on.
+    The default tolerance is far below any difference that evidence depends on.
 
     Attributes
     ----------
@@ -206,7 +206,7 @@ def fit_prediction_error(
     prior = _prior(problem, physical, prior_std)
     alternating = _AlternatingFit(problem, prior, method, farthest)
     at_start = _unmoved(problem, np.clip(start, *problem.bounds()), prior, farthest)
-    # what is not searched stays where it is
+    # parameters that are not searched keep their values
     begun = _off_bounds(problem, start) if method.trials > 1 else start
     q = np.clip(begun, *problem.bounds())
     residual = problem.evaluate(q)[0]
@@ -297,7 +297,9 @@ def fit_free_run(
     )
     fitted = _assessed(problem, _passed(problem, minimum, prior), prior)
     slopes = problem.evaluate(minimum.q)[1]
-    with np.errstate(over="ignore", invalid="ignore"):  # what runs away is not determined
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # a parameter that diverges is not determined
         information = sum(j.T @ j / scales[o] ** 2 for o, j in slopes.items())
     weighted = (j / scales[o] for o, j in slopes.items())
     noise = [replace(n, deviation=n.deviation / scales[o]) for o, n in fitted.noise.items()]
@@ -309,7 +311,7 @@ def choose_credible_fit(problem: Problem, likeliest: FitResult, free_run: FitRes
     """Return the likelier of two fits, unless its simulation is farther from the record.
 
     A noise model may make a record likely with a simulation that follows it badly: it then explains
-    as noise what the simulation should explain.
+    as noise a part that the simulation should explain.
 
     Parameters
     ----------
@@ -341,8 +343,8 @@ def _is_curved(observed: Array, expected: Array) -> bool:
 def _prior(problem: Problem, physical: Mask | None, prior_std: float) -> _Prior:
     """Return the prior of physical parameters, about where the problem starts."""
     mean = problem.position(problem.start)
-    held = np.isfinite(mean) & (False if physical is None else physical.astype(bool))
-    return _Prior(mean, np.where(held, prior_std**-2, 0.0))
+    informed = np.isfinite(mean) & (False if physical is None else physical.astype(bool))
+    return _Prior(mean, np.where(informed, prior_std**-2, 0.0))
 
 
 def _kept_near(problem: Problem, begin: Array, end: Array, farthest: float) -> Array:
@@ -504,7 +506,7 @@ class _AlternatingFit:
         return _passed(problem, end._replace(q=near), self.prior)
 
     def iterate(self, first: _Pass) -> _Pass:
-        """Fit in the noise that is estimated where the last pass ended, until BIC has settled."""
+        """Fit in the noise that is estimated where the last pass ended, until BIC falls no more."""
         fitted = first
         for _ in range(self.method.passes - 1):
             before = fitted
@@ -516,7 +518,7 @@ class _AlternatingFit:
     def restarted(self, best: _Pass, in_white: _Pass | None) -> _Pass:
         """Begin again in white noise where the noise came out coloured, while that is better.
 
-        A noise model that explains what the model could explain keeps it from doing so.
+        A noise model that explains a part of the record keeps the model from explaining that part.
 
         Parameters
         ----------
@@ -569,7 +571,7 @@ def _unmoved(problem: Problem, q: Array, prior: _Prior, farthest: float) -> _Pas
 
 
 def _assessed(problem: Problem, end: _Pass, prior: _Prior) -> FitResult:
-    """Assess the end of a fit: what its parameters are known to."""
+    """Return the result of a fit, with the covariance of its parameters."""
     q = end.minimum.q
     noise = end.noise
     innovation = end.innovation

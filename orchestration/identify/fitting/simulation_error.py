@@ -1,8 +1,8 @@
 """The simulation-error fit: least squares of the free run's errors (output-error method).
 
-Nothing is assumed of the noise but its size, so that no noise model can explain what the simulation
-should explain (Ljung: System Identification, section 7.2). The search begins at several
-points, because the sum has several minima where time constants are far from what they are.
+Nothing is assumed of the noise but its size, so that no noise model can explain a part that the
+simulation should explain (Ljung: System Identification, section 7.2). The search begins at several
+points, because the sum has several minima where time constants are far from the true ones.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from orchestration.records import base_name
 
 # spread of starting points about nominal, in searched coordinates: a decade either way
 _SPREAD = float(np.log(10.0))
-_STARTS = 4  # beside the nominal one
+_STARTS = 4  # in addition to the nominal one
 _BRIEF = 12  # trial points after which only the best start goes on
 _FLOOR = 1.1  # times the noise: an error below it leaves nothing to be gained elsewhere
 # Fall of minus twice the log-likelihood for which another optimum than that of the nominal start is
@@ -254,7 +254,7 @@ class _WeightedErrors:
             tried = self.search(start, tolerance, _BRIEF)
             cost = self.cost(tried.q)
             least = self.cost(best.q)
-            # what ends where the best did is no other optimum
+            # a search that ends where the best one did is no other optimum
             is_other = cost - tried.promised < least * np.exp(-_CLEARLY / self._problem.samples)
             if not tried.converged and is_other and cost < 4.0 * least:
                 tried = self.search(tried.q, tolerance)

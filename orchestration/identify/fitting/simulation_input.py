@@ -12,7 +12,7 @@ from fmus.kit.arrays import Array
 
 @dataclass(frozen=True)
 class SimulationInput:
-    """A stimulus, the parameters of a model, and what its integrator may take for it.
+    """A stimulus, the parameters of a model, and the limits of its integrator.
 
     Attributes
     ----------

@@ -27,7 +27,7 @@ _LEAST = 1e-30
 _STATIONARY = 1.0 - 1e-9  # largest modulus of a pole; beyond, a first sample would have no variance
 _SETTLING = 5  # samples from a step of an input on, in which errors of a model are largest
 _FEWEST = 100  # samples that estimate noise away from steps of the inputs
-# robust deviations at which a sample of a heavy tail is held while correlations are estimated
+# robust deviations at which a sample of a heavy tail is clipped while correlations are estimated
 _FAR = 4.0
 
 
@@ -50,7 +50,7 @@ class Noise:
 
     @property
     def parameters(self) -> int:
-        """The number of estimated parameters beside the deviation."""
+        """The number of estimated parameters without the deviation."""
         return len(self.coefficients) + int(self.freedom < inf)
 
     @property

@@ -20,7 +20,9 @@ _FEW = 50  # samples below which noise is taken as Gaussian
 # standard errors of the kurtosis of Gaussian samples, below which tails are not tested
 _SUSPECT = 3.0
 _NEIGHBOURS = 61  # samples about one of them whose median is the level of the noise there
-_ROUNDS = 12  # iterations of scale and weights, after which the scale has settled to a percent
+_ROUNDS = (
+    12  # iterations of scale and weights, after which the scale changes by less than a percent
+)
 
 
 def heavy_tails(innovation: Array, freedom: float | None = None) -> tuple[float, float]:

@@ -34,7 +34,9 @@ _TOO_ROUGH = 0.001  # below which the narrowest is; of smooth responses one line
 _MATERIAL = 0.01  # relative change of a response by one more term that is an error worth telling
 _WEAK = 1e-4  # rms of an input near a line, over its strongest line, that is no excitation
 _ABOVE_NOISE = 10.0  # power of an excited line over that of the lines between, at the least
-_INFLATED = 1e4  # growth of variance by what is alike beyond which responses are not told apart
+_INFLATED = (
+    1e4  # growth of variance by collinear inputs beyond which responses are not distinguished
+)
 _SINGULAR = 1e-15
 _OFF_CENTRE = 2  # lines that a window may have more to one side of its line than to the other
 
@@ -106,8 +108,8 @@ class Estimates:
     rough : list of ndarray of bool, shape (measured,)
         Whether a response changes too much between lines: the record is too short for it.
     weak, alike : list of int
-        Lines without a response: the input is not excited there, or its response cannot be told
-        from that to another input or from the transient.
+        Lines without a response: the input is not excited there, or its response cannot be
+        distinguished from that to another input or from the transient.
     """
 
     lines: list[int] = field(default_factory=list)
@@ -133,14 +135,14 @@ class Estimates:
 class _Fit(NamedTuple):
     """Least squares in a window, by the inputs that are active there.
 
-    ``change`` is what one more term makes of the responses, and ``significance`` its p-value for
+    ``change`` is the change of the responses by one more term, and ``significance`` its p-value for
     each output. In a window that reaches far, terms are so few for it that the change counts as an
     error.
     """
 
     values: Spectrum  # (active, outputs)
     scale: Array  # (active,), variance for noise of variance one
-    inflation: Array  # (active,), of the variance by what is alike
+    inflation: Array  # (active,), of the variance by collinear inputs
     noise: Spectrum  # (measured, measured), covariance
     freedom: int
     change: Spectrum  # (active, measured)
@@ -320,7 +322,7 @@ def _significance(residual: Spectrum, explained: Spectrum, freedom: int) -> Arra
     ----------
     residual : ndarray of complex, shape (n, outputs)
     explained : ndarray of complex, shape (terms, outputs)
-        What they take of it.
+        The part that they explain.
     freedom : int
         Complex degrees of freedom of the residual.
     """

@@ -86,7 +86,7 @@ def estimate_responses(
     model: str = "",
     modelled: Mapping[str, Array] | None = None,
 ) -> FrequencyResponse:
-    """Estimate frequency responses from a record, and from a model's outputs beside it.
+    """Estimate frequency responses from a record, and from a model's outputs on it.
 
     Parameters
     ----------
@@ -371,7 +371,7 @@ def unit_of_ratio(above: str, below: str) -> str:
 
 
 def _nothing(inputs: Sequence[str], responses: Mapping[str, Response]) -> str:
-    """Return why there is no response at all, and what to do about it."""
+    """Return the reason why there is no response at all, with advice."""
     reasons = [reason for one in responses.values() for reason in one.left_out]
     names = " and ".join(inputs)
     if _ALIKE in reasons and len(inputs) > 1:

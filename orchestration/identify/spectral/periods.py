@@ -19,7 +19,7 @@ _OFF = 1e-3  # of a sample, by which it may not
 
 
 def difference_after(values: Array) -> Array:
-    """Return by what share of its variance a signal differs from itself some samples later.
+    """Return the share of its variance by which a signal differs from itself some samples later.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Bode and Nyquist diagrams of measured frequency responses beside those of a model."""
+"""Bode and Nyquist diagrams of measured frequency responses and those of a model."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 
 from fmus.kit.arrays import Mask
 from orchestration.identify.spectral.response import Interval, Response
-from orchestration.reporting import pictures
+from orchestration.identify.spectral.result import FrequencyResponse
+from orchestration.reporting import draw, pictures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,14 +22,15 @@ _MODEL: dict[str, Any] = {"color": pictures.MODEL, "lw": 1.2, "label": "model"}
 _RECORD: dict[str, Any] = {"color": pictures.FITTED, "label": "record, 95 %"}
 
 
-def draw(responses: Sequence[Response], title: str) -> Figure:
-    """Draw every response: magnitude above phase, the complex plane beside them.
+@draw.register(FrequencyResponse)
+def draw_frequency_response(result: FrequencyResponse) -> Figure:
+    """Draw Bode and Nyquist diagram of every response with 95 % bands, and the model's."""
+    title = f"{result.source} against {result.model}" if result.model else result.source
+    return draw_responses([*result.responses.values()], title)
 
-    Parameters
-    ----------
-    responses : sequence of Response
-    title : str
-    """
+
+def draw_responses(responses: Sequence[Response], title: str) -> Figure:
+    """Draw every response: magnitude above phase, the complex plane to the right."""
     rows = [
         row
         for k in range(len(responses))
@@ -65,7 +67,7 @@ def _over_frequency(axis: Axes, frequency: Any, interval: Interval, drawn: Mask)
 
 
 def _bode_axes(above: Axes, below: Axes, response: Response) -> None:
-    """Scale and name the axes of a Bode diagram; what is lost in noise does not set the scale."""
+    """Scale and name the axes of a Bode diagram; points lost in noise do not set the scale."""
     above.set_yscale("log")
     seen = np.abs(response.values[response.seen])
     if seen.size:

@@ -48,7 +48,7 @@ class Response:
     freedom : ndarray, shape (n,)
         Real degrees of freedom of that.
     model : ndarray of complex, shape (n,), or None
-        What the same estimate makes of the model's outputs.
+        The same estimate from the model's outputs.
     left_out : Mapping of str to ndarray, shape (m,)
         Frequencies in Hz of lines that are left out, by the reason.
     """

@@ -13,14 +13,12 @@ import numpy as np
 
 from fmus.kit import UserError, files, suggestion
 from fmus.kit.units import printed, write_prefixed
-from orchestration.identify.spectral import picture
 from orchestration.identify.spectral.response import Response
 from orchestration.records import Repair
 from orchestration.reporting import Displayable, one_line, plain_table
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
     from rich.console import RenderableType
     from rich.table import Table
 
@@ -30,7 +28,7 @@ _WHOLE = 1e6  # below which a number has no power of ten
 
 @dataclass(frozen=True)
 class FrequencyResponse(Displayable):
-    """Frequency responses that were estimated from a record, beside those of a model.
+    """Frequency responses that were estimated from a record, with those of a model.
 
     Attributes
     ----------
@@ -47,7 +45,7 @@ class FrequencyResponse(Displayable):
     notes : tuple of str
         How they were estimated.
     repairs : tuple of Repair
-        What reading the record changed or noticed.
+        Repairs and remarks from reading the record.
     """
 
     source: str
@@ -69,7 +67,7 @@ class FrequencyResponse(Displayable):
         return one_line(f"FrequencyResponse {', '.join(self.responses)}: {self.source}{beside}")
 
     def overview(self) -> Iterator[RenderableType]:
-        """Yield what ``ppy frequency`` prints: a table of every response, and what was left out."""
+        """Yield the text of ``ppy frequency``: a table of every response, and the omitted lines."""
         against = f" against {self.model}" if self.model else ""
         yield f"{self.source}{against}: {self.samples} samples of {self.step:.6g} s"
         for response in self.responses.values():
@@ -86,11 +84,6 @@ class FrequencyResponse(Displayable):
             yield from _left_out(response)
         yield ""
         yield from self.notes
-
-    def draw(self) -> Figure:
-        """Draw Bode and Nyquist diagram of every response with 95 % bands, and the model's."""
-        title = f"{self.source} against {self.model}" if self.model else self.source
-        return picture.draw([*self.responses.values()], title)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return all responses as a table, a row for each ratio and frequency.
@@ -142,7 +135,7 @@ class FrequencyResponse(Displayable):
 
 
 def _heading(column: str) -> str:
-    """Return the heading of a column; what has the unit of the response has none of its own."""
+    """Return the heading of a column; a column in the unit of the response has none of its own."""
     units = {"frequency": "Hz", "phase": "deg", "model_phase": "deg"}
     unit = units.get(column.removesuffix("_low").removesuffix("_high"))
     return f"{column} [{unit}]" if unit else column

@@ -12,7 +12,7 @@ from .estimate import Estimate as Estimate
 from .estimate import estimates_frame as estimates_frame
 from .estimate import is_significantly_different as is_significantly_different
 from .estimate import joint_distribution as joint_distribution
-from .picture import draw as draw
+from .picture import draw_profiles as draw_profiles
 from .profile import LEVEL as LEVEL
 from .profile import Coordinate as Coordinate
 from .profile import Profile as Profile

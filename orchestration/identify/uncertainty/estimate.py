@@ -156,8 +156,8 @@ def joint_distribution(
     Raises
     ------
     UserError
-        If a parameter has no finite interval: nothing can be drawn of what a record does not
-        determine.
+        If a parameter has no finite interval: nothing can be drawn of a parameter that a
+        record does not determine.
     """
     names = tuple(estimates)
     open_ended = [

@@ -10,7 +10,7 @@ import numpy as np
 from fmus.kit.arrays import Array
 from fmus.kit.units import convert
 from orchestration.identify.uncertainty.profile import LEVEL, Profile
-from orchestration.reporting import pictures
+from orchestration.reporting import draw, pictures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,13 @@ _BEYOND = 0.15  # margin to either side of the widest interval, relative to it
 _WIDE = 30.0  # ratio of ends from which on an axis is logarithmic
 
 
-def draw(profiles: Sequence[Profile]) -> Figure:
+@draw.register(Profile)
+def draw_profile(profile: Profile) -> Figure:
+    """Draw the profile with the ellipse's parabola and both intervals."""
+    return draw_profiles([profile])
+
+
+def draw_profiles(profiles: Sequence[Profile]) -> Figure:
     """Draw the deviance over each parameter, with parabola, 95 % level and both intervals."""
     figure, axes = pictures.panels(len(profiles), "likelihood profiles", "", 2.9, shared=False)
     for profile, axis in zip(profiles, axes, strict=True):

@@ -30,7 +30,6 @@ from orchestration.reporting import Displayable, one_line, option
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
     from rich.console import RenderableType
 
 LEVEL = chi_squared_quantile(0.95, 1)
@@ -105,12 +104,6 @@ class Profile(Displayable):
 
     def __repr__(self) -> str:
         return one_line(f"Profile {self}")
-
-    def draw(self) -> Figure:
-        """Draw the profile with the ellipse's parabola and both intervals."""
-        from orchestration.identify.uncertainty.picture import draw
-
-        return draw([self])
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the deviance over the values of the parameter, SI.

@@ -213,7 +213,7 @@ def imbalance(
 ) -> dict[str, Imbalance]:
     """Compute the energy that mechanical couplings make.
 
-    The receiver of the force moves under what it got at the beginning of a step, held or
+    The receiver of the force moves under its value at the beginning of a step, held or
     extrapolated over it. The receiver of the length has a spring, whose force changes in proportion
     to the length.
 

@@ -7,9 +7,9 @@ are those to which co-simulation tends as the communication step goes to zero.
 
 Sample instants that coincide are taken in the order of the members, and a later member sees the new
 values of an earlier one, as the groups within a component do. That is the limit of Gauss-Seidel
-with members that step in this order, for the later one receives what the earlier one made of the
-step. With Jacobi nobody sees a new value before the next communication point, however near it is:
-where members sample each other at one instant, its limit is another.
+with members that step in this order, for the later one receives the result of the earlier one for
+the step. With Jacobi nobody sees a new value before the next communication point, however near it
+is: where members sample each other at one instant, its limit is another.
 """
 
 from __future__ import annotations

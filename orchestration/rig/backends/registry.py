@@ -1,10 +1,11 @@
-"""Registry of backends: those that ship by name, those of a user by file and class."""
+"""Registry of backends: those of installed packages by name, those of a user by file and class."""
 
 from __future__ import annotations
 
-import importlib
 import inspect
 from collections.abc import Callable, Mapping
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 from typing import TypeVar
 
 from fmus.kit import UserError, suggestion
@@ -12,14 +13,7 @@ from fmus.kit.extras import optional
 from orchestration.fmu import load_subclass, names_class
 from orchestration.rig.backends.backend import Backend
 
-BACKENDS = {
-    "emulator": "studies.emulator.backend:Emulator",
-    "replay": "orchestration.rig.backends.replay:Replay",
-    "nidaqmx": "orchestration.rig.backends.nidaqmx:NiDaqmx",
-    "visa": "orchestration.rig.backends.visa:Visa",
-}
-"""Name of a backend -> module and class; strings, so that listing them imports nothing."""
-
+_ENTRY_POINTS = "ppy_rig.backends"  # group of the entry points, by which a package brings its own
 Result = TypeVar("Result")
 
 
@@ -106,6 +100,20 @@ def _called(
         ) from error
 
 
+@cache
+def backends() -> Mapping[str, EntryPoint]:
+    """Return the backends that installed packages bring by name; none is loaded for it.
+
+    Where two packages have one of the same name, ours is meant.
+    """
+    found = sorted(entry_points(group=_ENTRY_POINTS), key=_is_ours)
+    return {entry.name: entry for entry in found}
+
+
+def _is_ours(entry: EntryPoint) -> bool:
+    return entry.dist is not None and entry.dist.name == "ppy-rig"
+
+
 def backend_class(spec: str) -> type[Backend]:
     """Load the class of a backend, with the libraries that it needs, without opening it.
 
@@ -125,13 +133,25 @@ def backend_class(spec: str) -> type[Backend]:
             missing = ", ".join(sorted(cls.__abstractmethods__))
             raise UserError(f"{path}: {name} is no backend yet: it lacks {missing}")
         return cls
-    if spec not in BACKENDS:
+    known = backends()
+    if spec not in known:
+        raise UserError(f"no backend {spec!r}{suggestion(spec, [*known, 'path/to/file.py:Class'])}")
+    try:
+        with optional():
+            return _loaded(known[spec])
+    except UserError:
+        raise
+    except Exception as error:  # of a package of somebody else
         raise UserError(
-            f"no backend {spec!r}{suggestion(spec, [*BACKENDS, 'path/to/file.py:Class'])}"
-        )
-    module, name = BACKENDS[spec].split(":")
-    with optional():
-        loaded: type[Backend] = getattr(importlib.import_module(module), name)
+            f"backend {spec}: {known[spec].value} cannot be loaded: {type(error).__name__}:"
+            f" {_line(error)}"
+        ) from error
+
+
+def _loaded(entry: EntryPoint) -> type[Backend]:
+    loaded = entry.load()
+    if not (isinstance(loaded, type) and issubclass(loaded, Backend)):
+        raise TypeError("it is no subclass of orchestration.rig.backends.Backend")
     return loaded
 
 

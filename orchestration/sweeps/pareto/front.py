@@ -14,7 +14,6 @@ from orchestration.reporting import Displayable, one_line
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
     from rich.console import RenderableType
 
     from orchestration.sweeps.pareto.objectives import Objectives
@@ -92,10 +91,10 @@ class Front(Displayable):
         yield f"{self.model}: {points} by {self.evaluations:,} simulations"
         names = [*self.objectives, *self.parameters]
         table = plain_table(None, *names, right=names)
-        nominal = [f"{self._shown(name, v):.5g}" for name, v in self._by_objective(self.nominal)]
+        nominal = [f"{self.shown(name, v):.5g}" for name, v in self.by_objective(self.nominal)]
         table.add_row(*nominal, *["as it is"] * len(self.parameters))
-        columns = [*self._by_objective(self.values.T), *self.parameters.items()]
-        for row in zip(*(self._shown(name, column) for name, column in columns), strict=True):
+        columns = [*self.by_objective(self.values.T), *self.parameters.items()]
+        for row in zip(*(self.shown(name, column) for name, column in columns), strict=True):
             table.add_row(*(f"{value:.5g}" for value in row))
         yield table
         units = {name: self.display[name] for name in names}
@@ -128,33 +127,11 @@ class Front(Displayable):
         columns = dict(zip(self.objectives, self.values.T, strict=True))
         return pandas.DataFrame(columns | self.parameters)
 
-    def draw(self) -> Figure:
-        """Draw the front with the model as it is, and the parameters along it."""
-        from orchestration.reporting import pictures
-
-        name, *others = self.objectives
-        shown = list(self.parameters)[: 6 - len(others)]
-        figure, axes = pictures.panels(len(others) + len(shown), self.model, name)
-        below = f"{name.replace('_', ' ')} [{self.display[name]}]".removesuffix(" [1]")
-        axes[-1].set_xlabel(below)
-        front = [self._shown(one, values) for one, values in self._by_objective(self.values.T)]
-        nominal = [self._shown(one, value) for one, value in self._by_objective(self.nominal)]
-        for axis, other in zip(axes, others, strict=False):
-            axis.plot(*front, ".-", color=pictures.MODEL, label="front")
-            axis.plot(*nominal, "x", color=pictures.FITTED, label="as it is")
-            axis.legend()
-            pictures.label(axis, other, self.display[other])
-        for axis, parameter in zip(axes[len(others) :], shown, strict=True):
-            along = self._shown(parameter, self.parameters[parameter])
-            axis.plot(front[0], along, ".-", color=pictures.MODEL)
-            pictures.label(axis, parameter, self.display[parameter])
-        return figure
-
-    def _by_objective(self, values: Array) -> list[tuple[str, Array]]:
+    def by_objective(self, values: Array) -> list[tuple[str, Array]]:
         """Return the objectives with their values, shape (m, ...)."""
         return list(zip(self.objectives, values, strict=True))
 
-    def _shown(self, name: str, values: Array) -> Array:
+    def shown(self, name: str, values: Array) -> Array:
         """Return values of an objective or a parameter in the unit in which they are displayed."""
         return convert(values, {**self.objectives, **self.units}[name], self.display[name])
 

@@ -9,7 +9,7 @@ import xarray
 from rich.table import Table
 
 from fmus.kit import UserError
-from orchestration.sweeps.picture import no_numbers
+from orchestration.sweeps.curves import no_numbers
 from orchestration.sweeps.reductions import TRACE
 from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity import indices

@@ -12,7 +12,7 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.extras import optional
 from orchestration.reporting import pictures, plain_table
-from orchestration.sweeps.picture import describe_left_out, names_to_draw
+from orchestration.sweeps.curves import describe_left_out, names_to_draw
 from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity.numbers import (
     numbers,

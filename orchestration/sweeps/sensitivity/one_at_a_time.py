@@ -13,7 +13,7 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.experiment import results
 from orchestration.reporting import option, pictures, plain_table
-from orchestration.sweeps.picture import describe_left_out, names_to_draw
+from orchestration.sweeps.curves import describe_left_out, names_to_draw
 from orchestration.sweeps.ranges import Range
 from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity.numbers import (

@@ -13,7 +13,7 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.experiment import results
 from orchestration.reporting import option, pictures, plain_table
-from orchestration.sweeps.picture import describe_left_out, names_to_draw
+from orchestration.sweeps.curves import describe_left_out, names_to_draw
 from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity.numbers import require_complete
 
@@ -53,7 +53,7 @@ def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> SweepRe
     Examples
     --------
     >>> import ppy_rig as ppy
-    >>> from studies.emulator.records import draw, write
+    >>> from demonstrations.records import draw, write
     >>> write(draw(None, seed=1, duration=60.0), "clean.csv")
     >>> drawn = ppy.fit("clean.csv", "ppy_actuator", ["R1", "C"]).draws(100, seed=1)
     >>> found = ppy.sweep(

@@ -7,12 +7,12 @@ import fmpy
 import numpy as np
 import pytest
 
+from demonstrations.emulator.emulator import EmulatedRig
+from demonstrations.emulator.physics import RigParameters
 from fmus.kit.build.building import RUNTIMES
 from orchestration.experiment.waveforms import square_wave
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.simulation import simulate_instance
-from studies.emulator.emulator import EmulatedRig
-from studies.emulator.physics import RigParameters
 from tests.contract.raw import OK, instance
 
 NAME = "degradation_estimator"

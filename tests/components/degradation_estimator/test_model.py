@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from demonstrations.emulator.hidden_electrical import GrowingResistance
 from fmus.degradation_estimator.model import DegradationEstimator
 from orchestration.experiment.waveforms import square_wave
-from studies.emulator.hidden_electrical import GrowingResistance
 from tests.support.estimator import OMEGA, PERIOD, R1, R2, C, impedance, measured, square
 
 

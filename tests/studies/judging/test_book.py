@@ -74,7 +74,7 @@ def test_plain_effects_are_named_and_the_page_says_so(tmp_path):
     page = tmp_path / "page.md"
     options = ["--records", "60", "--clean", "8", "--seed", "4", "--no-floor", "--only", "Ship"]
     options += ["--without", "levels off", "drift", "drag", "uneven", "outside", "lag", "backlash"]
-    book.main([*options, "--kept", str(kept), "--out", str(page)])
+    book.STUDY.main([*options, "--kept", str(kept), "--out", str(page)])
     rows = [json.loads(line) for line in kept.read_text().splitlines()]
     assert rows
     assert all(row["causes"][0] in row["right"] for row in rows)
@@ -82,6 +82,6 @@ def test_plain_effects_are_named_and_the_page_says_so(tmp_path):
     assert [row["plant"] for row in clean] == ["Ship"]
     assert not any(row["causes"] for row in clean)
     text = page.read_text()
-    assert stamped(text) == digest(book.CODE)
+    assert stamped(text) == digest(book.STUDY.code)
     assert "## Hidden effects" in text
     assert "## Clean records" in text

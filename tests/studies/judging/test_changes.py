@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 import orchestration as ppy
+from demonstrations.records import draw, write
 from studies.clean.records import Case
-from studies.emulator.records import draw, write
 from studies.judging.changes import judge, pairs
 from tests.support.command import works
 from tests.support.pace import slow_but

@@ -175,9 +175,9 @@ def test_a_refit_is_no_worse_than_plain_least_squares(case):
 def test_the_study_goes_on_where_it_stopped(tmp_path):
     """And its tables count what was kept."""
     wanted, kept = [Case("Cell", "square", "Gaussian", s) for s in (1, 2)], tmp_path / "kept.jsonl"
-    clean.run(wanted[:1], kept, 0, lambda line: None)
+    clean.part(wanted[:1]).rows(kept)
     said = []
-    rows = clean.run(wanted, kept, 0, said.append)
+    rows = clean.part(wanted).rows(kept, tell=said.append)
     assert len(kept.read_text(encoding="utf-8").splitlines()) == 2
     assert len(said) == 2
     wrong = rows[1] | {
@@ -195,7 +195,7 @@ def test_the_study_goes_on_where_it_stopped(tmp_path):
 @pytest.mark.slow
 @pytest.mark.timeout(14_400)
 def test_the_rates_hold(tmp_path):
-    rows = clean.run(cases(320, 2026), tmp_path / "kept.jsonl", 4, lambda line: None)
+    rows = clean.part(cases(320, 2026), 4).rows(tmp_path / "kept.jsonl")
     judged = [row for row in rows if row["verdict"] != "refused"]
     assert np.mean([bool(row["causes"]) for row in judged]) <= 0.01
     assert np.mean([row["verdict"] == "unexplained" for row in judged]) <= 0.03

@@ -191,11 +191,11 @@ def test_a_page_tells_of_two_at_once(tmp_path):
     kept.with_stem("5-two").write_text(
         "".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8"
     )
-    hidden.main(
+    hidden.STUDY.main(
         ["--records", "0", "--two", "4", "--seed", "5", "--kept", str(kept), "--out", str(page)]
     )
     text = page.read_text(encoding="utf-8")
-    assert "--records 0 --seed 5 --two 4" in text
+    assert "--records 0 --two 4 --seed 5" in text
     section = text.partition("## Two at once\n")[2]
     assert "4 records: 1 (25.0 %) leave too little" in section
     assert (

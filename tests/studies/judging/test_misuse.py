@@ -39,6 +39,6 @@ def test_the_command_line_keeps_rows_and_writes_a_page(tmp_path):
     page = tmp_path / "page.md"
     kept = tmp_path / "kept.jsonl"
     arguments = ["--each", "1", "--seed", "2", "--only", "too short", "--kept", str(kept)]
-    misuse.main([*arguments, "--out", str(page)])
+    misuse.STUDY.main([*arguments, "--out", str(page)])
     assert len(kept.read_text().splitlines()) == 1
     assert "Misused records" in page.read_text()

@@ -8,18 +8,22 @@ import pytest
 
 from studies.judging import bench, book, foreign, hidden, laws, misuse, naming, public_laws, stamp
 
+DRAWN = [
+    (hidden, "make hidden-study"),
+    (book, "make book-study"),
+    (bench, "make bench-study"),
+    (misuse, "make misuse-study"),
+    (naming, "make naming"),
+    (laws, "make laws-study"),
+    (foreign, "make foreign-study"),
+]
+
 
 @pytest.mark.parametrize(
     ("page", "code", "how"),
     [
-        (hidden.PAGE, hidden.CODE, "make hidden-study"),
-        (book.PAGE, book.CODE, "make book-study"),
-        (bench.PAGE, bench.CODE, "make bench-study"),
-        (misuse.PAGE, misuse.CODE, "make misuse-study"),
-        (naming.PAGE, naming.CODE, "make naming"),
-        (laws.PAGE, laws.CODE, "make laws-study"),
+        *((one.STUDY.path, one.STUDY.code, how) for one, how in DRAWN),
         (public_laws.PAGE, public_laws.CODE, "make public-laws"),
-        (foreign.PAGE, foreign.CODE, "make foreign-study"),
     ],
 )
 def test_a_page_was_drawn_with_this_code_or_says_that_it_was_not(page, code, how):
@@ -88,7 +92,7 @@ def test_a_digest_is_not_of_what_hands_records_over(tmp_path: Path, monkeypatch)
     assert stamp.sources(["benchmarks/reading.py"]) == {tmp_path / "benchmarks" / "reading.py"}
 
 
-@pytest.mark.parametrize("code", [hidden.CODE, naming.CODE])
+@pytest.mark.parametrize("code", [hidden.STUDY.code, naming.STUDY.code])
 def test_a_diagnosis_is_made_of_what_decides_it(code):
     """What is called through a model or an option, and so by no import of the diagnosis, is named
     by itself.

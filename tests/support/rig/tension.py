@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
-from studies.emulator.physics import Physics
+from demonstrations.emulator.physics import Physics
 
 
 def tension_by_bisection(physics: Physics, state: np.ndarray, length: float) -> float:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import orchestration as ppy
+from demonstrations.records import draw, write
 from orchestration.cli import diagnose as work
 from orchestration.cli.app import main
-from studies.emulator.records import draw, write
 from tests.support.diagnosis import SHORT
 from tests.support.pace import slow_but
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 import typer
 
+from demonstrations.emulator.emulator import EmulatedRig
 from orchestration.cli import app, commands
-from studies.emulator.emulator import EmulatedRig
 from tests.support.command import here, measure, ppy, refused, works
 from tests.support.commands import COMMANDS as EVERY
 
@@ -54,7 +54,9 @@ def test_every_command_is_listed_and_every_listed_one_exists(tmp_path):
     for name in shown:
         assert "Usage: " in works(name, "--help", cwd=tmp_path)
     modules = {module.name for module in pkgutil.iter_modules(commands.__path__)} - {"options"}
-    assert modules == {source.partition(":")[0] for _, source in app._COMMANDS.values()}
+    assert {f".{name}" for name in modules} == {
+        source.partition(":")[0] for _, source in app._OWN.values()
+    }
 
 
 def test_without_a_command_there_is_help(tmp_path):
@@ -113,8 +115,56 @@ def test_version(tmp_path):
 
 def test_the_line_for_a_command_in_the_help_is_the_first_of_its_own_help():
     whole = typer.main.get_command(app.app)
-    for name, (line, _) in app._COMMANDS.items():
-        assert whole.get_command(None, name).help.split("\n")[0] == line
+    for name, (line, _) in app._commands().items():
+        command = EVERY.get(name) or whole.get_command(None, name)
+        assert command.help.split("\n")[0] == line
+
+
+OVEN = """
+from orchestration.cli.command import command
+from typing import TypedDict
+
+COMMANDS = {
+    "Find out what is wrong": {
+        "heat": ("Heat the oven.", "oven:heat"),
+        "list": ("Never in the place of ours.", "oven:heat"),
+        "rig burn": ("Burn the rig.", "oven:heat"),
+    }
+}
+
+@command(TypedDict("Nothing", {}))
+def heat(options):
+    print("hot")
+"""
+
+
+def installed_package(folder: Path, code: str) -> dict[str, str]:
+    """Install a package with commands of its own there; return the environment that has it."""
+    info = folder / "oven-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: oven\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[ppy_rig.commands]\noven = oven:COMMANDS\n")
+    (folder / "oven.py").write_text(code)
+    return {"PYTHONPATH": str(folder)}
+
+
+def test_an_installed_package_brings_commands(tmp_path):
+    has_oven = installed_package(tmp_path, OVEN)
+    lines = ppy("--help", cwd=tmp_path, environment=has_oven).stdout.splitlines()
+    shown = {line.split()[0]: line for line in lines if line.startswith("  ")}
+    assert shown["heat"].endswith("  Heat the oven.")
+    assert shown["list"].endswith("  List the components.")
+    for command in (["heat"], ["rig", "burn"]):
+        assert ppy(*command, cwd=tmp_path, environment=has_oven).stdout == "hot\n"
+
+
+@pytest.mark.parametrize("code", ["import absent", "COMMANDS = None", "COMMANDS = {'a': {'b': 1}}"])
+def test_a_package_whose_commands_cannot_be_loaded_is_a_line(code, tmp_path):
+    done = ppy("--help", cwd=tmp_path, environment=installed_package(tmp_path, code))
+    assert done.returncode == 0
+    assert "  diagnose " in done.stdout
+    (line,) = done.stderr.splitlines()
+    assert "oven:COMMANDS" in line
 
 
 def test_quiet_prints_results_and_errors_only(record, tmp_path):

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from demonstrations.records import draw, write
 from fmus import component
 from fmus.kit.build import build_cached
 from fmus.kit.errors import UserError
@@ -19,7 +20,6 @@ from orchestration.cli.commands.options import DiagnoseCommand
 from orchestration.cli.diagnose import check_files, run_system
 from orchestration.discrepancy.laws.map import LawMap
 from orchestration.fmu.model import find_model
-from studies.emulator.records import draw, write
 from studies.hidden.curves import dry_root
 from tests.support.archive import edited, of_other_laws
 from tests.support.command import here, ppy, works

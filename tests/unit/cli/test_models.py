@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from demonstrations.emulator.emulator import EmulatedRig
+from demonstrations.emulator.hidden_coupling import SaturatingStrain
+from demonstrations.emulator.physics import RigParameters
 from orchestration.fmu.archive import Archive
 from orchestration.fmu.model import find_model
 from orchestration.fmu.simulation import simulate
 from orchestration.records import read_record
-from studies.emulator.emulator import EmulatedRig
-from studies.emulator.hidden_coupling import SaturatingStrain
-from studies.emulator.physics import RigParameters
 from tests.support.archive import anonymous, edited
 from tests.support.command import UNITS, here, measure, refused
 

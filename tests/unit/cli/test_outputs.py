@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray
 
+from demonstrations.emulator.emulator import EmulatedRig
 from fmus.kit.errors import UserError
 from orchestration.cli.outputs import (
     SIGNALS,
@@ -18,7 +19,6 @@ from orchestration.cli.outputs import (
 )
 from orchestration.experiment import results
 from orchestration.records import read_record
-from studies.emulator.emulator import EmulatedRig
 from tests.support.command import UNITS, here, measure, refused
 
 

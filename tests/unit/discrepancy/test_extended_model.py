@@ -13,6 +13,7 @@ import pytest
 from fmpy.validation import validate_fmu
 from scipy.signal import lfilter
 
+from demonstrations.records import draw
 from fmus.kit.build.building import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
@@ -34,7 +35,6 @@ from orchestration.fmu.effects import catalogue as effects_of
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.model import find_model, load_class
 from orchestration.fmu.simulation import simulate_instance
-from studies.emulator.records import draw
 from tests.contract import checks, structure
 from tests.contract.subjects import SUBJECTS
 from tests.support.diagnosis import SHORT, as_measured, coloured

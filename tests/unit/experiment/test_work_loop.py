@@ -9,9 +9,9 @@ import xarray
 from fmus import component, effects
 from fmus.kit import UserError, stack
 from fmus.kit.record import CompiledModel
-from orchestration.experiment import result_page
 from orchestration.experiment.execution import run
 from orchestration.experiment.model import WorkLoopTable
+from orchestration.experiment.page import cycles, experiment_page
 from orchestration.experiment.reading import read
 from orchestration.experiment.work_loop import (
     MODES,
@@ -199,19 +199,18 @@ def test_the_bare_loop_of_the_experiment_is_the_creep_under_a_cosine(made):
     np.testing.assert_allclose(made["bare.actuator.displacement"].values, length, atol=held)
 
 
-def test_the_page_of_the_experiment_has_its_cycles_and_loops(made, tmp_path):
-    result_page.plot(made, tmp_path / "loops.html")
-    page = (tmp_path / "loops.html").read_text(encoding="utf-8")
+def test_the_page_of_the_experiment_has_its_cycles_and_loops(made):
+    page = experiment_page(made).html()
     assert "Last cycle of each run" in page
     assert "the first 16 of" not in page
     assert page.index("<h2>Cycles") < page.index("<h2>Signals")
-    assert [row[:2] for row in result_page.cycles(made)][:4] == [
+    assert [row[:2] for row in cycles(made)][:4] == [
         ("bare", "1"),
         ("bare", "2"),
         ("bare", "3"),
         ("feedback", "1"),
     ]
-    loop, thesis = result_page.figure(made).axes[:2]
+    loop, thesis = made.plot().axes[:2]
     assert (loop.get_xlabel(), thesis.get_xlabel()) == ("length [mm]", "length change [mm]")
     assert {line.get_label() for line in thesis.lines} == {
         "fig. 5-9, with current",

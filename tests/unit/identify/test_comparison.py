@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from demonstrations.emulator.emulator import EmulatedRig
+from demonstrations.emulator.physics import RigParameters
 from fmus.kit import UserError
 from orchestration.experiment.waveforms import multilevel
 from orchestration.fmu import simulation as simulate
 from orchestration.fmu.model import find_model
 from orchestration.identify import comparison as comparing
 from orchestration.records import Record, write_record
-from studies.emulator.emulator import EmulatedRig
-from studies.emulator.physics import RigParameters
 
 UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
 TIME: np.ndarray = 0.1 * np.arange(600)

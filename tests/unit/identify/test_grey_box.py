@@ -18,6 +18,8 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 from scipy.stats import binom
 
+from demonstrations.emulator.emulator import EmulatedRig
+from demonstrations.emulator.physics import RigParameters
 from fmus import component
 from fmus.kit import Component, Input, Output, Parameter, State, UserError, stack
 from fmus.kit.record.compiled import CompiledModel
@@ -28,8 +30,6 @@ from orchestration.identify.grey_box import fit_grey_box
 from orchestration.identify.metrics import fit_percent
 from orchestration.identify.noise.ljung_box import whiteness
 from orchestration.records import read_record
-from studies.emulator.emulator import EmulatedRig
-from studies.emulator.physics import RigParameters
 
 TRUTH = RigParameters().scattered(3)
 TRUE = asdict(TRUTH)

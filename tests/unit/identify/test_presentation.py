@@ -1,4 +1,4 @@
-"""Claims: a comparison is printed, drawn and given as plain JSON, with units and warnings."""
+"""Claims: a comparison is printed and given as plain JSON, with units and warnings."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmus.kit import UserError
+from demonstrations.emulator.emulator import EmulatedRig
+from demonstrations.emulator.physics import RigParameters
 from orchestration.experiment.waveforms import multilevel
 from orchestration.fmu.model import find_model
 from orchestration.identify import comparison as comparing
 from orchestration.records import Record
-from studies.emulator.emulator import EmulatedRig
-from studies.emulator.physics import RigParameters
 
 UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
 TIME: np.ndarray = 0.1 * np.arange(600)
@@ -87,19 +86,3 @@ def test_a_comparison_is_printed_with_its_units_and_warnings(model, record):
     assert "this record does not determine k1" in page
     assert repr(result).startswith("<Comparison voltage ")
     assert "record.csv" in repr(result)
-
-
-def test_a_comparison_is_drawn_and_written_if_wanted(model, record, tmp_path):
-    plain = comparing.compare(model, record)
-    assert [axis.get_ylabel() for axis in plain.plot().axes] == [
-        "voltage\n[V]",
-        "residual\n[V]",
-        "displacement\n[mm]",
-        "residual\n[mm]",
-    ]
-    fitted = comparing.compare(model, record, {}, ["R1", "C"])
-    axes = fitted.plot(tmp_path / "c.png").axes
-    assert (tmp_path / "c.png").stat().st_size > 10_000
-    assert len(axes[0].lines) == 3
-    with pytest.raises(UserError, match="must end in"):
-        plain.plot(tmp_path / "c.txt")

@@ -8,19 +8,17 @@ from __future__ import annotations
 
 import importlib.metadata
 import re
-import sys
-from pathlib import Path
 
 import pytest
 from packaging.utils import canonicalize_name
 
-from docs.draw_architecture import imports
 from fmus.kit import UserError
 from fmus.kit.extras import PACKAGES, install_command, optional, require
 from tests.support import installation
 
 TASKS = set(installation.PROJECT["optional-dependencies"]) - {"standard", "docs", "dev"}
-OURS = {"fmus", "orchestration", "ppy_rig", "studies"}
+IMPORTED = re.compile(r"^ *(?:import|from) (\w+)\b", re.M)
+OURS = ("demonstrations", "fmus", "orchestration", "ppy_rig")
 UNIMPORTED = {"pyvisa-py"}  # PyVISA loads it
 
 
@@ -52,23 +50,18 @@ def test_a_package_is_imported_from_its_distribution() -> None:
         assert package.distribution in owners[name]
 
 
-@pytest.mark.parametrize("folder", sorted(OURS - {"studies"}))
-def test_what_is_imported_comes_with_the_core_or_has_its_line(folder: str) -> None:
-    brought = installation.distributions(installation.requirements(()))
+def test_what_is_imported_comes_with_the_core_or_has_its_line() -> None:
+    core = installation.distributions(installation.requirements(()))
     owners = importlib.metadata.packages_distributions()
-    unknown = {
-        (path.relative_to(installation.ROOT).as_posix(), module)
-        for path in sorted((installation.ROOT / folder).rglob("*.py"))
-        for module in {name.partition(".")[0] for name in imports(path) if not is_ours(path, name)}
-        if module not in sys.stdlib_module_names
-        and module not in PACKAGES
-        and not brought & set(map(canonicalize_name, owners.get(module, ())))
+    others = {
+        name
+        for name, brought_by in owners.items()
+        if not core & set(map(canonicalize_name, brought_by))
     }
-    assert unknown == set()
-
-
-def is_ours(path: Path, name: str) -> bool:
-    return name.partition(".")[0] in OURS
+    unknown = others - set(PACKAGES) - set(OURS)
+    for folder in OURS:
+        for path in (installation.ROOT / folder).rglob("*.py"):
+            assert not unknown & set(IMPORTED.findall(path.read_text(encoding="utf-8"))), path
 
 
 def test_the_installation_of_the_readme_has_the_packages_that_the_project_builds_on() -> None:

@@ -11,7 +11,7 @@ from fmus.kit import UserError
 from orchestration.linear.discretisation import Matrices
 from orchestration.linear.model import LinearModel
 from orchestration.linear.operating_point import OperatingPoint
-from orchestration.linear.picture import draw
+from orchestration.linear.picture import draw_linear_model as draw
 
 
 def lag(rate, time=0.0, loop="", period=0.0):

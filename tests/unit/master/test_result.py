@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zipfile
-from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -45,13 +44,3 @@ def test_what_was_stopped_is_an_error_that_keeps_the_result_until_then(member):
     partial = caught.value.run
     assert (partial.complete, partial.message) == (False, str(caught.value))
     assert np.array_equal(partial.time, TIME[: partial.time.size])
-
-
-def test_a_run_is_drawn_and_one_without_points_says_that_there_is_nothing(member):
-    result = run(chain(member), TIME, ones())
-    drawn = {axis.get_ylabel().partition("\n")[0] for axis in result.plot().axes}
-    assert drawn == {name.replace("_", " ") for name in result.signals}
-    empty = replace(result, time=TIME[:0], signals=dict.fromkeys(result.signals, TIME[:0]))
-    with pytest.raises(UserError, match="the run has no points or no signals"):
-        empty.plot()
-    assert list(empty._repr_mimebundle_()) == ["text/html"]

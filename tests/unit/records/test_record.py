@@ -1,13 +1,11 @@
-"""Claims: a record says in lines what it holds and what was repaired; its picture has units."""
+"""Claims: a record says in lines what it holds and what was repaired."""
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fmus.kit import UserError
 from orchestration.records.record import Record, Repair, list_rows, refuse
 
 
@@ -41,19 +39,6 @@ def test_a_table_has_its_signals_over_time(record):
     frame = record.to_frame()
     assert (frame.index.name, list(frame.index)) == ("time", [0.0, 0.5, 31.5])
     assert frame["u"].tolist() == [1.0, 2.0, 3.0]
-
-
-def test_it_is_drawn_with_units(record, tmp_path):
-    figure = record.plot(tmp_path / "r.svg")
-    assert [axis.get_ylabel() for axis in figure.axes] == ["u\n[V]", "y\n[m]"]
-    assert (tmp_path / "r.svg").read_text(encoding="utf-8").startswith("<?xml")
-
-
-def test_without_samples_or_signals_there_is_nothing_to_draw(record):
-    for empty in (replace(record, signals={}), replace(record, time=record.time[:0])):
-        with pytest.raises(UserError, match=r"r\.csv: no samples or no signals"):
-            empty.plot()
-        assert list(empty._repr_mimebundle_()) == ["text/html"]
 
 
 @pytest.mark.parametrize(

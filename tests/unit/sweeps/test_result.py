@@ -1,4 +1,4 @@
-"""Claims: the result of a sweep is drawn and tabulated, and so is that of its analysis."""
+"""Claims: the result of a sweep is a table."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import orchestration as ppy
-from fmus.kit import UserError
 from tests.support.hosts import build_one_state_fmu
 
 
@@ -43,27 +42,3 @@ def test_traces_alone_are_a_table_over_time(swept):
     expected = 1.0 - np.exp(-frame["time"] / frame["tau"])
     assert len(frame) == 2 * 21
     assert frame["x"].to_numpy() == pytest.approx(expected.to_numpy(), abs=1e-12)
-
-
-def test_an_analysis_is_drawn_as_what_it_is(swept):
-    over = {"tau": "1..2", "u": "1..3"}
-    moved = ppy.tornado(swept(over, kind="tornado", settings={"u": 2.0, "tau": 1.5}))
-    assert [one.get_text() for one in moved.plot().axes[0].get_yticklabels()] == [
-        "tau: 1..2 s",
-        "u: 1..3",
-    ]
-    shares = ppy.sensitivity(swept(over, kind="sobol-indices", samples=16))
-    assert shares.plot().axes[0].get_xlabel() == "parameter"
-    bands = ppy.bands(swept(over, kind="sobol", samples=16))
-    with pytest.raises(UserError, match="bands are drawn over time"):
-        bands.plot()  # of numbers
-    for one in (moved, shares):
-        assert one._repr_mimebundle_()["image/png"]
-    assert list(bands._repr_mimebundle_()) == ["text/html"]
-
-
-def test_a_part_has_no_picture(swept):
-    found = swept({"tau": "1, 2", "u": "1, 3"})
-    with pytest.raises(UserError, match="part of a sweep"):
-        found.sel(u=3.0).plot()
-    assert list(found.sel(u=3.0)._repr_mimebundle_()) == ["text/html"]

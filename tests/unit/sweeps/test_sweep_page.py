@@ -10,7 +10,7 @@ import pytest
 import xarray
 
 from orchestration.reporting import plain_table
-from orchestration.sweeps import picture
+from orchestration.sweeps import curves
 from orchestration.sweeps.sweep_page import Extreme, extremes, sweep_page
 from tests.support.browser import chromium
 from tests.support.look import FAINT, OUTSIDE, UNREACHED
@@ -37,7 +37,7 @@ def swept(failure=""):
 
 
 def page_of(data, tables=()):
-    return sweep_page(data, partial(picture.draw, data), [*tables], COMMAND).html()
+    return sweep_page(data, partial(curves.draw_curves, data), [*tables], COMMAND).html()
 
 
 def test_the_first_sentence_has_the_range_and_the_second_what_moves_it():

@@ -26,7 +26,6 @@ from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.law_corrections import LawSearch
 from orchestration.discrepancy.laws import Correction, LawMapResult, LawSignal, unit_of
 from orchestration.discrepancy.pipeline import Result
-from orchestration.discrepancy.report.laws.formula import parse_formula
 from orchestration.discrepancy.validation import Outcome, parameter_estimates
 from orchestration.identify.uncertainty import Estimate
 
@@ -205,8 +204,8 @@ def shape_formula(correction: Correction) -> str:
     """Return the named shape as a formula of x, without its remark; empty where there is none."""
     if not correction.shape:
         return ""
-    text = correction.model.effect.term.shape
-    return text and text.removesuffix(f", {parse_formula(text).remark}")
+    remark = r", [^()]*$"  # after a comma outside of brackets
+    return re.sub(remark, "", correction.model.effect.term.shape)
 
 
 def shape_width(correction: Correction) -> float | None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 from fmus.kit import capitalised, in_words, variable_title
-from orchestration.discrepancy.laws import Correction
+from orchestration.discrepancy.laws import Correction, Entry
 from orchestration.discrepancy.report import html_elements
 from orchestration.discrepancy.report.figures import COLOURS
 from orchestration.discrepancy.report.laws import figures, wording
-from orchestration.discrepancy.report.laws.formula import typeset_equation
 from orchestration.discrepancy.report.laws.law_report import (
     LawReport,
     describe_signal,
@@ -107,11 +108,8 @@ def _add_curve(page: Page, law_report: LawReport, best: Correction) -> None:
     law = law_report.law_title(best)
     page.subheading(f"{capitalised(law)} over {describe_signal(entry.signal)}{_beside(law_report)}")
     is_not_signal = bool(entry.signal.memory or law_and_signal(best.model.effect)[1].zero)
-    page.parts.append(
-        typeset_equation(
-            entry.law, entry.signal.name, entry.kind, shape_formula(best), is_not_signal
-        )
-    )
+    x = "x" if is_not_signal else entry.signal.name
+    page.parts.append(_equation(entry, shape_formula(best), x))
     relation = "plus 1 is what the law is multiplied with"
     if entry.kind == "add":
         relation = "is added to what the model says"
@@ -161,6 +159,14 @@ def _add_corrections(page: Page, law_report: LawReport) -> None:
             " data."
         )
     )
+
+
+def _equation(entry: Entry, formula: str, x: str) -> Markup:
+    """Return a law as the model's own with a function of x, a curve where there is no formula."""
+    function = re.sub(r"\bx\b", lambda _: x, formula) or f"f({x})"
+    operation = f"+ {function}" if entry.kind == "add" else f"(1 + {function})"
+    law = escaped(entry.law)
+    return Markup(f'<p class="equation">{law} = {law}<sub>model</sub> {escaped(operation)}</p>')
 
 
 def _correction_row(law_report: LawReport, correction: Correction, largest: float) -> list[str]:

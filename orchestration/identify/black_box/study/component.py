@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import keyword
 import re
 from collections.abc import Mapping
@@ -44,13 +45,13 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
     unit = {new: units[old] for new, old in zip((*inputs, output), signals, strict=True)}
     factors = [f"self.{x}" for x in states] + [f"(self.{u} - self.{u}_mean)" for u in inputs]
     lines = [
-        f'"""{doc}"""',
+        f'""{_quoted(doc)}""',
         "",
         "from fmus.kit import Component, Discrete, Input, Output, Parameter",
         "",
         "",
         f"class {class_name(name)}(Component):",
-        f'    """{doc}"""',
+        f'    ""{_quoted(doc)}""',
         "",
         f'    name = "{component_name(name)}"',
         f"    experiment = ({100.0 * model.step!r}, {model.step!r})",
@@ -58,7 +59,7 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
         "",
         *_declarations(model, inputs, output, states, unit),
         "",
-        f'    @Output("{unit[output]}")',
+        f"    @Output({_quoted(unit[output])})",
         f"    def {output}(self):",
         '        """What the model foretells."""',
         *_returned([f"self.{output}_mean"], factors, reading),
@@ -93,11 +94,13 @@ def _declarations(
     """Return the lines that declare inputs, the operating point and states."""
     lines = []
     for u, level in zip(inputs, model.input_offsets.tolist(), strict=True):
-        lines.append(f'    {u} = Input("{unit[u]}", start={level!r}, doc="input")')
-        lines.append(f'    {u}_mean = Parameter({level!r}, "{unit[u]}", doc="operating point")')
+        lines.append(f'    {u} = Input({_quoted(unit[u])}, start={level!r}, doc="input")')
+        lines.append(
+            f'    {u}_mean = Parameter({level!r}, {_quoted(unit[u])}, doc="operating point")'
+        )
     lines.append(
-        f'    {output}_mean = Parameter({model.output_offset!r}, "{unit[output]}", doc="operating'
-        ' point")'
+        f"    {output}_mean = Parameter({model.output_offset!r}, {_quoted(unit[output])},"
+        ' doc="operating point")'
     )
     for x in states:
         lines.append(
@@ -105,6 +108,11 @@ def _declarations(
             ' model")'
         )
     return lines
+
+
+def _quoted(text: str) -> str:
+    """Write a text of a record as a literal of Python: no file may put code into the source."""
+    return json.dumps(text, ensure_ascii=False)
 
 
 def identifiers(names: tuple[str, ...]) -> list[str]:

@@ -23,11 +23,10 @@ from orchestration.identify.black_box.residual_tests import ResidualTests
 from orchestration.identify.black_box.study.columns import Columns
 from orchestration.identify.black_box.study.component import source
 from orchestration.identify.metrics import finite_or_none
-from orchestration.reporting import Displayable, one_line, plain_table
+from orchestration.reporting import Displayable, make_page, one_line, path_of_report, plain_table
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
     from rich.console import RenderableType
 
 
@@ -121,12 +120,6 @@ class BlackBox(Displayable):
         yield coefficients
         yield from chosen.messages
 
-    def draw(self) -> Figure:
-        """Draw the free run of the chosen model over the data that it has not seen."""
-        from orchestration.identify.black_box.study import page
-
-        return page.draw_free_run(self)
-
     def to_frame(self) -> pandas.DataFrame:
         """Return the best model of every structure as a table, a row for each.
 
@@ -193,9 +186,9 @@ class BlackBox(Displayable):
         UserError
             If it cannot be written.
         """
-        from orchestration.identify.black_box.study import page
-
-        return page.write(self, Path(path))
+        target = path_of_report(path)
+        make_page(self).write(target)
+        return target
 
     def export(self, path: str | Path, name: str = "") -> Path:
         """Write the chosen model as a class, of which ``ppy build file.py:Class`` makes FMUs.

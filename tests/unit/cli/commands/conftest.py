@@ -2,8 +2,8 @@
 
 import pytest
 
-from studies.emulator.emulator import EmulatedRig
-from studies.emulator.physics import RigParameters
+from demonstrations.emulator.emulator import EmulatedRig
+from demonstrations.emulator.physics import RigParameters
 from tests.support.command import measure
 
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from studies.emulator.emulator import EmulatedRig
+from demonstrations.emulator.emulator import EmulatedRig
 from tests.support.command import PNG, answered, here, measure, works
 
 

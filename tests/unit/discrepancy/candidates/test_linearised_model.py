@@ -16,6 +16,7 @@ from scipy.linalg import cholesky, solve_triangular, toeplitz
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
+from demonstrations.records import draw
 from fmus.kit import Component, Input, Output, Parameter
 from fmus.kit.sensors import sensor_drift
 from fmus.ppy_actuator.model import PpyActuator
@@ -26,7 +27,6 @@ from orchestration.discrepancy.diagnosis import searched_parameters
 from orchestration.discrepancy.selection.scoring import score
 from orchestration.discrepancy.selection.search import Search
 from orchestration.identify.noise import Noise
-from studies.emulator.records import draw
 from tests.support.diagnosis import as_measured
 from tests.support.scored import at, directions
 

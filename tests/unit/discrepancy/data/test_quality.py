@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from demonstrations.bench import NOISE
+from demonstrations.records import UNITS, draw, write
 from fmus.kit.record.compiled import CompiledModel
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
@@ -22,8 +24,6 @@ from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.report.wording import message
 from orchestration.experiment.waveforms import multilevel
 from orchestration.records import read_record
-from studies.emulator.bench import NOISE
-from studies.emulator.records import UNITS, draw, write
 from tests.support.diagnosis import short_record
 from tests.support.pace import slow_but
 

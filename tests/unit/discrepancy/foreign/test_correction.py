@@ -45,3 +45,20 @@ def test_inputs_are_handed_on(lag):
     model = CompiledModel(input_correction(lag, ["u"], 1.0, 0.1))
     ran = model.run(time, {"u": np.sin(time)}).signals
     assert ran["u_in_fmu"] == pytest.approx(np.sin(time))
+
+
+def test_names_and_descriptions_are_no_code(lag, tmp_path):
+    run = f"__import__('pathlib').Path({str(tmp_path / 'ran')!r}).touch()"
+    u, x, tau = f'u"); {run}; ("', f"'say \"{run}\"'", f'"""\n{run}\n\\'
+    doc = f'"""\n    {run}\n    """'
+    hostile = replace(
+        lag,
+        inputs={u: replace(lag.inputs["u"], name=u, doc=doc)},
+        outputs={x: replace(lag.outputs["x"], name=x, doc=doc)},
+        parameters={tau: replace(lag.parameters["tau"], name=tau, doc=doc)},
+    )
+    layout = output_correction(hostile, [x], {tau: 1.0}, 1.0, 0.1).cls.layout
+    input_correction(hostile, [u], 1.0, 0.1)
+    assert not (tmp_path / "ran").exists()
+    assert f"{x} of the FMU" in {v.doc for v in layout.inputs}
+    assert doc.replace("\n", "") in {v.doc for v in layout.parameters}

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from demonstrations.records import draw, write
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.data.dataset import dataset_of
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, ExpectedEvidence
@@ -32,7 +33,6 @@ from orchestration.discrepancy.residuals.correlation import CrossCorrelation
 from orchestration.fmu.model import find_model
 from orchestration.identify.comparison import read_for
 from orchestration.reporting import elements
-from studies.emulator.records import draw, write
 from tests.support.browser import chromium
 from tests.support.look import FAINT, OUTSIDE, UNREACHED
 from tests.support.pace import slow_but

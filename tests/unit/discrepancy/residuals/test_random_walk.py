@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from demonstrations.records import draw
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import searched_parameters
 from orchestration.discrepancy.residuals.random_walk import random_walk_test
 from orchestration.discrepancy.selection.search import Search
-from studies.emulator.records import draw
 from tests.support.pace import slow_but
 from tests.support.residuals import COLOURS, N, noise
 

@@ -151,7 +151,7 @@ def test_an_fmu_with_a_noisy_solver_is_fitted(noisy, tmp_path):
 
 
 def test_without_equations_the_fit_is_that_with_them(tmp_path):
-    from studies.emulator.records import draw, write
+    from demonstrations.records import draw, write
 
     write(draw(None, seed=3, duration=60.0), tmp_path / "record.csv")
     with_them = ppy.find_model("ppy_actuator")

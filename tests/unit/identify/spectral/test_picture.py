@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from orchestration.identify.spectral import Response
-from orchestration.identify.spectral.picture import draw
+from orchestration.identify.spectral.picture import draw_responses
 
 
 def response(count, model=True, unit="N/m"):
@@ -22,7 +22,7 @@ def response(count, model=True, unit="N/m"):
 @pytest.mark.parametrize("count", [12, 200], ids=["lines", "band"])
 def test_a_response_is_drawn_over_frequency_and_in_the_plane(count):
     one = response(count)
-    figure = draw([one, response(count, unit="ohm")], "run.csv against a model")
+    figure = draw_responses([one, response(count, unit="ohm")], "run.csv against a model")
     magnitude, plane, phase, *others = figure.axes
     assert len(others) == 3
     assert (magnitude.get_xscale(), magnitude.get_yscale()) == ("log", "log")
@@ -40,7 +40,7 @@ def test_a_response_is_drawn_over_frequency_and_in_the_plane(count):
 
 def test_one_frequency_is_in_the_middle_of_its_axis_and_numbers_have_room():
     """Warnings are errors here: an axis of no width gives one."""
-    figure = draw([response(1, model=False, unit="m/N")], "run.csv")
+    figure = draw_responses([response(1, model=False, unit="m/N")], "run.csv")
     _, plane, phase = figure.axes
     low, high = phase.get_xlim()
     assert np.sqrt(low * high) == pytest.approx(0.01)
@@ -54,7 +54,7 @@ def test_regions_are_circles_of_their_size_and_what_is_lost_in_noise_has_none():
     values = one.values.copy()
     values[0] = 1e-3
     lost = Response(one.name, one.unit, one.frequency, values, one.variance, one.freedom, None, {})
-    _, plane, phase = draw([lost], "run.csv").axes
+    _, plane, phase = draw_responses([lost], "run.csv").axes
     (circles,) = plane.collections
     assert circles.get_offsets()[:, 0] == pytest.approx(one.values.real[1:])
     assert circles.get_widths() == pytest.approx(2.0 * one.radius[1:])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.kit import Parameter
-from orchestration.identify.uncertainty.picture import draw
+from orchestration.identify.uncertainty.picture import draw_profiles
 from orchestration.identify.uncertainty.profile import LEVEL, Coordinate, profile_likelihood
 
 HALF = 0.5  # of the interval, in the searched coordinate
@@ -33,7 +33,7 @@ def lines(axis):
 @pytest.mark.parametrize("logarithmic", [False, True])
 def test_a_parabola_is_drawn_as_what_it_is(logarithmic):
     """The profile over its fits is the parabola of the ellipse, and so are both intervals."""
-    (axis,) = draw([profile(logarithmic=logarithmic)]).axes
+    (axis,) = draw_profiles([profile(logarithmic=logarithmic)]).axes
     drawn = lines(axis)
     x, y = drawn["profile"].get_data()
     inside = np.isfinite(y)
@@ -50,14 +50,14 @@ def test_a_parabola_is_drawn_as_what_it_is(logarithmic):
 
 
 def test_values_are_in_the_unit_in_which_they_are_read():
-    (axis,) = draw([profile("spring_length", unit="m", display="mm")]).axes
+    (axis,) = draw_profiles([profile("spring_length", unit="m", display="mm")]).axes
     assert axis.get_xlabel() == "spring length [mm]"
     assert lines(axis)["estimate"].get_xdata() == pytest.approx([1000.0])
 
 
 def test_an_open_end_is_drawn_to_the_edge_with_an_arrow():
     """Flat from 1.3 on, where a parabola is at 0.36 of the level: it has no end above."""
-    (axis,) = draw([profile(farthest=1.3)]).axes
+    (axis,) = draw_profiles([profile(farthest=1.3)]).axes
     edge = axis.get_xlim()[1]
     assert lines(axis)["95 % interval of the profile"].get_xdata()[1] == pytest.approx(edge)
     arrows = [line.get_xdata()[0] for line in axis.lines if line.get_marker() == ">"]
@@ -65,5 +65,5 @@ def test_an_open_end_is_drawn_to_the_edge_with_an_arrow():
 
 
 def test_one_picture_holds_several():
-    figure = draw([profile("a"), profile("b")])
+    figure = draw_profiles([profile("a"), profile("b")])
     assert [axis.get_xlabel() for axis in figure.axes] == ["a [V]", "b [V]"]

@@ -50,12 +50,6 @@ PLACES = [
     "studies/plants/models/thermal_nodes.py:ThermalNodes",
     "studies/plants/models/train.py:Train",
     "studies/plants/models/vessel.py:Vessel",
-    "studies/decays/models/decays.py:Pendulum",
-    "studies/decays/models/decays.py:Car",
-    "studies/decays/models/decays.py:Capacitor",
-    "studies/decays/models/decays.py:Cooling",
-    "studies/decays/models/decays.py:Torsion",
-    "studies/decays/models/decays.py:Recovery",
 ]
 WITHOUT_NUMBERS = [
     place

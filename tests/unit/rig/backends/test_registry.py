@@ -13,7 +13,7 @@ from fmus import component
 from fmus.kit.errors import UserError
 from orchestration.rig import signals
 from orchestration.rig.backends.backend import Steppable
-from orchestration.rig.backends.registry import BACKENDS, backend_class, device_names, open_backend
+from orchestration.rig.backends.registry import backend_class, backends, device_names, open_backend
 
 OWN = """
 from orchestration.rig.backends.backend import Backend, Limit
@@ -127,11 +127,31 @@ def test_a_library_that_is_not_installed_is_named(
         open_backend(spec, {})
 
 
+def test_a_backend_of_an_installed_package_is_opened_by_its_name(
+    tmp_path: Path, own: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    info = tmp_path / "lamps-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lamps\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(
+        "[ppy_rig.backends]\nlamp = lamps:Lamp\ndim = lamps:Absent\nblank = lamps:OWN\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    backends.cache_clear()
+    try:
+        assert open_backend("lamp", {"bulb": "fine"}).outputs == {"light": "lm"}
+        for name in ("dim", "blank"):
+            with pytest.raises(UserError, match=f"^backend {name}: lamps:.* cannot be loaded: "):
+                backend_class(name)
+        with pytest.raises(UserError, match=r"no backend 'lamb'.*lamp"):
+            backend_class("lamb")
+    finally:
+        backends.cache_clear()
+
+
 def test_those_that_step_are_the_emulator_and_replay() -> None:
-    assert [name for name in BACKENDS if issubclass(backend_class(name), Steppable)] == [
-        "emulator",
-        "replay",
-    ]
+    steppable = {name for name in backends() if issubclass(backend_class(name), Steppable)}
+    assert steppable == {"emulator", "replay"}
 
 
 @pytest.mark.parametrize(

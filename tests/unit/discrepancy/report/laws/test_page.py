@@ -40,6 +40,20 @@ def test_a_correction_has_its_curve_its_law_and_its_row():
     assert "Which law over which signal" not in text  # there is one entry alone
 
 
+@pytest.mark.parametrize(
+    ("shape", "kind", "line"),
+    [
+        ("quadratic", "add", "friction = friction model + a omega^2"),
+        ("linear", "multiply", "friction = friction model (1 + a omega)"),
+        ("exponential", "add", "friction = friction model + a (exp(omega / w) - 1)"),
+        ("sign_beyond", "add", "friction = friction model + a sign(omega) beyond |omega| = w"),
+    ],
+)
+def test_the_law_is_an_equation_of_its_signal_without_the_remark(shape, kind, line):
+    law_report, _ = motor_report(shape, kind=kind)
+    assert line in " ".join(page_of(law_report).split())
+
+
 def test_a_map_is_shown_where_there_is_more_than_one_law():
     law_report, _ = motor_report("linear", kind="multiply")
     law_report.found.entries.append(entry("drop", "current"))

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from fmus.kit import UserError
 from fmus.kit.build.building import build_cached
 from orchestration.fmu.loading import load_class
-from orchestration.identify.black_box.study.component import class_name, identifiers
+from orchestration.identify.black_box.study.component import class_name, identifiers, source
 from tests.support.hosts import run_fmpy
 
 STEP = 0.5
@@ -73,3 +74,16 @@ def test_a_file_of_any_name_holds_a_class_that_is_built(found, tmp_path, stem, n
     path = found.export(tmp_path / f"{stem}.py")
     assert class_name(stem) == cls
     assert load_class(f"{path}:{cls}").name == name
+
+
+def test_names_and_units_of_a_record_are_no_code(found, tmp_path):
+    run = f"__import__('pathlib').Path({str(tmp_path / 'ran')!r}).touch()"
+    doc = f'"""\n{run}\n"""\\'
+    units = dict.fromkeys(found.columns.units, f'V"); {run}; ("')
+    text = source(found.model, "model", units, doc)
+    path = tmp_path / "model.py"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(UserError, match="V"):
+        load_class(f"{path}:Model")
+    assert not (tmp_path / "ran").exists()
+    assert ast.get_docstring(ast.parse(text), clean=False) == doc

@@ -1,0 +1,175 @@
+"""Backend that emulates a rig, in real time or in lockstep."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+from demonstrations.emulator import DISPLACEMENT, VOLTAGE, RigParameters
+from demonstrations.emulator.stepping import (
+    DEVIATIONS,
+    BenchPlant,
+    ForceDriven,
+    LengthDriven,
+    Noise,
+    Plant,
+    SteppedRig,
+    hidden_effect,
+)
+from fmus.kit import UserError
+from orchestration.rig import (
+    KNOWN_LIMITS,
+    SIGNALS,
+    UNITS,
+    checked_step,
+    commands,
+    integer,
+    one_of,
+)
+from orchestration.rig.backends import Limit, Steppable
+
+_TICK = 1e-4  # s; real time passes in whole ticks, whose transitions come again
+_LONGEST = 60.0  # s, of one step
+_GAP = 2.0  # s; after a longer pause of this process the rig goes on as if it had been that long
+_PLANTS: Mapping[str, type[ForceDriven] | type[LengthDriven] | type[BenchPlant]] = {
+    "force-driven": ForceDriven,
+    "length-driven": LengthDriven,
+    "bench": BenchPlant,
+}
+
+
+class Emulator(Steppable):
+    """An emulated rig, at rest when it is opened.
+
+    Its time starts with the first :meth:`write`. Until :meth:`advance` is called for the first time
+    it is real time: every :meth:`read` goes on to the present. From then on it is the caller's.
+
+    Parameters
+    ----------
+    signals : {"force-driven", "length-driven", "bench"}
+    seed : str
+        Whole number: of noise, hidden effect and specimen.
+    hidden : str
+        ``none``, ``drawn`` by the seed, or the id of an effect of the actuator's catalogue.
+    noise : {"on", "off"}
+    specimen : {"nominal", "drawn"}
+        The thesis's 12-layer actuator, or another one made like it.
+
+    Raises
+    ------
+    UserError
+        If an option has a value that is not allowed.
+    """
+
+    @classmethod
+    def devices(cls, **options: str) -> list[str]:
+        """Return an empty list: there may be any number of emulated rigs."""
+        return []
+
+    def __init__(
+        self,
+        signals: str = "force-driven",
+        seed: str = "0",
+        hidden: str = "none",
+        noise: str = "on",
+        specimen: str = "nominal",
+    ) -> None:
+        chosen = SIGNALS[one_of("signals", signals, SIGNALS)]
+        number = integer("seed", seed)
+        self.inputs = {name: UNITS[name] for name in chosen.inputs}
+        self.outputs = {name: UNITS[name] for name in chosen.outputs}
+        self.limits: Mapping[str, Limit] = {
+            name: KNOWN_LIMITS[name]
+            for name in (*chosen.inputs, *chosen.outputs)
+            if name in KNOWN_LIMITS
+        }
+        one_of("noise", noise, ("on", "off"))
+        drawn = one_of("specimen", specimen, ("nominal", "drawn")) == "drawn"
+        sensed = tuple(name for name in (VOLTAGE, DISPLACEMENT) if name in self.outputs)
+        try:
+            self._hidden = hidden_effect(hidden, number, sensed)
+        except ValueError as error:
+            raise UserError(f"option hidden: {error}") from error
+        parameters = RigParameters.scattered(number) if drawn else RigParameters()
+        physics = self._hidden.physics(parameters)
+        deviations = {name: width for name, width in DEVIATIONS.items() if name in self.outputs}
+        plant: Plant = _PLANTS[signals](physics)
+        sensor_noise = Noise(deviations, number) if noise == "on" else None
+        self._rig = SteppedRig(plant, chosen.outputs, sensor_noise)
+        # ticks of the clock that have been taken; None while time is not real
+        self._ticks: int | None = None
+        self._stepped = False
+
+    def tell(self) -> str:
+        """Describe the hidden effect.
+
+        Returns
+        -------
+        str
+        """
+        return str(self._hidden)
+
+    def read(self) -> Mapping[str, float]:
+        """Advance to the present if time is real, then measure.
+
+        Returns
+        -------
+        Mapping of str to float
+        """
+        if self._ticks is not None:
+            now = _now()
+            ticks = min(now - self._ticks, round(_GAP / _TICK))
+            self._ticks = now
+            if ticks > 0:
+                self._rig.advance(ticks * _TICK)
+        return self._rig.measured()
+
+    def write(self, values: Mapping[str, float]) -> None:
+        """Hold these commands from now on.
+
+        Parameters
+        ----------
+        values : Mapping of str to float
+            SI.
+
+        Raises
+        ------
+        UserError
+            If one is missing, unknown or not finite.
+        """
+        checked = commands(values, self.inputs)
+        if self._ticks is not None:
+            self.read()  # what was held before holds until now
+        elif not self._stepped:
+            self._ticks = _now()
+        self._rig.command(checked)
+
+    def advance(self, step: float) -> None:
+        """Let time pass with the commands held.
+
+        Parameters
+        ----------
+        step : float
+            s, at most 60.
+
+        Raises
+        ------
+        UserError
+            If it is out of range.
+        """
+        self._stepped = True
+        self._ticks = None
+        self._rig.advance(checked_step(step, _LONGEST))
+
+    def safe(self) -> None:
+        """Release the rig: no current, no force or coil voltage, the unloaded length."""
+        if self._ticks is not None:
+            self.read()
+        self._rig.release()
+
+    def close(self) -> None:
+        """Do nothing: there is no device."""
+
+
+def _now() -> int:
+    return int(time.perf_counter() / _TICK)  # as monotonic, but fine enough on every platform

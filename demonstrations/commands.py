@@ -1,0 +1,104 @@
+"""``ppy demo``, ``ppy thesis`` and ``ppy rig demo``, which the entry points announce.
+
+No ``from __future__ import annotations``: the options are read from their classes.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict
+
+from orchestration.api.declaration import Option
+from orchestration.cli.command import command
+from orchestration.cli.options import JsonOption
+from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+
+if TYPE_CHECKING:
+    from demonstrations.thesis import Claim
+
+
+class DemoCommand(TypedDict, total=False):
+    """Options of ``ppy demo``."""
+
+    out: Annotated[
+        Path,
+        Option(
+            "Folder for FMUs, pictures, the record and the report.", default=Path("demo-output")
+        ),
+    ]
+
+
+class PageOption(TypedDict, total=False):
+    """The page of the thesis."""
+
+    out: Annotated[
+        Path,
+        Option("Where the page goes.", default=Path("thesis.html"), metavar="FOLDER_OR_HTML"),
+    ]
+
+
+class ThesisCommand(PageOption, JsonOption, total=False):
+    """Options of ``ppy thesis``."""
+
+
+class RigDemoCommand(TypedDict, total=False):
+    """Options of ``ppy rig demo``."""
+
+    out: Annotated[
+        Path,
+        Option("Everything that is made goes here.", default=Path("hil-output"), metavar="FOLDER"),
+    ]
+    seed: Annotated[
+        int, Option("Which emulated rig, and which effect is hidden in it.", default=1, least=0)
+    ]
+
+
+@command(DemoCommand)
+def demo(options: DemoCommand) -> None:
+    """Do everything once: build, simulate, compare with an emulated rig, diagnose, report."""
+    from demonstrations.demo import everything as work
+
+    Outputs(folders={"--out": options["out"]}).check()
+    work.run(options["out"])
+
+
+@command(ThesisCommand)
+def thesis(options: ThesisCommand) -> None:
+    """Recompute the thesis: every table and simulated figure, what holds, what does not and why."""
+    from demonstrations.thesis import chapters, page
+
+    out = options["out"]
+    path = options["json"]
+    Outputs(writes={"--out": page.target(out), "--json": path}, endings={"--json": JSON}).check()
+    with standard_output_for(path):
+        page.run(out)
+        written = [
+            {"title": title, "claims": [_as_json(claim) for claim in claims]}
+            for title, claims in chapters.claims().items()
+        ]
+        errata = [
+            {"number": e.number, "where": e.where, "printed": e.printed, "holds": e.holds}
+            for e in chapters.errata()
+        ]
+        write_json(path, {"chapters": written, "errata": errata})
+
+
+def _as_json(claim: "Claim") -> dict[str, Any]:
+    return {
+        "where": claim.where,
+        "what": claim.what,
+        "published": claim.published,
+        "reproduced": claim.reproduced,
+        "unit": claim.unit or None,
+        "verdict": claim.verdict,
+        "difference": claim.difference,
+        "reason": claim.reason or None,
+        "erratum": claim.erratum,
+        "from_print": claim.inferred,
+    }
+
+
+@command(RigDemoCommand)
+def rig_demo(options: RigDemoCommand) -> None:
+    """Close the loop once, in real time, on an emulated rig in which an effect is hidden."""
+    from demonstrations.demo import on_rig
+
+    on_rig.run(options["out"], options["seed"])

@@ -1,0 +1,12 @@
+from .emulator import EmulatedRig as EmulatedRig
+from .emulator import Physics as Physics
+from .hidden_coupling import SaturatingStrain as SaturatingStrain
+from .physics import RigParameters as RigParameters
+from .physics import together as together
+from .refit import refit_residuals as refit_residuals
+from .variations import CATALOGUE as CATALOGUE
+from .variations import DISPLACEMENT as DISPLACEMENT
+from .variations import UNKNOWN as UNKNOWN
+from .variations import VARIATIONS as VARIATIONS
+from .variations import VOLTAGE as VOLTAGE
+from .variations import Variation as Variation

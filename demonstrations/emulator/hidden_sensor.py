@@ -1,0 +1,95 @@
+"""Hidden variations of the sensors of voltage and displacement; the actuator is unchanged."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+
+from demonstrations.emulator.physics import Array, Physics, Signals, Trajectory
+
+# of a sample period, how far from its end the value is taken that inputs have not yet changed
+_BEFORE = 1e-6
+
+
+@dataclass
+class SluggishSensor(Physics):
+    """A sensor with two equal, critically damped stages, in equilibrium at the start."""
+
+    lag_output: str = "displacement"
+    sensor_time: float = 0.2  # s, of both stages together
+
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
+        """Let the sensor follow a signal that is linear between knots and jumps with inputs."""
+        signals = super().sensed(run, time)
+        if self.sensor_time == 0:
+            return signals
+        knots = np.union1d(run.time, time)
+        steps = np.diff(knots)
+        value = super().sensed(run, knots)[self.lag_output]
+        slope = (
+            super().sensed(run, knots[1:] - _BEFORE * steps)[self.lag_output] - value[:-1]
+        ) / steps
+        rate = 2 / self.sensor_time
+        system = np.array([[-rate, 0, rate, 0], [rate, -rate, 0, 0], [0, 0, 0, 1], [0, 0, 0, 0]])
+        durations, kind = np.unique(np.round(steps, 9), return_inverse=True)
+        transitions = [expm(system * duration)[:2] for duration in durations]
+        stages = np.full((knots.size, 2), value[0])
+        for k, which in enumerate(kind.tolist()):
+            stages[k + 1] = transitions[which] @ np.array([*stages[k], value[k], slope[k]])
+        return signals | {self.lag_output: stages[np.searchsorted(knots, time), 1]}
+
+
+@dataclass
+class LateSensor(Physics):
+    """A sensor that gives what was, exactly; before the run all was as at its start."""
+
+    late_output: str = "displacement"
+    delay: float = 0.1  # s
+
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
+        """Look back."""
+        late = super().sensed(run, time - self.delay)[self.late_output]
+        return super().sensed(run, time) | {self.late_output: late}
+
+
+@dataclass
+class MisscaledSensor(Physics):
+    """A sensor that shows too much of everything."""
+
+    gain_output: str = "displacement"
+    gain_error: float = 0.05  # relative
+
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
+        """Scale."""
+        signals = super().sensed(run, time)
+        return signals | {self.gain_output: (1 + self.gain_error) * signals[self.gain_output]}
+
+
+@dataclass
+class BiasedSensor(Physics):
+    """A sensor that shows something where there is nothing."""
+
+    bias_output: str = "voltage"
+    bias: float = 0.01  # V or m
+
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
+        """Add the bias."""
+        signals = super().sensed(run, time)
+        return signals | {self.bias_output: signals[self.bias_output] + self.bias}
+
+
+@dataclass
+class DriftingSensor(Physics):
+    """A sensor that warms up after it was switched on at time zero, and drifts towards a limit."""
+
+    drift_output: str = "displacement"
+    drift: float = 2e-8  # V/s or m/s, at first
+    warming_time: float = 2000.0  # s
+
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
+        """Add the drift."""
+        signals = super().sensed(run, time)
+        drifted = (
+            -self.drift * self.warming_time * np.expm1(-np.maximum(time, 0.0) / self.warming_time)
+        )
+        return signals | {self.drift_output: signals[self.drift_output] + drifted}

@@ -1,0 +1,176 @@
+"""Hidden variations whose effect on a record needs all of it, made to go along in time."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm
+
+from demonstrations.emulator.hidden_coupling import PlayingStrain
+from demonstrations.emulator.hidden_sensor import LateSensor, SluggishSensor
+from demonstrations.emulator.physics import Array, Physics, Signals, Trajectory
+
+_SAME = 1e-10  # s, instants that are one
+_ROOM = 4096  # pieces beyond those needed before the past is cut
+
+
+@dataclass(frozen=True)
+class Instant(Trajectory):
+    """One instant of a run, whenever it is asked for."""
+
+    def at(self, time: Array) -> tuple[Array, Array]:
+        """Return state (order, m) and inputs (2, m)."""
+        return np.repeat(self.state, time.size, axis=1), np.repeat(self.inputs, time.size, axis=1)
+
+
+class Remembering:
+    """A variation with a memory: told of every step, after it."""
+
+    def passed(self, step: float, before: Instant, after: Instant) -> None:
+        """Remember a step (s) with constant inputs between two instants."""
+        raise NotImplementedError
+
+
+@dataclass
+class RememberingPlay(PlayingStrain, Remembering):
+    """Play whose operators keep what they are at."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        widths = np.ones(0)
+        self._memory = widths
+        self._radii = widths
+
+    def play(self, charge: Any) -> Any:
+        """Return the mean of the operators if the charge went straight to its present value."""
+        if not self._memory.size:
+            self._radii = self.widest_play * np.arange(1, 9) / 8
+            self._memory = np.zeros(8)
+        return np.mean(self._moved(charge), axis=0)
+
+    def _moved(self, charge: Any) -> Array:
+        low, high = np.subtract.outer(-self._radii, -charge), np.add.outer(self._radii, charge)
+        memory = self._memory.reshape(-1, *(1,) * np.ndim(charge))
+        return np.maximum(low, np.minimum(high, memory))
+
+    def passed(self, step: float, before: Instant, after: Instant) -> None:
+        """Move the operators to where the charge has got."""
+        charge = self.active_charge(after.state[:, 0])
+        self.play(charge)
+        self._memory = self._moved(charge)
+
+
+@dataclass
+class RememberingLag(SluggishSensor, Remembering):
+    """A sensor of two stages that keeps what they show."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._stages: Array | None = None
+        self._transitions: dict[float, Array] = {}
+
+    def sensed(self, run: Trajectory, time: Array) -> Signals:
+        """Show the second stage; before anything has passed it is in equilibrium."""
+        signals = Physics.sensed(self, run, time)
+        return (
+            signals
+            if self._stages is None
+            else signals | {self.lag_output: np.repeat(self._stages[1], time.size)}
+        )
+
+    def passed(self, step: float, before: Instant, after: Instant) -> None:
+        """Let the stages follow what changes linearly over the step."""
+        first, last = (
+            float(Physics.sensed(self, i, i.time)[self.lag_output][0]) for i in (before, after)
+        )
+        if self._stages is None:
+            self._stages = np.array([first, first])
+        key = round(step, 9)
+        if key not in self._transitions:
+            rate = 2 / self.sensor_time
+            system = np.array(
+                [[-rate, 0, rate, 0], [rate, -rate, 0, 0], [0, 0, 0, 1], [0, 0, 0, 0]]
+            )
+            self._transitions[key] = expm(system * step)[:2]
+        self._stages = self._transitions[key] @ np.array(
+            [*self._stages, first, (last - first) / step]
+        )
+
+
+_IN_TIME: dict[type[Physics], type[Physics]] = {
+    PlayingStrain: RememberingPlay,
+    SluggishSensor: RememberingLag,
+}
+
+
+def in_time(variation: type[Physics]) -> type[Physics]:
+    """Return the variation with a memory of its own if it needs one, else itself."""
+    return _IN_TIME.get(variation, variation)
+
+
+class Past:
+    """The past of a run, as far back as a late sensor looks.
+
+    Parameters
+    ----------
+    physics : Physics
+    move : callable
+        Of state (order,), held inputs (2,) and duration (s): the state after it.
+    actuator : callable
+        Of state and held inputs: the actuator's state, and its current and tension.
+    """
+
+    def __init__(
+        self,
+        physics: Physics,
+        move: Callable[[Array, Array, float], Array],
+        actuator: Callable[[Array, Array], tuple[Array, Array]],
+    ):
+        self.reach = physics.delay if isinstance(physics, LateSensor) else 0.0
+        self._move = move
+        self._actuator = actuator
+        self._times: list[float] = []
+        self._pieces: list[tuple[Array, Array]] = []
+
+    def add(self, time: float, state: Array, held: Array) -> None:
+        """Remember the start of a piece."""
+        self._times.append(time)
+        self._pieces.append((state, held))
+        if (
+            len(self._times) > _ROOM
+            and (old := bisect_right(self._times, time - self.reach - 1.0) - 1) > _ROOM // 2
+        ):
+            del self._times[:old], self._pieces[:old]
+
+    def at(self, time: float) -> tuple[Array, Array] | None:
+        """Return the actuator's state and inputs at an instant; None without a past.
+
+        At the start for all that was before.
+        """
+        if not self._times:
+            return None
+        k = max(bisect_right(self._times, time + _SAME) - 1, 0)
+        state, held = self._pieces[k]
+        since = round(max(time - self._times[k], 0.0), 9)
+        return self._actuator(self._move(state, held, since) if since > 0 else state, held)
+
+
+@dataclass(frozen=True)
+class Reaching(Instant):
+    """An instant with a past behind it."""
+
+    past: Past
+
+    def at(self, time: Array) -> tuple[Array, Array]:
+        """Return states (order, m) and inputs (2, m) at instants of the past (s), or now."""
+        now = (self.state[:, 0], self.inputs[:, 0])
+        found = [
+            now if t >= self.time[0] - _SAME else self.past.at(t) or now for t in time.tolist()
+        ]
+        return np.array([state for state, _ in found]).T, np.array(
+            [inputs for _, inputs in found]
+        ).T

@@ -1,0 +1,210 @@
+"""Burgers parameters read off the creep after a step load, as a start of a fit.
+
+Eqs. 3.1 to 3.3 of the thesis leave one parameter of four open: they give k1, b1 and the ratio
+b2/k2. The fourth equation is the final elongation of the Kelvin element, F0/k2: at the step, the
+line of the steady creep is above the immediate elongation by it (Findley, Lai, Onaran: Creep and
+Relaxation of Nonlinear Viscoelastic Materials, 1976).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from demonstrations.graphical.signals import over_time
+from fmus.kit import UserError
+from fmus.kit.arrays import Array, Mask
+
+_TAIL = 1.0 / 3.0  # last part of the record under load, that of the steady creep
+_ONCE = 0.01  # first part of it, that of the immediate elongation
+_FEWEST = 3  # samples that a line is drawn through
+_STEADY = 0.05  # of the step, by which the load may vary before and after it
+_ROUNDING = 1e-9  # of the largest elongation: less is zero but for rounding
+_SETTLED = 4.0  # time constants to a steady creep, when 2 % of the transient are left
+
+
+@dataclass(frozen=True)
+class CreepReading:
+    """Burgers parameters read off a step load.
+
+    Attributes
+    ----------
+    k1, k2 : float
+        Stiffness of the Maxwell spring and of the Kelvin spring, N/m.
+    b1, b2 : float
+        Damping of the Maxwell dashpot and of the Kelvin dashpot, N s/m.
+    time_constant : float
+        b2/k2 in seconds.
+    load : float
+        The step in N.
+    held : float
+        Time under load in seconds.
+    warnings : tuple of str
+    """
+
+    k1: float
+    b1: float
+    k2: float
+    b2: float
+    time_constant: float
+    load: float
+    held: float
+    warnings: tuple[str, ...]
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The four parameters by name, SI."""
+        return {"k1": self.k1, "b1": self.b1, "k2": self.k2, "b2": self.b2}
+
+
+def read_creep(time: ArrayLike, force: ArrayLike, displacement: ArrayLike) -> CreepReading:
+    """Read Burgers parameters off a record with one step of the load (thesis, section 3.1.2).
+
+    Parameters
+    ----------
+    time : array_like, shape (n,)
+        Seconds, increasing.
+    force : array_like, shape (n,)
+        N: one level, then another. A sample of the new level is the first under load.
+    displacement : array_like, shape (n,)
+        m, at rest before the step.
+
+    Returns
+    -------
+    CreepReading
+        With a warning if the load was not held for long enough, so that eq. 3.3 mistakes creep for
+        flow.
+
+    Raises
+    ------
+    UserError
+        If the signals do not fit together or are not finite, the force is not one step, or what
+        follows it is not the creep of a Burgers body: at once, then ever slower, and flowing in the
+        end.
+    """
+    creep = _under_load(time, force, displacement)
+    held = float(creep.since[-1])
+    immediate = _immediate_elongation(creep)
+    flow, intercept = _steady_creep(creep)
+    delayed = intercept - immediate
+    creep.check_positive(immediate, "does not elongate at once")
+    creep.check_positive(flow * held, "does not flow in the end")
+    creep.check_positive(delayed, "does not creep towards its flow")
+    # F0/k2 exp(-t/tau): its integral is F0/k2 tau, whatever the noise
+    transient = intercept + flow * creep.since - creep.elongation
+    time_constant = float(np.trapezoid(transient, creep.since)) / delayed
+    if not time_constant > 0.0:
+        raise UserError(f"displacement: does not creep ever slower after the step of {creep.step}")
+    k2 = creep.load / delayed
+    return CreepReading(
+        k1=creep.load / immediate,
+        b1=creep.load / flow,
+        k2=k2,
+        b2=time_constant * k2,
+        time_constant=time_constant,
+        load=creep.load,
+        held=held,
+        warnings=_warnings(held, time_constant),
+    )
+
+
+@dataclass(frozen=True)
+class _UnderLoad:
+    """The part of a record after the step of the load.
+
+    Attributes
+    ----------
+    since : ndarray, shape (n,)
+        Seconds from the step on.
+    elongation : ndarray, shape (n,)
+        m, in the direction of the load.
+    load : float
+        N, positive.
+    step : str
+        The step as messages name it.
+    """
+
+    since: Array
+    elongation: Array
+    load: float
+    step: str
+
+    @property
+    def is_immediate(self) -> Mask:
+        """True for the samples (n,) of the immediate elongation."""
+        chosen = self.since <= _ONCE * float(self.since[-1])
+        chosen[:_FEWEST] = True
+        return chosen
+
+    @property
+    def is_steady(self) -> Mask:
+        """True for the samples (n,) of the steady creep."""
+        return np.asarray(self.since >= (1.0 - _TAIL) * float(self.since[-1]))
+
+    def check_positive(self, length: float, fault: str) -> None:
+        """Refuse an elongation that is not above zero, but for rounding."""
+        if not length > _ROUNDING * float(np.abs(self.elongation).max()):
+            raise UserError(
+                f"displacement: {fault} under the step of {self.step}; a Burgers body would"
+            )
+
+
+def _under_load(time: ArrayLike, force: ArrayLike, displacement: ArrayLike) -> _UnderLoad:
+    """Return the part of a record after the step of the load; refuse one that is too short."""
+    t, f, x = over_time(time, force=force, displacement=displacement)
+    step, load = _step(f)
+    creep = _UnderLoad(
+        since=t[step:] - t[step],
+        elongation=np.sign(load) * (x[step:] - x[:step].mean()),
+        load=abs(load),
+        step=f"{abs(load):g} N at {t[step]:g} s",
+    )
+    # no sample can be both
+    if creep.is_immediate.sum() + creep.is_steady.sum() > creep.since.size:
+        raise UserError(
+            f"record of {creep.since.size} samples under load: too few to tell creep from what is"
+            " at once"
+        )
+    return creep
+
+
+def _step(force: Array) -> tuple[int, float]:
+    """Return the first sample of the new level, and the step."""
+    first = int(np.argmax(np.abs(np.diff(force)))) + 1
+    before = force[:first]
+    after = force[first:]
+    load = float(after.mean() - before.mean())
+    varies = max(np.ptp(before), np.ptp(after))
+    if load == 0.0 or varies > _STEADY * abs(load):
+        raise UserError(
+            f"force: a level before and another after one step are needed; about sample {first} it"
+            f" changes by {load:.3g} N, and elsewhere by up to {varies:.3g} N"
+        )
+    return first, load
+
+
+def _immediate_elongation(creep: _UnderLoad) -> float:
+    """Return the elongation at the step (eq. 3.2), from a line through the first part."""
+    chosen = creep.is_immediate
+    return float(np.polyfit(creep.since[chosen], creep.elongation[chosen], 1)[1])
+
+
+def _steady_creep(creep: _UnderLoad) -> tuple[float, float]:
+    """Return slope and intercept of a line through the last part (eq. 3.3)."""
+    chosen = creep.is_steady
+    slope, intercept = np.polyfit(creep.since[chosen], creep.elongation[chosen], 1)
+    return float(slope), float(intercept)
+
+
+def _warnings(held: float, time_constant: float) -> tuple[str, ...]:
+    """Return a warning if the load was not held for long enough."""
+    settled = (1.0 - _TAIL) * held / time_constant
+    if settled >= _SETTLED:
+        return ()
+    return (
+        f"the line of eq. 3.3 begins {settled:.1f} time constants of {time_constant:.3g} s after"
+        f" the step, and should after {_SETTLED:g}: creep that would end counts as flow, and b1 is"
+        " too small",
+    )

@@ -1,0 +1,314 @@
+"""Records of the emulated rig with a hidden variation drawn at random.
+
+It is scaled to what the base physics cannot follow.
+
+The size of a variation is set so that the residual of a refitted base has a wanted number of *noise
+widths*: its rms over the standard deviation of the noise, of the output where that is largest.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from demonstrations.bench import NOISE, Bench
+from demonstrations.emulator import VARIATIONS, EmulatedRig, RigParameters, Variation, together
+from fmus.kit.storage import cached_file
+from orchestration.records import write_record
+
+Array = NDArray[np.float64]
+UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
+_WIDTHS = (1.3, 20.0)  # noise widths that strength 1 leaves
+_CLOSE = 0.05  # relative, to the wanted number of noise widths
+_STEPS = 15  # of the search for a size
+_TRIES = 60  # draws until a variation is given up
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """A variation that is hidden in a record, with its size.
+
+    Attributes
+    ----------
+    id, output : str
+        Of the variation, and of the measured output it is made for (or empty).
+    parameters : dict
+        SI.
+    wanted, widths : float
+        Noise widths that the refitted base should leave of this variation alone, and does leave.
+    alike : bool
+        Whether other parameters of the base do just the same; `wanted` is then not a number.
+    """
+
+    id: str
+    output: str
+    parameters: dict[str, float | str | int]
+    wanted: float
+    widths: float
+    alike: bool
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The truth behind a record: hidden variations, parameters, noiseless outputs.
+
+    Attributes
+    ----------
+    hidden : tuple of Hidden
+    parameters : RigParameters
+    outputs : dict of str to ndarray, shape (n,)
+        Without noise.
+    widths : dict of str to float
+        Noise widths that the refitted base leaves in every output.
+    """
+
+    hidden: tuple[Hidden, ...]
+    parameters: RigParameters
+    outputs: dict[str, Array]
+    widths: dict[str, float]
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Of what was hidden."""
+        return tuple(hidden.id for hidden in self.hidden)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A drawn record: time (s), inputs and measured outputs of shape (n,), SI, and the truth."""
+
+    time: Array
+    inputs: dict[str, Array]
+    outputs: dict[str, Array]
+    truth: Truth
+
+
+def draw(
+    hidden: str | tuple[str, ...] | None,
+    seed: int,
+    *,
+    strength: float = 1.0,
+    noise_colour: float = 0.0,
+    duration: float = 600.0,
+    rate: float = 10.0,
+    outputs: tuple[str, ...] = ("voltage", "displacement"),
+    at_rest: bool = True,
+    changed: Mapping[str, float] | None = None,
+    spread: float = 0.15,
+) -> Drawn:
+    """Draw a record.
+
+    Parameters
+    ----------
+    hidden : str, tuple of str, or None
+        Ids of `VARIATIONS`; ``"sensor_lag.voltage"`` also chooses the output.
+    seed : int
+        Of everything drawn.
+    strength : float
+        1 leaves 1.3 to 20 noise widths, with equal chance per ratio as far as that many are to be
+        had at plausible sizes; another strength leaves that many times more or less.
+    noise_colour : float
+        Lag-one correlation of the noise.
+    duration, rate : float
+        s, Hz.
+    outputs : tuple of str
+        Those measured.
+    at_rest : bool
+        Otherwise the rig has already been driven for some minutes.
+    changed : Mapping[str, float], optional
+        Parameters to change, by factors of their nominal values; these do not scatter.
+    spread : float
+        The others are off nominal by up to this share, with equal chance.
+
+    Returns
+    -------
+    Drawn
+
+    Raises
+    ------
+    ValueError
+        If a variation is unknown, or leaves too little in these outputs at any plausible size.
+    """
+    ids = (hidden,) if isinstance(hidden, str) else hidden or ()
+    for name in ids:
+        if name.partition(".")[0] not in VARIATIONS:
+            raise ValueError(f"no hidden variation {name!r}; there are {', '.join(VARIATIONS)}")
+    for attempt in range(_TRIES):
+        random = np.random.default_rng([seed, zlib.crc32(repr(ids).encode()), attempt])
+        specimen = {
+            n: _between(random, *ends)
+            for name in ids
+            for n, ends in _variation(name)[0].specimen.items()
+        }
+        bench = Bench.drawn(
+            random,
+            duration,
+            rate,
+            outputs,
+            at_rest=at_rest,
+            changed=specimen | dict(changed or {}),
+            spread=spread,
+        )
+        sized_variations: list[Hidden] = []
+        for name in ids:
+            sized = _sized(name, bench, strength, random)
+            if sized is None:
+                break
+            sized_variations.append(sized)
+        else:
+            return _measured(bench, sized_variations, noise_colour, int(random.integers(2**31)))
+    raise ValueError(
+        f"{' and '.join(ids)}: leaves too little in {', '.join(outputs)} at any plausible size"
+    )
+
+
+def draw_cached(
+    folder: Path | None, hidden: str | tuple[str, ...] | None, seed: int, **options: Any
+) -> Drawn:
+    """Draw a record, or read it from a folder where the same code has kept it.
+
+    Parameters
+    ----------
+    folder : Path or None
+        A folder of this user's; None to keep nothing.
+    hidden, seed, **options
+        Of `draw`.
+
+    Returns
+    -------
+    Drawn
+    """
+    if folder is None:
+        return draw(hidden, seed, **options)
+    name = _digest(repr((hidden, seed, sorted(options.items()))))
+    file = cached_file(
+        f"{name}.pickle", lambda: pickle.dumps(draw(hidden, seed, **options)), folder
+    )
+    kept: Drawn = pickle.loads(file.read_bytes())
+    return kept
+
+
+def write(drawn: Drawn, path: str | Path) -> None:
+    """Write what was measured as CSV, and nothing else."""
+    write_record(path, drawn.time, drawn.inputs | drawn.outputs, UNITS)
+
+
+def _measured(bench: Bench, hidden: list[Hidden], noise_colour: float, seed: int) -> Drawn:
+    """Measure with noise."""
+    kind = together([_variation(h.id)[0].physics for h in hidden])
+    values = {name: value for h in hidden for name, value in h.parameters.items()}
+    physics = partial(kind, **values)  # type: ignore[arg-type]
+    rig = EmulatedRig(
+        bench.parameters,
+        seed,
+        NOISE["voltage"],
+        NOISE["displacement"],
+        noise_colour,
+        hidden=physics,
+    )
+    measured = rig.run(bench.time, bench.current, bench.force)
+    part = slice(bench.lead, None)
+    noise_free = {output: rig.truth[output][part] for output in bench.outputs}
+    return Drawn(
+        bench.time[part],
+        {"current": bench.current[part], "force": bench.force[part]},
+        {output: measured[output][part] for output in bench.outputs},
+        Truth(tuple(hidden), bench.parameters, noise_free, bench.widths(noise_free)),
+    )
+
+
+def _variation(name: str) -> tuple[Variation, str]:
+    """Return the variation that an id means, and the output it chooses (or nothing)."""
+    identity, _, output = name.partition(".")
+    return VARIATIONS[identity], output
+
+
+def _sized(name: str, bench: Bench, strength: float, random: np.random.Generator) -> Hidden | None:
+    """Draw a variation of a size that leaves the wanted noise widths; None if there is none."""
+    variation, output = _variation(name)
+    choices = [o for o in variation.limits if (not o or o in bench.outputs) and output in ("", o)]
+    if not output and any(o not in variation.alike for o in choices):
+        choices = [o for o in choices if o not in variation.alike]
+    if not choices:
+        return None
+    output = str(random.choice(choices))
+    values: dict[str, float | str | int] = {
+        n: _between(random, *ends) for n, ends in variation.ranges.items()
+    }
+    values |= {variation.output: output} if variation.output else {}
+    values |= {variation.seed: int(random.integers(2**31))} if variation.seed else {}
+    sign = float(random.choice([-1.0, 1.0])) if variation.signed else 1.0
+    limit = variation.limits[output]
+
+    def widths(size: float) -> float:
+        physics = partial(variation.physics, **(values | {variation.size: sign * size}))  # type: ignore[arg-type]
+        return max(bench.widths(bench.noise_free(physics)).values())
+
+    alike = output in variation.alike
+    wanted = float("nan")
+    size: float | None = strength * _between(random, 0.1 * limit, limit)
+    if not alike:
+        most = widths(limit)
+        least = widths(variation.least * limit) if variation.least else 0.0
+        low, high = max(_WIDTHS[0], least / strength), min(_WIDTHS[1], most)
+        if not low < high:
+            return None
+        wanted = strength * _between(random, low, high)
+        size = _search(widths, wanted, limit, most)
+    if size is None or size <= variation.above_bias * bench.force.min():
+        return None
+    values[variation.size] = sign * size
+    return Hidden(name.partition(".")[0], output, values, wanted, widths(size), alike)
+
+
+def _search(
+    widths: Callable[[float], float], wanted: float, limit: float, most: float
+) -> float | None:
+    """Return the size that leaves nearly the wanted widths, at most the limit; None if none does.
+
+    The widths are nearly a power of the size: steps follow it, or halve the bracket in the
+    logarithm.
+    """
+    low = 0.0
+    high = limit
+    power = 1.0
+    before = (limit, most)
+    for _ in range(_STEPS):
+        size = before[0] * (wanted / before[1]) ** (1 / power)
+        if low and not low < size < high:
+            size = float(np.sqrt(low * high))
+        width = widths(size)
+        if abs(width / wanted - 1) <= _CLOSE:
+            return size
+        low, high = (size, high) if width < wanted else (low, size)
+        if high < 1.001 * low:
+            return None  # a jump
+        power = float(np.clip(np.log(width / before[1]) / np.log(size / before[0]), 0.3, 3.0))
+        before = size, width
+    return None
+
+
+def _between(random: np.random.Generator, low: float, high: float) -> float:
+    """Draw with equal chance per ratio, or per difference from zero."""
+    return (
+        float(np.exp(random.uniform(np.log(low), np.log(high))))
+        if low > 0
+        else float(random.uniform(low, high))
+    )
+
+
+def _digest(arguments: str) -> str:
+    """Name a record by its arguments and the code that draws it."""
+    here = Path(__file__).parent
+    files = here / "bench.py", here / "records.py", *sorted(here.glob("emulator/*.py"))
+    code = b"".join(file.read_bytes() for file in files)
+    return hashlib.sha256(code + arguments.encode()).hexdigest()[:24]

@@ -1,0 +1,224 @@
+"""The page of an identification: which values fit, how well, how sure, and what to do next."""
+
+from __future__ import annotations
+
+import math
+import shlex
+
+import numpy as np
+
+from fmus.kit import UserError, capitalised, in_words, law_title, units, variable_title
+from fmus.kit.units import format_prefixed, printed, unit_of_differences, write_prefixed
+from orchestration.identify.comparison import Comparison, GoodnessOfFit
+from orchestration.identify.grey_box import Fit
+from orchestration.reporting import (
+    Bar,
+    Markup,
+    Page,
+    Panel,
+    Trace,
+    elements,
+    escaped,
+    flag,
+    format_ends,
+    make_page,
+    pictures,
+    stacked,
+)
+
+_NAMED = 3  # parameters in the first sentence
+_HEIGHT, _RESIDUAL_HEIGHT = 190, 110  # pixels
+_BEFORE, _FITTED = "before", "fitted"
+
+
+@make_page.register(Comparison)
+def fit_page(comparison: Comparison, command: str = "") -> Page:
+    """Make the page of a comparison after a fit.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    command : str
+        That made it; unless given, one that makes the same fit.
+
+    Raises
+    ------
+    UserError
+        If nothing was fitted.
+    """
+    fit = comparison.fit
+    if fit is None:
+        raise UserError(
+            f"{comparison.record.source}: nothing was fitted, so there is nothing to report"
+        )
+    model = comparison.model.name
+    about = (
+        f"Fit of <code>{escaped(model)}</code> to"
+        f" <code>{escaped(comparison.record.source.name)}</code>"
+    )
+    page = Page(_values(fit), _errors(comparison), Markup(about))
+    page.heading("What is wrong")
+    for output in comparison.before:
+        page.parts.append(elements.bar_chart(_title(comparison, output), _bars(comparison, output)))
+    page.text(
+        "Root mean square of measured minus simulated over the record that was fitted to, in"
+        " percent of that of the measurement about its mean, and in its unit."
+    )
+    page.heading("The model beside the record")
+    page.chart(
+        _draw(comparison), "Above what was measured and simulated, below the difference of both."
+    )
+    page.heading("What to do next")
+    page.items(_next_steps(comparison, fit))
+    page.heading("How sure this is")
+    _add_parameters(page, fit)
+    page.items(_remarks(comparison, fit))
+    page.heading("How it was found")
+    page.text(
+        "The model ran free over the record, and the sum of squared differences was minimised, each"
+        f" output weighted by its own residual: {fit.evaluations} simulations."
+    )
+    page.items([repair.message for repair in comparison.record.repairs])
+    page.reproduction([comparison.record.source], command or _command(comparison, fit))
+    return page
+
+
+def _command(comparison: Comparison, fit: Fit) -> str:
+    """Return a command that makes the same fit."""
+    words = ["ppy", "identify", str(comparison.record.source), "--model", comparison.model.name]
+    words += [flag("fit"), ",".join(fit.estimates)]
+    for name, value in comparison.parameters.items():
+        words += [flag("settings"), f"{name}={value}"]
+    return shlex.join(words)
+
+
+def _values(fit: Fit) -> str:
+    """Return the values that fit in a sentence."""
+    values = [
+        f"{variable_title(fit.declared[name])} {format_prefixed(e.value, fit.declared[name])}"
+        for name, e in fit.estimates.items()
+    ]
+    more = len(values) - _NAMED
+    listed = ", ".join(values[:_NAMED]) + (f" and {more} more" if more > 0 else "")
+    return f"What fits best: {listed}."
+
+
+def _errors(comparison: Comparison) -> str:
+    """Return how far off the model is with these values, and how far it was before."""
+    after = comparison.after or comparison.before
+    sentences = [
+        f"{_title(comparison, output)} is off by {_share(g)} instead of"
+        f" {_share(comparison.before[output])} of what it moves by."
+        for output, g in after.items()
+    ]
+    return " ".join(sentences)
+
+
+def _share(g: GoodnessOfFit) -> str:
+    """Return the error of an output in percent; a dash where the output was constant."""
+    share = 100.0 - g.fit_percent
+    return f"{share:.1f} %" if math.isfinite(share) else "–"
+
+
+def _title(comparison: Comparison, output: str) -> str:
+    cls = comparison.model.cls
+    return capitalised(in_words(output) if cls is None else law_title(cls, output))
+
+
+def _bars(comparison: Comparison, output: str) -> list[Bar]:
+    """Return the error of an output before the fit and after it."""
+    after = comparison.after or comparison.before
+    signal = comparison.model.outputs[output]
+    bars = []
+    for label, colour, g in (
+        (_BEFORE, pictures.MODEL, comparison.before[output]),
+        (_FITTED, pictures.FITTED, after[output]),
+    ):
+        size = write_prefixed(g.rms, signal.unit)
+        bars.append(Bar(label, colour, g.rms, f"{_share(g)} · {size}"))
+    return bars
+
+
+def _draw(comparison: Comparison) -> Markup:
+    """Draw every output as measured, before and after the fit, and what is left of it."""
+    time = comparison.record.time
+    after = comparison.after or comparison.before
+    panels = []
+    for output, before in comparison.before.items():
+        signal = comparison.model.outputs[output]
+        difference = unit_of_differences(signal)
+        runs = [(_BEFORE, before, pictures.MODEL), (_FITTED, after[output], pictures.FITTED)]
+        measured = units.convert(before.measured, signal.unit, signal.display)
+        traces = [Trace("measured", time, measured, pictures.MEASURED, 3.5)]
+        residuals = []
+        for label, g, colour in runs:
+            is_fitted = label == _FITTED
+            values = units.convert(g.simulated, signal.unit, signal.display)
+            left = units.convert(g.residual, signal.unit, difference)
+            traces.append(Trace(label, time, values, colour, makes_room=is_fitted))
+            residuals.append(Trace(label, time, left, colour, makes_room=is_fitted))
+        title = _title(comparison, output)
+        panels.append(Panel(_with_unit(title, signal.display), _HEIGHT, traces))
+        panels.append(
+            Panel(_with_unit("measured − simulated", difference), _RESIDUAL_HEIGHT, residuals)
+        )
+    return stacked(panels, "time [s]", _is_logarithmic(time))
+
+
+def _is_logarithmic(time: np.ndarray) -> bool:
+    steps = np.diff(time)
+    return bool(time[0] > 0.0 and len(steps) and steps.max() > 1000.0 * steps.min())
+
+
+def _with_unit(title: str, unit: str) -> str:
+    return title if unit == "1" else f"{title} [{printed(unit)}]"
+
+
+def _next_steps(comparison: Comparison, fit: Fit) -> list[str]:
+    """Return what to do next: what hinders first, then what the residual asks for."""
+    after = comparison.after or comparison.before
+    coloured = [output for output, g in after.items() if g.whiteness and not g.whiteness.is_white]
+    steps = [*fit.all_warnings]
+    if coloured:
+        steps.append(
+            f"What is left of {' and '.join(in_words(output) for output in coloured)} is no noise:"
+            " ppy diagnose names what the model lacks, with the same record and model."
+        )
+    else:
+        steps.append("What is left is noise: nothing in this record asks for another model.")
+    steps.append("Write the values for any system with --ssv values.ssv.")
+    steps.append("Hold them against a record that was not fitted to: ppy compare.")
+    return steps
+
+
+def _add_parameters(page: Page, fit: Fit) -> None:
+    """Add the values that fit with their intervals, beside those that the fit began with."""
+    profiled = ["95 % by profile"] if fit.profiles else []
+    rows = []
+    for name, e in fit.estimates.items():
+        declared = fit.declared[name]
+        value, low, high, start = (
+            format_prefixed(x, declared, 4, like=e.value) for x in (e.value, *e.interval, e.nominal)
+        )
+        cells = [value, format_ends(low, high)]
+        if fit.profiles:
+            cells.append(fit.profiles[name].written if name in fit.profiles else "")
+        doc = getattr(declared, "doc", "")
+        title = elements.named(capitalised(variable_title(declared)), name, doc)
+        rows.append([title, *cells, start])
+    page.table(["parameter", "fitted", "95 % interval", *profiled, "started from"], rows)
+
+
+def _remarks(comparison: Comparison, fit: Fit) -> list[str]:
+    """Return what the tests say of the residuals, and which values are known together only."""
+    after = comparison.after or comparison.before
+    texts = [
+        f"{_title(comparison, output)}: {g.whiteness.summary() if g.whiteness else 'too short'}."
+        for output, g in after.items()
+    ]
+    texts += [
+        f"{in_words(a)} and {in_words(b)} are known together better than each (correlation"
+        f" {r:+.2f})."
+        for (a, b), r in fit.coupled.items()
+    ]
+    return texts

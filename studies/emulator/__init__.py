@@ -1,5 +1,0 @@
-"""An emulated rig that shares no code with the models: physics, hidden effects, records."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

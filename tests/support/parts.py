@@ -1,0 +1,43 @@
+"""A part of the suite: the tests whose names fall into it, so that several runs make the whole.
+
+``PPY_PART=2/5`` runs the second of five parts. A test function belongs to a part by a checksum of
+its name, with all its cases, on every machine and whatever else is selected.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from zlib import crc32
+
+import pytest
+
+VARIABLE = "PPY_PART"
+
+
+def parse_part(text: str) -> tuple[int, int]:
+    """Return the number of a part, from 1, and the number of parts.
+
+    Raises
+    ------
+    pytest.UsageError
+        If the text is not such as ``2/5``.
+    """
+    numbers = re.fullmatch(r"(\d+)/(\d+)", text)
+    part, parts = map(int, numbers.groups()) if numbers else (0, 0)
+    if not 1 <= part <= parts:
+        raise pytest.UsageError(f"{VARIABLE}={text}: a part and the number of parts, such as 2/5")
+    return part, parts
+
+
+def is_in_part(nodeid: str, part: int, parts: int) -> bool:
+    """Return whether a test belongs to a part."""
+    function = nodeid.partition("[")[0]
+    return crc32(function.encode()) % parts == part - 1
+
+
+def split(items: Sequence[pytest.Item], text: str) -> tuple[list[pytest.Item], list[pytest.Item]]:
+    """Return the tests of a part, and the others."""
+    part, parts = parse_part(text)
+    chosen = [item for item in items if is_in_part(item.nodeid, part, parts)]
+    return chosen, [item for item in items if not is_in_part(item.nodeid, part, parts)]
