@@ -87,9 +87,10 @@ def optional() -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        if error.name not in PACKAGES:
+        name = error.name or ""
+        if name not in PACKAGES:
             raise
-        raise _missing(error.name) from error
+        raise _missing(name) from error
 
 
 def _missing(name: str) -> UserError:
