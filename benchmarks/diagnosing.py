@@ -1,92 +1,51 @@
-"""Time of a diagnosis with the full catalogue over the length of the record."""
+"""Diagnoses of records of an emulated rig: time and memory over the length of the record."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import tempfile
 import time
-from collections.abc import Collection
-from functools import partial
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-import numpy as np
+import orchestration as ppy
+from demonstrations import draw, write
 
-from demonstrations.bench import NOISE
-from demonstrations.emulator.emulator import EmulatedRig
-from demonstrations.emulator.hidden_coupling import SaturatingStrain
-from demonstrations.emulator.physics import RigParameters
-from demonstrations.records import UNITS
-from orchestration.discrepancy.candidates.candidate import catalogue, label
-from orchestration.discrepancy.data.dataset import dataset_of
-from orchestration.discrepancy.diagnosis import diagnose
-from orchestration.experiment.waveforms import multilevel
-from orchestration.fmu.effects import catalogue as known_effects
-from orchestration.fmu.model import find_model
-from orchestration.records import Record
-from orchestration.rig.signals import RIG_COMPONENT
+from .tables import Cell, Table
+from .timing import in_a_process, verdict
 
-from .tables import Cell, Table, Topic
-
-ROWS = (6_000, 60_000, 180_000)  # samples
-RATE = 10.0  # Hz
-FEW = ("strain_saturation", "quadratic_strain")  # effects that are looked at for a quick look
-LIMITS = {6_000: 5.0, 180_000: 60.0}  # s
+_RATE = 10.0  # Hz
 
 
-def measure(quick: bool = False) -> Topic:
-    """Diagnose ever longer records of one rig with a hidden saturation, a process each."""
+def causes(quick: bool) -> Iterator[str | Table]:
+    """Diagnose ever longer records with a hidden saturation."""
+    limits = {6_000: 5.0, 60_000: None, 180_000: 60.0}
+    few = {"effects": ["strain_saturation", "quadratic_strain"]} if quick else {}
+    yield _table({600: None, 1_200: None} if quick else limits, few)
+
+
+def laws(quick: bool) -> Iterator[str | Table]:
+    """Search the laws for the same saturation, without the catalogue."""
+    limits = dict.fromkeys((300, 600) if quick else (3_000, 6_000, 12_000))
+    yield _table(limits, {"effects": [], "laws": True})
+
+
+def _table(limits: dict[int, float | None], options: dict[str, Any]) -> Table:
     rows: list[list[Cell]] = []
-    for count in (600, 1_200) if quick else ROWS:
-        command = [
-            sys.executable,
-            "-c",
-            f"from benchmarks.diagnosing import once; once({count}, {FEW if quick else ()})",
-        ]
-        if not rows and not quick:  # whatever has to be compiled is compiled now
-            subprocess.run(command, check=True, capture_output=True)
-        seconds, peak, cause = subprocess.run(
-            command, check=True, capture_output=True, text=True
-        ).stdout.split()
-        limit = LIMITS.get(count)
-        met = (
-            ""
-            if limit is None
-            else f"{'met' if float(seconds) <= limit else 'missed'}: {limit:g} s"
-        )
-        rows.append(
-            [count, float(seconds), float(seconds) / count * 1e6, float(peak) / 1e6, cause, met]
-        )
-    text = (
-        f"Records at {RATE:g} Hz of an emulated rig whose strain saturates; all effects of the"
-        " actuator and of both measurements are looked at. The time is that of `diagnose` alone,"
-        " models compiled before; the peak is the memory of the whole process."
-    )
-    columns = ["samples", "s", "µs for a sample", "peak, GB", "named first", "target"]
-    return Topic("Naming a cause", [text, Table(columns, rows)])
+    with tempfile.TemporaryDirectory(prefix="benchmark_") as folder:
+        for count, limit in limits.items():
+            path = Path(folder, f"{count}.csv")
+            write(draw("strain_saturation", 3, duration=count / _RATE, rate=_RATE), path)
+            (seconds, found), peak = in_a_process(_diagnose, path, options)
+            figures = [seconds, verdict(seconds, limit), 1e6 * seconds / count, peak]
+            rows.append([count, *figures, found])
+    return Table(["samples", "s", "target", "µs for a sample", "peak, GB", "verdict"], rows)
 
 
-def once(count: int, effects: Collection[str] = ()) -> None:
-    """Diagnose one record; print seconds, peak memory in kB and the first cause."""
-    import resource  # not on every system
-
-    instants = np.arange(count) / RATE
-    current = multilevel(instants, [-1.2, -0.5, 0.2, 0.8, 1.2], (2.0, 9.0), 1)
-    force = multilevel(instants, [0.4, 1.0, 1.8, 2.8], (10.0, 30.0), 2)
-    hidden = partial(SaturatingStrain, saturation=0.4)
-    rig = EmulatedRig(
-        RigParameters(), 3, NOISE["voltage"], NOISE["displacement"], 0.0, hidden=hidden
-    )
-    signals = {"current": current, "force": force} | rig.run(instants, current, force)
-    record = Record(instants, signals, UNITS, Path("drawn.csv"))
-    model = find_model(RIG_COMPONENT)
-    began = time.perf_counter()
-    data = dataset_of(record, model, {})
-    known = catalogue(model.cls, known_effects(model.cls), data.measured)
-    candidates = [effect for effect in known if not effects or label(effect) in effects]
-    diagnosis = diagnose(model.cls, data, candidates)
-    seconds = time.perf_counter() - began
-    print(
-        seconds,
-        resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
-        (diagnosis.causes or ["nothing"])[0],
-    )
+def _diagnose(path: Path, options: dict[str, Any]) -> tuple[float, str]:
+    """Seconds of a diagnosis, and its verdict with its causes; the first of two compiles."""
+    for _ in range(2):
+        begin = time.perf_counter()
+        found = ppy.diagnose(path, **options)
+        seconds = time.perf_counter() - begin
+    return seconds, " ".join([str(found.verdict), *found.causes])

@@ -1,231 +1,265 @@
-"""Co-simulation, one communication step: set one input, step, get one output."""
+"""One FMU, step by step: by hosts, by the stepping kernel, isolated, and by version of FMI."""
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
+import shutil
 import tempfile
+import time
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import fmpy
 import numpy as np
 
+import orchestration as ppy
 from fmus import component
 from fmus.kit import build
-from tests.support import hosts
+from fmus.kit.arrays import Array
+from fmus.kit.build import toolchain
+from orchestration.fmu import Fmu, FmuSource, RepeatedRuns
+from orchestration.fmu import stepping as python_loop
+from orchestration.fmu.kernel import one_fmu
+from orchestration.fmu.stepping import plan_course
+from tests.support import fmi3_fmus, hosts
+from tests.support.kernel import bare_loop
 
-from . import c_code
-from .tables import Cell, Table, Topic
-from .timing import Times, pooled, take_turns
+from .tables import Table
+from .timing import Duration, Times, comparison, in_a_process, take_turns, timed
 
 EMPTY = "empty C FMU (the floor)"
 YARDSTICK = "one state, C by hand"
 STOCK = "one state, stock pythonfmu"
 NATIVE = "ppy_actuator, native"
 PYTHON = "ppy_actuator, Python"
-TARGETS = {NATIVE: (YARDSTICK, 1.0), PYTHON: (STOCK, 1.5)}
-STEP = 0.1  # s
-FMPY = "Through fmpy's `FMU2Slave`"
-IN_C = "The same calls in a loop in C"
-HOSTS = {FMPY: 1, IN_C: 5}  # how many times the steps of a turn
-HELD = "current held at 0.9 A"
-CHANGING = "current between -0.9 A and 0.9 A, another in each step"
-_SIGNALS = {EMPTY: ("u", "x"), YARDSTICK: ("u", "x"), STOCK: ("u", "x")}
-_ACTUATOR = ("current", "voltage")
+AGAINST = {EMPTY: YARDSTICK, NATIVE: YARDSTICK, PYTHON: STOCK}
+SIGNALS = {
+    EMPTY: ("u", "x"),
+    YARDSTICK: ("u", "x"),
+    STOCK: ("u", "x"),
+    NATIVE: ("current", "voltage"),
+    PYTHON: ("current", "voltage"),
+}
+BARE = "a bare loop in C"
+KERNEL = "the kernel"
+LOOP = "the loop in Python"
+_STEP = 0.1  # s
+_SHARE = 20  # the loop in Python makes one step for so many of the others
 
 
-def measure(quick: bool = False) -> Topic:
-    """Time every FMU through fmpy and in a loop in C, in each of several processes."""
-    processes, size = (2, (3, 50)) if quick else (6, (12, 1000))
-    with tempfile.TemporaryDirectory(prefix="benchmark_") as folder:
-        fmus = {
-            EMPTY: empty_fmu(Path(folder)),
-            YARDSTICK: hosts.build_one_state_fmu(folder),
-            NATIVE: build.build_cached(component("ppy_actuator"), "native"),
-            PYTHON: build.build_cached(component("ppy_actuator"), "python"),
-            STOCK: hosts.build_minimal_pythonfmu(folder),
-        }
-        loop = c_code.library("host.c", folder)
-        measured = [_in_a_process(fmus, loop, *size) for _ in range(processes)]
-    parts: list[str | Table] = [
-        (
-            f"Time of `setReal`, `doStep` ({STEP} s), `getReal`, one variable each. All FMUs are in"
-            f" one process and take turns; figures are of {processes} such processes, the range is"
-            " of their median ratios and says how far a ratio can be trusted. The actuator has"
-            " three states and controls its error (at least five evaluations of the rates in a"
-            " step); the FMUs it is held against have one state and no error control. The floor is"
-            " the time of the host alone, in an FMU whose functions return at once."
-        ),
-    ]
-    for host, load in measured[0]:
-        several = [found[host, load] for found in measured]
-        times = pooled(several)
-        ratios = [
-            f"{name} {times.median_ratio(name, other):.2f} of {other} (target {target}, "
-            f"{'met' if times.median_ratio(name, other) <= target else 'missed'})"
-            for name, (other, target) in TARGETS.items()
-        ]
-        parts += [f"{host}; {load}:", _table(several, size[1] * HOSTS[host])]
-        if host == FMPY:
-            parts.append("Median ratios: " + "; ".join(ratios) + ".")
-    return Topic("Co-simulation step", parts)
-
-
-def _in_a_process(
-    fmus: dict[str, Path], loop: Path, rounds: int, steps: int
-) -> dict[tuple[str, str], Times]:
-    """Measure in a process that ends without clean-up: stock pythonfmu may read freed memory."""
-    finished = hosts.finish_in_subprocess(time_steps, fmus, loop, rounds, steps, clean_exit=False)
-    if finished.result is None:
-        raise RuntimeError(
-            f"the measuring process ended with return code {finished.returncode}\n{finished.output}"
-        )
-    return finished.result
-
-
-def _table(several: list[Times], steps: int) -> Table:
-    others = {
-        EMPTY: YARDSTICK,
-        YARDSTICK: YARDSTICK,
-        NATIVE: YARDSTICK,
-        PYTHON: STOCK,
-        STOCK: STOCK,
-    }
-    times = pooled(several)
-    rows: list[list[Cell]] = []
-    for name, other in others.items():
-        medians = [part.median_ratio(name, other) for part in several]
-        above = times.best(name) - times.best(EMPTY)
-        rows.append(
-            [
-                name,
-                times.best(name) / steps * 1e6,
-                above / steps * 1e6,
-                other,
-                times.ratio_of_best(name, other),
-                times.median_ratio(name, other),
-                f"{min(medians):.3g} ... {max(medians):.3g}",
-            ]
-        )
-    columns = [
-        "FMU",
-        "best, µs",
-        "above the floor, µs",
-        "held against",
-        "ratio of best",
-        "median ratio",
-        "range",
-    ]
-    return Table(columns, rows)
-
-
-def empty_fmu(folder: Path) -> Path:
-    """Pack an FMU whose functions return at once."""
-    description = hosts.ONE_STATE_DESCRIPTION.replace("one_state", "empty")
-    library = c_code.library("empty.c", folder)
-    path = folder / "empty.fmu"
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("modelDescription.xml", description)
-        archive.write(library, f"binaries/{fmpy.platform}/{library.name}")
+def empty_library(folder: str | Path) -> Path:
+    """Compile the FMU that does nothing, the least that the compiler can be asked for."""
+    # in a new place: zig would remember the old one
+    source = shutil.copy(Path(__file__).parent / "c" / "empty.c", folder)
+    target = toolchain.host_platform()
+    path = Path(source).with_suffix(toolchain.EXTENSIONS[target])
+    path.write_bytes(toolchain.compile_library([Path(source)], [toolchain.fmi_headers(2)], target))
     return path
 
 
-# --- in the measuring process
-# ---------------------------------------------------------------------------------------
+def subjects(folder: str | Path) -> dict[str, Path]:
+    """Build the FMUs that are stepped."""
+    library = empty_library(folder)
+    empty = Path(folder, "empty.fmu")
+    with zipfile.ZipFile(empty, "w") as archive:
+        description = hosts.ONE_STATE_DESCRIPTION.replace("one_state", "empty")
+        archive.writestr("modelDescription.xml", description)
+        archive.write(library, f"binaries/{fmpy.platform}/{library.name}")
+    return {
+        EMPTY: empty,
+        YARDSTICK: hosts.build_one_state_fmu(folder),
+        NATIVE: build.build_cached(component("ppy_actuator"), "native"),
+        PYTHON: build.build_cached(component("ppy_actuator"), "python"),
+        STOCK: hosts.build_minimal_pythonfmu(folder),
+    }
 
 
-class _Stepper:
-    """One instance, ready to step."""
+def step(quick: bool) -> Iterator[str | Table]:
+    """Time a step through fmpy, and in a bare loop in C."""
+    rounds, steps = (3, 50) if quick else (72, 1000)
+    with tempfile.TemporaryDirectory(prefix="benchmark_") as folder:
+        (through_fmpy, in_c), _ = in_a_process(_time_hosts, subjects(folder), rounds, steps)
+    yield "Through fmpy's `FMU2Slave`:"
+    yield comparison(through_fmpy, AGAINST, targets={NATIVE: 1.0, PYTHON: 1.5})
+    yield "The same calls in a bare loop in C:"
+    yield comparison(in_c, AGAINST)
 
-    def __init__(self, folder: Path, name: str):
-        description = fmpy.read_model_description(str(folder), validate=False)
-        references = {v.name: v.valueReference for v in description.modelVariables}
-        self.input, self.output = (references[signal] for signal in _SIGNALS.get(name, _ACTUATOR))
-        self.model = hosts.slave(folder)
-        self.model.instantiate()
-        self.model.setupExperiment(startTime=0.0)
-        self.model.enterInitializationMode()
-        self.model.exitInitializationMode()
-        self.count = 0
 
-    def through_fmpy(self, inputs: list[float]) -> float:
-        model = self.model
-        into = [self.input]
-        out_of = [self.output]
-        result = [0.0]
-        for k, value in enumerate(inputs, self.count):
+def _time_hosts(fmus: dict[str, Path], rounds: int, steps: int) -> list[Times]:
+    with ExitStack() as opened:
+        slaves = {
+            name: _through_fmpy(opened.enter_context(hosts.extracted(path)), SIGNALS[name], steps)
+            for name, path in fmus.items()
+        }
+        loops = {
+            name: _in_a_loop(path, SIGNALS[name], BARE, 5 * steps) for name, path in fmus.items()
+        }
+        return [take_turns(slaves, rounds), take_turns(loops, rounds)]
+
+
+def _through_fmpy(folder: Path, signals: tuple[str, str], steps: int) -> Duration:
+    """Start an instance, and return the duration of steps that go on from where it is."""
+    description = fmpy.read_model_description(str(folder), validate=False)
+    references = {v.name: v.valueReference for v in description.modelVariables}
+    into, out_of = ([references[signal]] for signal in signals)
+    model = hosts.slave(folder)
+    model.instantiate()
+    model.setupExperiment(startTime=0.0)
+    model.enterInitializationMode()
+    model.exitInitializationMode()
+    done = 0
+
+    def go() -> None:
+        nonlocal done
+        for k, value in enumerate(_inputs(steps).tolist(), done):
             model.setReal(into, [value])
-            model.doStep(k * STEP, STEP)
-            result = model.getReal(out_of)
-        self.count += len(inputs)
-        return result[0]
+            model.doStep(k * _STEP, _STEP)
+            model.getReal(out_of)
+        done += steps
 
-    def in_c(self, run_steps: Any, inputs: np.ndarray) -> float:
-        last = ctypes.c_double()
-        functions = (
-            getattr(self.model.dll, f"fmi2{name}") for name in ("SetReal", "DoStep", "GetReal")
-        )
-        status = run_steps(
-            *(ctypes.cast(function, ctypes.c_void_p) for function in functions),
-            ctypes.c_void_p(self.model.component),
-            self.input,
-            self.output,
-            ctypes.c_long(self.count),
-            ctypes.c_long(len(inputs)),
-            ctypes.c_double(STEP),
-            inputs.ctypes.data_as(ctypes.c_void_p),
-            ctypes.byref(last),
-        )
-        if status != 0:
-            raise RuntimeError(f"a step answered with status {status}")
-        self.count += len(inputs)
-        return last.value
+    return timed(go, steps)
 
 
-def time_steps(
-    fmus: dict[str, Path], loop: Path, rounds: int, steps: int
-) -> dict[tuple[str, str], Times]:
-    """Load all FMUs and time them in turns.
+def _inputs(count: int) -> Array:
+    return 0.9 * np.sin(np.arange(1.0, count + 1))
 
-    Parameters
-    ----------
-    fmus : dict of str to Path
-        FMU by name.
-    loop : Path
-        Library compiled from ``c/host.c``.
-    rounds : int
-    steps : int
-        Communication steps of one turn through fmpy; in C there are more.
 
-    Returns
-    -------
-    dict of tuple to Times
-        By host and by what the input does.
-    """
-    run_steps = ctypes.CDLL(str(loop)).run_steps
+def _in_a_loop(
+    path: Path,
+    signals: tuple[str, str],
+    loop: str,
+    steps: int,
+    check: Callable[[Array], None] = lambda outputs: None,
+) -> Duration:
+    """Return the duration of a step in a loop, of a fresh instance; its outputs are checked."""
+    name, output = signals
+    points = _STEP * np.arange(steps + 1)
+    values = _inputs(steps + 1)
 
-    def turn(stepper: _Stepper, host: str, inputs: np.ndarray) -> Callable[[], float]:
-        values = inputs.tolist()
-        return lambda: (
-            stepper.through_fmpy(values) if host == FMPY else stepper.in_c(run_steps, inputs)
-        )
+    def go() -> float:
+        with Fmu(path) as fmu:
+            fmu.start()
+            if loop == BARE:
+                run = bare_loop(fmu, points, name, values, output)
+            else:
+                follow = one_fmu.follow_course if loop == KERNEL else python_loop.follow_course
+                run = partial(_followed, follow, fmu, points, {name: values}, output)
+            begin = time.perf_counter()
+            outputs = run()
+            seconds = (time.perf_counter() - begin) / steps
+        check(outputs)
+        return seconds
 
-    found = {}
-    with contextlib.ExitStack() as stack:
-        folders = {name: stack.enter_context(hosts.extracted(path)) for name, path in fmus.items()}
-        for host, times in HOSTS.items():
-            for load in (HELD, CHANGING):
-                n = steps * times
-                inputs = np.full(n, 0.9) if load == HELD else 0.9 * np.sin(np.arange(1.0, n + 1))
-                actions = {
-                    name: turn(_Stepper(folder, name), host, inputs)
-                    for name, folder in folders.items()
-                }
-                for name, act in actions.items():
-                    if name != EMPTY and act() == 0.0:
-                        raise RuntimeError(f"{name}: nothing moved")
-                found[host, load] = take_turns(actions, rounds)
-    return found
+    return go
+
+
+def _followed(
+    follow: Callable[..., None], fmu: Fmu, points: Array, inputs: dict[str, Array], output: str
+) -> Array:
+    result = np.empty((len(points), 1))
+    course = plan_course(fmu, points, inputs, (), 1)
+    follow(fmu, course, [output], result, lambda done: None, max(1, len(points) // 200))
+    return result[:, 0]
+
+
+def kernel(quick: bool) -> Iterator[str | Table]:
+    """Time a step in the kernel, in a bare loop in C and in the loop in Python."""
+    steps, rounds = (2000, 2) if quick else (1_000_000, 9)
+    durations: dict[str, Duration] = {}
+    with tempfile.TemporaryDirectory(prefix="benchmark_") as folder:
+        fmus = subjects(folder)
+        for name in (EMPTY, YARDSTICK, NATIVE):
+            check = _same(name, steps // _SHARE)
+            for loop in (BARE, KERNEL, LOOP):
+                count = steps // _SHARE if loop == LOOP else steps
+                signals = SIGNALS[name]
+                durations[f"{name}: {loop}"] = _in_a_loop(fmus[name], signals, loop, count, check)
+        times = take_turns(durations, rounds)
+    against = {name: f"{name.partition(': ')[0]}: {BARE}" for name in durations}
+    yield comparison(times, against, targets={f"{NATIVE}: {KERNEL}": 2.0})
+
+
+def _same(name: str, count: int) -> Callable[[Array], None]:
+    """Return a check that all loops come to the same outputs, or their times mean nothing."""
+    seen = set[bytes]()
+
+    def check(outputs: Array) -> None:
+        seen.add(outputs[:count].tobytes())
+        if len(seen) > 1 and name != EMPTY:  # which answers nothing
+            raise RuntimeError(f"{name}: the kernel and the loops differ")
+
+    return check
+
+
+def isolation(quick: bool) -> Iterator[str | Table]:
+    """Time a run of one step, and a step of a long run, in this process and in one of their own."""
+    durations: dict[str, Duration] = {}
+    with tempfile.TemporaryDirectory(prefix="benchmark_") as folder:
+        fmus = {NATIVE: "ppy_actuator", YARDSTICK: str(hosts.build_one_state_fmu(folder))}
+        for name, path in fmus.items():
+            for steps, title in ((1, "one step"), (3000 if quick else 510_000, "a step of many")):
+                clock = 1e-3 * np.arange(steps + 1)
+                run = partial(ppy.simulate, path, {SIGNALS[name][0]: np.sin(clock)}, time=clock)
+                durations[f"{name}, {title}"] = timed(partial(run, isolate=False), steps)
+                isolated = timed(partial(run, isolate=True), steps)
+                durations[f"{name}, {title}, isolated"] = isolated
+        times = take_turns(durations, 1 if quick else 5)
+    yield comparison(times, {name: name.removesuffix(", isolated") for name in durations})
+
+
+COMPONENTS = {
+    "pid": "reference",
+    "ppy_actuator": "current",
+    "voice_coil_dma": "force_reference",
+    "foot_free": "an_tension",
+}
+_SIZES = (1_000, 10_000)  # elements of an array
+
+
+def versions(quick: bool) -> Iterator[str | Table]:
+    """Time steps and starts of the builds for both versions of FMI, and exchanges of arrays."""
+    durations: dict[str, Duration] = {}
+    with ExitStack() as opened:
+        for version in (2, 3):
+            for name, signal in COMPONENTS.items():
+                path = build.build_cached(component(name), "native", version)
+                runs = opened.enter_context(FmuSource(path).open())
+                outputs = [output.name for output in component(name).layout.shown]
+                step = _run(runs, signal, outputs, 200 if quick else 20_000)
+                durations[f"{name}, a step, FMI {version}.0"] = step
+            path = build.build_cached(component("ppy_actuator"), "native", version)
+            durations[f"ppy_actuator, opened, FMI {version}.0"] = timed(partial(_start, path))
+        for size in _SIZES:
+            folder = Path(opened.enter_context(tempfile.TemporaryDirectory(prefix="benchmark_")))
+            fmu = opened.enter_context(Fmu(fmi3_fmus.build_wide(size, folder)))
+            fmu.start()
+            durations[f"array of {size:,}, set and read"] = timed(_exchange(fmu, size))
+        times = take_turns(durations, 3 if quick else 41)
+    against = {name: name.replace("FMI 3.0", "FMI 2.0") for name in durations}
+    targets = {name: 1.05 for name in durations if "a step, FMI 3.0" in name}
+    yield comparison(times, against, targets=targets)
+
+
+def _run(runs: RepeatedRuns, signal: str, outputs: list[str], steps: int) -> Duration:
+    clock = 0.001 * np.arange(steps + 1)
+    return timed(partial(runs.run, clock, {signal: 0.5 * np.sin(clock)}, {}, outputs), steps)
+
+
+def _start(path: Path) -> None:
+    with Fmu(path) as fmu:
+        fmu.start()
+
+
+def _exchange(fmu: Fmu, size: int) -> Callable[[], None]:
+    write = fmu.writer(fmu.inputs)
+    read = fmu.reader(fmu.outputs)
+    values = np.ones(size)
+    result = np.empty(size)
+
+    def exchange() -> None:
+        write(values)
+        read(result)
+
+    return exchange

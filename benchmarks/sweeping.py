@@ -2,38 +2,31 @@
 
 from __future__ import annotations
 
-import resource
-import subprocess
-import sys
+import contextlib
 import tempfile
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
+import fmpy
 import numpy as np
-from numpy.typing import NDArray
 
 import orchestration as ppy
-from orchestration.fmu.model import Model
+from fmus.kit.arrays import Array
 from tests.support import hosts
 
-from . import by_hand
 from .stepping import NATIVE, YARDSTICK
-from .tables import Cell, Table, Topic
-from .timing import Times
+from .tables import Table
+from .timing import Duration, comparison, in_a_process, take_turns, timed
 
 EACH = "fmpy.simulate_fmu for each case"
-REUSE = "one instance, by hand in Python"
-FMU = "ppy sweep, FMU"
-COMPILED = "ppy sweep, compiled"
-ENGINES = {FMU: "fmu", COMPILED: "compiled"}
+ENGINES = {"ppy sweep, FMU": "fmu", "ppy sweep, compiled": "compiled"}
+TARGETS = {"ppy sweep, FMU": 1 / 20, "ppy sweep, compiled": 1 / 100}
 SHARE = 20  # the first runs one case for so many of the others: to begin costs it nothing
-TARGETS = ((FMU, EACH, 20.0), (FMU, REUSE, 8.0), (COMPILED, EACH, 100.0))
-TWO_WORKERS = 1.8
 KEEP = ("last", "smallest", "largest")
-# outputs without feedthrough: fmpy reads them before it sets the input of the same point, not after
+# parameter, its range, input and output; outputs without feedthrough, as fmpy reads them before it
+# sets the input of the same point
 _SUBJECTS = {
     NATIVE: ("C", 5.0, 10.0, "current", "displacement"),
     YARDSTICK: ("tau", 0.5, 4.0, "u", "x"),
@@ -41,171 +34,121 @@ _SUBJECTS = {
 _STEP = 0.01  # s
 
 
-def measure(quick: bool = False) -> Topic:
-    """Time the cases of both FMUs in every way; then workers, memory and a large sweep."""
-    cases, points, rounds = (20, 51, 1) if quick else (1000, 1001, 2)
-    many, by_fmu, whole = (40, 40, 80) if quick else (40_000, 400_000, 100_000)
+def sweeps(quick: bool) -> Iterator[str | Table]:
+    """Time the cases of two FMUs by every method; then workers, and memory."""
     with tempfile.TemporaryDirectory(prefix="benchmark_") as folder:
         paths = {NATIVE: "ppy_actuator", YARDSTICK: str(hosts.build_one_state_fmu(folder))}
-        measured = {
-            name: _time(name, model, cases, points, rounds) for name, model in paths.items()
-        }
-        beside = [_beside(FMU, paths[YARDSTICK], YARDSTICK, by_fmu, points, rounds)]
-        beside += [
-            _beside(COMPILED, paths[NATIVE], NATIVE, n, points, rounds) for n in (cases, many)
-        ]
-    rows: list[list[Cell]] = [
-        [
-            f"{name}: {way}",
-            1e6 * times.best(way),
-            *(_slower(times, other, way) for other in (EACH, REUSE)),
-        ]
-        for name, times in measured.items()
-        for way in times.seconds
-    ]
-    spent = _seconds(NATIVE, "ppy_actuator", COMPILED, whole, points)
-    return Topic(
-        "Sweeps",
-        [
-            (
-                f"Processor time of a case of {points - 1:,} steps with one input set at every"
-                f" point, of {cases:,} cases with other values of a parameter, of which the last,"
-                " smallest and largest value of an output are kept; with all that it takes to"
-                " begin. By hand: `fmpy.simulate_fmu` in a loop, and a loop that unpacks once,"
-                " resets one instance and calls the functions of the FMU with arguments made ready"
-                " beforehand. One process each; that the numbers agree to 1e-9 was verified."
-            ),
-            _told(measured),
-            Table(
-                [
-                    "FMU and way",
-                    "best, µs",
-                    *(f"{way}: times as long, median" for way in (EACH, REUSE)),
-                ],
-                rows,
-            ),
-            (
-                f"Two workers beside one (target {TWO_WORKERS:g} times as fast). Each needs a core"
-                " of its own. Of compiled code they are threads; of an FMU processes, each with an"
-                " interpreter that has to start first."
-            ),
-            Table(
-                ["", "cases", "one worker, s", "two workers, s", "times as fast, median"], beside
-            ),
-            (
-                f"{whole:,} cases of {NATIVE}, compiled, one worker: {spent:.3g} s,"
-                f" {whole / spent:,.0f} cases a second. Memory of the process at its largest, by"
-                " the number of cases of ten steps:"
-            ),
-            Table(
-                ["cases", "largest, MB"],
-                [[n, _memory(n)] for n in ((10, 40) if quick else (1000, 100_000))],
-            ),
-        ],
-    )
+        yield "Processor time of a case:"
+        yield _by_method(paths, quick)
+        yield "Two workers beside one; threads of compiled code, processes of an FMU:"
+        yield _by_workers(paths, quick)
+    yield "Largest memory of a process, compiled code, by the number of cases of ten steps:"
+    run = partial(in_a_process, _sweep, paths[NATIVE], NATIVE, "compiled")
+    counts = (10, 40) if quick else (1000, 100_000)
+    yield Table(["cases", "largest, GB"], [[count, run(count, 11)[1]] for count in counts])
 
 
-def _slower(times: Times, other: str, way: str) -> float | str:
-    return times.median_ratio(other, way) if other in times.seconds else ""
+def _by_method(paths: dict[str, str], quick: bool) -> Table:
+    cases, points, rounds = (20, 51, 1) if quick else (1000, 1001, 2)
+    durations: dict[str, Duration] = {}
+    for name, path in paths.items():
+        durations |= _methods(name, path, cases, points)
+    against = {name: f"{name.partition(': ')[0]}: {EACH}" for name in durations}
+    targets = {f"{name}: {method}": TARGETS[method] for name in paths for method in TARGETS}
+    return comparison(take_turns(durations, rounds), against, targets=targets)
 
 
-def _told(measured: dict[str, Times]) -> str:
-    told = []
-    for name, times in measured.items():
-        for way, other, target in TARGETS:
-            if way in times.seconds:
-                ratio = times.median_ratio(other, way)
-                result = "met" if ratio >= target else "missed"
-                told.append(
-                    f"{name}: {way} {ratio:.3g} times as fast as {other} (target {target:g},"
-                    f" {result})"
-                )
-    return "; ".join(told) + "."
-
-
-def _batch(name: str, path: Path, cases: int, points: int) -> by_hand.Batch:
-    """Cases of a subject: its parameter over a range, its input a sine."""
-    parameter, low, high, driven, output = _SUBJECTS[name]
-    clock = _STEP * np.arange(points)
-    values = np.linspace(low, high, cases).tolist()
-    return by_hand.Batch(path, parameter, values, clock, driven, np.sin(clock), output)
-
-
-def _time(name: str, model: str, cases: int, points: int, rounds: int) -> Times:
-    """Measure processor seconds for a case, in turns; each way has one process and never waits."""
-    found_model = ppy.find_model(model)
-    batch = _batch(name, found_model.path, cases, points)
-    few = replace(batch, values=batch.values[::SHARE])
-    ways: dict[str, Callable[[], NDArray[np.float64]]] = {
-        EACH: partial(by_hand.simulate_each, few),
-        REUSE: partial(by_hand.reuse_one, batch),
+def _by_workers(paths: dict[str, str], quick: bool) -> Table:
+    few, many, by_fmu = (20, 40, 40) if quick else (1000, 40_000, 400_000)
+    durations: dict[str, Duration] = {}
+    sizes = [(YARDSTICK, "fmu", by_fmu), (NATIVE, "compiled", few), (NATIVE, "compiled", many)]
+    for name, engine, cases in sizes:
+        for workers, title in ((1, "one worker"), (2, "two workers")):
+            run = partial(_sweep, paths[name], name, engine, cases, 51 if quick else 1001, workers)
+            durations[f"{name}, {engine}: {cases:,} cases, {title}"] = timed(run)
+    against = {
+        name: name.replace("two workers", "one worker")
+        for name in durations
+        if "two workers" in name
     }
-    for way, engine in ENGINES.items():
-        if engine == "fmu" or model == "ppy_actuator":
-            ways[way] = partial(_swept, found_model, batch, engine)
-    seconds = {way: np.empty(rounds) for way in ways}
-    for k in range(-1, rounds):  # the first does not count
-        found = {}
-        for way in list(ways)[k % len(ways) :] + list(ways)[: k % len(ways)]:
-            begin = time.process_time()
-            found[way] = ways[way]()
-            seconds[way][k] = (time.process_time() - begin) / len(found[way])
-        check_agreement(
-            {way: numbers if way == EACH else numbers[::SHARE] for way, numbers in found.items()}
-        )
-    return Times(seconds)
+    times = take_turns(durations, 1 if quick else 2)
+    return comparison(times, against, "s", dict.fromkeys(against, 1 / 1.8))
 
 
-def check_agreement(found: dict[str, NDArray[np.float64]]) -> None:
-    """Refuse to time what does not come to the same numbers (cases, 3)."""
-    for way, numbers in found.items():
+def _values(name: str, cases: int) -> list[float]:
+    _, low, high, _, _ = _SUBJECTS[name]
+    return np.linspace(low, high, cases).tolist()
+
+
+def _methods(name: str, model: str, cases: int, points: int) -> dict[str, Duration]:
+    """Return the processor time of a case by every method; their numbers are held together."""
+    path = ppy.find_model(model).path
+    numbers: dict[str, Array] = {}
+    few = _values(name, cases)[::SHARE]
+    actions: dict[str, tuple[Callable[[], Array], int]] = {
+        EACH: (partial(_simulate_each, name, path, few, points), len(few)),
+    }
+    for method, engine in ENGINES.items():
+        if engine == "fmu" or name == NATIVE:
+            actions[method] = (partial(_sweep, model, name, engine, cases, points), cases)
+
+    def duration(method: str) -> float:
+        action, count = actions[method]
+        begin = time.process_time()
+        found = action()
+        seconds = (time.process_time() - begin) / count
+        numbers[method] = found if method == EACH else found[::SHARE]
+        check_agreement(numbers)
+        return seconds
+
+    return {f"{name}: {method}": partial(duration, method) for method in actions}
+
+
+def check_agreement(found: dict[str, Array]) -> None:
+    """Raise RuntimeError if the numbers, shape (cases, 3), differ from those of `EACH`."""
+    for method, numbers in found.items():
         if not np.allclose(numbers, found[EACH], rtol=1e-9, atol=0.0):
-            raise RuntimeError(f"{way}: not the numbers of {EACH}")
+            raise RuntimeError(f"{method}: not the numbers of {EACH}")
 
 
-def _swept(
-    model: Model | str, batch: by_hand.Batch, engine: str, workers: int = 1
-) -> NDArray[np.float64]:
-    """Run them as a user does; last, smallest and largest (cases, 3)."""
+def _sweep(model: str, name: str, engine: str, cases: int, points: int, workers: int = 1) -> Array:
+    """Sweep as a user does; last, smallest and largest value of the output (cases, 3)."""
+    parameter, _, _, driven, output = _SUBJECTS[name]
+    clock = _STEP * np.arange(points)
     found = ppy.sweep(
         model,
-        {batch.parameter: batch.values},
-        {batch.name: batch.given},
-        time=batch.time,
-        outputs=[batch.output],
+        {parameter: _values(name, cases)},
+        {driven: np.sin(clock)},
+        time=clock,
+        outputs=[output],
         keep=KEEP,
         engine=engine,
         workers=workers,
     )
-    return np.column_stack([found[f"{batch.output}_{kept}"].values for kept in KEEP])
+    return np.column_stack([found[f"{output}_{kept}"].values for kept in KEEP])
 
 
-def _seconds(name: str, model: str, way: str, cases: int, points: int, workers: int = 1) -> float:
-    batch = _batch(name, Path(model), cases, points)
-    begin = time.perf_counter()
-    _swept(model, batch, ENGINES[way], workers)
-    return time.perf_counter() - begin
+def _numbers(course: Array) -> list[float]:
+    return [float(course[-1]), float(course.min()), float(course.max())]
 
 
-def _beside(way: str, model: str, name: str, cases: int, points: int, rounds: int) -> list[Cell]:
-    """One worker and two, in turns."""
-    seconds = {workers: np.empty(rounds) for workers in (1, 2)}
-    for k in range(rounds):
-        for workers in (1, 2) if k % 2 else (2, 1):
-            seconds[workers][k] = _seconds(name, model, way, cases, points, workers)
-    times = Times({str(workers): spent for workers, spent in seconds.items()})
-    return [f"{name}: {way}", cases, times.best("1"), times.best("2"), times.median_ratio("1", "2")]
-
-
-def _memory(cases: int) -> float:
-    """Largest memory in MB of a process that runs so many short cases."""
-    program = f"from benchmarks.sweeping import _short; _short({cases})"
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
-    return float(done.stdout)
-
-
-def _short(cases: int) -> None:
-    _seconds(NATIVE, "ppy_actuator", COMPILED, cases, 11)
-    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+def _simulate_each(name: str, path: Path, values: list[float], points: int) -> Array:
+    parameter, _, _, driven, output = _SUBJECTS[name]
+    clock = _STEP * np.arange(points)
+    series = np.rec.fromarrays([clock, np.sin(clock)], names=["time", driven])
+    found = []
+    for value in values:
+        with contextlib.redirect_stdout(None):  # it warns of every input that has no series
+            result = fmpy.simulate_fmu(
+                str(path),
+                stop_time=clock[-1],
+                step_size=_STEP,
+                output_interval=_STEP,
+                start_values={parameter: value},
+                input=series,
+                output=[output],
+                fmi_type="CoSimulation",
+                set_input_derivatives=False,
+            )
+        found.append(_numbers(result[output]))
+    return np.array(found)

@@ -52,21 +52,15 @@ def draw(folder: Path, seed: int, count: int) -> None:
     from demonstrations.records import write
 
     folder.mkdir(parents=True, exist_ok=True)
-    hidden = [
-        *((name,) for name in CATALOGUE),
-        *((name,) for name in UNKNOWN),
-        (),
-        (),
-        ("slack", "double_layer"),
-    ]
+    one = [(name,) for name in (*CATALOGUE, *UNKNOWN)]
+    hidden = [*one, (), (), ("slack", "double_layer")]
     for k in range(count):
         ids = hidden[k % len(hidden)]
         path = folder / f"{k:02d}-{'+'.join(ids) or 'clean'}.csv"
+        colour = 0.9 * (k % 3 == 2)
         for attempt in range(seed + k, seed + k + 100):
             try:
-                record = drawn(
-                    ids, attempt, noise_colour=0.9 * (k % 3 == 2), duration=300.0 + 60.0 * (k % 4)
-                )
+                record = drawn(ids, attempt, noise_colour=colour, duration=300.0 + 60.0 * (k % 4))
             except ValueError:
                 continue  # the variation leaves too little to be seen
             write(record, path)
@@ -117,10 +111,11 @@ def _builds() -> dict[str, dict[str, str]]:
 
 
 def _experiments() -> list[str]:
-    library = Path("orchestration/experiment/library")
-    return sorted(
-        file.stem for file in library.glob("*.toml") if file.stem != "hil_bench"
-    )  # that one runs in real time
+    """Experiments that ship, but for the one that runs in real time."""
+    listed = _ppy("run", "--list")
+    listed.check_returncode()
+    names = [line.split()[0] for line in listed.stdout.splitlines() if line.strip()]
+    return sorted(set(names) - {"hil_bench"})
 
 
 def keep(folder: Path, result: Path, public: Path | None, workers: int) -> None:

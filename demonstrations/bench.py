@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from demonstrations.emulator import EmulatedRig, Physics, RigParameters, refit_residuals
-from orchestration.experiment import multilevel
+from orchestration.experiment.waveforms import multilevel
 
 Array = NDArray[np.float64]
 NOISE = {"voltage": 4e-3, "displacement": 3e-6}  # V, m

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 from typing import TYPE_CHECKING
 
-from .kit import UserError, suggestion
+from .kit.errors import UserError, suggestion
 
 if TYPE_CHECKING:
     from .kit import Component, Effect

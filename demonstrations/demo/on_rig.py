@@ -18,7 +18,8 @@ from fmus import component
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.api import DiagnosisResult, diagnose
-from orchestration.experiment import multilevel, results
+from orchestration.experiment import results
+from orchestration.experiment.waveforms import multilevel
 from orchestration.fmu import find_model
 from orchestration.master import RealTime, Run
 from orchestration.master import run as run_system

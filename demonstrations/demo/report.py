@@ -11,7 +11,7 @@ from fmus.kit import units
 from fmus.kit.units import format_difference, format_value
 from orchestration.api import DiagnosisResult
 from orchestration.identify import Comparison, GoodnessOfFit
-from orchestration.reporting import Markup, Page
+from orchestration.reporting.html import Markup, Page
 
 _DIGITS = 4
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestration.reporting import Markup, Page
+from orchestration.reporting.html import Markup, Page
 
 if TYPE_CHECKING:
     from demonstrations.demo.on_rig import RigDemoResults

@@ -21,8 +21,8 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from orchestration import master
-from orchestration.experiment import square_wave
-from orchestration.fmu import grid
+from orchestration.experiment.waveforms import square_wave
+from orchestration.fmu.simulation import grid
 from orchestration.system import library
 from orchestration.system.library import AMPLITUDE, ESTIMATOR, FREQUENCY
 

@@ -21,7 +21,8 @@ from demonstrations.thesis import ageing
 from demonstrations.thesis.circuit import CIRCUIT, PERIOD, response
 from demonstrations.thesis.claim import Claim, Entry, Erratum, Illustration
 from fmus.kit.arrays import Array
-from orchestration.experiment import read, run, square_wave
+from orchestration.experiment import read, run
+from orchestration.experiment.waveforms import square_wave
 from orchestration.reporting import pictures
 from orchestration.system.library import FIRST_VOLTAGE, capacitance, periodic_voltage
 

@@ -11,7 +11,7 @@ import numpy as np
 from demonstrations.thesis.circuit import CIRCUIT, PERIOD, response
 from demonstrations.thesis.claim import Claim, Entry, Erratum, Illustration
 from fmus.kit.arrays import Array
-from orchestration.experiment import square_wave
+from orchestration.experiment.waveforms import square_wave
 from orchestration.reporting import pictures
 
 if TYPE_CHECKING:

@@ -14,7 +14,8 @@ from demonstrations.thesis import chapters
 from demonstrations.thesis.claim import Claim
 from fmus.kit import UserError
 from fmus.kit.storage import scratch
-from orchestration.reporting import Page, console, pictures
+from orchestration.reporting import console, pictures
+from orchestration.reporting.html import Page
 
 _STYLE = {"holds": "", "within rounding": "", "only as printed": "yellow", "differs": "red"}
 _COUNTED = {

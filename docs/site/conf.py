@@ -111,7 +111,6 @@ navigation = {
         "docs/public-records",
         "docs/foreign-fmus",
         "docs/black-box-structures",
-        "docs/sweep-sizing",
         "docs/hil-faults",
         "docs/proxy-faults",
         "docs/rig-latency",

@@ -4,17 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kit import (
-    Component,
-    Discrete,
-    Effect,
-    Parameter,
-    Size,
-    Term,
-    effect_maker,
-    effects_by_name,
-    make_effect,
-)
+from ..kit import Component, Discrete, Effect, Parameter, Size, Term
+from ..kit.effects import effect_maker, effects_by_name, make_effect
 from .displacement_controller import DisplacementController
 from .impedance_controller import ImpedanceController
 from .pid import Pid

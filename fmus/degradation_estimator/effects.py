@@ -6,7 +6,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..kit import Discrete, Effect, Parameter, Size, Term, effects_by_name
+from ..kit import Discrete, Effect, Parameter, Size, Term
+from ..kit.effects import effects_by_name
 
 if TYPE_CHECKING:
     from .model import DegradationEstimator

@@ -10,19 +10,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..kit import (
-    Effect,
-    EffectNames,
-    Parameter,
-    Size,
-    State,
-    Term,
-    curve,
-    describe_effect,
-    effects_by_name,
-    exp,
-    tanh,
-)
+from ..kit import Effect, Parameter, Size, State, Term, exp, tanh
+from ..kit.curves import EffectNames, curve
+from ..kit.effects import effects_by_name
+from ..kit.generic import describe_effect
 from .dynamic import FootDynamic
 
 if TYPE_CHECKING:

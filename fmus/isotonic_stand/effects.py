@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..kit import Effect, Parameter, Size, State, Term, arccos, effects_by_name, sqrt, tanh
+from ..kit import Effect, Parameter, Size, State, Term, arccos, sqrt, tanh
+from ..kit.effects import effects_by_name
 from .model import IsotonicStand
 
 if TYPE_CHECKING:

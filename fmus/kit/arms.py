@@ -11,9 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from .component import Component, Effect, Size, Term, effect_maker
+from .component import Component
 from .curves import EffectNames, added, coefficient, per, size_at, variable
 from .declare import Declaration, Discrete, Parameter, State
+from .effects import Effect, Size, Term, effect_maker
 from .errors import UserError, suggestion
 from .functions import absolute, clip, where
 from .sampling import Sampling

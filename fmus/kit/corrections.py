@@ -15,9 +15,10 @@ from inspect import signature
 from math import inf, isfinite
 from typing import Any
 
-from .component import Component, Effect, Term, make_effect
+from .component import Component
 from .curves import ANY, SHAPES, coefficient, in_brackets, per, width_parameter
 from .declare import Constant, Parameter, State
+from .effects import Effect, Term, make_effect
 from .errors import UserError, suggestion
 from .functions import absolute, smooth_table
 from .layout import law_of
@@ -155,7 +156,7 @@ class _Function:
 
 
 def effect_family(law: str, signal: str, memory: str = "") -> str:
-    """Return the family of effects that a law has of a signal (:class:`~fmus.kit.component.Term`).
+    """Return the family of effects that a law has of a signal (:class:`~fmus.kit.effects.Term`).
 
     A heated part has a temperature, and an integrated modulus is a throughput, whichever the
     signal is.

@@ -15,8 +15,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from .component import Component, Effect, Size, Term, effect_maker, make_effect
+from .component import Component
 from .declare import Constant, Declaration, Parameter
+from .effects import Effect, Size, Term, effect_maker, make_effect
 from .errors import UserError, suggestion
 from .functions import absolute, clip, exp, maximum, minimum, sqrt, tanh
 from .layout import law_of

@@ -382,3 +382,33 @@ class Preset:
 
     values: Mapping[str, float]
     doc: str
+
+
+@dataclass(frozen=True)
+class Engine:
+    """The engine that computes a component without laws, such as a rig at the end of a cable.
+
+    Such a component keeps something outside of its memory, so its FMU state cannot be saved.
+
+    Attributes
+    ----------
+    slave : str
+        Class with the methods of :class:`fmus.kit.slave.Slave`, ``module:Class``; called with the
+        component's class, its memory and its texts.
+    needs : Mapping of str to str
+        Packages that it imports at run time, by the name that is imported: what to install.
+    folder : str
+        Package with the C files of the native build.
+    sources : tuple of str
+        C files, which implement the engine of ``fmi/engine.h``.
+    headers : tuple of str
+    libraries : Mapping of str to tuple of str
+        Names for ``-l`` by FMI platform.
+    """
+
+    slave: str
+    needs: Mapping[str, str] = field(default_factory=dict)
+    folder: str = ""
+    sources: tuple[str, ...] = ()
+    headers: tuple[str, ...] = ()
+    libraries: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

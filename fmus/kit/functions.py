@@ -12,6 +12,32 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
+__all__ = [
+    "absolute",
+    "arccos",
+    "arctan2",
+    "clip",
+    "cos",
+    "exp",
+    "floor",
+    "hypot",
+    "log",
+    "logical_and",
+    "logical_not",
+    "logical_or",
+    "maximum",
+    "minimum",
+    "outside",
+    "sign",
+    "sin",
+    "slopes",
+    "smooth_table",
+    "sqrt",
+    "table",
+    "tanh",
+    "where",
+]
+
 _SCALARS = (float, int, bool)
 _IN_CASADI = {
     "absolute": "fabs",

@@ -14,8 +14,9 @@ here.
 from __future__ import annotations
 
 from .arms import lag_effect
-from .component import Component, Effect, Size, Term, effect_maker
+from .component import Component
 from .curves import EffectNames, added, coefficient, curve
+from .effects import Effect, Size, Term, effect_maker
 
 
 def coulomb_friction(

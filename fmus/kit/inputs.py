@@ -16,9 +16,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from .component import Component, Effect, Size, Term, effect_maker, make_effect
+from .component import Component
 from .curves import per
 from .declare import Declaration, InputDeclaration, Parameter, State
+from .effects import Effect, Size, Term, effect_maker, make_effect
 from .errors import UserError, suggestion
 from .functions import clip, outside, sqrt
 from .sampling import Sampling

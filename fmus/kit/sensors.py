@@ -18,8 +18,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .component import Component, Effect, Size, effect_maker, make_effect
+from .component import Component
 from .declare import Declaration, Discrete, Parameter, State
+from .effects import Effect, Size, effect_maker, make_effect
 from .errors import UserError, suggestion
 from .functions import clip, exp, maximum, minimum, where
 from .sampling import DELAY_SAMPLES, Sampling

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from .component import Component, Effect
+from .component import Component
+from .effects import Effect
 
 _L = TypeVar("_L", bound=Callable[..., Any])
 # generic effects, and shapes, by their id

@@ -4,16 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kit import (
-    Component,
-    Declaration,
-    Engine,
-    OutputDeclaration,
-    Parameter,
-    Text,
-    UserError,
-    name_declaration,
-)
+from ..kit import Component, Parameter, Text, UserError
+from ..kit.declare import Declaration, Engine, OutputDeclaration, name_declaration
 from .protocol import ENDPOINT
 
 CONNECTED, REFUSED, STALE, LOST = range(4)

@@ -14,7 +14,8 @@ from secrets import token_hex
 from time import monotonic, sleep
 from typing import Any
 
-from ..kit import Component, UserError, describe_error
+from ..kit import Component, UserError
+from ..kit.slave import describe_error
 from .link import FAREWELL, NEVER, Link, LinkError, describe_latch
 from .protocol import LOCKSTEP
 from .proxy import AGE, CONNECTED, FAIL, HOLD, LOST, REFUSED, STALE

@@ -10,20 +10,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kit import (
-    Effect,
-    EffectNames,
-    Parameter,
-    Size,
-    Term,
-    curve,
-    describe_effect,
-    effects_by_name,
-    lag_effect,
-    sqrt,
-    tanh,
-    where,
-)
+from ..kit import Effect, Parameter, Size, Term, sqrt, tanh, where
+from ..kit.arms import lag_effect
+from ..kit.curves import EffectNames, curve
+from ..kit.effects import effects_by_name
+from ..kit.generic import describe_effect
 from .disturbances import BenchEffect, BridgeNoise, ClockJitter, MainsHum, WindingProtection
 from .model import VoiceCoilDma
 

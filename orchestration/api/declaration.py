@@ -21,7 +21,7 @@ from numbers import Integral, Real
 from types import UnionType
 from typing import Any, ForwardRef, NamedTuple, TypeVar, Union, cast, get_args, get_origin
 
-from fmus.kit import UserError, suggestion
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.extras import optional
 from orchestration.reporting import flag
 from orchestration.reporting import option as as_written

@@ -7,8 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
-from fmus.kit import MEASUREMENTS, UserError
+from fmus.kit import UserError
 from fmus.kit.extras import require
+from fmus.kit.sensors import MEASUREMENTS
 from orchestration.api.command import equivalent_command
 from orchestration.api.declaration import takes
 from orchestration.api.forms import optional_seconds
@@ -25,7 +26,9 @@ from orchestration.discrepancy import UnusableRecordError, before_after, pipelin
 from orchestration.discrepancy.foreign import WrappedFmu, wrap
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.laws import LawReport
-from orchestration.fmu import Model, Value, built, numeric
+from orchestration.fmu import Model, Value
+from orchestration.fmu.model import built
+from orchestration.fmu.signal import numeric
 from orchestration.records import Record
 from orchestration.reporting import option
 from orchestration.rig import INPUT_RANGES, LOOP_BANDWIDTH, RIG_COMPONENT

@@ -79,7 +79,7 @@ def seconds(given: str | float) -> float:
     try:
         return float(given)  # what makes no sense, such as nan, is refused where its sense is known
     except ValueError:
-        from orchestration.fmu import read_amount
+        from orchestration.fmu.signal import read_amount
 
         return read_amount(str(given), "s", f"{given!r}")
 
@@ -97,7 +97,7 @@ def percent(text: str) -> float:
 
 def band(given: str, name: str) -> tuple[float, float]:
     """Read a band of frequencies, such as ``10mHz..2Hz``, in Hz."""
-    from orchestration.fmu import read_amount
+    from orchestration.fmu.signal import read_amount
 
     ends = given.split("..")
     if len(ends) != 2:

@@ -7,14 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
-from fmus.kit import Component, UserError, suggestion
+from fmus.kit import Component
+from fmus.kit.errors import UserError, suggestion
 from orchestration.api.declaration import takes
 from orchestration.api.forms import optional_seconds
 from orchestration.api.options import FrequencyKeywords
 from orchestration.api.records import Data, matching_record
 from orchestration.api.simulation import as_measured, values_of
-from orchestration.fmu import Model, built, simulate
+from orchestration.fmu import Model
 from orchestration.fmu.isolation import limits_of
+from orchestration.fmu.model import built
+from orchestration.fmu.simulation import simulate
 from orchestration.identify.spectral import (
     FrequencyResponse,
     estimate_responses,

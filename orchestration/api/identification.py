@@ -10,7 +10,7 @@ from orchestration.api.forms import given_names
 from orchestration.api.options import CompareKeywords, FitKeywords
 from orchestration.api.records import Data, matching_record
 from orchestration.api.simulation import AnyModel, as_measured, values_of
-from orchestration.fmu import built
+from orchestration.fmu.model import built
 from orchestration.identify import Comparison, Fit, comparison
 
 

@@ -10,22 +10,18 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from fmus.kit import Component, UserError, suggestion
+from fmus.kit import Component
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.extras import require
 from fmus.kit.storage import scratch
 from orchestration.api.declaration import takes
 from orchestration.api.forms import optional_seconds, seconds
 from orchestration.api.options import LineariseKeywords
 from orchestration.api.simulation import Inputs, as_declared, inputs_over, values_of
-from orchestration.experiment import with_classes
-from orchestration.fmu import (
-    Model,
-    declared_signal,
-    numeric,
-    read_description,
-    read_setting,
-)
+from orchestration.experiment.subjects import with_classes
+from orchestration.fmu import Model, read_description
+from orchestration.fmu.signal import declared_signal, numeric, read_setting
 from orchestration.linear import (
     FmuRequest,
     LinearModel,
@@ -38,7 +34,9 @@ from orchestration.linear import (
     trim,
 )
 from orchestration.reporting import option
-from orchestration.sweeps import design, given_range, read_fitted, read_range
+from orchestration.sweeps import design
+from orchestration.sweeps.fitted import read_fitted
+from orchestration.sweeps.ranges import given_range, read_range
 from orchestration.system import NAMES, System, library, ssp
 
 _ENDINGS = ssp.ENDINGS

@@ -10,8 +10,8 @@ from fmus.kit import build as kit
 from fmus.kit.build import host_platform
 from orchestration.api.declaration import takes
 from orchestration.api.options import BuildKeywords
-from orchestration.fmu import find_class
 from orchestration.fmu.check import Findings, check_fmu
+from orchestration.fmu.model import find_class
 
 
 @takes(BuildKeywords)

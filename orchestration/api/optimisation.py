@@ -14,10 +14,11 @@ from orchestration.api.declaration import takes
 from orchestration.api.forms import seconds
 from orchestration.api.options import OptimiseKeywords
 from orchestration.api.simulation import Inputs, as_declared, inputs_over, values_of
-from orchestration.fmu import Model, grid
+from orchestration.fmu import Model
+from orchestration.fmu.simulation import grid
 from orchestration.reporting import option
-from orchestration.sweeps import Range, read_range
 from orchestration.sweeps.pareto import Objective, Objectives, pareto_front, read_objective
+from orchestration.sweeps.ranges import Range, read_range
 
 if TYPE_CHECKING:
     from orchestration.sweeps.pareto import Front

@@ -36,14 +36,8 @@ from orchestration.discrepancy.report.laws import (
 )
 from orchestration.identify.uncertainty import Estimate, estimates_frame
 from orchestration.records import Record
-from orchestration.reporting import (
-    Displayable,
-    in_shell,
-    one_line,
-    path_of_report,
-    pictures,
-    plain_table,
-)
+from orchestration.reporting import Displayable, in_shell, one_line, pictures, plain_table
+from orchestration.reporting.html import path_of_report
 from orchestration.system.ssp import write as write_ssp
 
 if TYPE_CHECKING:
@@ -51,7 +45,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import RenderableType
 
-    from orchestration.reporting import Page
+    from orchestration.reporting.html import Page
 
 
 @dataclass(frozen=True)

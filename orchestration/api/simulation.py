@@ -11,27 +11,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmus import MODELS
-from fmus.kit import Component, UserError, suggestion
+from fmus.kit import Component
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.symbolic import check_component
 from fmus.kit.units import format_value
 from orchestration.api.declaration import takes
 from orchestration.api.forms import seconds
 from orchestration.api.options import SimulateKeywords
-from orchestration.experiment import find_system, fused_model, is_system, system_model
-from orchestration.fmu import (
-    EndedSimulation,
-    Model,
-    Value,
-    built,
-    declared_model,
-    declared_model_of,
-    draw_signals,
-    grid,
-    source_of,
+from orchestration.experiment.system_model import (
+    find_system,
+    fused_model,
+    is_system,
+    system_model,
 )
-from orchestration.fmu import simulate as run_fmu
+from orchestration.fmu import Model, Value
 from orchestration.fmu.isolation import isolation
+from orchestration.fmu.model import built, declared_model, declared_model_of
+from orchestration.fmu.simulation import EndedSimulation, draw_signals, grid, source_of
+from orchestration.fmu.simulation import simulate as run_fmu
 from orchestration.records import write_record
 from orchestration.reporting import Displayable, one_line, plain_table
 from orchestration.system import NAMES, System

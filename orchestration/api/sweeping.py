@@ -6,8 +6,8 @@ from collections.abc import Callable, Container, Mapping, Sequence
 from pathlib import Path
 from typing import Unpack
 
-from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from orchestration.api.declaration import takes
 from orchestration.api.options import NoteOption, SweepFileKeywords, SweepKeywords
 from orchestration.api.simulation import (
@@ -18,24 +18,14 @@ from orchestration.api.simulation import (
     points_of,
     values_of,
 )
-from orchestration.fmu import Model, Value, source_of
+from orchestration.fmu import Model, Value
 from orchestration.fmu.isolation import Limits
+from orchestration.fmu.simulation import source_of
 from orchestration.reporting import option
-from orchestration.sweeps import (
-    KEPT,
-    MOST_WORKERS,
-    TRACE,
-    Range,
-    SweepResult,
-    Task,
-    checked_reductions,
-    choose_equations,
-    design,
-    given_range,
-    read_range,
-    read_sweep,
-    run_sweep,
-)
+from orchestration.sweeps import SweepResult, Task, choose_equations, design, read_sweep
+from orchestration.sweeps.execution import MOST_WORKERS, run_sweep
+from orchestration.sweeps.ranges import Range, given_range, read_range
+from orchestration.sweeps.reductions import KEPT, TRACE, checked_reductions
 from orchestration.sweeps.sensitivity import SOBOL_INDICES, TORNADO
 
 

@@ -144,7 +144,7 @@ def _groups() -> _Groups:
                     if name not in _OWN:
                         groups.setdefault(title, {})[name] = (summary, function)
         except Exception as error:
-            from orchestration.reporting import warn
+            from orchestration.reporting.console import warn
 
             warn(f"commands of {entry.value} are left out: {type(error).__name__}: {error}")
     return groups
@@ -204,7 +204,7 @@ def start(
     if quiet and verbose:
         raise UserError("--quiet and --verbose contradict each other")
     if quiet or verbose:
-        from orchestration.reporting import verbosity
+        from orchestration.reporting.console import verbosity
 
         context.with_resource(verbosity(quiet, verbose))
     if context.invoked_subcommand is None:
@@ -263,7 +263,7 @@ def _message(error: Exception) -> str:
         name = error.filename  # and what the system says of this file
         shown = name if len(name) < _LONGEST else f"{name[:_LONGEST]}..."
         return f"{shown}: {error.strerror}"
-    from orchestration.fmu.loading import faulty_place
+    from orchestration.fmu.model import faulty_place
 
     place = faulty_place(error)
     if place:

@@ -137,7 +137,7 @@ def _complete_effects(context: typer.Context, incomplete: str) -> list[str]:
     No file is run for it.
     """
     from fmus import component
-    from orchestration.fmu import known_effects
+    from orchestration.fmu.model import known_effects
 
     # while an option lacks its value, what was named before is among the arguments that are not
     # sorted out yet

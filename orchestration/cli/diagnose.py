@@ -34,9 +34,10 @@ from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
 from orchestration.discrepancy import fmu_paths
 from orchestration.discrepancy.report import system_diagnosis_summary, system_overview
 from orchestration.discrepancy.systems import diagnose_system
-from orchestration.fmu import Model, declared_model
+from orchestration.fmu import Model
+from orchestration.fmu.model import declared_model
 from orchestration.records import Record
-from orchestration.reporting import note, out, progress, tell_repairs, wrote
+from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
 
 _ENDINGS = {
     "--json": JSON,

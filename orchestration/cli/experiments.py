@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     import xarray
 
     from orchestration.cli.commands.options import RunCommand, SimulateCommand
-    from orchestration.experiment import Experiment, ExperimentResult, Live
+    from orchestration.experiment import Experiment, ExperimentResult
+    from orchestration.experiment.live import Live
     from orchestration.fmu import Signal
     from orchestration.fmu.isolation import Limits
 
@@ -44,9 +45,11 @@ def run_and_write(
     UserError
         If something does not fit, an FMU fails before the first point, or a file cannot be written.
     """
-    from orchestration.experiment import movable, results
+    from orchestration.experiment import results
+    from orchestration.experiment.reading import movable
     from orchestration.journal import removed_after
-    from orchestration.reporting import make_page, wrote
+    from orchestration.reporting import make_page
+    from orchestration.reporting.console import wrote
 
     out = options["out"]
     plot = options["plot"]
@@ -96,7 +99,7 @@ def _make(
     """Run an experiment, telling how far it is."""
     from orchestration.experiment import results
     from orchestration.experiment import run as make
-    from orchestration.reporting import err, note, progress
+    from orchestration.reporting.console import err, note, progress
 
     out = options["out"]
 
@@ -132,7 +135,8 @@ def _make(
 
 def _show(data: xarray.Dataset) -> None:
     from orchestration.experiment import page
-    from orchestration.reporting import out, plain_table
+    from orchestration.reporting import plain_table
+    from orchestration.reporting.console import out
 
     columns = ("smallest", "largest", "last")
     table = plain_table(None, "signal", *columns, right=columns)
@@ -158,7 +162,8 @@ def experiment_on_system(options: SimulateCommand) -> Experiment:
     UserError
         If the system or the record cannot be read, or an option is about one model.
     """
-    from orchestration.experiment import parse, subject
+    from orchestration.experiment import parse
+    from orchestration.experiment.subjects import subject
 
     name = options["model"]
     for option, value in (("--with", options["laid_over"]), ("--preset", options["preset"])):
@@ -179,8 +184,9 @@ def _recorded(
     options: SimulateCommand, inputs: Mapping[str, Signal], tables: dict[str, Any]
 ) -> dict[str, Any]:
     """Return the inputs of a system that a record gives; it lasts as long unless that is given."""
-    from orchestration.records import read_record, split_header_cell
-    from orchestration.reporting import tell_repairs
+    from orchestration.records import read_record
+    from orchestration.records.tables import split_header_cell
+    from orchestration.reporting.console import tell_repairs
 
     file = options["input_file"]
     if file is None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from fmus.kit import UserError
-from orchestration.reporting import detail, note, progress, warn
+from orchestration.reporting.console import detail, note, progress, warn
 
 if TYPE_CHECKING:
     from orchestration.cli.commands.options import MeasuredOptions
@@ -33,7 +33,7 @@ def open_measured(options: MeasuredOptions, runtime: str | None = None) -> Measu
     """
     from orchestration.api import as_measured, values_of
     from orchestration.identify import read_for
-    from orchestration.reporting import tell_repairs
+    from orchestration.reporting.console import tell_repairs
 
     declared = as_measured(options["model"], options["laid_over"], runtime)
     parameters = values_of(declared, options["settings"], options["preset"])
@@ -46,7 +46,7 @@ def open_measured(options: MeasuredOptions, runtime: str | None = None) -> Measu
 def model_file(name: str) -> Path | None:
     """Return the file that a model or a system is read from; None for one of ours."""
     from fmus import MODELS
-    from orchestration.fmu import file_of_class, names_class
+    from orchestration.fmu.model import file_of_class, names_class
     from orchestration.system import NAMES
 
     if name in MODELS or name in NAMES:
@@ -69,7 +69,8 @@ def open_model(name: str, runtime: str | None = None, effects: Sequence[str] = (
 
 def build_model(declared: Model, runtime: str | None = None) -> Model:
     """Build the FMU of a model that is declared, if it has none; tell what to know of it."""
-    from orchestration.fmu import built, source_of
+    from orchestration.fmu.model import built
+    from orchestration.fmu.simulation import source_of
 
     with progress() as tell:
         if declared.cls is not None and not declared.foreign:
@@ -120,7 +121,7 @@ def note_neutral(model: Model, parameters: Collection[str]) -> None:
     parameters : collection of str
         What is set.
     """
-    from fmus.kit import effect_name, unstack
+    from fmus.kit.effects import effect_name, unstack
 
     if model.cls is None or not model.effects:
         return

@@ -130,7 +130,7 @@ def standard_output_for(path: Path | None) -> Iterator[None]:
     if path != STANDARD_OUTPUT:
         yield
         return
-    from orchestration.reporting import results_withheld
+    from orchestration.reporting.console import results_withheld
 
     with results_withheld():
         yield
@@ -160,7 +160,7 @@ def write_json(path: Path | None, data: Any) -> None:
         sys.stdout.write(text)
         return
     from fmus.kit import files
-    from orchestration.reporting import wrote
+    from orchestration.reporting.console import wrote
 
     files.write(path, text.encode())
     wrote(path)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import xarray
 
     from orchestration.cli.options import RealTimeOptions
-    from orchestration.experiment import Live, Moment, RigEnd
+    from orchestration.experiment.live import Live, Moment, RigEnd
     from orchestration.master import RealTime
     from orchestration.reporting import BackgroundWriter
 
@@ -45,7 +45,7 @@ def live_run(options: RealTimeOptions, out: Path | None) -> Live | None:
     UserError
         If an option makes no sense, or is about real time and that was not asked for.
     """
-    from orchestration.experiment import Live
+    from orchestration.experiment.live import Live
     from orchestration.master import RealTime
 
     if not options["real_time"]:
@@ -90,7 +90,7 @@ def _admit(
 
     from fmus.rig_proxy import Link
     from orchestration.master import realtime_priority
-    from orchestration.reporting import note
+    from orchestration.reporting.console import note
     from orchestration.rig import check_response_times, measure_response_times
 
     longest = pace.lag
@@ -156,7 +156,8 @@ def status_line(live: Live) -> Iterator[Live]:
     """
     from dataclasses import replace
 
-    from orchestration.reporting import BackgroundWriter, err, warn
+    from orchestration.reporting import BackgroundWriter
+    from orchestration.reporting.console import err, warn
 
     if err.quiet:
         yield live
@@ -219,7 +220,8 @@ def keep(data: xarray.Dataset, out: Path, live: Live) -> None:
     UserError
         If it is not where it was to be: why, and where it is.
     """
-    from orchestration.experiment import movable, results
+    from orchestration.experiment import results
+    from orchestration.experiment.reading import movable
 
     try:
         results.write(movable(data, out.parent), out)

@@ -21,7 +21,7 @@ _RECORDS = (".csv", ".txt", ".dat", ".lvm", ".mpt", ".dta", ".tdms", ".mat", ".p
 def is_record(name: str) -> bool:
     """Return whether a name is that of a record and not of a model."""
     from fmus import MODELS
-    from orchestration.fmu import names_class
+    from orchestration.fmu.model import names_class
 
     path = Path(name)
     if name in MODELS or names_class(name) or path.suffix.lower() in _MODELS:
@@ -37,7 +37,7 @@ def record_info(options: InfoCommand) -> None:
     UserError
         If the file is of no known form, or there is no such model.
     """
-    from orchestration.fmu import declared_model
+    from orchestration.fmu.model import declared_model
     from orchestration.records import read_overview
 
     file = Path(options["model"])
@@ -72,7 +72,8 @@ def _show(overview: FileOverview) -> None:
     """Print the clock, the columns, and what is noticed."""
     from rich.text import Text
 
-    from orchestration.reporting import out, plain_table
+    from orchestration.reporting import plain_table
+    from orchestration.reporting.console import out
 
     out.print(Text(overview.path.name, style="bold"), Text(f" {overview.rows} rows"))
     clock = overview.clock
@@ -101,7 +102,7 @@ def _show_proposal(options: InfoCommand, model: Model, proposal: Proposal) -> No
     """Print the columns of a model's signals, and the command that follows."""
     from rich.text import Text
 
-    from orchestration.reporting import out
+    from orchestration.reporting.console import out
 
     out.print(Text(f"\nfor {model.title}", style="bold"))
     known = {**model.inputs, **model.outputs}

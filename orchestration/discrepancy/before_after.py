@@ -19,7 +19,8 @@ from orchestration.discrepancy.pipeline import (
     budget_of,
     parameters_given,
 )
-from orchestration.records import Record, base_name
+from orchestration.records import Record
+from orchestration.records.runs import base_name
 from orchestration.reporting import option
 
 

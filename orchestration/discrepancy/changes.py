@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri, ndtri, stdtrit
 
-from fmus.kit import ParameterDeclaration
+from fmus.kit.declare import ParameterDeclaration
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import Candidate, label, own_parameters
 from orchestration.discrepancy.data import Dataset
@@ -41,7 +41,7 @@ from orchestration.identify.uncertainty import (
     is_significantly_different,
     parameter_covariance,
 )
-from orchestration.records import base_name
+from orchestration.records.runs import base_name
 
 BEFORE, AFTER = "before", "after"
 # Of what releasing all parameters gains, in squared error, below which releasing one more explains

@@ -9,32 +9,23 @@ from pathlib import Path
 
 import numpy as np
 
-from fmus.kit import (
-    Component,
-    Effect,
-    ParameterDeclaration,
-    UserError,
-    files,
-    made_by,
-    made_with,
-    stack,
-    stacked_with,
-    summary,
-    transport_delay,
-    unstack,
-)
+from fmus.kit import Component, Effect, UserError, files, stack
 from fmus.kit.arrays import Array
 from fmus.kit.build import build, build_cached, relaxed_assumption
+from fmus.kit.declare import ParameterDeclaration, summary
+from fmus.kit.effects import made_by, made_with, stacked_with, unstack
 from fmus.kit.record import with_knots
+from fmus.kit.sensors import transport_delay
 from fmus.kit.units import format_value
 from orchestration.discrepancy.candidates import FittedCandidate, label
 from orchestration.discrepancy.conclude import Diagnosis
 from orchestration.discrepancy.data import Dataset, ValidationData
 from orchestration.discrepancy.validation import validation_parameters
-from orchestration.fmu import Fmu, simulate_instance
+from orchestration.fmu import Fmu
+from orchestration.fmu.simulation import simulate_instance
 from orchestration.identify.noise import WHITENESS_SAMPLES, Noise, Whiteness, whiteness
 from orchestration.identify.uncertainty import Estimate
-from orchestration.records import join_records
+from orchestration.records.runs import join_records
 from orchestration.reporting import option
 
 

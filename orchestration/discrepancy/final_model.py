@@ -51,7 +51,7 @@ from orchestration.discrepancy.validation import (
 )
 from orchestration.identify.fitting import FitResult
 from orchestration.identify.uncertainty import Estimate
-from orchestration.records import base_name
+from orchestration.records.runs import base_name
 
 # Share of the structure in a residual that may remain beside a cause, which never has quite the
 # catalogue's form.

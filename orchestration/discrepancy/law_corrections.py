@@ -12,7 +12,8 @@ from dataclasses import dataclass, field, replace
 
 from scipy.special import chdtrc
 
-from fmus.kit import Effect, effect_name, made_with
+from fmus.kit import Effect
+from fmus.kit.effects import effect_name, made_with
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.conclude import Diagnosis, Verdict, conclude

@@ -10,8 +10,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fmus.kit import Component, Effect, UserError, measurement_effects, suggestion
+from fmus.kit import Component, Effect
 from fmus.kit.build import build_cached
+from fmus.kit.errors import UserError, suggestion
+from fmus.kit.sensors import measurement_effects
 from orchestration.discrepancy.budget import Budget, default_time
 from orchestration.discrepancy.candidates import (
     catalogue,
@@ -37,8 +39,9 @@ from orchestration.discrepancy.extended_model import (
 )
 from orchestration.discrepancy.law_corrections import LawSearch, leaves_something, search_laws
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.fmu import Model, families
-from orchestration.fmu import catalogue as known_effects
+from orchestration.fmu import Model
+from orchestration.fmu.model import catalogue as known_effects
+from orchestration.fmu.model import families
 from orchestration.records import Record
 
 FAMILIES = "families"  # instead of a name: all that fits the model's laws too

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from pydantic import (
-    BaseModel,
     BeforeValidator,
     Field,
     PlainValidator,
-    ValidationError,
     model_validator,
 )
 
-from fmus.kit import UserError, suggestion
 from orchestration.experiment.stimulus import AnyStimulus
-from orchestration.experiment.values import Amount, File, Span, ValueTable
-
-Checked = TypeVar("Checked", bound=BaseModel)
+from orchestration.experiment.values import Amount, File, Span, ValueTable, checked
 
 
 def _setting(given: Any) -> Any:
@@ -186,54 +181,3 @@ def parse(given: Mapping[str, Any], where: str, folder: str | None = None) -> Ex
         For the first thing that is wrong: file, key, value, what is allowed.
     """
     return checked(Experiment, given, where, folder)
-
-
-def checked(
-    table: type[Checked], given: Mapping[str, Any], where: str, folder: str | None = None
-) -> Checked:
-    """Check a file against the keys of its tables.
-
-    It is `parse` for files that hold more than an experiment.
-    """
-    try:
-        return table.model_validate(given, context={"folder": folder})
-    except ValidationError as error:
-        problems = error.errors(include_url=False)
-        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        raise UserError(f"{where}: {_line(problems[0])}{more}") from error
-
-
-def _line(problem: Any) -> str:
-    """Put a problem that pydantic reports into a line: key, value, what is allowed."""
-    place = list(problem["loc"])
-    if place[:1] == ["inputs"]:
-        del place[2:3]  # the kind, by which pydantic distinguishes the tables
-    kind, given, context = problem["type"], problem["input"], problem.get("ctx", {})
-    if kind == "missing":
-        return f"{_key(place)} is missing"
-    if kind == "union_tag_not_found":
-        return f"{_key(place)}.kind is missing"
-    if kind == "union_tag_invalid":
-        kinds = [tag.strip("' ") for tag in context["expected_tags"].split(",")]
-        return (
-            f"{_key(place)}.kind = {context['tag']!r}: unknown{suggestion(context['tag'], kinds)}"
-        )
-    value = "" if isinstance(given, dict) else f" = {given!r}"
-    if kind == "model_type":
-        return f"{_key(place)}{value}: should be a table"
-    if kind == "value_error":
-        return f"{_key(place)}{value}: {context['error']}".removeprefix(": ")
-    allowed = (
-        problem["msg"]
-        .removeprefix("Input ")
-        .replace("valid dictionary", "table")
-        .replace(" after validation", "")
-    )
-    return f"{_key(place)}{value}: {allowed[0].lower()}{allowed[1:]}"
-
-
-def _key(place: list[Any]) -> str:
-    text = ""
-    for part in place:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
-    return text

@@ -9,7 +9,8 @@ import xarray
 from fmus.kit.storage import scratch
 from orchestration.experiment.picture import caption, tracked
 from orchestration.experiment.results import ExperimentResult, displayed
-from orchestration.reporting import Page, draw, make_page, pictures
+from orchestration.reporting import draw, make_page, pictures
+from orchestration.reporting.html import Page
 
 CYCLE_COLUMNS = (
     "run",

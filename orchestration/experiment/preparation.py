@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.units import convert, format_range, format_value
 from orchestration.experiment.model import (
     UNITS_OF_LOOP,
@@ -21,8 +21,10 @@ from orchestration.experiment.model import (
 )
 from orchestration.experiment.stimulus import Place
 from orchestration.experiment.subjects import Subject, known
-from orchestration.fmu import LimitOutputs, Signal, Value, check_type, is_text, read_setting
+from orchestration.fmu import Signal, Value
 from orchestration.fmu import simulation as simulate
+from orchestration.fmu.signal import check_type, is_text, read_setting
+from orchestration.fmu.simulation import LimitOutputs
 from orchestration.system import checking
 
 _NOISE = 1  # parts the random numbers of a signal's noise from those of a stimulus

@@ -11,11 +11,12 @@ from collections.abc import Sequence
 from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING, Any
 
-from fmus.kit import UserError, suggestion
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.files import is_file, is_folder
 from orchestration.experiment.library import shipped
 from orchestration.experiment.model import Experiment, NoiseTable, parse
 from orchestration.experiment.stimulus import KINDS
+from orchestration.experiment.values import read_toml
 from orchestration.reporting import option
 from orchestration.system.ssp import ENDINGS
 
@@ -73,18 +74,6 @@ def _tables(path: Path, unchanged: bool) -> dict[str, Any]:
     if path.suffix.lower() in ENDINGS:
         return {"system": path.name}
     return _from_result(path, unchanged)
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """Read a file as TOML; UserError with the line that is none."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise UserError(f"{path}: not a text in UTF-8") from error
-    except tomllib.TOMLDecodeError as error:
-        raise UserError(f"{path}: {str(error)[0].lower()}{str(error)[1:]}") from error
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
 
 
 def _from_result(path: Path, unchanged: bool) -> dict[str, Any]:

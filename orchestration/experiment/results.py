@@ -23,7 +23,8 @@ from fmus.kit import UserError, files, units
 from fmus.kit.arrays import Array
 from fmus.kit.extras import optional
 from fmus.kit.storage import scratch
-from orchestration.experiment.model import Experiment, checked, parse
+from orchestration.experiment.model import Experiment, parse
+from orchestration.experiment.values import checked
 from orchestration.fmu import Signal
 from orchestration.master import Pacing
 from orchestration.records import write_record

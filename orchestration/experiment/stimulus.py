@@ -21,7 +21,7 @@ from orchestration.experiment.values import (
     Span,
     ValueTable,
 )
-from orchestration.fmu import held
+from orchestration.fmu.simulation import held
 from orchestration.records import read_record
 
 _ZERO = QuantityValue(0.0)

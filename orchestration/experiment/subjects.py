@@ -9,24 +9,17 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, Protocol
 
-from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.record import CompiledModel
 from fmus.kit.storage import scratch
 from orchestration import master
 from orchestration.experiment.model import Experiment, Master
-from orchestration.fmu import (
-    FmuSource,
-    LimitOutputs,
-    Signal,
-    Value,
-    declared_model,
-    find_model,
-    read_description,
-    read_signal,
-    refuse_runtime,
-)
+from orchestration.fmu import Signal, Value, find_model, read_description
 from orchestration.fmu.isolation import Limits
+from orchestration.fmu.model import declared_model, refuse_runtime
+from orchestration.fmu.signal import read_signal
+from orchestration.fmu.simulation import FmuSource, LimitOutputs
 from orchestration.master.reference import Mechanical, fuse, mechanical
 from orchestration.system import Member, Port, System, library, ssp
 from orchestration.system import checking as check

@@ -24,14 +24,10 @@ from fmus.kit.record import CompiledModel
 from fmus.kit.storage import scratch
 from orchestration.experiment.model import Master
 from orchestration.experiment.subjects import Subject, subject_of, unknown_laws, with_classes
-from orchestration.fmu import (
-    FmuSource,
-    Model,
-    Signal,
-    Value,
-    numeric,
-    refuse_runtime,
-)
+from orchestration.fmu import Model, Signal, Value
+from orchestration.fmu.model import refuse_runtime
+from orchestration.fmu.signal import numeric
+from orchestration.fmu.simulation import FmuSource
 from orchestration.master.reference import fuse
 from orchestration.system import NAMES, System, interface, library, ssp
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -12,12 +14,16 @@ from pydantic import (
     ConfigDict,
     PlainSerializer,
     PlainValidator,
+    ValidationError,
     ValidationInfo,
     model_validator,
 )
 
-from fmus.kit import suggestion, units
-from orchestration.fmu import read_quantity
+from fmus.kit import units
+from fmus.kit.errors import UserError, suggestion
+from orchestration.fmu.signal import read_quantity
+
+Checked = TypeVar("Checked", bound=BaseModel)
 
 
 class ValueTable(BaseModel):
@@ -92,3 +98,66 @@ Seconds = Annotated[float, _in("s", positive=False)]
 Span = Annotated[float, _in("s")]
 Hertz = Annotated[float, _in("Hz")]
 File = Annotated[str, BeforeValidator(_reachable)]
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a file as TOML; UserError with the line that is none."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path}: not a text in UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        raise UserError(f"{path}: {str(error)[0].lower()}{str(error)[1:]}") from error
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def checked(
+    table: type[Checked], given: Mapping[str, Any], where: str, folder: str | None = None
+) -> Checked:
+    """Check a file against the keys of its tables.
+
+    It is `parse` for files that hold more than an experiment.
+    """
+    try:
+        return table.model_validate(given, context={"folder": folder})
+    except ValidationError as error:
+        problems = error.errors(include_url=False)
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        raise UserError(f"{where}: {_line(problems[0])}{more}") from error
+
+
+def _line(problem: Any) -> str:
+    """Put a problem that pydantic reports into a line: key, value, what is allowed."""
+    place = list(problem["loc"])
+    if place[:1] == ["inputs"]:
+        del place[2:3]  # the kind, by which pydantic distinguishes the tables
+    kind, given, context = problem["type"], problem["input"], problem.get("ctx", {})
+    if kind == "missing":
+        return f"{_key(place)} is missing"
+    if kind == "union_tag_not_found":
+        return f"{_key(place)}.kind is missing"
+    if kind == "union_tag_invalid":
+        kinds = [tag.strip("' ") for tag in context["expected_tags"].split(",")]
+        return (
+            f"{_key(place)}.kind = {context['tag']!r}: unknown{suggestion(context['tag'], kinds)}"
+        )
+    value = "" if isinstance(given, dict) else f" = {given!r}"
+    if kind == "model_type":
+        return f"{_key(place)}{value}: should be a table"
+    if kind == "value_error":
+        return f"{_key(place)}{value}: {context['error']}".removeprefix(": ")
+    allowed = (
+        problem["msg"]
+        .removeprefix("Input ")
+        .replace("valid dictionary", "table")
+        .replace(" after validation", "")
+    )
+    return f"{_key(place)}{value}: {allowed[0].lower()}{allowed[1:]}"
+
+
+def _key(place: list[Any]) -> str:
+    text = ""
+    for part in place:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text

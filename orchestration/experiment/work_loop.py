@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus import component
-from fmus.kit import Component, UserError, suggestion
+from fmus.kit import Component
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.record import CompiledModel
 from fmus.kit.units import convert
 from orchestration import master

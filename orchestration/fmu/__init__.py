@@ -1,4 +1,4 @@
-"""Single FMUs of any origin: files, models and signals, instances, simulation, and checks.
+"""Single FMUs of any origin: archives, instances, and models that are found by name.
 
 Names are loaded when they are first used, so that listing variables loads nothing that runs FMUs.
 """

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple, Self
 import fmpy.fmi2 as fmi2
 import numpy as np
 
-from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.storage import scratch
 from orchestration.fmu import exit_notice
 from orchestration.fmu.archive import first_line, read_description, unpack

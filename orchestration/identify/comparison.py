@@ -9,17 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
-from orchestration.fmu import Model, Value, numeric, simulate, source_of
+from fmus.kit.errors import UserError, suggestion
+from orchestration.fmu import Model, Value
 from orchestration.fmu.isolation import limits_of
+from orchestration.fmu.signal import numeric
+from orchestration.fmu.simulation import simulate, source_of
 from orchestration.identify import presentation
 from orchestration.identify.fitting import FmuWithDifferences
 from orchestration.identify.grey_box import Fit, fit_grey_box
 from orchestration.identify.metrics import fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
 from orchestration.records import Arrays, Record, read_record, read_runs
-from orchestration.reporting import Displayable, make_page, one_line, option, path_of_report
+from orchestration.reporting import Displayable, make_page, one_line, option
+from orchestration.reporting.html import path_of_report
 
 if TYPE_CHECKING:
     import pandas

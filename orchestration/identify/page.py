@@ -7,11 +7,13 @@ import shlex
 
 import numpy as np
 
-from fmus.kit import UserError, capitalised, in_words, law_title, units, variable_title
+from fmus.kit import UserError, units
+from fmus.kit.titles import capitalised, in_words, law_title, variable_title
 from fmus.kit.units import format_prefixed, printed, unit_of_differences, write_prefixed
 from orchestration.identify.comparison import Comparison, GoodnessOfFit
 from orchestration.identify.grey_box import Fit
-from orchestration.reporting import (
+from orchestration.reporting import flag, make_page, pictures
+from orchestration.reporting.html import (
     Bar,
     Markup,
     Page,
@@ -19,10 +21,7 @@ from orchestration.reporting import (
     Trace,
     elements,
     escaped,
-    flag,
     format_ends,
-    make_page,
-    pictures,
     stacked,
 )
 

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic import Graph
 from orchestration.linear.operating_point import OperatingPoint

@@ -15,8 +15,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from fmus.kit import Declaration, UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.declare import Declaration
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic import Graph
 from orchestration.linear.operating_point import OperatingPoint

@@ -19,7 +19,9 @@ import numpy as np
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.extras import optional
-from orchestration.fmu import ExchangeFmu, Fmu, Model, Signal, Value, grid, numeric
+from orchestration.fmu import ExchangeFmu, Fmu, Model, Signal, Value
+from orchestration.fmu.signal import numeric
+from orchestration.fmu.simulation import grid
 from orchestration.linear.blocks import LinearBlocks
 from orchestration.linear.discretisation import Matrices, assemble
 from orchestration.linear.model import LinearModel

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
-from fmus.kit import UserError, files, suggestion
+from fmus.kit import files
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.extras import optional
 from fmus.kit.interrupt import uninterrupted
 from orchestration.linear.discretisation import Matrices

@@ -9,7 +9,9 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from fmus.kit import Component, Declaration, UserError, suggestion
+from fmus.kit import Component
+from fmus.kit.declare import Declaration
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import Graph, trace
 from orchestration.linear.blocks import LinearBlocks, blocks_of, jacobians

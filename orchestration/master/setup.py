@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.storage import scratch
 from orchestration.fmu import Fmu, unpack
 from orchestration.fmu.signal import type_of

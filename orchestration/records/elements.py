@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from orchestration.records.record import refuse
-from orchestration.records.table import Column, Table
+from orchestration.records.tables import Column, Table
 
 
 def split_arrays(table: Table, signals: Collection[str]) -> Table:

@@ -10,10 +10,9 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from fmus.kit import UserError
-from orchestration.records.header import read_header_cell
 from orchestration.records.record import refuse
-from orchestration.records.table import Column, Table, as_numbers
-from orchestration.records.time_column import TIME
+from orchestration.records.tables import Column, Table, as_numbers, read_header_cell
+from orchestration.records.times import TIME
 
 _numbers = count(1)
 

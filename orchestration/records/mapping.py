@@ -3,12 +3,11 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from fmus.kit import UserError, suggestion
-from orchestration.records.instants import holds_instants, joined
+from fmus.kit.errors import UserError, suggestion
 from orchestration.records.proposal import propose
 from orchestration.records.record import Repair, refuse
-from orchestration.records.table import INDEX, Column, Table, split_header_cell
-from orchestration.records.time_column import TIME, find_time, other_half
+from orchestration.records.tables import INDEX, Column, Table, split_header_cell
+from orchestration.records.times import TIME, find_time, holds_instants, joined, other_half
 from orchestration.reporting import option
 
 

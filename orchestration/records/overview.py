@@ -11,15 +11,20 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.records.clock import Samples, evenly_sampled, repair_clock
 from orchestration.records.formats import read_table
-from orchestration.records.header import is_unit, plain_unit
-from orchestration.records.instants import first_text, holds_instants, joined
 from orchestration.records.mapping import Match
 from orchestration.records.proposal import Proposal, propose
 from orchestration.records.reading import time_in_seconds
-from orchestration.records.table import Column, Table, numbers
-from orchestration.records.time_column import TIME, find_time, other_half
+from orchestration.records.sampling import Samples, evenly_sampled, repair_clock
+from orchestration.records.tables import Column, Table, is_unit, numbers, plain_unit
+from orchestration.records.times import (
+    TIME,
+    find_time,
+    first_text,
+    holds_instants,
+    joined,
+    other_half,
+)
 
 _SHORTEST_WORD = 3  # letters of a column's name that is a unit, such as Amps
 

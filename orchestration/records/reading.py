@@ -5,18 +5,24 @@ from pathlib import Path
 
 import numpy as np
 
-from fmus.kit import UserError, suggestion, units
+from fmus.kit import units
 from fmus.kit.arrays import Array
-from orchestration.records.channels import mask_infinite, notice_channels, repair_holes
-from orchestration.records.clock import Samples, repair_clock
+from fmus.kit.errors import UserError, suggestion
 from orchestration.records.elements import split_arrays
 from orchestration.records.formats import read_table
 from orchestration.records.frames import Arrays, table_of
-from orchestration.records.instants import FORMS, holds_instants, seconds
 from orchestration.records.mapping import TIME, Match, match_columns
 from orchestration.records.record import Record, Repair, refuse
 from orchestration.records.runs import divided_at_restarts, divided_by, run_marks
-from orchestration.records.table import Table, numbers
+from orchestration.records.sampling import (
+    Samples,
+    mask_infinite,
+    notice_channels,
+    repair_clock,
+    repair_holes,
+)
+from orchestration.records.tables import Table, numbers
+from orchestration.records.times import FORMS, holds_instants, seconds
 from orchestration.reporting import option
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmus.kit import UserError, files
-from orchestration.records.table import INDEX
+from orchestration.records.tables import INDEX
 from orchestration.reporting import BackgroundWriter
 
 _EVERY = 2.0  # s between two pieces of a journal

@@ -18,7 +18,7 @@ from fmus.kit import UserError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from orchestration.reporting.page import Page
+    from orchestration.reporting.html import Page
 
 
 @singledispatch

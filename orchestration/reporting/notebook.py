@@ -120,7 +120,7 @@ def _html(part: RenderableType) -> str:
 
 def _table(table: Table) -> str:
     """Return a table with its title above it; numbers stand to the right."""
-    from orchestration.reporting.page import SCROLLED
+    from orchestration.reporting.html import SCROLLED
 
     columns = [(column, f' style="text-align:{column.justify}"') for column in table.columns]
     head = "".join(f"<th{style}>{_escaped(column.header)}</th>" for column, style in columns)
@@ -138,6 +138,6 @@ def _table(table: Table) -> str:
 
 def _escaped(content: RenderableType) -> str:
     """Return a text of rich, or of Python, as HTML."""
-    from orchestration.reporting.page import escaped
+    from orchestration.reporting.html import escaped
 
     return escaped(str(content))

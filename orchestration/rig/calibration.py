@@ -23,9 +23,10 @@ from pydantic import (
     ValidationError,
 )
 
-from fmus.kit import UserError, suggestion, units
+from fmus.kit import units
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.files import is_file
-from orchestration.experiment import read_toml
+from orchestration.experiment.values import read_toml
 from orchestration.rig.signals import UNITS, Limit
 
 _PRESETS = Path(__file__).with_name("presets")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 
-from fmus.kit import UserError, suggestion
+from fmus.kit.errors import UserError, suggestion
 
 RIG_COMPONENT = "ppy_actuator"
 """Component that models the actuator on the rig."""

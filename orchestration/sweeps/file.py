@@ -12,19 +12,11 @@ from pydantic import Field, model_validator
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.files import is_file
-from orchestration.experiment import (
-    Experiment,
-    ValueTable,
-    checked,
-    find_system,
-    parse,
-    prepare,
-    read,
-    read_toml,
-    shipped,
-    subject,
-    system_model,
-)
+from orchestration.experiment import Experiment, parse, read, shipped
+from orchestration.experiment.preparation import prepare
+from orchestration.experiment.subjects import subject
+from orchestration.experiment.system_model import find_system, system_model
+from orchestration.experiment.values import ValueTable, checked, read_toml
 from orchestration.fmu import Model, Value, find_model
 from orchestration.sweeps.fitted import read_fitted
 from orchestration.sweeps.reductions import KEPT, TRACE

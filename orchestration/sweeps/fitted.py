@@ -15,8 +15,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.units import format_range
-from orchestration.experiment import checked
-from orchestration.fmu import Model, Value, show
+from orchestration.experiment.values import checked
+from orchestration.fmu import Model, Value
+from orchestration.fmu.signal import show
 from orchestration.identify.uncertainty import Distribution, Estimate, joint_distribution
 from orchestration.reporting import option
 from orchestration.sweeps.designs import MOST

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
-from orchestration.fmu import Model, Signal, read_setting
+from fmus.kit.errors import UserError, suggestion
+from orchestration.fmu import Model, Signal
+from orchestration.fmu.signal import read_setting
 from orchestration.reporting import option
 
 MOST = 10_000_000  # values of one parameter

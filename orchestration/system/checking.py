@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
-from fmus.kit import UserError, suggestion, units
+from fmus.kit import units
+from fmus.kit.errors import UserError, suggestion
 from orchestration.fmu import Archive, Model, Signal, find_model
 from orchestration.fmu.signal import check_value
 from orchestration.system.model import Connection, Member, Port, System

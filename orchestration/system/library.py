@@ -7,7 +7,8 @@ from math import tanh
 from typing import Any
 
 from fmus import component, effects
-from fmus.kit import Component, UserError, stack, suggestion
+from fmus.kit import Component, stack
+from fmus.kit.errors import UserError, suggestion
 from orchestration.system.model import Connection, Member, Port, System, connect
 from orchestration.system.voltmeter import Voltmeter
 

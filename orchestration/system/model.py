@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from fmus.kit import UserError, suggestion
+from fmus.kit.errors import UserError, suggestion
 from orchestration.fmu import Value
 
 if TYPE_CHECKING:

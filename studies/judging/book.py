@@ -56,7 +56,7 @@ judged likewise.
 """,
     code=(
         *DIAGNOSIS,
-        "orchestration/fmu/effects.py",
+        "orchestration/fmu/model/effects.py",
         "studies/hidden",
         "studies/clean",
         "studies/plants/book.py",

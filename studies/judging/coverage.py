@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.tables import Table, Topic
-from fmus.kit import Effect, SignalTerm, correction
+from fmus.kit import Effect
+from fmus.kit.corrections import SignalTerm, correction
 from orchestration.api import read_record
 from orchestration.discrepancy import diagnose
 from orchestration.discrepancy.data import joined_dataset

@@ -14,15 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from fmus.kit import Component, Effect, UserError, effect_name, stack
+from fmus.kit import Component, Effect, UserError, stack
 from fmus.kit.arrays import Array
+from fmus.kit.effects import effect_name
 from orchestration.discrepancy.candidates import (
     catalogue,
     own_parameters,
     sampling_of,
     signal_scales,
 )
-from orchestration.fmu import families, known_effects
+from orchestration.fmu.model import families, known_effects
 from orchestration.identify.fitting import Problem
 from studies.clean import CleanRecord, noise_scale
 from studies.hidden import effective_samples, widths

@@ -279,7 +279,7 @@ alone from nominal values and takes the best ([why](decisions/0028-one-noise-for
         *DIAGNOSIS,
         "fmus/galvanostat",
         "fmus/voice_coil_dma",
-        "orchestration/fmu/effects.py",
+        "orchestration/fmu/model/effects.py",
         "studies/hidden",
         "studies/clean",
         "studies/judging/hidden.py",

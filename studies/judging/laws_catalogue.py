@@ -8,8 +8,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from benchmarks.tables import Table, Topic
-from fmus.kit import Effect, UserError, effect_name, made_with
+from fmus.kit import Effect, UserError
 from fmus.kit.arrays import Array
+from fmus.kit.effects import effect_name, made_with
 from studies.hidden_laws import Answer, LawCase, base_of, draw_lack, is_right, series
 from studies.judging.clean import settings_of
 from studies.judging.laws_answers import excluded, stands_still

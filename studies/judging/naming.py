@@ -109,8 +109,8 @@ def judge(case: Case) -> Row:
     from orchestration.discrepancy import diagnose
     from orchestration.discrepancy.candidates import catalogue
     from orchestration.discrepancy.data import dataset_of
-    from orchestration.fmu import catalogue as known_effects
     from orchestration.fmu import find_model
+    from orchestration.fmu.model import catalogue as known_effects
     from orchestration.identify import normalised_rms
     from orchestration.rig import RIG_COMPONENT
 
@@ -156,7 +156,8 @@ def judge(case: Case) -> Row:
 @cache
 def _families() -> dict[str, str]:
     """Return effects of the catalogue by name, with what shapes of one cause have in common."""
-    from orchestration.fmu import catalogue, find_model
+    from orchestration.fmu import find_model
+    from orchestration.fmu.model import catalogue
     from orchestration.rig import RIG_COMPONENT
 
     return {

@@ -12,8 +12,7 @@ from scipy.signal import butter, filtfilt, resample
 from fmus import COMPONENTS, component, effects
 from fmus.kit import UserError, stack
 from fmus.kit.record.compiled import CompiledModel
-from orchestration.fmu.effects import catalogue
-from orchestration.fmu.model import find_model, load_class
+from orchestration.fmu.model import catalogue, find_model, load_class
 from orchestration.identify.grey_box import fit_grey_box
 from orchestration.identify.metrics import fit_percent
 from orchestration.records import read_record

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from fmus import effects
-from fmus.kit import effect_title
+from fmus.kit.titles import effect_title
 
 pytestmark = pytest.mark.slow  # more than a minute of real time
 

@@ -17,6 +17,27 @@ from docs.draw_architecture import imports
 from tests.support import doors
 from tests.support.import_graph import module_graph
 
+WIDEST = 17  # names that a package may offer
+# may not become wider: rooms that are to be replaced, front doors, catalogues of effects and plants
+WIDER = {
+    "fmus.kit": 19,  # the language of components; the functions of laws count as one
+    "fmus.kit.build": 27,
+    "fmus.kit.symbolic": 19,
+    "fmus.ppy_actuator.effects": 27,
+    "fmus.rig_proxy": 34,
+    "orchestration": 22,
+    "orchestration.api": 29,
+    "orchestration.discrepancy.candidates": 20,
+    "orchestration.discrepancy.data": 26,
+    "orchestration.discrepancy.selection": 32,
+    "orchestration.discrepancy.validation": 24,
+    "orchestration.identify": 18,
+    "orchestration.identify.black_box": 18,
+    "orchestration.identify.fitting": 27,
+    "orchestration.identify.uncertainty": 19,
+    "orchestration.rig": 25,
+    "studies.plants": 20,
+}
 ROOT = Path(__file__).parents[2]
 TESTS = ROOT / "tests"
 MODULES = [
@@ -78,10 +99,11 @@ def test_the_hooks_before_a_commit_are_the_checks_of_make() -> None:
 def test_an_import_past_a_door_is_seen() -> None:
     """Of a module of another package, not of one's own, of one around it, or of one offered."""
     past = {
-        ("orchestration.sweeps.task", "orchestration.fmu.model"): False,
+        ("orchestration.sweeps.task", "orchestration.fmu.instance"): False,
+        ("orchestration.sweeps.task", "orchestration.fmu.model.loading"): False,
         ("orchestration.sweeps.task", "orchestration.fmu"): True,
-        ("orchestration.fmu.simulation", "orchestration.fmu.model"): True,
-        ("orchestration.fmu.check.binaries", "orchestration.fmu.model"): True,
+        ("orchestration.fmu.simulation.repeated", "orchestration.fmu.instance"): True,
+        ("orchestration.fmu.check.binaries", "orchestration.fmu.instance"): True,
         ("orchestration.sweeps.task", "orchestration.reporting.console"): True,
     }
     assert {imports: doors.may_import(*imports) for imports in past} == past
@@ -122,6 +144,20 @@ def test_every_name_that_a_package_offers_is_there() -> None:
         module = importlib.import_module(named(package).replace("/", "."))
         absent = [name for name in module.__all__ if not hasattr(module, name)]
         assert absent == [], module.__name__
+
+
+def test_a_door_is_no_wider_than_it_may_be() -> None:
+    packages = [path.parent for root in doors.ROOTS for path in (ROOT / root).rglob("__init__.py")]
+    offered = {name: doors.offered(name) for name in map(dotted, packages)}
+    assert {
+        package: len(names)
+        for package, names in offered.items()
+        if len(names) > WIDER.get(package, WIDEST)
+    } == {}
+
+
+def dotted(package: Path) -> str:
+    return named(package).replace("/", ".")
 
 
 def test_one_version_is_named_everywhere() -> None:

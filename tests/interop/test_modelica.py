@@ -19,7 +19,7 @@ from fmus import COMPONENTS
 from fmus.kit import stack
 from fmus.kit.build import build_cached
 from fmus.kit.modelica import class_name, package_files
-from orchestration.fmu import find_class, known_effects
+from orchestration.fmu.model import find_class, known_effects
 from tests.support.effect_samples import ACTIVE, active
 from tests.support.modelica import (
     Courses,

@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 
 from fmus.kit import UserError
-from orchestration.fmu import Archive, EndedSimulation, Fmu, simulate_instance
+from orchestration.fmu import Archive, Fmu
 from orchestration.fmu.signal import type_of
+from orchestration.fmu.simulation import EndedSimulation, simulate_instance
 from tests.support.command import works
 
 FOLDER = os.environ.get("PPY_REFERENCE_FMUS", "")

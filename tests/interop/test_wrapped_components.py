@@ -10,9 +10,10 @@ import pytest
 from fmus import component
 from fmus.kit import stack
 from fmus.kit.build import build_cached
-from orchestration.fmu import Fmu, find_model, simulate_instance
+from orchestration.fmu import Fmu, find_model
 from orchestration.fmu.check import check_fmu
-from orchestration.fmu.effects import find_effects
+from orchestration.fmu.model.effects import find_effects
+from orchestration.fmu.simulation import simulate_instance
 from tests.support.fmu_faults import lines
 from tests.support.stimuli import STIMULI
 

@@ -6,7 +6,8 @@ import re
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from fmus.kit import Effect, effect_name
+from fmus.kit import Effect
+from fmus.kit.effects import effect_name
 from tests.support.source import ROOT
 
 

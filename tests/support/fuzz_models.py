@@ -209,7 +209,7 @@ def _places(frames: Sequence[traceback.FrameSummary]) -> str:
 
 def _answered(case: Case, folder: Path) -> list[str]:
     """Call what the case is of; return what is wrong with its answer."""
-    from orchestration.fmu import find_class
+    from orchestration.fmu.model import find_class
 
     options = dict(case.options)
     for option in ("holdout", "compare"):
@@ -224,7 +224,7 @@ def _answered(case: Case, folder: Path) -> list[str]:
 
 
 def _some_effects(cls: Any, draw: random.Random) -> list[str]:
-    from orchestration.fmu import families, known_effects
+    from orchestration.fmu.model import families, known_effects
 
     offered = [*known_effects(cls), *families(cls)]
     return draw.sample(offered, min(len(offered), draw.randint(1, 5)))

@@ -25,7 +25,9 @@ def modules() -> dict[str, Path]:
     ):
         for path in sorted((ROOT / folder).rglob("*.py")):
             parts = path.relative_to(ROOT).with_suffix("").parts
-            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+            stub = path.with_suffix(".pyi")  # what a package whose names are loaded on use offers
+            name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+            found[name] = stub if stub.exists() else path
     return found
 
 
@@ -100,7 +102,7 @@ def _within(module: str, names: list[str]) -> bool:
         return node is not None
     if isinstance(node, ast.ImportFrom):  # passed on from elsewhere, where it is looked for
         package = (
-            module.split(".") if modules()[module].name == "__init__.py" else module.split(".")[:-1]
+            module.split(".") if modules()[module].stem == "__init__" else module.split(".")[:-1]
         )
         above = package[: len(package) + 1 - node.level] if node.level else []
         return exists(".".join([*above, *filter(None, [node.module]), *names]))

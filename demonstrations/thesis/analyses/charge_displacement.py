@@ -18,7 +18,7 @@ from demonstrations.thesis.claim import Claim, Entry, Erratum, Illustration
 from fmus.kit.arrays import Array
 from fmus.ppy_actuator import PpyActuator
 from fmus.ppy_actuator.effects import StrainLag, StrainSaturation
-from orchestration.experiment import square_wave
+from orchestration.experiment.waveforms import square_wave
 from orchestration.reporting import pictures
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from demonstrations.thesis.claim import Claim, Entry, Erratum, Illustration, num
 from demonstrations.thesis.work_loops import DAMPING, STIFFNESS
 from fmus.kit.arrays import Array
 from fmus.ppy_actuator import PpyActuator
-from orchestration.experiment import force_staircase
+from orchestration.experiment.waveforms import force_staircase
 from orchestration.identify import Fit, fit_grey_box
 from orchestration.reporting import pictures
 

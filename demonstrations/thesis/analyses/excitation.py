@@ -10,7 +10,7 @@ import numpy as np
 
 from demonstrations.thesis.claim import Claim, Entry, Erratum, Illustration
 from fmus.kit.arrays import Array
-from orchestration.experiment import force_staircase, multilevel, square_wave
+from orchestration.experiment.waveforms import force_staircase, multilevel, square_wave
 from orchestration.identify.black_box import CUTOFF, autocovariance_matrix, pexcit
 from orchestration.reporting import pictures
 

@@ -17,7 +17,7 @@ import numpy as np
 from demonstrations.graphical import CircuitReading, GraphicalEstimate, read_circuit
 from demonstrations.thesis.circuit import CIRCUIT, PERIOD, response
 from demonstrations.thesis.claim import Claim, Entry, Illustration
-from orchestration.experiment import square_wave
+from orchestration.experiment.waveforms import square_wave
 from orchestration.reporting import pictures
 
 if TYPE_CHECKING:

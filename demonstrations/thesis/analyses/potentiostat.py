@@ -16,7 +16,7 @@ from demonstrations.thesis.claim import Claim, Entry, Erratum, Illustration
 from demonstrations.thesis.forgetting import recursive
 from demonstrations.thesis.identification import MEANS
 from fmus.kit.arrays import Array
-from orchestration.experiment import square_wave
+from orchestration.experiment.waveforms import square_wave
 from orchestration.reporting import pictures
 
 if TYPE_CHECKING:

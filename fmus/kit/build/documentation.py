@@ -15,8 +15,9 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from fmus.kit.build.parameters import to_ssv
-from fmus.kit.component import Component, Effect
+from fmus.kit.component import Component
 from fmus.kit.declare import Declaration, ParameterDeclaration, TextDeclaration
+from fmus.kit.effects import Effect
 from fmus.kit.titles import within_sentence
 from fmus.kit.units import format_range, format_value
 

@@ -16,7 +16,8 @@ from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from fmus.kit.component import Component, made_by, made_with, stacked_with, unstack
+from fmus.kit.component import Component
+from fmus.kit.effects import made_by, made_with, stacked_with, unstack
 from fmus.kit.errors import UserError
 from fmus.kit.layout import law_of
 
@@ -28,6 +29,7 @@ RUNTIME_MODULES = (
     "corrections",
     "curves",
     "declare",
+    "effects",
     "errors",
     "functions",
     "generic",
@@ -105,7 +107,7 @@ def _entry(cls: type[Component], places: dict[type[Component], tuple[str, str]],
     base, effects = unstack(cls)
     # classes of different modules may share a name
     parts = {used: f"Part{n}" for n, used in enumerate(places)}
-    imports = [f"from .kit import {', '.join(_kit_names(effects))}", slave]
+    imports = ["from .kit import stack", *_argument_imports(effects), slave]
     for used, (place, name) in places.items():
         imports.append(f"from .{place} import {name} as {parts[used]}")
     if cls is base:
@@ -129,14 +131,11 @@ def _entry(cls: type[Component], places: dict[type[Component], tuple[str, str]],
     return "\n".join(lines) + "\n"
 
 
-def _kit_names(effects: Iterable[type[Component]]) -> list[str]:
-    """Return the names of the kit that the entry module uses."""
-    names = {"stack"}
-    for effect in effects:
-        for value in made_with(effect).values():
-            if is_dataclass(value):
-                names.add(type(value).__name__)
-    return sorted(names)
+def _argument_imports(effects: Iterable[type[Component]]) -> set[str]:
+    """Return the imports of the kit's classes of which effects have values as arguments."""
+    values = [value for effect in effects for value in made_with(effect).values()]
+    kinds = {type(value) for value in values if is_dataclass(value)}
+    return {f"from .{place_of(kind.__module__)} import {kind.__name__}" for kind in kinds}
 
 
 def _part(cls: type[Component], parts: dict[type[Component], str]) -> str:

@@ -34,7 +34,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element, SubElement
 
-from fmus.kit.component import Component, Effect, effect_name, made_with, unstack
+from fmus.kit.component import Component
+from fmus.kit.effects import Effect, effect_name, made_with, unstack
 from fmus.kit.errors import UserError
 from fmus.kit.sampling import Sampling
 
@@ -61,7 +62,7 @@ class Provenance:
         Digest of the laws; empty if the description does not tell it.
     effects : tuple of str
         Names of the effects laid over it, innermost first; see
-        :func:`fmus.kit.component.effect_name`.
+        :func:`fmus.kit.effects.effect_name`.
     remarks : tuple of str
         Further statements about it.
     samplings : Mapping of str to Sampling

@@ -19,9 +19,10 @@ import numpy as np
 from fmus.kit import units
 from fmus.kit.arms import ARMS, lag_effect, storing_wall
 from fmus.kit.arrays import Array
-from fmus.kit.component import Component, Effect
+from fmus.kit.component import Component
 from fmus.kit.curves import SHAPES, EffectNames, curve, variable
 from fmus.kit.declare import Declaration, ParameterDeclaration
+from fmus.kit.effects import Effect
 from fmus.kit.generic import force_offset
 from fmus.kit.inputs import INPUT_CURVES, INPUT_MEMORIES
 from fmus.kit.interrupt import uninterrupted

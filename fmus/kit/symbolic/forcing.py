@@ -17,8 +17,9 @@ import casadi as ca
 import numpy as np
 
 from fmus.kit.arrays import Array
-from fmus.kit.component import Component, Effect, stack
+from fmus.kit.component import Component
 from fmus.kit.declare import Declaration
+from fmus.kit.effects import Effect, stack
 from fmus.kit.errors import UserError
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic.tracing import Graph, trace

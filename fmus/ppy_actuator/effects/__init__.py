@@ -9,7 +9,8 @@ a qualifier.
 
 from __future__ import annotations
 
-from ...kit import Effect, effects_by_name
+from ...kit import Effect
+from ...kit.effects import effects_by_name
 from .ageing import CapacitanceFade, ResistanceGrowth, SelfHeating
 from .coupling import (
     ChargeDependentStiffness,

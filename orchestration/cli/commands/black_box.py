@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def black_box(options: BlackBoxCommand) -> None:
     """Identify discrete-time models of one column of a record, and choose one."""
     from orchestration.api import black_box as work
-    from orchestration.reporting import progress
+    from orchestration.reporting.console import progress
 
     Outputs(
         {"the record": options["record"]},
@@ -37,8 +37,8 @@ def black_box(options: BlackBoxCommand) -> None:
 def _show(identified: BlackBox, options: BlackBoxCommand) -> None:
     """Print the result, and write what was asked for."""
     from orchestration.identify.black_box.study import class_name
-    from orchestration.reporting import note, wrote
-    from orchestration.reporting import out as console
+    from orchestration.reporting.console import note, wrote
+    from orchestration.reporting.console import out as console
 
     report = options["report"]
     out = options["out"]

@@ -41,7 +41,7 @@ def build(options: BuildCommand) -> None:
     """
     from fmus.kit import build as kit
     from fmus.kit.build.stock import LIMITS
-    from orchestration.reporting import note
+    from orchestration.reporting.console import note
 
     platforms = platform_list(options["platforms"])
     planned = _plan(options)
@@ -79,7 +79,8 @@ def _plan(options: BuildCommand) -> list[_PlannedFmu]:
 def _component(name: str, options: BuildCommand) -> type[Component]:
     """Return a component with effects laid over it, and with settings as its defaults."""
     from fmus.kit import stack
-    from orchestration.fmu import declared_signal, find_class, read_settings
+    from orchestration.fmu.model import find_class, read_settings
+    from orchestration.fmu.signal import declared_signal
 
     cls = find_class(name, options["laid_over"])
     known = {p.name: declared_signal(p) for p in (*cls.layout.parameters, *cls.layout.texts)}
@@ -108,7 +109,7 @@ def _build_all(planned: Sequence[_PlannedFmu], platforms: list[str] | None) -> b
     """Build FMUs; return False if one lacks a platform, which is noted, as its build failed."""
     from fmus.kit import build as kit
     from fmus.kit import files
-    from orchestration.reporting import note, out, progress
+    from orchestration.reporting.console import note, out, progress
 
     failures: list[str] = []
 

@@ -52,7 +52,7 @@ def _show(fmu: Path, findings: Sequence[Finding]) -> None:
     """Print the findings about an FMU, and how many there are."""
     from rich.text import Text
 
-    from orchestration.reporting import out
+    from orchestration.reporting.console import out
 
     for finding in findings:
         style = {"error": "red", "warning": "yellow"}.get(finding.severity, "dim")

@@ -20,7 +20,8 @@ def compare(options: CompareCommand) -> None:
     """Hold a model against a measured record: fit in percent, RMS error, whiteness."""
     from orchestration.cli.models import model_file, note_neutral, open_measured
     from orchestration.identify import comparison as work
-    from orchestration.reporting import pictures, progress
+    from orchestration.reporting import pictures
+    from orchestration.reporting.console import progress
 
     names = options["fit"]
     Outputs(
@@ -43,7 +44,7 @@ def compare(options: CompareCommand) -> None:
 
 def _require(comparison: Comparison, percent: float) -> None:
     """End with exit status 1 where an output does not fit as well as is required."""
-    from orchestration.reporting import warn
+    from orchestration.reporting.console import warn
 
     judged = comparison.before if comparison.after is None else comparison.after
     short = {
@@ -57,7 +58,7 @@ def _require(comparison: Comparison, percent: float) -> None:
 
 def _write(comparison: Comparison, options: CompareCommand) -> None:
     """Write the figures and the picture of a comparison."""
-    from orchestration.reporting import wrote
+    from orchestration.reporting.console import wrote
 
     effects = comparison.model.effects
     figures = comparison.to_dict() | ({"with": list(effects)} if effects else {})
@@ -71,7 +72,7 @@ def _write(comparison: Comparison, options: CompareCommand) -> None:
 def show(comparison: Comparison) -> None:
     """Print a comparison: fit per output, and the fitted parameters with their intervals."""
     from orchestration.identify import overview
-    from orchestration.reporting import out, warn
+    from orchestration.reporting.console import out, warn
 
     out.print(overview(comparison))
     for warning in comparison.fit.all_warnings if comparison.fit else ():

@@ -32,7 +32,7 @@ def diagnose(options: DiagnoseCommand) -> None:
 
 def _require(verdicts: Sequence[str], verdict: str) -> None:
     """End with exit status 1 where a diagnosis does not come to a verdict that is required."""
-    from orchestration.reporting import warn
+    from orchestration.reporting.console import warn
 
     if verdicts and verdict not in verdicts:
         warn(f"--require {','.join(verdicts)}: the verdict is {verdict}")

@@ -38,8 +38,8 @@ def modelica(options: ExportModelicaCommand) -> None:
     from fmus.kit.build import version
     from fmus.kit.modelica import PACKAGE, package_files
     from orchestration.cli.models import model_file
-    from orchestration.fmu import find_class
-    from orchestration.reporting import wrote
+    from orchestration.fmu.model import find_class
+    from orchestration.reporting.console import wrote
 
     names = options["names"] or []
     if options["laid_over"] and not names:
@@ -63,7 +63,7 @@ def modelica(options: ExportModelicaCommand) -> None:
 def _fmus(classes: Sequence[type[Component]]) -> dict[str, bytes]:
     """Return the FMUs of components for this machine."""
     from fmus.kit import build
-    from orchestration.reporting import progress
+    from orchestration.reporting.console import progress
 
     with progress() as tell:
         tell(f"building {len(classes)} FMUs unless they are there")

@@ -44,7 +44,7 @@ def frequency(options: FrequencyCommand) -> None:
 def _without_model(options: FrequencyCommand) -> FrequencyResponse:
     """Estimate responses of columns alone; tell what was repaired."""
     from orchestration.api import frequency_response
-    from orchestration.reporting import tell_repairs
+    from orchestration.reporting.console import tell_repairs
 
     for flag, given in (("--with", options["laid_over"]), ("--preset", options["preset"])):
         if given:
@@ -58,8 +58,8 @@ def _beside_model(options: FrequencyCommand) -> FrequencyResponse:
     """Estimate responses of the model's signals, and simulate the model beside them."""
     from orchestration.api import frequency_response
     from orchestration.cli.models import open_measured
-    from orchestration.fmu import source_of
-    from orchestration.reporting import progress
+    from orchestration.fmu.simulation import source_of
+    from orchestration.reporting.console import progress
 
     model, record, parameters = open_measured(cast("MeasuredOptions", options))  # model is named
     with progress() as tell:
@@ -70,8 +70,8 @@ def _beside_model(options: FrequencyCommand) -> FrequencyResponse:
 
 def _show(found: FrequencyResponse, options: FrequencyCommand) -> None:
     """Print the responses, and write what was asked for."""
-    from orchestration.reporting import out as console
-    from orchestration.reporting import wrote
+    from orchestration.reporting.console import out as console
+    from orchestration.reporting.console import wrote
 
     for part in found.overview():
         console.print(part)

@@ -59,7 +59,7 @@ def _fitted(options: IdentifyCommand, profiled: list[str]) -> Comparison:
     """Fit the parameters, and then profile some of them."""
     from orchestration.cli.models import note_neutral, open_measured
     from orchestration.identify import comparison as work
-    from orchestration.reporting import progress
+    from orchestration.reporting.console import progress
 
     names = options["fit"]
     model, record, parameters = open_measured(options)
@@ -77,7 +77,7 @@ def _fitted(options: IdentifyCommand, profiled: list[str]) -> Comparison:
 def _write(comparison: Comparison, options: IdentifyCommand) -> None:
     """Write the parameter set, the pictures and the page."""
     from orchestration.identify import parameter_set
-    from orchestration.reporting import wrote
+    from orchestration.reporting.console import wrote
 
     ssv = options["ssv"]
     plot = options["plot"]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from fmus.kit import UserError, summary
+from fmus.kit import UserError
+from fmus.kit.declare import summary
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import InfoCommand
 from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
@@ -54,8 +55,9 @@ class _Facts(NamedTuple):
 def _facts(name: str, effects: Sequence[str]) -> _Facts:
     """Return what there is to know of a model: by its class, or else by its FMU's description."""
     from fmus import MODELS
-    from orchestration.fmu import find_class, find_model, names_class, read_description
-    from orchestration.reporting import note
+    from orchestration.fmu import find_model, read_description
+    from orchestration.fmu.model import find_class, names_class
+    from orchestration.reporting.console import note
 
     if effects or name in MODELS or names_class(name):
         return _of_class(name, find_class(name, effects))
@@ -73,8 +75,9 @@ def _facts(name: str, effects: Sequence[str]) -> _Facts:
 
 def _of_class(name: str, cls: type[Component]) -> _Facts:
     """Return what the class of a component declares."""
-    from fmus.kit import effect_name, unstack
-    from orchestration.fmu import declared_signal, known_effects
+    from fmus.kit.effects import effect_name, unstack
+    from orchestration.fmu.model import known_effects
+    from orchestration.fmu.signal import declared_signal
 
     layout = cls.layout
     groups = {
@@ -107,7 +110,7 @@ def _relaxes(cls: type[Component], effect: type[Effect]) -> str:
 
 
 def _as_json(known: _Facts) -> dict[str, Any]:
-    from fmus.kit import effect_name
+    from fmus.kit.effects import effect_name
 
     signals = {
         group: [
@@ -156,8 +159,9 @@ def _show(known: _Facts) -> None:
     from rich.text import Text
 
     from fmus.kit.units import format_range
-    from orchestration.fmu import show
-    from orchestration.reporting import out, plain_table
+    from orchestration.fmu.signal import show
+    from orchestration.reporting import plain_table
+    from orchestration.reporting.console import out
 
     out.print(known.name, style="bold", end="  ")
     out.print(f"{known.summary}\n")
@@ -195,8 +199,9 @@ def _show_effects(effects: Mapping[type[Effect], str]) -> None:
 
     Of measurements each kind once, with the outputs beneath.
     """
-    from fmus.kit import effect_name
-    from orchestration.reporting import out, plain_table
+    from fmus.kit.effects import effect_name
+    from orchestration.reporting import plain_table
+    from orchestration.reporting.console import out
 
     table = plain_table(
         "effects that --with lays over it",

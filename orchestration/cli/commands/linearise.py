@@ -23,7 +23,8 @@ _MAT = (".mat",)
 def linearise(options: LineariseCommand) -> None:
     """Linearise a component, an FMU or a system about an operating point, or cut a loop of it."""
     from orchestration.api import linearise as work
-    from orchestration.reporting import pictures, progress
+    from orchestration.reporting import pictures
+    from orchestration.reporting.console import progress
 
     name = options["model"]
     Outputs(
@@ -59,9 +60,9 @@ def _file(name: str) -> Path | None:
 
 def _named(name: str, options: LineariseCommand) -> tuple[Any, dict[str, Any] | None]:
     """Return the model, with effects laid over it, and the record that drives it, if one does."""
-    from orchestration.fmu import declared_model
+    from orchestration.fmu.model import declared_model
     from orchestration.records import read_record
-    from orchestration.reporting import tell_repairs
+    from orchestration.reporting.console import tell_repairs
     from orchestration.system import NAMES
     from orchestration.system.ssp import ENDINGS
 
@@ -82,7 +83,7 @@ def _named(name: str, options: LineariseCommand) -> tuple[Any, dict[str, Any] | 
 
 def _show(linear: LinearModel, options: LineariseCommand) -> None:
     """Print the result, and write what was asked for."""
-    from orchestration.reporting import out, wrote
+    from orchestration.reporting.console import out, wrote
 
     for part in linear.overview():
         out.print(part, highlight=False, markup=False)

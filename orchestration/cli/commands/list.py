@@ -11,7 +11,7 @@ from orchestration.cli.outputs import JSON, STANDARD_OUTPUT, Outputs, write_json
 def list_components(options: JsonOption) -> None:
     """List the components."""
     from fmus import MODELS, component
-    from fmus.kit import summary
+    from fmus.kit.declare import summary
 
     path = options["json"]
     Outputs(writes={"--json": path}, endings={"--json": JSON}).check()

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from string import Template
 
-from fmus.kit import UserError, suggestion
+from fmus.kit.errors import UserError, suggestion
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import NewCommand
 from orchestration.cli.outputs import Outputs
@@ -23,7 +23,7 @@ def new(options: NewCommand) -> None:
     documentation that belong to it, and says where it has to be made known.
     """
     from fmus.kit import files
-    from orchestration.reporting import out as screen
+    from orchestration.reporting.console import out as screen
 
     kind, name, folder = options["kind"], options["name"], options["out"]
     _check_name(name)
@@ -82,9 +82,10 @@ def _words_of_effect(options: NewCommand) -> dict[str, str]:
     """
     from inspect import signature
 
-    from fmus.kit import law_of, unstack
+    from fmus.kit.effects import unstack
+    from fmus.kit.layout import law_of
     from fmus.kit.symbolic import list_laws
-    from orchestration.fmu import find_class
+    from orchestration.fmu.model import find_class
 
     cls = unstack(find_class(options["model"]))[0]
     law = options["law"]
@@ -107,7 +108,7 @@ def _words_of_effect(options: NewCommand) -> dict[str, str]:
 
 def _of_model(options: NewCommand, words: Mapping[str, str]) -> dict[str, str]:
     """Return how the test of an effect names its model, and where else the effect belongs."""
-    from orchestration.fmu import names_class
+    from orchestration.fmu.model import names_class
 
     model = options["model"]
     if not names_class(model):
@@ -123,7 +124,7 @@ def _of_shipped(model: str, words: Mapping[str, str]) -> dict[str, str]:
     """Return the same of a component of ours, whose README numbers its assumptions."""
     from importlib.util import find_spec
 
-    from orchestration.fmu import find_class
+    from orchestration.fmu.model import find_class
     from orchestration.rig import RIG_COMPONENT
 
     package = find_class(model).__module__.split(".")[1]

@@ -20,7 +20,7 @@ def optimise(options: OptimiseCommand) -> None:
     from orchestration.api import optimise as work
     from orchestration.api import values_of
     from orchestration.cli.models import model_file
-    from orchestration.fmu import declared_model
+    from orchestration.fmu.model import declared_model
     from orchestration.journal import removed_after
     from orchestration.reporting import console, pictures
 

@@ -27,7 +27,7 @@ from orchestration.cli.real_time import JOURNAL, IncompleteRecord, keep, status_
 if TYPE_CHECKING:
     import xarray
 
-    from orchestration.experiment import Live
+    from orchestration.experiment.live import Live
     from orchestration.records import Journal
     from orchestration.rig import Endpoint
     from orchestration.rig.record import RecordingPlan
@@ -83,7 +83,7 @@ def watch(options: WatchCommand) -> None:
     import webbrowser
     from threading import Thread
 
-    from orchestration.reporting import out, warn
+    from orchestration.reporting.console import out, warn
     from orchestration.rig import ask, read_endpoint, until_interrupted
     from orchestration.rig.watch import Feed, Listener, PageServer
 
@@ -108,9 +108,11 @@ def watch(options: WatchCommand) -> None:
 @command(RecordRigCommand)
 def record(options: RecordRigCommand) -> None:
     """Drive the rig with an experiment, without any model, and record what it does."""
-    from orchestration.experiment import Live, files, read, results
-    from orchestration.reporting import note, warn, wrote
-    from orchestration.reporting import out as terminal
+    from orchestration.experiment import read, results
+    from orchestration.experiment.live import Live
+    from orchestration.experiment.reading import files
+    from orchestration.reporting.console import note, warn, wrote
+    from orchestration.reporting.console import out as terminal
     from orchestration.rig import ask, read_endpoint
     from orchestration.rig.record import empty_dataset, plan_recording
 
@@ -173,7 +175,7 @@ def _drive(
     from fmus.kit.interrupt import deferred
     from fmus.rig_proxy import Link
     from orchestration.master import realtime_priority
-    from orchestration.reporting import alarm, err, note
+    from orchestration.reporting.console import alarm, err, note
     from orchestration.rig import on_termination
     from orchestration.rig.record import RecordingObserver, dataset, drive
 
@@ -236,7 +238,7 @@ def acknowledge(options: AcknowledgeCommand) -> None:
 
     Shows what is acknowledged; exit status 1 if the rig cannot be used in time.
     """
-    from orchestration.reporting import note
+    from orchestration.reporting.console import note
     from orchestration.rig import ask, operator
 
     remote = _server(options)
@@ -262,7 +264,7 @@ def status(options: StatusCommand) -> None:
 
 
 def _server(options: ServerOptions) -> Endpoint:
-    from orchestration.reporting import warn
+    from orchestration.reporting.console import warn
     from orchestration.rig import read_endpoint
 
     return read_endpoint(options["endpoint"], options["credentials"], warn)
@@ -284,7 +286,7 @@ def keys(options: KeysCommand) -> None:
 
     Nothing is overwritten.
     """
-    from orchestration.reporting import note, wrote
+    from orchestration.reporting.console import note, wrote
     from orchestration.rig import add_client, make_keys
 
     folder = options["folder"]
@@ -311,7 +313,7 @@ def bridge(options: BridgeCommand) -> None:
 
     Plain on this machine only, CURVE beyond it.
     """
-    from orchestration.reporting import note, out, warn
+    from orchestration.reporting.console import note, out, warn
     from orchestration.rig import LOOPBACK, Bridge, read_endpoint, until_interrupted
 
     endpoint = options["endpoint"]

@@ -20,7 +20,7 @@ from orchestration.cli.real_time import live_run
 if TYPE_CHECKING:
     import xarray
 
-    from orchestration.experiment import Live
+    from orchestration.experiment.live import Live
 
 
 @command(RunCommand)
@@ -61,8 +61,10 @@ def _list() -> None:
 
 def _run(name: str, options: RunCommand, live: Live | None) -> tuple[xarray.Dataset, bool]:
     """Run an experiment; return its result, and whether every bit is that of an earlier result."""
-    from orchestration.experiment import files, is_result, read, results
-    from orchestration.reporting import note, pictures
+    from orchestration.experiment import read, results
+    from orchestration.experiment.reading import files, is_result
+    from orchestration.reporting import pictures
+    from orchestration.reporting.console import note
 
     out = options["out"]
     plot = options["plot"]
@@ -92,7 +94,7 @@ def _compare(data: xarray.Dataset, earlier: xarray.Dataset, name: str) -> Mappin
     import json
 
     from orchestration.experiment import results
-    from orchestration.reporting import note, out, warn
+    from orchestration.reporting.console import note, out, warn
 
     then, now = (json.loads(made.attrs["guids"]) for made in (earlier, data))
     for member in now:

@@ -13,7 +13,8 @@ from orchestration.cli.isolation import hearing_ctrl_c, limits
 from orchestration.cli.outputs import SIGNALS, Outputs
 
 if TYPE_CHECKING:
-    from orchestration.fmu import Array, Model, Value
+    from fmus.kit.arrays import Array
+    from orchestration.fmu import Model, Value
     from orchestration.records import Record
 
 
@@ -51,9 +52,11 @@ def _simulate_system(options: SimulateCommand) -> None:
 def _simulate_model(options: SimulateCommand) -> None:
     from orchestration.api import values_of
     from orchestration.cli.models import build_model
-    from orchestration.fmu import LimitOutputs, declared_model
     from orchestration.fmu import simulation as work
-    from orchestration.reporting import note, pictures, progress, wrote
+    from orchestration.fmu.model import declared_model
+    from orchestration.fmu.simulation import LimitOutputs
+    from orchestration.reporting import pictures
+    from orchestration.reporting.console import note, progress, wrote
 
     out = options["out"]
     plot = options["plot"]
@@ -105,7 +108,7 @@ def _recorded(
     """Read the record of inputs, if one is given."""
     from orchestration.cli.models import check_inputs
     from orchestration.records import read_record
-    from orchestration.reporting import tell_repairs
+    from orchestration.reporting.console import tell_repairs
 
     file = options["input_file"]
     if file is None:
@@ -150,7 +153,8 @@ def _stimulus(
 
 def _show(model: Model, time: Array, outputs: Mapping[str, Array]) -> None:
     from fmus.kit.units import format_value
-    from orchestration.reporting import out, plain_table
+    from orchestration.reporting import plain_table
+    from orchestration.reporting.console import out
 
     columns = ("smallest", "largest", "last")
     table = plain_table(None, "output", *columns, right=columns)

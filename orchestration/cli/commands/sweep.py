@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     import xarray
 
     from orchestration.fmu import Model, Value
-    from orchestration.sweeps import Design, SweepFit, SweepResult, Task
+    from orchestration.sweeps import Design, SweepResult, Task
+    from orchestration.sweeps.fitted import SweepFit
 
     Work = Callable[[SweepFileKeywords], SweepResult]
 
@@ -101,7 +102,7 @@ def _check(out: Path | None, plot: Path | None) -> Callable[[Task, Design], None
     """Return what refuses a sweep before it is run: what cannot be written or drawn then."""
 
     def check(task: Task, cases: Design) -> None:
-        from orchestration.sweeps import check_memory
+        from orchestration.sweeps.execution import check_memory
         from orchestration.sweeps.sensitivity import check_picture
 
         if out is None or out.suffix.lower() != _ZARR:
@@ -115,8 +116,8 @@ def _check(out: Path | None, plot: Path | None) -> Callable[[Task, Design], None
 def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> None:
     """Say what a sweep comes to, write it and draw it."""
     from orchestration.reporting import console
-    from orchestration.sweeps import left_out as left_out_of_sweep
-    from orchestration.sweeps import sweep_page
+    from orchestration.sweeps.curves import left_out as left_out_of_sweep
+    from orchestration.sweeps.page import sweep_page
     from orchestration.sweeps.sensitivity import analysis_of, merge_analysis
 
     out = options["out"]
@@ -151,8 +152,8 @@ def _sweep_of_options(options: SweepCommand) -> Work:
     """Return the sweep that options describe."""
     from orchestration.api import sweep as run_sweep
     from orchestration.cli.models import open_model
-    from orchestration.reporting import note
-    from orchestration.sweeps import read_fitted
+    from orchestration.reporting.console import note
+    from orchestration.sweeps.fitted import read_fitted
 
     model = open_model(options["model"], options["runtime"], options["laid_over"])
     fit = None if options["fitted"] is None else read_fitted(options["fitted"], model)
@@ -188,7 +189,7 @@ def _settings(model: Model, over: Container[str], options: SweepCommand) -> dict
 
 def _drawn(fit: SweepFit, over: Sequence[str], cases: SweepKeywords) -> dict[str, Any]:
     """Return parameters drawn from a fit, and have traces of the cases kept, which bands are of."""
-    from orchestration.sweeps import TRACE
+    from orchestration.sweeps.reductions import TRACE
     from orchestration.sweeps.sensitivity import BANDS
 
     if over or cases["kind"] != "grid":
@@ -205,7 +206,7 @@ def _drawn(fit: SweepFit, over: Sequence[str], cases: SweepKeywords) -> dict[str
 def _sweep_of_file(path: Path) -> Work:
     """Return the sweep that a file describes."""
     from orchestration.api import sweep_file
-    from orchestration.reporting import note
+    from orchestration.reporting.console import note
 
     return lambda how: sweep_file(path, note=note, **how)
 
@@ -247,7 +248,7 @@ def _keep(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
     """Write the result, and only then remove the parts that it was made of."""
     from orchestration.experiment import results
     from orchestration.journal import removed_after
-    from orchestration.reporting import wrote
+    from orchestration.reporting.console import wrote
     from orchestration.sweeps.storage import zarr_store
 
     with removed_after(parts):
@@ -257,8 +258,9 @@ def _keep(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
 
 def _show(data: xarray.Dataset) -> None:
     """Print what each number comes to over all cases, and how many failed."""
-    from orchestration.reporting import note, out, plain_table
-    from orchestration.sweeps import case_count, extremes
+    from orchestration.reporting import plain_table
+    from orchestration.reporting.console import note, out
+    from orchestration.sweeps.page import case_count, extremes
 
     out.print(f"{data.attrs['model']}: {case_count(data):,} cases, {_RAN[data.attrs['engine']]}")
     columns = ("smallest", "largest")

@@ -40,7 +40,7 @@ def list_systems() -> None:
 @command(SystemArgument)
 def show(options: SystemArgument) -> None:
     """Show a system's members, connections, inputs and outputs."""
-    from orchestration.reporting import out
+    from orchestration.reporting.console import out
     from orchestration.system import check
 
     with _opened(options["name"]) as system:
@@ -54,7 +54,8 @@ def show(options: SystemArgument) -> None:
 
 
 def _show_members(system: System) -> None:
-    from orchestration.reporting import out, plain_table
+    from orchestration.reporting import plain_table
+    from orchestration.reporting.console import out
     from orchestration.system import variable
 
     table = plain_table(None, "member", "FMU", "values given to it")
@@ -73,7 +74,8 @@ def _given(value: Value, signal: Signal) -> str:
 
 
 def _show_connections(system: System) -> None:
-    from orchestration.reporting import out, plain_table
+    from orchestration.reporting import plain_table
+    from orchestration.reporting.console import out
     from orchestration.system import interface
 
     models = {member.name: interface(member) for member in system.members}
@@ -100,7 +102,8 @@ def _show_connections(system: System) -> None:
 @command(DrawSystemCommand)
 def draw(options: DrawSystemCommand) -> None:
     """Draw a system: members as boxes, connections as arrows."""
-    from orchestration.reporting import FORMATS, wrote
+    from orchestration.reporting.console import wrote
+    from orchestration.reporting.pictures import FORMATS
     from orchestration.system import check
     from orchestration.system import draw as work
 
@@ -117,7 +120,7 @@ def draw(options: DrawSystemCommand) -> None:
 @command(ExportSystemCommand)
 def export(options: ExportSystemCommand) -> None:
     """Write a system with its FMUs as SSP, for any master that reads it."""
-    from orchestration.reporting import wrote
+    from orchestration.reporting.console import wrote
     from orchestration.system import ssp
     from orchestration.system.ssp import ENDINGS
 
@@ -133,7 +136,7 @@ def export(options: ExportSystemCommand) -> None:
 @command(CheckSystemCommand)
 def check_file(options: CheckSystemCommand) -> None:
     """Check a system: everything connected exists and fits, and every input has one source."""
-    from orchestration.reporting import out
+    from orchestration.reporting.console import out
     from orchestration.system import check
 
     file = options["file"]
@@ -153,8 +156,8 @@ def _named_after(name: str, ending: str) -> Path:
 def _opened(name_or_file: str, runtime: str | None = None) -> Iterator[System]:
     """Open a system that ships, or one from a file; an archive's FMUs are there only meanwhile."""
     from fmus.kit.storage import scratch
-    from orchestration.fmu import refuse_runtime
-    from orchestration.reporting import progress
+    from orchestration.fmu.model import refuse_runtime
+    from orchestration.reporting.console import progress
     from orchestration.system import library, ssp
     from orchestration.system.ssp import ENDINGS
 
@@ -178,7 +181,7 @@ def _opened(name_or_file: str, runtime: str | None = None) -> Iterator[System]:
 
 
 def _warn(system: System) -> int:
-    from orchestration.reporting import warn
+    from orchestration.reporting.console import warn
     from orchestration.system import warnings
 
     texts = warnings(system)

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from fmus.kit import Component, Effect, Sampling, measurement_effects, stack, unstack
-from fmus.kit import effect_name as label
+from fmus.kit import Component, Effect, stack
+from fmus.kit.effects import effect_name as label
+from fmus.kit.effects import unstack
+from fmus.kit.sampling import Sampling
+from fmus.kit.sensors import measurement_effects
 
 
 @dataclass(frozen=True)

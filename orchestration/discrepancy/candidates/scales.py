@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fmus.kit import Component, Sampling, UserError
+from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
+from fmus.kit.sampling import Sampling
 from fmus.kit.symbolic import list_laws
 from orchestration.identify.fitting import usual_effort
 

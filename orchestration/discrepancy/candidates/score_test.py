@@ -17,14 +17,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import Component, Effect, UserError, made_by, transport_delay
+from fmus.kit import Component, Effect, UserError
 from fmus.kit.arrays import Array
+from fmus.kit.effects import made_by
+from fmus.kit.sensors import transport_delay
 from fmus.kit.symbolic import ComponentAlong, EffectForcing, Points
 from orchestration.discrepancy.candidates.candidate import own_parameters
 from orchestration.discrepancy.candidates.evidence import FittedCandidate
 from orchestration.discrepancy.candidates.linear_response import StepMatrices
 from orchestration.identify.fitting import Problem, Scale, scale_of
-from orchestration.records import MeasuredRun
+from orchestration.records.runs import MeasuredRun
 
 GRID = (0.2, 0.45, 1.0, 2.2, 5.0)  # times the default of a second parameter
 COARSE = (0.2, 1.0, 5.0)  # of two of them

@@ -16,7 +16,9 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.fmu import Model
-from orchestration.records import MeasuredRun, Record, gaps, join_records, sampled_alike
+from orchestration.records import Record
+from orchestration.records.runs import MeasuredRun, join_records, sampled_alike
+from orchestration.records.sampling import gaps
 
 # Samples between two runs at which nothing was measured: more than any filter remembers, and than
 # the lags at which a residual is compared with signals, so that neither reaches across.

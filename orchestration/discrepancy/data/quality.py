@@ -19,7 +19,7 @@ from scipy.special import ndtri
 from fmus.kit.arrays import Array, Mask
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.records import true_runs
+from orchestration.records.sampling import true_runs
 
 Span = tuple[int, int]  # first sample, and the one after the last
 _SAME = 1e-9  # of the range: what unit conversion may split one value into

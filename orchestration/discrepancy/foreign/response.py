@@ -17,7 +17,7 @@ from scipy.linalg import expm, logm
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.identify.fitting import FmuWithDifferences, SimulationInput
-from orchestration.records import evenly_sampled
+from orchestration.records.sampling import evenly_sampled
 
 _CHANGE = 0.02  # of how much an input moves
 _DWELL = 20  # samples that the change stays at most

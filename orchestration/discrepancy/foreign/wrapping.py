@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fmus.kit import Component, Effect, UserError, stack, suggestion, unstack
+from fmus.kit import Component, Effect, stack
 from fmus.kit.arrays import Array
+from fmus.kit.effects import unstack
+from fmus.kit.errors import UserError, suggestion
 from orchestration.discrepancy.data import Dataset, ValidationData, joined_dataset
 from orchestration.discrepancy.foreign.correction import (
     IN_FMU,
@@ -24,7 +26,9 @@ from orchestration.discrepancy.foreign.correction import (
 )
 from orchestration.discrepancy.foreign.response import FmuResponse, identify_responses
 from orchestration.discrepancy.note import Note
-from orchestration.fmu import Model, Value, model_of, numeric
+from orchestration.fmu import Model, Value
+from orchestration.fmu.model import model_of
+from orchestration.fmu.signal import numeric
 from orchestration.identify import Fit, fit_model
 from orchestration.identify.fitting import FmuWithDifferences, SimulationInput
 from orchestration.identify.uncertainty import Estimate

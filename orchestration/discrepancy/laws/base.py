@@ -10,8 +10,8 @@ from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import sampling_of, signal_scales
 from orchestration.discrepancy.conclude import Diagnosis
 from orchestration.discrepancy.selection import Search
-from orchestration.fmu import catalogue, families
-from orchestration.records import base_name
+from orchestration.fmu.model import catalogue, families
+from orchestration.records.runs import base_name
 
 
 def search_of(

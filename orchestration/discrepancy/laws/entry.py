@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fmus.kit import effect_family
 from fmus.kit.arrays import Array
+from fmus.kit.corrections import effect_family
 from orchestration.discrepancy.laws.evidence import Basis, Curve
 from orchestration.discrepancy.laws.signals import LawSignal
 

@@ -8,8 +8,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from fmus.kit import Component, Effect, SignalTerm, SmoothTable, UserError, correction
+from fmus.kit import Component, Effect, UserError
 from fmus.kit.arrays import Array
+from fmus.kit.corrections import SignalTerm, SmoothTable, correction
 from fmus.kit.symbolic import list_laws
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.laws.entry import Entry

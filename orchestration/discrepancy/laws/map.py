@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.kit import MEMORIES, correction, effect_family, made_by
 from fmus.kit.arrays import Array
+from fmus.kit.corrections import MEMORIES, correction, effect_family
+from fmus.kit.effects import made_by
 from fmus.kit.symbolic import PerturbedLaws
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.laws.entry import Entry
@@ -39,7 +40,7 @@ from orchestration.discrepancy.laws.signals import (
 from orchestration.discrepancy.parallel import parallel_map
 from orchestration.discrepancy.selection import Search
 from orchestration.identify.noise import Noise, estimate_noise
-from orchestration.records import MeasuredRun
+from orchestration.records.runs import MeasuredRun
 
 # of signals, by kind of correction: a factor that leads is one that lags, and the signal as it is
 _MEMORIES = {"add": MEMORIES, "multiply": tuple(m for m in MEMORIES if m != "leading")}

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.kit import SHAPES
 from fmus.kit.arrays import Array
+from fmus.kit.curves import SHAPES
 from orchestration.discrepancy.laws.evidence import Basis, Curve
 
 _WIDTHS = np.geomspace(0.01, 3.0, 12)  # of a bend, in sizes of the signal

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.kit import SignalTerm
 from fmus.kit.arrays import Array
+from fmus.kit.corrections import SignalTerm
 from orchestration.discrepancy.laws.linear import Sides, SimulatedCourse, continuous
 from orchestration.identify import autoregression
 

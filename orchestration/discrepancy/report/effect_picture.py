@@ -11,25 +11,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.kit import (
-    Component,
-    Effect,
-    UserError,
-    effect_title,
-    in_words,
-    law_title,
-    made_with,
-    unstack,
-    within_sentence,
-)
+from fmus.kit import Component, Effect, UserError
 from fmus.kit.arrays import Array
+from fmus.kit.effects import made_with, unstack
+from fmus.kit.titles import effect_title, in_words, law_title, within_sentence
 from fmus.kit.units import with_prefix
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.laws import unit_of
 from orchestration.discrepancy.report.figures import COLOURS, Chart
 from orchestration.discrepancy.report.wording import EXTENDED
-from orchestration.reporting import MOST, Markup, Panel, Trace, pictures, stacked
+from orchestration.reporting import pictures
+from orchestration.reporting.html import MOST, Markup, Panel, Trace, stacked
 
 _HEIGHT = 260  # pixels
 WITHOUT = "#52616e"  # of no model: the parameters are those with the effect

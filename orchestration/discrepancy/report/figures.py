@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
-from fmus.kit import capitalised, in_words, units
+from fmus.kit import units
 from fmus.kit.arrays import Array, Mask
+from fmus.kit.titles import capitalised, in_words
 from fmus.kit.units import format_value, unit_of_differences
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset
@@ -24,7 +25,8 @@ from orchestration.discrepancy.residuals import flattening_gain, flattening_pole
 from orchestration.fmu import Model
 from orchestration.identify import chi_squared_quantile
 from orchestration.identify.noise import Noise
-from orchestration.reporting import (
+from orchestration.reporting import pictures
+from orchestration.reporting.html import (
     MOST,
     Boundary,
     Markup,
@@ -32,7 +34,6 @@ from orchestration.reporting import (
     Trace,
     escaped,
     format_quantities,
-    pictures,
     stacked,
 )
 

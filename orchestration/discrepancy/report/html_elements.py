@@ -8,14 +8,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from fmus.kit import Component, Effect, capitalised, effect_title, summary
+from fmus.kit import Component, Effect
 from fmus.kit.build import relaxed_assumption
+from fmus.kit.declare import summary
+from fmus.kit.titles import capitalised, effect_title
 from fmus.kit.units import Described, format_prefixed
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.report.sizes import NOT_DETERMINED
 from orchestration.discrepancy.report.wording import parameter_title
 from orchestration.identify.uncertainty import Estimate
-from orchestration.reporting import FITTED, Markup, escaped, format_ends, format_quantities
+from orchestration.reporting.html import Markup, escaped, format_ends, format_quantities
+from orchestration.reporting.pictures import FITTED
 
 _INTERVAL_WIDTH = 180  # pixels
 _INTERVAL_HEIGHT = 18  # pixels

@@ -9,8 +9,8 @@ from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import figures, sections, wording
 from orchestration.discrepancy.report.laws import LawReport, add_laws, headline
-from orchestration.records import base_name
-from orchestration.reporting import Markup, Page, elements, escaped
+from orchestration.records.runs import base_name
+from orchestration.reporting.html import Markup, Page, elements, escaped
 
 
 def diagnosis_page(

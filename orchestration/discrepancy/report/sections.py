@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from fmus.kit import (
-    Component,
-    Effect,
-    UserError,
+from fmus.kit import Component, Effect, UserError
+from fmus.kit.arrays import Array, Mask
+from fmus.kit.titles import (
     capitalised,
     effect_title,
     in_words,
@@ -19,7 +18,6 @@ from fmus.kit import (
     variable_title,
     within_sentence,
 )
-from fmus.kit.arrays import Array, Mask
 from fmus.kit.units import unit_of_differences, write_prefixed
 from orchestration.discrepancy.candidates import FittedCandidate, label
 from orchestration.discrepancy.changes import Change
@@ -46,8 +44,9 @@ from orchestration.discrepancy.residuals import ResidualAnalysis
 from orchestration.discrepancy.validation import simulated_outputs
 from orchestration.identify import rms
 from orchestration.identify.uncertainty import Estimate
-from orchestration.records import Record, base_name, shown_name
-from orchestration.reporting import Bar, Markup, Page, elements, escaped
+from orchestration.records import Record
+from orchestration.records.runs import base_name, shown_name
+from orchestration.reporting.html import Bar, Markup, Page, elements, escaped
 
 _DRAWN = 3  # effects of which there is a picture
 _EVIDENCE_HEAD = ["effect", "fall of BIC", "p-value", "verdict"]

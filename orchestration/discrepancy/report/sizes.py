@@ -13,7 +13,7 @@ from fmus.kit.units import Described, format_prefixed, write_prefixed
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.identify import finite_or_none
 from orchestration.identify.uncertainty import Estimate
-from orchestration.reporting import format_ends
+from orchestration.reporting.html import format_ends
 
 NOT_DETERMINED = "not determined"  # in place of an interval
 _MOST_DIGITS = 8

@@ -5,7 +5,9 @@ from __future__ import annotations
 from inspect import isfunction
 from typing import Any
 
-from fmus.kit import Component, Effect, correction, effect_name, made_by, unstack
+from fmus.kit import Component, Effect
+from fmus.kit.corrections import correction
+from fmus.kit.effects import effect_name, made_by, unstack
 from orchestration.discrepancy.candidates import PairedScore
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.kit import effect_title, within_sentence
+from fmus.kit.titles import effect_title, within_sentence
 from fmus.kit.units import format_value
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.changes import Change
@@ -20,7 +20,7 @@ from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.wording import EXTENDED, NOMINAL, REFITTED
 from orchestration.discrepancy.validation import Errors, simulated_outputs
 from orchestration.identify import finite_or_none, normalised_rms
-from orchestration.records import MeasuredRun
+from orchestration.records.runs import MeasuredRun
 
 _MODELS = {"untouched": NOMINAL, "refitted": REFITTED, "extended": EXTENDED}
 _NOTICED = 0.05  # relative difference of two errors that says something to a reader

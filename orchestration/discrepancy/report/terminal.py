@@ -9,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from fmus.kit import effect_title
+from fmus.kit.titles import effect_title
 from fmus.kit.units import format_value
 from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.diagnosis import Diagnosis
@@ -27,7 +27,7 @@ from orchestration.discrepancy.report.tables import (
     run_errors,
     tried_effects,
 )
-from orchestration.records import shown_name
+from orchestration.records.runs import shown_name
 from orchestration.reporting import plain_table
 
 _REJECTED = 5  # effects that were tried in vain, of which the evidence is shown

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from fmus.kit import capitalised, effect_title, in_words, law_title, within_sentence
+from fmus.kit.titles import capitalised, effect_title, in_words, law_title, within_sentence
 from fmus.kit.units import format_prefixed
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.changes import Change
@@ -26,7 +26,7 @@ from orchestration.discrepancy.residuals import (
 )
 from orchestration.discrepancy.selection import ACCEPT, Step
 from orchestration.discrepancy.validation import Outcome
-from orchestration.records import base_name, shown_name
+from orchestration.records.runs import base_name, shown_name
 from orchestration.reporting import option
 
 # models that a diagnosis compares

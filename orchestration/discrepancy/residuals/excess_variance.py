@@ -11,7 +11,7 @@ from scipy.special import fdtrc, ndtri
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.residuals.innovations import Innovations
 from orchestration.identify import ranks
-from orchestration.records import input_steps
+from orchestration.records.sampling import input_steps
 
 ALPHA = 1e-6  # probability in noise of one level
 _NOTABLE = 1.5  # ratio of variances

@@ -15,7 +15,7 @@ from scipy.special import ndtr, ndtri
 
 from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.discrepancy.residuals.innovations import between_windows, local_level
-from orchestration.records import input_steps
+from orchestration.records.sampling import input_steps
 
 SETTLING_SAMPLES = 4  # samples after a step of an input in which neither is seen
 

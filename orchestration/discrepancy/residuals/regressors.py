@@ -11,7 +11,7 @@ import numpy as np
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import Dataset
-from orchestration.records import join_records
+from orchestration.records.runs import join_records
 
 _RUNAWAY = 1e30  # beyond which nothing is measured; below, squares are numbers
 _CONSTANT = 1e-9  # of a signal's size; what varies less does not vary

@@ -20,7 +20,7 @@ from orchestration.discrepancy.selection.search import FAILURES, Search
 from orchestration.experiment.waveforms import multilevel
 from orchestration.identify.fitting import Method, error_at, fit_in_noise
 from orchestration.identify.noise import white_noise
-from orchestration.records import base_name
+from orchestration.records.runs import base_name
 
 # of the power that an effect adds to the answer, in which equivalent models may differ
 _ALIKE = 1e-3

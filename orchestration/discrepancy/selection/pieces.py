@@ -25,7 +25,7 @@ from orchestration.discrepancy.selection.misfit import (
     refitted_error,
 )
 from orchestration.discrepancy.selection.search import Search
-from orchestration.records import input_steps
+from orchestration.records.sampling import input_steps
 
 # Standard deviations of the innovations, from which on one is a jump: heavy tails of noise reach as
 # far now and then, but a model that starts anew there is no nearer for it.

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fmus.kit import Component, Effect, UserError, made_with
+from fmus.kit import Component, Effect, UserError
 from fmus.kit.arrays import Array, Mask
+from fmus.kit.effects import made_with
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import (
     Candidate,
@@ -39,7 +40,7 @@ from orchestration.identify.fitting import (
     starting_points,
 )
 from orchestration.identify.noise import Noise
-from orchestration.records import base_name, names_in
+from orchestration.records.runs import base_name, names_in
 
 _BESIDE = 0.75, 1.33  # times the fitted value of a second parameter, to start from once more
 # Errors that end one fit of many; the others stand.

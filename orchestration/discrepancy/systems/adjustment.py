@@ -11,7 +11,8 @@ import numpy as np
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.systems.member import BudgetExceeded, MemberSimulation
-from orchestration.fmu import Signal, read_description, read_signal
+from orchestration.fmu import Signal, read_description
+from orchestration.fmu.signal import read_signal
 from orchestration.identify import rms
 from orchestration.identify.fitting import Scale, minimise
 from orchestration.identify.noise import estimate_noise

@@ -24,8 +24,8 @@ from orchestration.discrepancy.selection import intersample
 from orchestration.discrepancy.systems.clock_shift import estimate_shift, shifts_of
 from orchestration.discrepancy.systems.closed_loop import close_loop, without_limits
 from orchestration.discrepancy.systems.cut import IsolatedMember
-from orchestration.fmu import catalogue as physics_of
-from orchestration.fmu import declared_model
+from orchestration.fmu.model import catalogue as physics_of
+from orchestration.fmu.model import declared_model
 from orchestration.identify.noise import noise_std
 from orchestration.system import Connection, Member
 

@@ -12,15 +12,14 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from fmus.kit import (
-    Component,
+from fmus.kit import Component, UserError
+from fmus.kit.declare import (
     Declaration,
     DiscreteDeclaration,
     InputDeclaration,
     OutputDeclaration,
     ParameterDeclaration,
     StateDeclaration,
-    UserError,
 )
 from orchestration.system import Connection
 

@@ -13,7 +13,8 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from orchestration.discrepancy.systems.cut import InputSource, IsolatedMember
-from orchestration.fmu import Fmu, Value, simulate_instance, unpack
+from orchestration.fmu import Fmu, Value, unpack
+from orchestration.fmu.simulation import simulate_instance
 from orchestration.identify.noise import noise_std
 from orchestration.system import interface
 

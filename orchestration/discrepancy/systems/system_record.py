@@ -12,7 +12,8 @@ from pathlib import Path
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.records import Record, read_record, split_header_cell
+from orchestration.records import Record, read_record
+from orchestration.records.tables import split_header_cell
 from orchestration.system import Port, System, interface
 
 

@@ -31,7 +31,7 @@ from orchestration.identify.uncertainty import (
     clustered_covariance,
     parameter_covariance,
 )
-from orchestration.records import base_name
+from orchestration.records.runs import base_name
 
 # times nominal: no specimen is like that, but a wrong unit or a wrong column is
 _IMPLAUSIBLE = 30.0

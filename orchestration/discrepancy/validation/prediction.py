@@ -17,7 +17,7 @@ from orchestration.identify import rms
 from orchestration.identify.fitting import ModelOverRuns, Problem, minimise
 from orchestration.identify.noise import Noise
 from orchestration.identify.uncertainty import parameter_covariance
-from orchestration.records import MeasuredRun, base_name, names_in
+from orchestration.records.runs import MeasuredRun, base_name, names_in
 
 Errors = dict[str, dict[str, float]]  # by model and output
 _BEYOND = 3.0  # times the error to expect, from which on an output is not predicted

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from fmus.kit import UserError
-from orchestration.fmu.archive import Archive
-from orchestration.fmu.bounded import parse_xml
+from orchestration.fmu.archive import Archive, parse_xml
 from orchestration.fmu.check.finding import Finding, listed
 
 _FILE = "sources/buildDescription.xml"

@@ -8,9 +8,8 @@ from collections.abc import Iterator, Mapping, Set
 from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError
-from orchestration.fmu.archive import Archive
+from orchestration.fmu.archive import Archive, experiment_faults
 from orchestration.fmu.check.finding import Finding, listed
-from orchestration.fmu.default_experiment import experiment_faults
 
 _TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 _BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")

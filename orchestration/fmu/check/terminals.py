@@ -7,8 +7,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError
-from orchestration.fmu.archive import Archive
-from orchestration.fmu.bounded import parse_xml
+from orchestration.fmu.archive import Archive, parse_xml
 from orchestration.fmu.check.finding import Finding, listed
 
 _FOLDER = "terminalsAndIcons"

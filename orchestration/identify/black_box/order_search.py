@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
-from fmus.kit import UserError, suggestion
+from fmus.kit.errors import UserError, suggestion
 from orchestration.identify.black_box.data import InputOutputData
 from orchestration.identify.black_box.estimation import identify
 from orchestration.identify.black_box.models import PolynomialModel

@@ -20,11 +20,13 @@ from typing import Any
 
 import numpy as np
 
-from fmus.kit import ParameterDeclaration, UserError
+from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.record import Trajectory
-from orchestration.fmu import Model, RepeatedRuns, Signal, Source, Value, source_of
+from orchestration.fmu import Model, RepeatedRuns, Signal, Source, Value
 from orchestration.fmu.isolation import Ended, Limits, Pool, limits_of
+from orchestration.fmu.simulation import source_of
 from orchestration.identify.fitting.simulation_input import SimulationInput
 
 _LADDER = 10.0 ** -np.arange(1.0, 6.5, 0.5)  # steps relative to the size of a parameter

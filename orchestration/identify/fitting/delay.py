@@ -14,9 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.kit import Component, Effect, made_by, stack, transport_delay, unstack
+from fmus.kit import Component, Effect, stack
 from fmus.kit.arrays import Array, Indices, Mask
+from fmus.kit.effects import made_by, unstack
 from fmus.kit.record import CompiledModel, Trajectory, with_knots
+from fmus.kit.sensors import transport_delay
 from orchestration.identify.fitting.block_simulation import BlockwiseModel
 from orchestration.identify.fitting.simulation_input import SimulationInput
 

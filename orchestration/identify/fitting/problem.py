@@ -21,7 +21,8 @@ from orchestration.identify.fitting.delay import DelayedModel
 from orchestration.identify.fitting.least_squares import SearchEndedError
 from orchestration.identify.fitting.simulation_input import SimulationInput
 from orchestration.identify.noise import ORDER, Noise, estimate_noise, noise_samples
-from orchestration.records import MeasuredRun, base_name, input_steps, join_records, sampled_alike
+from orchestration.records.runs import MeasuredRun, base_name, join_records, sampled_alike
+from orchestration.records.sampling import input_steps
 
 Subject = type[Component] | FmuWithDifferences
 # Internal steps of a simulation, per sample and in all: beyond both, a search has strayed to

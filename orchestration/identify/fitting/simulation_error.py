@@ -16,7 +16,7 @@ from fmus.kit.arrays import Array
 from orchestration.identify.fitting.least_squares import Minimum, minimise
 from orchestration.identify.fitting.problem import Problem
 from orchestration.identify.noise import noise_std
-from orchestration.records import base_name
+from orchestration.records.runs import base_name
 
 # spread of starting points about nominal, in searched coordinates: a decade either way
 _SPREAD = float(np.log(10.0))

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.units import base_unit
 from orchestration.identify.spectral.local_polynomial import (
     Estimates,
@@ -22,7 +22,8 @@ from orchestration.identify.spectral.local_polynomial import (
 from orchestration.identify.spectral.periods import named_period, period_of
 from orchestration.identify.spectral.response import Response
 from orchestration.identify.spectral.result import FrequencyResponse
-from orchestration.records import Record, sample_period
+from orchestration.records import Record
+from orchestration.records.sampling import sample_period
 from orchestration.reporting import option
 
 _SHARED = 0.5  # of the excited lines of an input that may be those of another

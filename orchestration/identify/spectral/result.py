@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmus.kit import UserError, files, suggestion
+from fmus.kit import files
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.units import printed, write_prefixed
 from orchestration.identify.spectral.response import Response
 from orchestration.records import Repair

@@ -21,17 +21,17 @@ from typing import Any
 
 import casadi as ca
 
-from fmus.kit import (
+from fmus.kit import UserError
+from fmus.kit.declare import (
     Declaration,
     DiscreteDeclaration,
     InputDeclaration,
-    Layout,
     ParameterDeclaration,
-    UserError,
     make_start_parameter,
     name_declaration,
 )
 from fmus.kit.interrupt import uninterrupted
+from fmus.kit.layout import Layout
 from fmus.kit.symbolic import Graph, trace
 from orchestration.system import Member, System, check
 

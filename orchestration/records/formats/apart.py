@@ -12,7 +12,7 @@ from pathlib import Path
 
 from fmus.kit import UserError
 from orchestration.records.record import refuse
-from orchestration.records.table import Reader, Table
+from orchestration.records.tables import Reader, Table
 
 # that a file may take at least: a busy machine with a cold disk is long at starting Python
 _SECONDS = 60.0

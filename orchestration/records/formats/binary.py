@@ -8,9 +8,15 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from fmus.kit.extras import optional
-from orchestration.records.header import plain_unit, read_header_cell
 from orchestration.records.record import Repair, refuse
-from orchestration.records.table import Column, Table, as_numbers, split_header_cell
+from orchestration.records.tables import (
+    Column,
+    Table,
+    as_numbers,
+    plain_unit,
+    read_header_cell,
+    split_header_cell,
+)
 
 
 def read_parquet(path: Path, content: bytes) -> Table:

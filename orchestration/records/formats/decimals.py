@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from fmus.kit import UserError
 from orchestration.records.record import Repair, refuse
-from orchestration.records.table import Column, Table
+from orchestration.records.tables import Column, Table
 
 _SEPARATORS = "'’\u00a0\u202f "
 _NUMBER = re.compile(

@@ -12,9 +12,8 @@ import numpy as np
 from fmus.kit.extras import optional
 from orchestration.records.formats.layout import TextLayout
 from orchestration.records.formats.text import Lines, decode, tabulate
-from orchestration.records.header import plain_unit, read_header_cell
 from orchestration.records.record import Repair, refuse
-from orchestration.records.table import Column, Table, as_numbers
+from orchestration.records.tables import Column, Table, as_numbers, plain_unit, read_header_cell
 
 _END = "***End_of_Header***"
 _DELIMITERS = {"tab": "\t", "comma": ",", "semicolon": ";"}

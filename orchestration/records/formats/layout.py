@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 
-from orchestration.records.header import are_units
-from orchestration.records.instants import is_instant
+from orchestration.records.tables import are_units
+from orchestration.records.times import is_instant
 
 DELIMITERS = "\t;,"
 _NUMBER = re.compile(r"[+-]?(?:\d[\d.,'’ \u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?")

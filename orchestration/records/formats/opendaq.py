@@ -11,7 +11,7 @@ import numpy as np
 from orchestration.records.formats.layout import TextLayout
 from orchestration.records.formats.text import decode, tabulate
 from orchestration.records.record import Repair, refuse
-from orchestration.records.table import Column, Table, numbers
+from orchestration.records.tables import Column, Table, numbers
 
 _SECONDS = ("s", "seconds", "second")
 

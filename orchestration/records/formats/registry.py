@@ -8,7 +8,7 @@ from orchestration.records.formats.labview import read_lvm, read_tdms
 from orchestration.records.formats.opendaq import read_opendaq
 from orchestration.records.formats.text import EXPECTED, read_text
 from orchestration.records.record import refuse
-from orchestration.records.table import Reader, Table
+from orchestration.records.tables import Reader, Table
 
 _SIGNATURES: dict[bytes, Reader] = {
     b"PAR1": apart(read_parquet),

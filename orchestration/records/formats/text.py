@@ -10,9 +10,8 @@ import numpy as np
 from fmus.kit import UserError
 from orchestration.records.formats.decimals import settle_decimals
 from orchestration.records.formats.layout import DELIMITERS, TextLayout, find_layout
-from orchestration.records.header import plain_unit, read_header_cell
 from orchestration.records.record import Repair, list_rows, refuse
-from orchestration.records.table import Column, Table, parse_cell
+from orchestration.records.tables import Column, Table, parse_cell, plain_unit, read_header_cell
 
 _CONTROL = re.compile("[\x00-\x08\x0b\x0e-\x1f\x7f\x80-\x9f]")
 _LINE_END = re.compile(r"\r\n|\n|\r")

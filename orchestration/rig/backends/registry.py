@@ -8,9 +8,9 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import TypeVar
 
-from fmus.kit import UserError, suggestion
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.extras import optional
-from orchestration.fmu import load_subclass, names_class
+from orchestration.fmu.model import load_subclass, names_class
 from orchestration.rig.backends.backend import Backend
 
 _ENTRY_POINTS = "ppy_rig.backends"  # group of the entry points, by which a package brings its own

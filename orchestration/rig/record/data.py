@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from orchestration.experiment import about_experiment, about_pace, results
+from orchestration.experiment import results
+from orchestration.experiment.results import about_experiment, about_pace
 from orchestration.fmu import Signal
 from orchestration.rig.record.driving import RecordedRun
 from orchestration.rig.record.planning import RecordingPlan

@@ -18,7 +18,7 @@ import numpy as np
 from fmus.kit.arrays import Array
 from fmus.kit.interrupt import Interrupt
 from fmus.rig_proxy import Link, LinkError, describe_latch
-from orchestration.experiment import Moment
+from orchestration.experiment.live import Moment
 from orchestration.master import Pacer, Pacing, RealTime
 from orchestration.rig.record.planning import RecordingPlan
 

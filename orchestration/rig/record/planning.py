@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from fmus import COMPONENTS, component
-from fmus.kit import UserError, suggestion
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from fmus.rig_proxy import LOCKSTEP, describe_latch
-from orchestration.experiment import Experiment, points, stimulus_values
+from orchestration.experiment import Experiment
+from orchestration.experiment.preparation import points, stimulus_values
 
 _PER_WATCHDOG = 3  # exchanges in the time after which the rig stops without one
 # of the rig's period: a step that was written with three digits is meant to be the rig's

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from secrets import token_hex
 from typing import Any
 
-from fmus.kit import suggestion
+from fmus.kit.errors import suggestion
 from orchestration.rig.server.calls import BackendSignals
 
 FIRST_COMMAND = 10.0  # s that a client has for it; until then the rig rests

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.kit import Component, UserError, suggestion
+from fmus.kit import Component
 from fmus.kit.arrays import Array
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import trace
-from orchestration.fmu import declared_model_of
+from orchestration.fmu.model import declared_model_of
 from orchestration.journal import digest
 from orchestration.reporting import option
 from orchestration.sweeps.ranges import Range

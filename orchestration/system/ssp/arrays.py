@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.kit import UserError
-from orchestration.fmu import Archive, DeclaredVariable, read_description
+from orchestration.fmu import Archive, read_description
+from orchestration.fmu.wrapping import DeclaredVariable
 from orchestration.system.model import Connection, Member
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError
-from orchestration.fmu import MOST_ELEMENTS, DeclaredVariable, element_names
+from orchestration.fmu.wrapping import MOST_ELEMENTS, DeclaredVariable, element_names
 from orchestration.system.checking import conversion, interface
 from orchestration.system.model import Connection, Member, Port
 from orchestration.system.ssp.arrays import element_at, scalars, show_shape, variable_of

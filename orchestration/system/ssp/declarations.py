@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 from xml.etree.ElementTree import Element
 
-from fmus.kit import UserError, suggestion
+from fmus.kit.errors import UserError, suggestion
 from orchestration.fmu.signal import read_signal, type_of
 from orchestration.system.checking import conversion
 from orchestration.system.model import Member

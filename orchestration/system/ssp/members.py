@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError, units
 from orchestration.fmu import Value
-from orchestration.fmu.bounded import parse_xml
+from orchestration.fmu.archive import parse_xml
 from orchestration.system.checking import variable
 from orchestration.system.model import Member
 from orchestration.system.ssp.arrays import enumeration_items, variable_of

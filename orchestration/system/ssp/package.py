@@ -9,7 +9,7 @@ from typing import Any
 from urllib.parse import unquote
 
 from fmus.kit import UserError, files
-from orchestration.fmu.bounded import TEXT, UNREADABLE, check_size, open_zip
+from orchestration.fmu.archive import TEXT, UNREADABLE, check_size, open_zip
 from orchestration.system.ssp.vocabulary import DESCRIPTION
 
 

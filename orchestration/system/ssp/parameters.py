@@ -7,7 +7,8 @@ from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit import UserError
 from fmus.kit.build import define_units, serialized, to_ssv
-from orchestration.fmu import DeclaredVariable, Signal, Value
+from orchestration.fmu import Signal, Value
+from orchestration.fmu.wrapping import DeclaredVariable
 from orchestration.system.checking import variable
 from orchestration.system.model import Member
 from orchestration.system.ssp.arrays import declared, end_of, enumeration_items

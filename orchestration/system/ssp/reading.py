@@ -8,7 +8,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError
-from orchestration.fmu.bounded import parse_xml
+from orchestration.fmu.archive import parse_xml
 from orchestration.system.model import System
 from orchestration.system.ssp.connections import read_connections
 from orchestration.system.ssp.members import read_members

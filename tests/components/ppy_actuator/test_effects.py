@@ -17,7 +17,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fmus
-from fmus.kit import made_by, stack
+from fmus.kit import stack
+from fmus.kit.effects import made_by
 from fmus.kit.integrate import Integrator
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.tracing import trace

@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmus.kit import SignalTerm, correction, stack
+from fmus.kit import stack
+from fmus.kit.corrections import SignalTerm, correction
 from orchestration.fmu import find_model
 from studies.clean.disturbances import ON_OUTPUTS
 from studies.judging import coverage

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from fmus.kit import curves as catalogue_curves
-from orchestration.fmu.effects import families, known_effects
-from orchestration.fmu.model import find_model
+from orchestration.fmu.model import families, find_model, known_effects
 from studies.clean.records import Case, draw
 from studies.hidden import curves
 from studies.hidden.records import HiddenCase, cases, draw_hidden, effective_samples, left, widths

@@ -12,11 +12,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmus.kit import SignalTerm, correction
+from fmus.kit.corrections import SignalTerm, correction
 from fmus.kit.curves import SHAPES
 from fmus.kit.symbolic.families import list_laws
-from orchestration.fmu.effects import catalogue, families
-from orchestration.fmu.model import find_model
+from orchestration.fmu.model import catalogue, families, find_model
 from studies.clean.records import Case, draw
 from studies.hidden_laws.kinds import KINDS, NAMES
 from studies.hidden_laws.naive import least_bic

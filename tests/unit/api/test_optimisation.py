@@ -7,7 +7,7 @@ import pytest
 
 import orchestration as ppy
 from fmus.kit import Component, Input, Parameter, State, UserError
-from orchestration.fmu import find_class
+from orchestration.fmu.model import find_class
 
 
 class Lag(Component):

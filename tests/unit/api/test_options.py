@@ -10,7 +10,7 @@ from orchestration.api.options import (
     StudyOptions,
 )
 from orchestration.identify.black_box import STRUCTURES
-from orchestration.sweeps import KEPT
+from orchestration.sweeps.reductions import KEPT
 
 
 def test_defaults_are_those_of_what_is_called():

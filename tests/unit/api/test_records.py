@@ -9,7 +9,7 @@ import pytest
 import orchestration as ppy
 from fmus.kit import UserError
 from orchestration.api.records import held_out, matching_record, matching_runs
-from orchestration.fmu import declared_model
+from orchestration.fmu.model import declared_model
 from orchestration.records import write_record
 
 

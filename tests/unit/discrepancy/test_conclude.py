@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from fmus.kit import measurement_effects
+from fmus.kit.sensors import measurement_effects
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy import conclude as conclusion
 from orchestration.discrepancy.candidates import label

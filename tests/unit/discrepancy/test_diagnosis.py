@@ -25,7 +25,7 @@ from orchestration.discrepancy.diagnosis import (
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.selection import Search, scoring
-from orchestration.records.joined import base_name
+from orchestration.records.runs import base_name
 from tests.support.diagnosis import FEW, coloured, short_record
 from tests.support.regression_model import GAIN, OFFSET, OTHERS, Amplifier
 from tests.support.several import (

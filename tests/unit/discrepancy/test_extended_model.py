@@ -31,8 +31,8 @@ from orchestration.discrepancy.extended_model import (
     measure_gain,
 )
 from orchestration.fmu.check import check_fmu
-from orchestration.fmu.effects import catalogue as effects_of
 from orchestration.fmu.instance import Fmu
+from orchestration.fmu.model import catalogue as effects_of
 from orchestration.fmu.model import find_model, load_class
 from orchestration.fmu.simulation import simulate_instance
 from tests.contract import checks, structure

@@ -21,7 +21,8 @@ from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.pipeline import diagnose_only
 from orchestration.discrepancy.selection import Step
 from orchestration.discrepancy.validation import confirm
-from orchestration.fmu import families, find_model
+from orchestration.fmu import find_model
+from orchestration.fmu.model import families
 from studies.clean.records import Case, draw
 from studies.hidden_laws.place import over
 from studies.plants.library import PLANTS

@@ -23,8 +23,8 @@ from orchestration.discrepancy.diagnosis import Verdict
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.pipeline import DiagnosisOptions, diagnose
 from orchestration.discrepancy.report.tables import run_errors
-from orchestration.fmu.effects import find_effects
 from orchestration.fmu.model import find_model, load_class, model_of
+from orchestration.fmu.model.effects import find_effects
 from orchestration.records import Record
 from orchestration.records.writing import write_record
 from tests.support.diagnosis import rig_record

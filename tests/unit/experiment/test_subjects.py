@@ -5,7 +5,8 @@ import pytest
 
 from fmus import component
 from fmus.kit.build import build_cached
-from orchestration.experiment import parse, subject
+from orchestration.experiment import parse
+from orchestration.experiment.subjects import subject
 from orchestration.system import Member, Port, System, ssp
 from tests.support.archive import edited, of_other_laws
 from tests.support.command import here, refused, works

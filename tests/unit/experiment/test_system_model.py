@@ -15,9 +15,14 @@ import pytest
 import orchestration as ppy
 from fmus import component
 from fmus.kit import UserError
-from orchestration.experiment import find_system, fused_model, is_system, system_model
 from orchestration.experiment.model import Master
-from orchestration.fmu import source_of
+from orchestration.experiment.system_model import (
+    find_system,
+    fused_model,
+    is_system,
+    system_model,
+)
+from orchestration.fmu.simulation import source_of
 from orchestration.system import Member, Port, System, library, ssp
 from tests.support.closed_loop import TIME, closed_loop, references
 from tests.support.hosts import build_one_state_fmu

@@ -8,7 +8,8 @@ from shutil import copyfile
 import numpy as np
 import pytest
 
-from orchestration.fmu import FmuSource, find_model, read_description, source_of
+from orchestration.fmu import find_model, read_description
+from orchestration.fmu.simulation import FmuSource, source_of
 from tests.support.hosts import build_one_state_fmu
 
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim
 
-from fmus.kit import Component, EffectNames, Input, Output, Parameter, State, UserError, stack
+from fmus.kit import Component, Input, Output, Parameter, State, UserError, stack
 from fmus.kit.arms import lag_effect, storing_wall
+from fmus.kit.curves import EffectNames
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.sampling import Sampling
 from tests.support.pushed_mass import ARM_CASES, MASS, SPRING, Tank, follows

@@ -13,9 +13,9 @@ from scipy.signal import lsim
 
 from fmus.galvanostat.model import Galvanostat
 from fmus.kit import UserError, smooth_table, stack, units
-from fmus.kit.component import effect_name, made_by, made_with
 from fmus.kit.corrections import KINDS, MEMORIES, SignalTerm, SmoothTable, correction, with_constant
 from fmus.kit.curves import SHAPES
+from fmus.kit.effects import effect_name, made_by, made_with
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.tracing import trace
 from fmus.ppy_actuator.model import PpyActuator

@@ -11,8 +11,9 @@ import numpy as np
 import pint
 import pytest
 
-from fmus.kit import UserError, effect_name
+from fmus.kit import UserError
 from fmus.kit.curves import SHAPES, EffectNames, curve, per
+from fmus.kit.effects import effect_name
 from tests.support.pushed_mass import DAMPER, LITTLE, MASS, SPRING, A, W, follows, static
 
 BY_HAND = {

@@ -20,9 +20,8 @@ from fmus.kit.generic import (
 )
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.tracing import trace
-from orchestration.fmu.effects import catalogue
 from orchestration.fmu.instance import Fmu
-from orchestration.fmu.model import load_class
+from orchestration.fmu.model import catalogue, load_class
 from orchestration.fmu.simulation import simulate_instance
 from orchestration.identify.grey_box import fit_grey_box
 

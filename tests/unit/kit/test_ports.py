@@ -5,7 +5,8 @@ import re
 import pytest
 
 import fmus
-from fmus.kit import DOMAINS, Component, Input, Output, PowerPort, State, UserError, units
+from fmus.kit import Component, Input, Output, PowerPort, State, UserError, units
+from fmus.kit.ports import DOMAINS
 
 
 @pytest.mark.parametrize("domain", DOMAINS)

@@ -5,24 +5,13 @@ from __future__ import annotations
 import pytest
 
 from fmus import COMPONENTS, component, effects
-from fmus.kit import (
-    Component,
-    Effect,
-    Input,
-    Output,
-    Parameter,
-    effect_title,
-    law_title,
-    measurement_effects,
-    stack,
-    titled,
-    variable_title,
-)
+from fmus.kit import Component, Effect, Input, Output, Parameter, stack
 from fmus.kit.arms import lag_effect
 from fmus.kit.corrections import SignalTerm, correction
 from fmus.kit.curves import curve
 from fmus.kit.inputs import dead_zone
-from fmus.kit.sensors import sensor_lag
+from fmus.kit.sensors import measurement_effects, sensor_lag
+from fmus.kit.titles import effect_title, law_title, titled, variable_title
 
 
 class Heater(Component):

@@ -2,8 +2,7 @@
 
 import threading
 
-from orchestration.reporting import background
-from orchestration.reporting.background import BackgroundWriter
+from orchestration.reporting import BackgroundWriter, background
 
 
 def test_everything_is_written_in_order_by_another_thread():

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from fmus.kit import UserError
 from orchestration.reporting import Displayable, one_line, pictures, plain_table
-from orchestration.reporting.page import SCROLLED
+from orchestration.reporting.html.page import SCROLLED
 
 
 class Elements(html.parser.HTMLParser):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestration.fmu import FmuSource
+from orchestration.fmu.simulation import FmuSource
 from orchestration.sweeps.chunking import LARGEST, SECONDS, Chunks
 from orchestration.sweeps.task import Task
 

@@ -13,7 +13,7 @@ import pytest
 
 import orchestration as ppy
 from fmus.kit import Component, Input, Parameter, State, UserError, sqrt
-from orchestration.fmu import FmuSource, RepeatedFmu
+from orchestration.fmu.simulation import FmuSource, RepeatedFmu
 from orchestration.sweeps import compiled
 from orchestration.sweeps.compiled import CompiledCases, choose_equations
 from orchestration.sweeps.reductions import REDUCTIONS

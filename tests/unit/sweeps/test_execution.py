@@ -16,7 +16,7 @@ import xarray
 
 import orchestration as ppy
 from fmus.kit import UserError
-from orchestration.fmu.repeated import RepeatedFmu
+from orchestration.fmu.simulation import RepeatedFmu
 from orchestration.sweeps import execution as run
 from tests.support.processes import of_fmus
 

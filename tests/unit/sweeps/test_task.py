@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestration.fmu import FmuSource
+from orchestration.fmu.simulation import FmuSource
 from orchestration.sweeps.task import CaseRunner, Task, failed
 
 TIME = 0.1 * np.arange(11)

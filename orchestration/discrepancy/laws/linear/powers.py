@@ -13,7 +13,7 @@ import numpy as np
 from fmus.kit.arrays import Array, Mask
 from fmus.kit.symbolic import PerturbedLaws
 from orchestration.discrepancy.laws.linear.response import SimulatedCourse
-from orchestration.records import base_name
+from orchestration.records.runs import base_name
 
 # change of the power of a parameter beside a correction, relative to it
 LEAST = -0.9

@@ -14,7 +14,7 @@ import numpy as np
 from fmus.kit.arrays import Array
 from fmus.kit.symbolic import Jacobians, PerturbedLaws
 from orchestration.discrepancy.candidates import StepMatrices
-from orchestration.records import MeasuredRun
+from orchestration.records.runs import MeasuredRun
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import median_filter
 
-from fmus.kit import Component, Effect, Input, UserError, make_effect
+from fmus.kit import Component, Effect, Input, UserError
 from fmus.kit.arrays import Array
+from fmus.kit.effects import make_effect
 from fmus.kit.symbolic import PerturbedLaws
 from orchestration.discrepancy.candidates import Candidate, FittedCandidate
 from orchestration.discrepancy.laws.linear.response import (
@@ -28,7 +29,7 @@ from orchestration.discrepancy.laws.linear.response import (
 from orchestration.discrepancy.laws.linear.smoothing import Smoother, TrackingTarget
 from orchestration.discrepancy.selection import Search
 from orchestration.identify.noise import noise_std
-from orchestration.records import MeasuredRun
+from orchestration.records.runs import MeasuredRun
 
 _ROUNDS = 6
 _SETTLED = 0.01  # fall of the cost, relative, that ends the rounds

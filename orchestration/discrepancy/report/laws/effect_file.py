@@ -9,7 +9,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fmus.kit import Component, Declaration, files, law_of
+from fmus.kit import Component, files
+from fmus.kit.declare import Declaration
+from fmus.kit.layout import law_of
 from orchestration.discrepancy.extended_model import fitted_defaults
 from orchestration.discrepancy.laws import Correction
 from orchestration.discrepancy.report.laws import wording

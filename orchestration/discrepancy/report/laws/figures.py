@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.kit import in_words
 from fmus.kit.arrays import Array
+from fmus.kit.titles import in_words
 from orchestration.discrepancy.laws import Correction, Entry
 from orchestration.discrepancy.report.laws import wording
 from orchestration.discrepancy.report.laws.law_report import (
@@ -15,14 +15,14 @@ from orchestration.discrepancy.report.laws.law_report import (
     describe_signal,
     shape_beside_line,
 )
-from orchestration.reporting import (
+from orchestration.reporting import pictures
+from orchestration.reporting.html import (
     Markup,
     Panel,
     Trace,
     escaped,
     format_quantities,
     heat_map,
-    pictures,
     stacked,
 )
 

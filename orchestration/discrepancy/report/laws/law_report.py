@@ -8,19 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.kit import (
-    SHAPES,
-    Component,
-    Effect,
-    SignalTerm,
-    effect_name,
-    effect_title,
-    in_words,
-    law_title,
-    made_with,
-    within_sentence,
-)
+from fmus.kit import Component, Effect
 from fmus.kit.arrays import Array
+from fmus.kit.corrections import SignalTerm
+from fmus.kit.curves import SHAPES
+from fmus.kit.effects import effect_name, made_with
+from fmus.kit.titles import effect_title, in_words, law_title, within_sentence
 from fmus.kit.units import base_unit, write_prefixed
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.law_corrections import LawSearch

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from fmus.kit import capitalised, in_words, variable_title
+from fmus.kit.titles import capitalised, in_words, variable_title
 from orchestration.discrepancy.laws import Correction, Entry
 from orchestration.discrepancy.report import html_elements
 from orchestration.discrepancy.report.figures import COLOURS
@@ -20,7 +20,7 @@ from orchestration.discrepancy.report.laws.law_report import (
 from orchestration.discrepancy.report.sections import add_data, add_notes
 from orchestration.discrepancy.report.wording import EXTENDED, REFITTED, format_interval
 from orchestration.discrepancy.validation import parameter_estimates
-from orchestration.reporting import Bar, Markup, Page, elements, escaped, format_quantities
+from orchestration.reporting.html import Bar, Markup, Page, elements, escaped, format_quantities
 
 _CHIPS = {"confirmed": "named", "refuted": "cause", "not confirmed": "ambiguous", "not asked": ""}
 

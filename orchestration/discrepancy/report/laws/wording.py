@@ -6,17 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fmus.kit import (
-    SHAPES,
-    capitalised,
-    effect_name,
-    effect_title,
-    in_words,
-    made_by,
-    within_sentence,
-)
-from fmus.kit import correction as make_correction
 from fmus.kit.arrays import Array
+from fmus.kit.corrections import correction as make_correction
+from fmus.kit.curves import SHAPES
+from fmus.kit.effects import effect_name, made_by
+from fmus.kit.titles import capitalised, effect_title, in_words, within_sentence
 from fmus.kit.units import printed
 from orchestration.discrepancy.laws import Correction, LawSignal, unit_of
 from orchestration.discrepancy.pipeline import Result

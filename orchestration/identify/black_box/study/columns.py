@@ -8,20 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from fmus.kit import UserError, suggestion
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.units import convert
 from orchestration.identify.black_box.data import InputOutputData, input_output_data
-from orchestration.records import (
-    UNEVEN,
-    Column,
-    Table,
-    find_time,
-    holds_instants,
-    numbers,
-    read_record,
-    read_table,
-    sample_period,
-)
+from orchestration.records import read_record
+from orchestration.records.formats import read_table
+from orchestration.records.sampling import UNEVEN, sample_period
+from orchestration.records.tables import Column, Table, numbers
+from orchestration.records.times import find_time, holds_instants
 from orchestration.reporting import option
 
 

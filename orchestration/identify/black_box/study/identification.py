@@ -23,7 +23,8 @@ from orchestration.identify.black_box.residual_tests import ResidualTests
 from orchestration.identify.black_box.study.columns import Columns
 from orchestration.identify.black_box.study.component import source
 from orchestration.identify.metrics import finite_or_none
-from orchestration.reporting import Displayable, make_page, one_line, path_of_report, plain_table
+from orchestration.reporting import Displayable, make_page, one_line, plain_table
+from orchestration.reporting.html import path_of_report
 
 if TYPE_CHECKING:
     import pandas

@@ -12,7 +12,8 @@ from orchestration.identify.black_box.study.picture import (
     draw_residual,
     draw_roots,
 )
-from orchestration.reporting import Page, make_page, pictures
+from orchestration.reporting import make_page, pictures
+from orchestration.reporting.html import Page
 
 _FREE_RUN = (
     "What the model makes of the inputs alone, beside what was measured; no fit has seen this part."

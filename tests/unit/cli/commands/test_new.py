@@ -11,8 +11,8 @@ import sys
 
 import pytest
 
-from orchestration.fmu import catalogue, find_class
-from orchestration.fmu.loading import remarks_on
+from orchestration.fmu.model import catalogue, find_class
+from orchestration.fmu.model.loading import remarks_on
 from orchestration.records import read_record
 from orchestration.rig.backends.registry import open_backend
 from tests.support.command import refused, works

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fmus.kit import Component, Effect, Input, Output, Parameter, State, stack, transport_delay
+from fmus.kit import Component, Effect, Input, Output, Parameter, State, stack
 from fmus.kit.arms import lag_effect
 from fmus.kit.curves import curve
 from fmus.kit.errors import UserError
 from fmus.kit.inputs import backlash, input_lag, input_offset, input_saturation
 from fmus.kit.record import CompiledModel
-from fmus.kit.sensors import sensor_drift, sensor_gain, sensor_lag, sensor_offset
+from fmus.kit.sensors import sensor_drift, sensor_gain, sensor_lag, sensor_offset, transport_delay
 from fmus.voice_coil_dma.effects import (
     AmplifierSaturation,
     CoulombFriction,

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmus.kit import made_with
+from fmus.kit.effects import made_with
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.laws.base import effects_of, search_of
 from tests.support.several import OCVS, Cell, several

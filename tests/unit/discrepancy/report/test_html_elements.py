@@ -12,7 +12,7 @@ from orchestration.discrepancy.candidates.candidate import catalogue
 from orchestration.discrepancy.report import html_elements
 from orchestration.fmu import model as models
 from orchestration.identify.uncertainty.estimate import Estimate
-from orchestration.reporting import elements
+from orchestration.reporting.html import elements
 
 
 def test_an_interval_is_drawn_to_scale():

@@ -32,7 +32,7 @@ from orchestration.discrepancy.report.wording import EXTENDED, REFITTED
 from orchestration.discrepancy.residuals.correlation import CrossCorrelation
 from orchestration.fmu.model import find_model
 from orchestration.identify.comparison import read_for
-from orchestration.reporting import elements
+from orchestration.reporting.html import elements
 from tests.support.browser import chromium
 from tests.support.look import FAINT, OUTSIDE, UNREACHED
 from tests.support.pace import slow_but

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmus.kit import effect_title, within_sentence
+from fmus.kit.titles import effect_title, within_sentence
 from fmus.ppy_actuator.effects import EFFECTS
 from orchestration.discrepancy.diagnosis import Verdict
 from orchestration.discrepancy.note import Note, NoteCode

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from fmus.kit import Component, Output, Parameter, Size, make_effect
+from fmus.kit import Component, Output, Parameter, Size
+from fmus.kit.effects import make_effect
 from fmus.kit.units import write_prefixed
 from orchestration.discrepancy.report.sizes import (
     format_estimated,

@@ -8,7 +8,7 @@ import pytest
 from orchestration.discrepancy.residuals.excess_variance import excess_variance_at_input_steps
 from orchestration.discrepancy.residuals.innovations import score_innovations
 from orchestration.identify.noise.model import Noise
-from orchestration.records.channels import input_steps
+from orchestration.records.sampling import input_steps
 from tests.support.residuals import EVERY, N, noise
 
 WHITE = Noise(np.empty(0), 1.0)

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from fmus.kit import measurement_effects
+from fmus.kit.sensors import measurement_effects
 from orchestration.discrepancy import diagnosis as diagnosing
 from orchestration.discrepancy.candidates import label
 from orchestration.discrepancy.data import Dataset

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmus.kit import Component, Input, Output, Parameter, State, effect_name
+from fmus.kit import Component, Input, Output, Parameter, State
+from fmus.kit.effects import effect_name
 from fmus.kit.symbolic import families_for
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.selection.equivalence import as_another

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmus.kit import Output, measurement_effects
+from fmus.kit import Output
+from fmus.kit.sensors import measurement_effects
 from orchestration.discrepancy import diagnosis as whole_diagnosis
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import Verdict, diagnose

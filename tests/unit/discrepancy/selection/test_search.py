@@ -15,8 +15,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.ndimage import uniform_filter1d
 
-from fmus.kit import Component, Input, Output, Parameter, State, UserError, curve
+from fmus.kit import Component, Input, Output, Parameter, State, UserError
 from fmus.kit.arms import lag_effect
+from fmus.kit.curves import curve
 from fmus.kit.functions import minimum
 from fmus.kit.generic import extra_kelvin
 from fmus.kit.sensors import measurement_effects, sensor_drift, sensor_lag, transport_delay

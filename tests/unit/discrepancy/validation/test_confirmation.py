@@ -13,7 +13,7 @@ import pytest
 from scipy.signal import lfilter
 
 from fmus.kit import Component, Input, Output, Parameter, State
-from fmus.kit.component import Term
+from fmus.kit.effects import Term
 from fmus.kit.functions import clip
 from fmus.kit.generic import cubic_stiffness
 from orchestration.discrepancy.candidates.paired_scores import PairedScore

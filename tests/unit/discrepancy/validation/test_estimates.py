@@ -29,7 +29,7 @@ from orchestration.discrepancy.validation.estimates import (
     straight_parts,
     undetermined_effects,
 )
-from orchestration.fmu import families
+from orchestration.fmu.model import families
 from orchestration.identify.uncertainty.estimate import Estimate, is_significantly_different
 from studies.plants.models.motor import EFFECTS, Motor
 from tests.support.regression_model import GAIN, OTHERS, SPREAD, STEP, Amplifier

@@ -20,7 +20,7 @@ import pytest
 import orchestration as ppy
 from fmus.kit import UserError
 from orchestration.fmu.isolation.limits import Limits
-from orchestration.fmu.simulation import UnfinishedSimulation
+from orchestration.fmu.simulation.simulation import UnfinishedSimulation
 from orchestration.master import Stopped, run
 from orchestration.records import read_record
 from orchestration.system.model import Connection, Member, Port, System

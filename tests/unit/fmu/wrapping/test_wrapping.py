@@ -16,10 +16,11 @@ from scipy.linalg import expm
 
 from fmus.kit import UserError
 from fmus.kit.build import toolchain
-from orchestration.fmu import EndedSimulation, Fmu, RepeatedFmu, simulate_instance, unpack
+from orchestration.fmu import Fmu, unpack
 from orchestration.fmu.check.shared_library import read_library
 from orchestration.fmu.exchange import ExchangeFmu
 from orchestration.fmu.kernel import library
+from orchestration.fmu.simulation import EndedSimulation, RepeatedFmu, simulate_instance
 from orchestration.fmu.wrapping import wrapping
 from tests.support.archive import edited
 from tests.support.fmi3_fmus import build, build_wide, changed, foreign

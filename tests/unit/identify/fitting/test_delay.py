@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmus.kit import Component, Input, Output, Parameter, State, stack, transport_delay
+from fmus.kit import Component, Input, Output, Parameter, State, stack
+from fmus.kit.sensors import transport_delay
 from orchestration.identify.fitting.delay import DelayedModel
 from orchestration.identify.fitting.simulation_input import SimulationInput
 

@@ -10,21 +10,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from fmus.kit import (
-    Component,
-    Input,
-    Output,
-    Parameter,
-    State,
-    UserError,
-    cos,
-    stack,
-    transport_delay,
-)
+from fmus.kit import Component, Input, Output, Parameter, State, UserError, cos, stack
+from fmus.kit.sensors import transport_delay
 from orchestration.identify.fitting.least_squares import SearchEndedError
 from orchestration.identify.fitting.problem import ModelOverRuns, Problem, Scale
 from orchestration.identify.noise import white_noise
-from orchestration.records.joined import base_name
+from orchestration.records.runs import base_name
 from tests.support.several import OCVS, STARTS, TRUE, Cell, several, voltage
 
 NAMES = ["R0", "tau1", *(f"ocv@{k}" for k in "abc"), *(f"relaxed_start@{k}" for k in "abc")]

@@ -2,9 +2,9 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 from fmus import COMPONENTS, component
-from fmus.kit import make_effect
 from fmus.kit.build import documentation
 from fmus.kit.build.documentation import page, relaxed_assumption
+from fmus.kit.effects import make_effect
 from orchestration.fmu.model import catalogue
 from tests.support.kit_models import every_model
 from tests.support.kit_samples import Thermostat

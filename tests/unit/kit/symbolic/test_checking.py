@@ -23,12 +23,12 @@ from fmus.kit import (
     UserError,
     corrections,
     curves,
-    measurement_effects,
     sin,
     stack,
 )
+from fmus.kit.sensors import measurement_effects
 from fmus.kit.symbolic import check_component, families_for
-from orchestration.fmu import catalogue, load_class
+from orchestration.fmu.model import catalogue, load_class
 
 ROOT = Path(__file__).parents[4]
 PLACES = [

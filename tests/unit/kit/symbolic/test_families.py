@@ -12,8 +12,8 @@ import pytest
 from fmus.kit import Component, Input, Output, Parameter, State, sin, stack, units
 from fmus.kit.build.building import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
-from fmus.kit.component import effect_name, made_with
 from fmus.kit.curves import curve
+from fmus.kit.effects import effect_name, made_with
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.families import families_for, list_laws
 from orchestration.fmu.instance import Fmu

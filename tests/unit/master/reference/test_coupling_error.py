@@ -9,13 +9,41 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from benchmarks.coupling import SMOOTH, measured
 from fmus.kit import Component, Input, Output, Parameter, State, UserError
 from orchestration.master import run
-from orchestration.master.reference.coupling_error import coupling_error, imbalance, mechanical
+from orchestration.master.reference.coupling_error import (
+    CouplingError,
+    coupling_error,
+    imbalance,
+    mechanical,
+)
 from orchestration.system import library
 from orchestration.system.model import Connection, Member, Port, System, connect
 from tests.support.pace import slow_but
+
+PERIOD = 1.0 / 30.0  # s, of the bench's controller
+# Steps, duration, inputs and a signal: taut and away from limits throughout, and the controller
+# samples at communication points, so that nothing kinks between them.
+SMOOTH = {
+    "dma_bench": (
+        [PERIOD / 128, PERIOD / 256],
+        2 * PERIOD,
+        {"force_reference": lambda t: np.full(t.size, 1.0)},
+        "bench.position",
+    ),
+    "foot_gait": (
+        [4e-4, 2e-4],
+        0.1,
+        {"an_current": lambda t: np.sin(20.0 * t), "pl_current": lambda t: -0.5 * np.sin(30.0 * t)},
+        "foot.ankle_angle",
+    ),
+}
+
+
+def measured(name: str, **options) -> CouplingError:
+    """Coupling error of a system that ships."""
+    steps, stop, inputs, _ = SMOOTH[name]
+    return coupling_error(library.system(name), steps, stop, inputs, **options)
 
 
 class Follower(Component):
@@ -118,7 +146,7 @@ def test_gauss_seidel_has_the_smaller_error_of_two_moving_members_and_extrapolat
 )
 def test_systems_that_ship_converge_with_first_order_and_extrapolated_with_second(name, method):
     signal = SMOOTH[name][-1]
-    held, linear = (measured(name, quick=True, method=method, extrapolation=e) for e in (0, 1))
+    held, linear = (measured(name, method=method, extrapolation=e) for e in (0, 1))
     assert held.order(signal) == pytest.approx(1.0, abs=0.1)
     assert linear.order(signal) == pytest.approx(2.0, abs=0.1)
     assert linear.errors[signal][-1] < 0.1 * held.errors[signal][-1] < 0.01
@@ -130,16 +158,14 @@ def test_gauss_seidel_has_the_better_constant_where_outputs_are_taken_as_they_st
 ):
     signal = SMOOTH[name][-1]
     jacobi, seidel = (
-        measured(name, quick=True, method=m, feedthrough=False) for m in ("jacobi", "gauss-seidel")
+        measured(name, method=m, feedthrough=False) for m in ("jacobi", "gauss-seidel")
     )
     assert (seidel.errors[signal] < 0.5 * jacobi.errors[signal]).all()
 
 
 def test_tension_that_follows_the_length_at_once_leaves_jacobi_nothing_to_lose_on_the_bench():
     """Only the creep of the actuator is a step old in one and not in the other."""
-    jacobi, seidel = (
-        measured("dma_bench", quick=True, method=m) for m in ("jacobi", "gauss-seidel")
-    )
+    jacobi, seidel = (measured("dma_bench", method=m) for m in ("jacobi", "gauss-seidel"))
     for signal in ("bench.position", "actuator.tension"):
         assert seidel.errors[signal] == pytest.approx(jacobi.errors[signal], rel=1e-3)
 
@@ -187,7 +213,7 @@ def test_imbalance_is_counted_in_the_units_of_either_side():
 
 
 def test_couplings_of_the_systems_that_ship_are_found_and_their_imbalance_is_of_first_order():
-    found = measured("foot_gait", quick=True)
+    found = measured("foot_gait")
     assert set(found.imbalances) == {
         f"foot.{a}_length_change <-> {a}.tension" for a in library.FEET
     }

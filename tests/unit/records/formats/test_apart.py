@@ -22,7 +22,7 @@ from fmus.kit import UserError
 from orchestration.records.formats.apart import apart
 from orchestration.records.formats.registry import read_table
 from orchestration.records.record import refuse
-from orchestration.records.table import Column, Table
+from orchestration.records.tables import Column, Table
 
 TIME = 0.1 * np.arange(50)
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals and limits are those of POSIX")

@@ -7,7 +7,7 @@ import pytest
 
 from fmus.kit import UserError
 from orchestration.records.formats.decimals import settle_decimals
-from orchestration.records.table import Column, Table, numbers
+from orchestration.records.tables import Column, Table, numbers
 
 
 def table(*columns):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fmus.kit import Component, Output, Parameter, State, exp
-from orchestration.sweeps import Range
 from orchestration.sweeps.pareto import Objective, Objectives
+from orchestration.sweeps.ranges import Range
 
 APART = 2.0**-0.5
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fmus.kit import Component, Output, Parameter, UserError, stack
-from orchestration.sweeps import Range
 from orchestration.sweeps.pareto import Objective, Objectives, read_objective
+from orchestration.sweeps.ranges import Range
 
 
 def test_values_and_derivatives_are_the_closed_form(decay):

@@ -7,8 +7,8 @@ import pytest
 
 from fmus.foot.design import FootDesign
 from fmus.kit import Component, Output, Parameter, UserError, cos
-from orchestration.sweeps import Range
 from orchestration.sweeps.pareto import Objective, Objectives, pareto_front
+from orchestration.sweeps.ranges import Range
 
 FORCES = Objective(("ankle_limited_force", "toe_limited_force"), "N", 1.0)
 STROKE = Objective(("toe_stroke",), "m", 1.0)

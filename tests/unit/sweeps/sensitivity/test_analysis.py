@@ -8,7 +8,7 @@ import xarray
 
 import orchestration as ppy
 from fmus.kit import UserError
-from orchestration.reporting import plain_text
+from orchestration.reporting.console import plain_text
 from orchestration.sweeps.sensitivity import indices
 from orchestration.sweeps.sensitivity import one_at_a_time as tornado
 from tests.support.command import here

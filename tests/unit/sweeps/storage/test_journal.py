@@ -20,7 +20,7 @@ import xarray
 import orchestration as ppy
 from fmus.kit import UserError
 from fmus.kit.storage import scratch
-from orchestration.fmu.repeated import RepeatedFmu
+from orchestration.fmu.simulation import RepeatedFmu
 from orchestration.journal import removed_after
 from orchestration.sweeps.storage import zarr_store as stored
 from tests.support.command import refused, works

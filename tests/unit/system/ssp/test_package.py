@@ -8,7 +8,7 @@ import zipfile
 
 import pytest
 
-from orchestration.fmu import bounded
+from orchestration.fmu.archive import bounded
 from orchestration.system import ssp
 from orchestration.system.ssp import package
 from tests.support.system.archive import DESCRIPTION, repacked

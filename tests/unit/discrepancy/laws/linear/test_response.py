@@ -21,7 +21,7 @@ from orchestration.discrepancy.laws.linear.response import (
     continuous,
     responses_of_runs,
 )
-from orchestration.records.joined import MeasuredRun
+from orchestration.records.runs import MeasuredRun
 from studies.plants.models.pendulum import Pendulum
 
 SAMPLES = 1500

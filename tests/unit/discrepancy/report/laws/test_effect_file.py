@@ -74,7 +74,7 @@ def test_the_file_computes_what_was_fitted(law, signal, memory, kind, shape):
     text = source(law_report)
     exec(compile(text, "law.py", "exec"), written)
     (effect,) = (
-        c for c in written.values() if isinstance(c, type) and c.__module__ != "fmus.kit.component"
+        c for c in written.values() if isinstance(c, type) and c.__module__ != "fmus.kit.effects"
     )
     theirs, ours = (
         one.model.candidate.cls(**values),

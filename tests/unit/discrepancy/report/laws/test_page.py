@@ -12,7 +12,7 @@ from fmus.kit.corrections import SignalTerm, correction
 from orchestration.discrepancy.report.laws import wording
 from orchestration.discrepancy.report.laws.page import add_laws
 from orchestration.discrepancy.validation import Outcome
-from orchestration.reporting import Page
+from orchestration.reporting.html import Page
 from studies.plants.models.motor import Motor
 from tests.support.law_reports import entry, motor_report
 

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from fmus.kit import UserError
 from fmus.kit.build.building import build_cached
-from orchestration.fmu.loading import load_class
+from orchestration.fmu.model import load_class
 from orchestration.identify.black_box.study.component import class_name, identifiers, source
 from tests.support.hosts import run_fmpy
 

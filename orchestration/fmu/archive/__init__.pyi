@@ -1,0 +1,10 @@
+from .archive import Archive as Archive
+from .archive import first_line as first_line
+from .archive import read_description as read_description
+from .archive import unpack as unpack
+from .bounded import TEXT as TEXT
+from .bounded import UNREADABLE as UNREADABLE
+from .bounded import check_size as check_size
+from .bounded import open_zip as open_zip
+from .bounded import parse_xml as parse_xml
+from .default_experiment import experiment_faults as experiment_faults

@@ -1,0 +1,275 @@
+"""The archive of an FMU: opened within bounds, its model description read, and unpacked."""
+
+from __future__ import annotations
+
+import io
+import re
+import zipfile
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+from fmus.kit import UserError
+from fmus.kit.storage import scratch
+from orchestration.fmu.archive.bounded import (
+    FILE,
+    TEXT,
+    UNREADABLE,
+    check_size,
+    open_zip,
+    parse_xml,
+)
+from orchestration.fmu.archive.default_experiment import experiment_faults
+from orchestration.fmu.wrapping import DeclaredVariable, Translation, translate, wrap
+
+_DESCRIPTION = "modelDescription.xml"
+_SYSTEM = "SystemStructure.ssd"
+_VARIABLES = "ModelVariables"
+_CHUNK = 2**20  # bytes that are read at once
+
+
+class Archive:
+    """The opened archive of an FMU; a context manager.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    UserError
+        If the file is missing, no zip archive, no FMU, neither of FMI 2.0 nor 3.0, or beyond the
+        bounds.
+
+    Attributes
+    ----------
+    path : Path
+    names : list of str
+        Its files, without folders.
+    description : Element
+        Root of ``modelDescription.xml``, as it is in the archive.
+    version : {2, 3}
+        Of FMI.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        if not path.is_file():
+            reason = "a folder, not an FMU file" if path.is_dir() else "no such file"
+            raise UserError(f"{path}: {reason}")
+        self._zip = open_zip(
+            path, str(path), "not an FMU (an FMU is a zip archive; this is none, or it is cut off)"
+        )
+        try:
+            self.names = [name for name in self._zip.namelist() if not name.endswith("/")]
+            self.description = self._read_description()
+        except UserError:
+            self._zip.close()
+            raise
+
+    def _read_description(self) -> Element:
+        if _SYSTEM in self.names:
+            raise UserError(f"{self.path}: a system (SSP), where an FMU is needed")
+        if _DESCRIPTION not in self.names:
+            raise UserError(
+                f"{self.path}: a zip archive but not an FMU ({_DESCRIPTION} is not in it)"
+            )
+        check_size(str(self.path), _DESCRIPTION, self._zip.getinfo(_DESCRIPTION).file_size, TEXT)
+        try:
+            contents = self._zip.read(_DESCRIPTION)
+        except UNREADABLE as error:
+            raise UserError(f"{self.path}: {_DESCRIPTION} cannot be read ({error})") from error
+        root = parse_xml(contents, str(self.path), _DESCRIPTION)
+        if root.tag != "fmiModelDescription":
+            raise UserError(
+                f"{self.path}: {_DESCRIPTION} is a {root.tag!r}, expected 'fmiModelDescription'"
+            )
+        version = root.get("fmiVersion", "")
+        if version != "2.0" and not re.fullmatch(r"3\.0(\.\d+)?", version):
+            raise UserError(
+                f"{self.path}: FMI version {version[:40] or 'not stated'}; this program knows FMI"
+                " 2.0 and 3.0"
+            )
+        self.version = int(version[0])
+        return root
+
+    @cached_property
+    def _translation(self) -> Translation:
+        return translate(self.description, str(self.path))
+
+    @property
+    def as_fmi2(self) -> Element:
+        """The model description in terms of FMI 2.0; UserError if it makes no sense."""
+        return self.description if self.version == 2 else self._translation.root
+
+    @property
+    def declared(self) -> dict[str, DeclaredVariable]:
+        """Variables of FMI 3.0 by name; of an FMU of FMI 2.0 nothing."""
+        return {} if self.version == 2 else self._translation.declared
+
+    @property
+    def host_platform(self) -> str:
+        """Name of the folder in ``binaries/`` for this machine."""
+        import fmpy
+
+        return str(fmpy.platform if self.version == 2 else fmpy.platform_tuple)
+
+    def __enter__(self) -> Archive:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._zip.close()
+
+    @property
+    def platforms(self) -> list[str]:
+        """Names of the folders in ``binaries/`` that are not empty."""
+        paths = [name.split("/") for name in self.names]
+        return sorted({parts[1] for parts in paths if parts[0] == "binaries" and len(parts) > 2})
+
+    def read(self, name: str) -> bytes | None:
+        """Return the contents of a file; None if it is damaged, or too large to be read at once."""
+        try:
+            return self._zip.read(name) if self._zip.getinfo(name).file_size <= FILE else None
+        except UNREADABLE:
+            return None
+
+    def is_intact(self, name: str) -> bool:
+        """Return whether a file can be unpacked."""
+        try:
+            with self._zip.open(name) as file:
+                while file.read(_CHUNK):
+                    pass
+        except UNREADABLE:
+            return False
+        return True
+
+    def entries(self) -> list[zipfile.ZipInfo]:
+        """Return all files and folders in the archive."""
+        return self._zip.infolist()
+
+    def interfaces(self) -> list[Element]:
+        """Return the elements ``CoSimulation`` and ``ModelExchange``, as far as they exist."""
+        return [
+            element
+            for element in self.description
+            if element.tag in ("CoSimulation", "ModelExchange")
+        ]
+
+    def check_interfaces(self) -> None:
+        """Refuse an FMU that offers nothing that can be run here; UserError says what it offers."""
+        where = f"{self.path}: {_DESCRIPTION}"
+        token = "guid" if self.description.get("fmiVersion") == "2.0" else "instantiationToken"
+        if not self.description.get(token):
+            raise UserError(f"{where} has no attribute {token}")
+        if not self.interfaces():
+            if self.description.find("ScheduledExecution") is not None:
+                raise UserError(
+                    f"{self.path}: an FMU for scheduled execution only; this program runs"
+                    " co-simulation"
+                )
+            raise UserError(f"{where} has neither an element CoSimulation nor ModelExchange")
+        for interface in self.interfaces():
+            if not interface.get("modelIdentifier"):
+                raise UserError(f"{where}: {interface.tag} has no attribute modelIdentifier")
+        for fault in experiment_faults(self.description):
+            raise UserError(f"{where}: {fault}")
+        variables = self.description.find(_VARIABLES)
+        if variables is None:
+            raise UserError(f"{where} has no element {_VARIABLES}")
+        clocks = [node.get("name", "") for node in variables.iterfind("Clock")]
+        if clocks:
+            raise UserError(
+                f"{self.path}: an FMU with clocks, such as {clocks[0]}; this program ticks none"
+            )
+
+
+def read_description(path: Path) -> Any:
+    """Read the model description of an FMU that is to be run.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    fmpy.model_description.ModelDescription
+
+    Raises
+    ------
+    UserError
+        If the file is missing, no zip, no FMU, not FMI 2.0 for co-simulation, or an element is
+        missing.
+    """
+    import fmpy
+
+    with Archive(path) as archive:  # the outer form only: `ppy check` judges what is in it
+        archive.check_interfaces()
+        source = str(path) if archive.version == 2 else _packed(archive.as_fmi2)
+    try:
+        description = fmpy.read_model_description(source, validate=False)
+    except Exception as error:
+        raise UserError(f"{path}: {_DESCRIPTION} cannot be read ({first_line(error)})") from error
+    if description.coSimulation is None:
+        raise UserError(f"{path}: an FMU for model exchange only; this program runs co-simulation")
+    return description
+
+
+def _packed(description: Element) -> io.BytesIO:
+    """Return an archive with a model description, in memory."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr(_DESCRIPTION, ElementTree.tostring(description))
+    packed.seek(0)
+    return packed
+
+
+def unpack(path: Path) -> str:
+    """Unzip an FMU, without sources and documentation, into a new folder of `scratch`.
+
+    One of FMI 3.0 is wrapped, so that its library is one of FMI 2.0.
+
+    Returns
+    -------
+    str
+        The folder, which the caller must remove.
+
+    Raises
+    ------
+    UserError
+        If it has no binary for this machine, or cannot be unzipped.
+    """
+    import fmpy
+
+    with Archive(path) as archive:
+        platform = archive.host_platform
+        if platform not in archive.platforms:
+            available = ", ".join(archive.platforms) or "none"
+            raise UserError(f"{path}: no binary for {platform}; it has {available}")
+    folder = scratch.make("fmu")
+    try:
+        fmpy.extract(str(path), str(folder), include=lambda name: _is_needed(name, platform))
+        if archive.version == 3:
+            wrap(folder, archive.description, str(path))
+    except BaseException as error:
+        scratch.remove(folder)
+        if not isinstance(error, Exception) or isinstance(error, UserError):
+            raise
+        if isinstance(error, OSError) and error.errno in scratch.NO_ROOM:
+            raise scratch.no_room(folder.parent, error) from error
+        raise UserError(f"{path}: cannot be loaded ({first_line(error)})") from error
+    return str(folder)
+
+
+def _is_needed(name: str, platform: str) -> bool:
+    """Return whether an entry is needed to run the FMU: making files takes longer than loading."""
+    top, _, inside = name.partition("/")
+    if top == "binaries":
+        return inside.startswith(f"{platform}/")
+    return top not in ("sources", "documentation")
+
+
+def first_line(error: Exception) -> str:
+    """Return the first line of the text of an error, or its type if it has no text."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]

@@ -1,0 +1,17 @@
+from .effects import catalogue as catalogue
+from .effects import families as families
+from .effects import known_effects as known_effects
+from .loading import faulty_place as faulty_place
+from .loading import file_of_class as file_of_class
+from .loading import load_class as load_class
+from .loading import load_subclass as load_subclass
+from .loading import names_class as names_class
+from .model import Model as Model
+from .model import built as built
+from .model import declared_model as declared_model
+from .model import declared_model_of as declared_model_of
+from .model import find_class as find_class
+from .model import find_model as find_model
+from .model import model_of as model_of
+from .model import read_settings as read_settings
+from .model import refuse_runtime as refuse_runtime

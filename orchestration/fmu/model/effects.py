@@ -1,0 +1,165 @@
+"""Effects that can be added to a model by name: its catalogue, measurements, and families."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from fmus.kit.effects import effect_name, unstack
+from fmus.kit.errors import UserError, suggestion
+from orchestration.fmu.model.loading import is_subclass, load_subclass, names_class
+
+if TYPE_CHECKING:
+    from fmus.kit import Component, Effect
+    from fmus.kit.sampling import Sampling
+
+
+def catalogue(cls: type[Component]) -> dict[str, type[Effect]]:
+    """Return the effects that a component's authors list as its known discrepancies, by id.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        One of ours, or one from a user's module, which lists them as ``EFFECTS``; with or without
+        effects added to it.
+
+    Raises
+    ------
+    UserError
+        If ``EFFECTS`` is no dictionary of effects.
+    """
+    from fmus import MODELS, component, effects
+    from fmus.kit import Effect
+
+    base = unstack(cls)[0]
+    if base.name in MODELS and component(base.name) is base:
+        return effects(base.name)
+    module = sys.modules[base.__module__]
+    listed = getattr(module, "EFFECTS", {})
+    is_valid = isinstance(listed, Mapping) and all(
+        is_subclass(effect, Effect) and name in (effect.id, effect_name(effect))
+        for name, effect in listed.items()
+    )
+    if not is_valid:
+        raise UserError(f"{module.__file__}: EFFECTS must be a dictionary from id to effect class")
+    return dict(listed)
+
+
+def check_catalogue(cls: type[Component]) -> None:
+    """Check the laws of the effects that a user's file lists, each laid over the file's component.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        Of a file with several components some effects are of another one; they are not checked.
+
+    Raises
+    ------
+    UserError
+        With file, line, and what to write instead.
+    """
+    from fmus.kit import Component, stack
+    from fmus.kit.symbolic import check_component
+
+    module = sys.modules[unstack(cls)[0].__module__]
+    components = {c for c in vars(module).values() if is_subclass(c, Component) and c.name}
+    if len(components) == 1:
+        for effect in catalogue(cls).values():
+            check_component(stack(cls, effect))
+
+
+def known_effects(
+    cls: type[Component], sampling: Sampling | None = None
+) -> dict[str, type[Effect]]:
+    """Return the catalogue by id, and the measurement effects of the outputs as ``id(output)``.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    sampling : Sampling, optional
+        Of the record that measurement effects are made for.
+    """
+    from fmus.kit.sensors import measurement_effects
+
+    if cls.engine is not None:
+        return {}
+    return {
+        effect_name(effect): effect
+        for effect in (*catalogue(cls).values(), *measurement_effects(cls, sampling))
+    }
+
+
+def families(
+    cls: type[Component],
+    scales: Mapping[str, float] | None = None,
+    sampling: Sampling | None = None,
+) -> dict[str, type[Effect]]:
+    """Return generic effects that fit a component's laws by their units, beside its catalogue.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    scales : Mapping of str to float, optional
+        Typical magnitudes of signals and laws, SI, from which searches begin; default nominal
+        values.
+    sampling : Sampling, optional
+        Of the record that they are made for.
+
+    Returns
+    -------
+    dict of str to type[Effect]
+        By name.
+    """
+    from fmus.kit.symbolic import families_for
+
+    if cls.engine is not None:
+        return {}
+    own = {_term_key(effect) for effect in catalogue(cls).values()}
+    base = unstack(cls)[0]
+    made = families_for(base, scales, sampling)
+    return {effect_name(e): e for e in made if _term_key(e) not in own}
+
+
+def _term_key(effect: type[Effect]) -> tuple[str, ...]:
+    return effect.term.law, effect.term.signal, effect.term.shape
+
+
+def find_effects(
+    cls: type[Component],
+    names: Sequence[str],
+    model_name: str,
+    sampling: Sampling | None = None,
+) -> list[type[Effect]]:
+    """Return effects of a component by their names.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    names : sequence of str
+        Such as ``strain_saturation``, ``sensor_lag(voltage)`` or ``path/to/file.py:Effect``.
+    model_name : str
+        Name of the component in messages.
+    sampling : Sampling, optional
+        Of the record that they are made for.
+
+    Raises
+    ------
+    UserError
+        For an unknown name, with the nearest known one, and what lists all of them.
+    """
+    from fmus.kit import Effect
+
+    if not names:
+        return []
+    own = {name: load_subclass(name, Effect)[2] for name in names if names_class(name)}
+    known = known_effects(cls, sampling) | own
+    if any(name not in known for name in names):
+        known = families(cls, sampling=sampling) | known
+    for name in names:
+        if name not in known:
+            raise UserError(
+                f"{model_name}: no effect named {name!r}{suggestion(name, known)}; ppy info"
+                f" {model_name} lists them"
+            )
+    return [known[name] for name in names]

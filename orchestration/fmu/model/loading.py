@@ -1,0 +1,193 @@
+"""Loading of users' classes from Python files, named as ``path/to/file.py:Class``."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+import traceback
+from hashlib import sha256
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from fmus.kit.errors import UserError, suggestion
+from orchestration.fmu.model.authoring import check_names, describe, line_of, remarks
+
+if TYPE_CHECKING:
+    from fmus.kit import Component
+
+_LOADED: set[str] = set()  # names of users' files that were run
+
+
+def names_class(name: str) -> bool:
+    """Return True for ``path/to/file.py:Class``, and for a file of Python without its class."""
+    return file_of_class(name).endswith(".py")
+
+
+def file_of_class(name: str) -> str:
+    """Return the file of ``path/to/file.py:Class``, with or without the class."""
+    return name if name.endswith(".py") else name.rpartition(":")[0]
+
+
+def load_class(place: str) -> type[Component]:
+    """Load the class of a user's model.
+
+    Parameters
+    ----------
+    place : str
+        ``path/to/file.py:Class``.
+
+    Returns
+    -------
+    type[Component]
+        The same class as long as the file does not change.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be read or run, has no such component, or a law of it does not work on
+        signals or does not fit its units; with the line and what to write.
+    """
+    from fmus.kit import Component
+    from fmus.kit.symbolic import check_component
+
+    path, name, cls, models = load_subclass(place, Component)
+    if not cls.name:
+        raise UserError(_nameless(path, name, cls, models))
+    check_component(cls)
+    loaded: type[Component] = cls
+    return loaded
+
+
+def _nameless(path: Path, name: str, cls: Any, models: list[str]) -> str:
+    """Return what a class lacks that is no model."""
+    from fmus.kit import Effect
+
+    line = line_of(path.read_bytes(), name)
+    place = f"{path}, line {line}" if line else str(path)
+    if is_subclass(cls, Effect):
+        base = "file.py:Component" if not models else f"{path}:{models[0]}"
+        return f"{place}: {name} is an effect and no model; name what it is laid over, as {base}"
+    others = [model for model in models if model != name]
+    own = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+    return (
+        f'{place}: {name} has no name, so it is a base and no model; write name = "{own}" into'
+        f" its body{suggestion(name, others, few=0) if others else ''}"
+    )
+
+
+def load_subclass(place: str, base: type) -> tuple[Path, str, Any, list[str]]:
+    """Load a class derived from a base from a user's file.
+
+    Parameters
+    ----------
+    place : str
+        ``path/to/file.py:Class``.
+    base : type
+        The required base class.
+
+    Returns
+    -------
+    tuple of Path, str, type and list of str
+        File and name, the class, and the names of all such classes that the file defines.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be read or run, or has no such class.
+    """
+    file = file_of_class(place)
+    name = place.removeprefix(file).removeprefix(":")
+    if not file or place.endswith(":"):
+        raise UserError(f"{place}: write path/to/file.py:Class")
+    path = Path(file)
+    module = _load(path)
+    known = [
+        n
+        for n, c in vars(module).items()
+        if is_subclass(c, base) and c.__module__ == module.__name__
+    ]
+    if not name:
+        raise UserError(f"{path}: {_classes_to_name(path, module, known, base)}")
+    cls: Any = getattr(module, name, None)
+    if cls is None:
+        raise UserError(f"{path}: there is no class {name!r} in it{suggestion(name, known)}")
+    if not is_subclass(cls, base):
+        raise UserError(f"{path}: {name} is not a {base.__name__}{suggestion(name, known)}")
+    return path, name, cls, known
+
+
+def _classes_to_name(path: Path, module: ModuleType, known: list[str], base: type) -> str:
+    """Return which classes of a file can be named; a component without a name is an effect."""
+    places = [f"{path}:{name}" for name in known if getattr(vars(module)[name], "name", name)]
+    if not places:
+        return f"there is no {base.__name__} in it"
+    return f"name a class in it, such as {', '.join(places)}"
+
+
+def is_subclass(thing: object, base: type) -> bool:
+    """Return whether an object is a class derived from a base."""
+    return isinstance(thing, type) and issubclass(thing, base)
+
+
+def _load(path: Path) -> ModuleType:
+    """Run a user's file as a module, once for each of its contents."""
+    try:
+        text = path.read_bytes()
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+    check_names(path, text)
+    name = f"{path.stem}_{sha256(str(path.resolve()).encode() + text).hexdigest()[:12]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.origin is None:
+        raise UserError(f"{path}: is not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        # the text itself, for bytecode beside it may be of another text, or damaged
+        exec(compile(text, spec.origin, "exec", dont_inherit=True), vars(module))
+    except BaseException as error:
+        del sys.modules[name]
+        if isinstance(error, (KeyboardInterrupt, GeneratorExit)):
+            raise
+        raise UserError(describe(path, text, error)) from error
+    _LOADED.add(spec.origin)
+    return module
+
+
+def remarks_on(place: str) -> tuple[str, ...]:
+    """Return what works in the class of a user's model, but is better written otherwise.
+
+    Parameters
+    ----------
+    place : str
+        ``path/to/file.py:Class``, which can be loaded.
+
+    Returns
+    -------
+    tuple of str
+    """
+    file, _, name = place.rpartition(":")
+    return remarks(Path(file), Path(file).read_bytes(), name)
+
+
+def faulty_place(error: BaseException) -> str:
+    """Return where in a user's file an error came up while what it defines was used.
+
+    Parameters
+    ----------
+    error : BaseException
+
+    Returns
+    -------
+    str
+        File, line and function; empty if it came up elsewhere.
+    """
+    place = ""
+    for frame in traceback.extract_tb(error.__traceback__):
+        if frame.filename in _LOADED:
+            place = f"{frame.filename}, line {frame.lineno}, in {frame.name}"
+    return place

@@ -1,0 +1,13 @@
+from .signal import Signal as Signal
+from .signal import Value as Value
+from .signal import declared_signal as declared_signal
+from .signal import read_signal as read_signal
+from .signal import type_of as type_of
+from .values import check_type as check_type
+from .values import check_value as check_value
+from .values import is_text as is_text
+from .values import numeric as numeric
+from .values import read_amount as read_amount
+from .values import read_quantity as read_quantity
+from .values import read_setting as read_setting
+from .values import show as show

@@ -1,0 +1,206 @@
+"""Values that users give to variables: read from text, checked, and shown."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+
+from fmus.kit import UserError, units
+from fmus.kit.units import format_range, format_value
+from orchestration.fmu.signal.signal import TRUTHS, Signal, Value
+
+_QUANTITY = re.compile(r"^\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>.*)$")
+_SMALLEST, _LARGEST = -(2**31), 2**31 - 1  # integers of FMI 2.0 have 32 bits
+
+
+def is_text(kind: str, value: Value, where: str) -> bool:
+    """Return whether a value is a text, and refuse it unless its type is the same.
+
+    Parameters
+    ----------
+    kind : {"real", "integer", "boolean", "string"}
+    value : float or str
+    where : str
+        Beginning of the message.
+
+    Raises
+    ------
+    UserError
+        If it is a number for a text, or a text for a number.
+    """
+    if isinstance(value, str):
+        if kind != "string":
+            raise UserError(
+                f"{where}: {value!r} is a text; the parameter is {kind} and takes a number"
+            )
+        return True
+    if kind == "string":
+        raise UserError(f"{where}: {value!r} is a number; the parameter is a text")
+    return False
+
+
+def numeric(values: Mapping[str, Value]) -> dict[str, float]:
+    """Return values as numbers, for a calculation with them.
+
+    Raises
+    ------
+    UserError
+        If one is a text.
+    """
+    for name, value in values.items():
+        if isinstance(value, str):
+            raise UserError(f"{name} = {value!r}: is a text; this can take numbers only")
+    return {name: float(value) for name, value in values.items()}
+
+
+def check_value(signal: Signal, value: Value, where: str) -> None:
+    """Refuse a value that a variable cannot have.
+
+    Parameters
+    ----------
+    signal : Signal
+    value : float or str
+    where : str
+        Beginning of the message.
+
+    Raises
+    ------
+    UserError
+        If it is of the wrong kind, no finite number, beyond what the type can hold, or out of
+        range.
+    """
+    if is_text(signal.type, value, where):
+        return
+    number = float(value)
+    if not math.isfinite(number):
+        raise UserError(f"{where}: {value} is not a finite number")
+    check_type(signal.type, number, where)
+    if not signal.min <= number <= signal.max:
+        raise UserError(
+            f"{where}: {format_value(number, signal)} is out of range; allowed is"
+            f" {format_range(signal)}"
+        )
+
+
+def show(value: Value, signal: Signal) -> str:
+    """Return a value for display: a number with its unit, a text in quotes."""
+    return repr(value) if isinstance(value, str) else format_value(value, signal)
+
+
+def check_type(kind: str, value: float, where: str) -> None:
+    """Refuse a value that a type cannot hold, instead of truncating it.
+
+    Parameters
+    ----------
+    kind : {"real", "integer", "boolean", "string"}
+    value : float
+    where : str
+        Beginning of the message.
+
+    Raises
+    ------
+    UserError
+        If an integer would get a fraction or more than 32 bits, or a boolean anything but 0 and 1.
+    """
+    if kind == "integer" and not (_SMALLEST <= value <= _LARGEST and value == math.floor(value)):
+        raise UserError(
+            f"{where}: {value:.12g} is not a whole number from {_SMALLEST} to {_LARGEST}"
+        )
+    if kind == "boolean" and value not in (0.0, 1.0):
+        raise UserError(f"{where}: {value:g} is neither true (1) nor false (0)")
+
+
+def read_quantity(text: str) -> tuple[float, str] | None:
+    """Split a text like ``610 mohm`` or ``6.3[N/mm]`` into number and unit.
+
+    Returns
+    -------
+    tuple of float and str, or None
+        The unit is empty if there is none; None if the text does not begin with a number.
+    """
+    match = _QUANTITY.match(text)
+    if match is None:
+        return None
+    unit = match["unit"].strip().removeprefix("[").removesuffix("]").strip()
+    return float(match["number"]), unit
+
+
+def read_amount(given: str, unit: str, where: str) -> float:
+    """Read a number in a unit, or convert one that has a unit of its own.
+
+    Parameters
+    ----------
+    given : str
+        Like ``30``, ``30s``, ``0.5 min`` or ``10[ms]``.
+    unit : str
+        Unit of the result, and of a plain number.
+    where : str
+        Beginning of the message.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    UserError
+        For no number, or a unit of another quantity.
+    """
+    quantity = read_quantity(given)
+    if quantity is None:
+        raise UserError(f"{where}: {given!r} is not a number with an optional unit")
+    value, own = quantity
+    return _converted(value, own, unit, where) if own else value
+
+
+def _converted(value: float, unit: str, to: str, where: str) -> float:
+    try:
+        units.parse(unit)
+    except UserError as error:
+        raise UserError(f"{where}: {error}") from error
+    return float(units.convert(value, unit, to, where))
+
+
+def read_setting(given: str, signal: Signal, where: str) -> Value:
+    """Read a value that a user gives to a variable.
+
+    Parameters
+    ----------
+    given : str
+        A number in the variable's unit or with one of its own, like ``0.61``, ``610mohm`` or
+        ``6.3[N/mm]``; for a boolean also ``true`` or ``false``; for a string anything.
+    signal : Signal
+    where : str
+        Beginning of the message.
+
+    Returns
+    -------
+    float or str
+        In the variable's unit.
+
+    Raises
+    ------
+    UserError
+        For no number, a wrong unit, a value that the type cannot hold or that is out of range.
+    """
+    if signal.type == "string":
+        return given
+    if signal.type == "boolean" and given.strip().lower() in TRUTHS:
+        return TRUTHS[given.strip().lower()]
+    quantity = read_quantity(given)
+    if quantity is None:
+        words = " (nor true or false)" if signal.type == "boolean" else ""
+        raise UserError(f"{where}: {given!r} is not a number with an optional unit{words}")
+    value, unit = quantity
+    if unit and signal.type != "real":
+        raise UserError(
+            f"{where}: {signal.name} is {signal.type} and has no unit; leave out {unit!r}"
+        )
+    if unit:
+        value = _converted(value, unit, signal.unit, where)
+        for bound in (signal.min, signal.max):
+            # 10 uH must not miss the bound 1e-5 H by the rounding of its conversion
+            value = bound if math.isclose(value, bound, rel_tol=1e-12) else value
+    check_value(signal, value, where)
+    return value

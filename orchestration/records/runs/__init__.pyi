@@ -1,0 +1,9 @@
+from .divided import divided_at_restarts as divided_at_restarts
+from .divided import divided_by as divided_by
+from .divided import run_marks as run_marks
+from .joined import MeasuredRun as MeasuredRun
+from .joined import base_name as base_name
+from .joined import join_records as join_records
+from .joined import names_in as names_in
+from .joined import sampled_alike as sampled_alike
+from .joined import shown_name as shown_name

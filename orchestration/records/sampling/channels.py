@@ -1,0 +1,218 @@
+"""Values of each channel: missing ones filled, masked or refused, poor sensors reported, steps."""
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from fmus.kit.arrays import Array, Mask
+from orchestration.records.record import Repair, list_rows, refuse
+from orchestration.records.sampling.clock import Samples
+
+HOLE_SAMPLES = 5
+"""Holes in an input up to this many samples are interpolated."""
+CLIPPED_SHARE = 0.01
+CLIPPED_RUN = 5
+"""Share of samples, and length of a run, at exactly one extreme of a channel that is clipped."""
+_QUANTISED_MINIMUM_SAMPLES = 50
+_QUANTISED_SAMPLES_PER_LEVEL = 4
+_STEP_RATIO = 4.0
+_STEP_SHARE = 0.01
+"""An input steps where it changes by more than so many median changes, and this of its range."""
+
+
+def mask_infinite(samples: Samples) -> None:
+    """Turn infinite values into missing ones, in place.
+
+    Parameters
+    ----------
+    samples : Samples
+        The samples.
+    """
+    for name, values in samples.values.items():
+        infinite = np.isinf(values)
+        if infinite.any():
+            rows = samples.rows[infinite].tolist()
+            message = f"{name}: {len(rows)} infinite values treated as missing ({list_rows(rows)})"
+            samples.repairs.append(Repair("infinite", message, tuple(rows)))
+            samples.values[name] = np.where(infinite, np.nan, values)
+
+
+def repair_holes(samples: Samples, inputs: Collection[str], required: Collection[str]) -> None:
+    """Fill short holes of inputs, refuse long ones, report missing samples of outputs, in place.
+
+    A simulation needs every input at every instant, so a hole is interpolated if it is short. An
+    output is only compared with; its missing samples stay NaN and do not enter the residual.
+
+    Parameters
+    ----------
+    samples : Samples
+        The samples, strictly increasing in time.
+    inputs : collection of str
+        The signals that drive the model.
+    required : collection of str
+        Signals that must have values.
+
+    Raises
+    ------
+    UserError
+        If an input's hole is too long or at an end of the record, or a required signal has no value
+        at all.
+    """
+    for name in list(samples.values):
+        values = samples.values[name]
+        missing = np.isnan(values)
+        if missing.all():
+            if name in required:
+                raise refuse(
+                    samples.path, f"the signal '{name}' is required, and its column has no values"
+                )
+            del samples.values[name]
+            samples.repairs.append(
+                Repair("empty column", f"{name}: the column has no values; treated as absent")
+            )
+        elif missing.any() and name in inputs:
+            samples.values[name] = _fill_input(samples, name, values, missing)
+        elif missing.any():
+            rows = samples.rows[missing].tolist()
+            message = (
+                f"{name}: {len(rows)} missing values, left out of every comparison"
+                f" ({list_rows(rows)})"
+            )
+            samples.repairs.append(Repair("masked", message, tuple(rows)))
+    if not samples.values:
+        raise refuse(samples.path, "no column of a signal has any value")
+
+
+def _fill_input(samples: Samples, name: str, values: Array, missing: Mask) -> Array:
+    """Interpolate the short holes of an input linearly in time."""
+    for first, end in true_runs(missing):
+        rows = samples.rows[first:end]
+        span = f"row {rows[0]}" if end - first == 1 else f"rows {rows[0]} to {rows[-1]}"
+        if first == 0 or end == values.size:
+            raise refuse(
+                samples.path,
+                f"the input '{name}' has no value in {span}, at the"
+                f" {'start' if first == 0 else 'end'} of the record, where nothing can be"
+                " interpolated; cut these rows off",
+            )
+        if end - first > HOLE_SAMPLES:
+            raise refuse(
+                samples.path,
+                f"the input '{name}' has no value in {span}: {end - first} samples (interpolated"
+                f" are at most {HOLE_SAMPLES}); fill them, or split the record there",
+            )
+    rows_filled = samples.rows[missing].tolist()
+    message = (
+        f"{name}: {len(rows_filled)} missing values of this input interpolated"
+        f" ({list_rows(rows_filled)})"
+    )
+    samples.repairs.append(Repair("filled hole", message, tuple(rows_filled)))
+    filled = values.copy()
+    filled[missing] = np.interp(samples.time[missing], samples.time[~missing], values[~missing])
+    return filled
+
+
+def true_runs(mask: Mask) -> list[tuple[int, int]]:
+    """Find the runs of True.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (n,)
+
+    Returns
+    -------
+    list of tuple of int
+        First of each, and the one after its last.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int)))
+    return [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def notice_channels(samples: Samples, units: dict[str, str], inputs: Collection[str] = ()) -> None:
+    """Note channels that are constant, quantised or clipped, in place.
+
+    Parameters
+    ----------
+    samples : Samples
+        The repaired samples.
+    units : dict of str to str
+        Unit of every signal.
+    inputs : collection of str
+        The signals that drive the model: they may have few levels and rest at their ends, as they
+        were made to.
+    """
+    for name, values in samples.values.items():
+        valid = values[~np.isnan(values)]
+        levels = np.unique(valid)
+        unit = units[name]
+        if levels.size == 1:
+            message = (
+                f"{name}: constant at {levels[0]:.6g} {unit} throughout (a dead channel, or"
+                " held so)"
+            )
+            samples.repairs.append(Repair("constant", message))
+            continue
+        if name in inputs:
+            continue
+        _notice_quantised(samples, name, levels, valid.size, unit)
+        _notice_clipped(samples, name, values, levels, unit)
+
+
+def _notice_quantised(samples: Samples, name: str, levels: Array, count: int, unit: str) -> None:
+    """Note a channel that takes few distinct values, and its least step."""
+    if count < _QUANTISED_MINIMUM_SAMPLES or levels.size * _QUANTISED_SAMPLES_PER_LEVEL > count:
+        return
+    steps = np.diff(levels)
+    # unit conversion can split one level into neighbours a rounding error apart
+    steps = steps[steps > 1e-9 * (levels[-1] - levels[0])]
+    if not steps.size:  # the range overflowed
+        return
+    # a step written with few digits jitters by a rounding; the mean of the smallest group is closer
+    # than the least one
+    least = float(steps[steps < 1.5 * steps.min()].mean())
+    message = (
+        f"{name}: quantised, {steps.size + 1} distinct values in {count} samples, least step"
+        f" {least:.4g} {unit}"
+    )
+    samples.repairs.append(Repair("quantised", message))
+
+
+def _notice_clipped(samples: Samples, name: str, values: Array, levels: Array, unit: str) -> None:
+    """Note a channel that rests at exactly its greatest or least value."""
+    for word, level in (("maximum", levels[-1]), ("minimum", levels[0])):
+        at_level = values == level
+        share = float(at_level.mean())
+        stretches = true_runs(at_level)
+        longest = max(stretches, key=lambda run: run[1] - run[0])
+        length = longest[1] - longest[0]
+        if share >= CLIPPED_SHARE and length >= CLIPPED_RUN:
+            message = (
+                f"{name}: clipped (or held) at its {word} {level:.6g} {unit}: {100 * share:.1f} %"
+                f" of the samples, up to {length} in a row from row {samples.rows[longest[0]]}"
+            )
+            samples.repairs.append(
+                Repair("clipped", message, tuple(samples.rows[at_level].tolist()))
+            )
+
+
+def input_steps(inputs: Mapping[str, Array], count: int) -> Mask:
+    """Find where any input steps: by 1 % of its range, and far more than it usually changes.
+
+    Parameters
+    ----------
+    inputs : Mapping of str to ndarray, shape (n,)
+    count : int
+        Samples, n; among those of no inputs there are no steps.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    moved = [_steps(u) for u in inputs.values() if np.ptp(u) > 0.0]
+    return np.any(moved, axis=0) if moved else np.zeros(count, dtype=bool)
+
+
+def _steps(values: Array) -> Mask:
+    change = np.abs(np.diff(values, prepend=values[:1]))
+    least = max(_STEP_SHARE * float(np.ptp(values)), _STEP_RATIO * float(np.median(change)))
+    return np.asarray(change > least)

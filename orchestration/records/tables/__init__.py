@@ -1,0 +1,5 @@
+"""A file as it stands: columns with names, units and cells."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,13 @@
+from .header import are_units as are_units
+from .header import is_unit as is_unit
+from .header import plain_unit as plain_unit
+from .header import read_header_cell as read_header_cell
+from .table import INDEX as INDEX
+from .table import MISSING_CELLS as MISSING_CELLS
+from .table import Column as Column
+from .table import Reader as Reader
+from .table import Table as Table
+from .table import as_numbers as as_numbers
+from .table import numbers as numbers
+from .table import parse_cell as parse_cell
+from .table import split_header_cell as split_header_cell

@@ -1,0 +1,9 @@
+from .instants import FORMS as FORMS
+from .instants import first_text as first_text
+from .instants import holds_instants as holds_instants
+from .instants import is_instant as is_instant
+from .instants import joined as joined
+from .instants import seconds as seconds
+from .time_column import TIME as TIME
+from .time_column import find_time as find_time
+from .time_column import other_half as other_half

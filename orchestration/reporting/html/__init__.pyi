@@ -1,0 +1,15 @@
+from . import elements as elements
+from .elements import Bar as Bar
+from .elements import format_ends as format_ends
+from .elements import format_quantities as format_quantities
+from .page import SCROLLED as SCROLLED
+from .page import Markup as Markup
+from .page import Page as Page
+from .page import escaped as escaped
+from .page import path_of_report as path_of_report
+from .plots import MOST as MOST
+from .plots import Boundary as Boundary
+from .plots import Panel as Panel
+from .plots import Trace as Trace
+from .plots import heat_map as heat_map
+from .plots import stacked as stacked

@@ -1,0 +1,228 @@
+"""The page of a sweep: what comes out, what moves it, how sure that is, and how it was run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import xarray
+from rich.table import Table
+
+from fmus.kit import UserError
+from fmus.kit.arrays import Array
+from fmus.kit.storage import scratch
+from fmus.kit.titles import capitalised, in_words
+from fmus.kit.units import convert, printed, write_prefixed
+from orchestration.identify import ranks
+from orchestration.reporting import option, pictures
+from orchestration.reporting.html import Markup, Page, escaped
+from orchestration.sweeps.reductions import REDUCTIONS
+from orchestration.sweeps.sensitivity import failures, parameters_of
+from orchestration.sweeps.storage import iterate_pieces
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_REDUCED = {
+    "last": "{} at the end",
+    "smallest": "smallest {}",
+    "largest": "largest {}",
+    "mean": "mean of {}",
+    "rms": "root mean square of {}",
+}
+_NOTABLE = 0.3  # rank correlation from which on a parameter counts as moving a number
+_NAMED = 2  # parameters in a sentence
+_FEWEST = 8  # cases, below which no correlation is given
+
+
+class Extreme(NamedTuple):
+    """The range of a number or a trace over all cases of a sweep."""
+
+    name: str
+    smallest: float
+    largest: float
+    unit: str
+
+    def written(self, digits: int) -> list[str]:
+        """Return both ends to so many digits, in one unit."""
+        largest = max(abs(self.smallest), abs(self.largest))
+        ends = (self.smallest, self.largest)
+        return [write_prefixed(x, self.unit, digits, like=largest) for x in ends]
+
+    @property
+    def title(self) -> str:
+        """Name for people."""
+        output, _, reduction = self.name.rpartition("_")
+        template = _REDUCED.get(reduction, "")
+        return template.format(in_words(output)) if template and output else in_words(self.name)
+
+
+def extremes(data: xarray.Dataset) -> Iterator[Extreme]:
+    """Yield the smallest and the largest value of everything that a sweep kept.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+
+    Yields
+    ------
+    Extreme
+        None of what has no finite value.
+    """
+    for name, array in data.items():
+        if name == "failure":
+            continue
+        smallest = np.nan
+        largest = np.nan
+        for part in iterate_pieces(array):
+            smallest = np.fmin(smallest, np.fmin.reduce(part, axis=None))
+            largest = np.fmax(largest, np.fmax.reduce(part, axis=None))
+        if np.isfinite(smallest):
+            unit = array.attrs.get("display_units", array.units)
+            low, high = convert(np.array([smallest, largest]), array.units, unit)
+            yield Extreme(str(name), float(low), float(high), unit)
+
+
+def sweep_page(
+    data: xarray.Dataset,
+    draw: Callable[[], Figure],
+    tables: list[Table],
+    command: str,
+) -> Page:
+    """Make the page.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Of a sweep.
+    draw : callable
+        Draws the picture of the sweep, or raises a UserError where there is none.
+    tables : list of rich.table.Table
+        Of the analysis that belongs to the design of the sweep.
+    command : str
+        That made it, to be repeated.
+
+    Returns
+    -------
+    Page
+    """
+    ranges = [*extremes(data)]
+    about = Markup(f"Sweep of <code>{escaped(str(data.attrs['model']))}</code>")
+    page = Page(_range_sentence(data, ranges), _verdict(data, ranges), about)
+    page.heading("What comes out")
+    rows = [[capitalised(e.title), *e.written(4)] for e in ranges]
+    page.table(["over all cases", "smallest", "largest"], rows)
+    for table in tables:
+        _add_table(page, table)
+    _add_picture(page, draw)
+    page.heading("What to do next")
+    page.items(_next_steps(data))
+    page.heading("How sure this is")
+    page.items(_certainty(data))
+    page.heading("How it was found")
+    page.table(["parameter", "from", "to"], [*_ranges(data)])
+    page.text(f"Design: {in_words(str(data.attrs['design']))}, {in_words(data.attrs['engine'])}.")
+    page.reproduction([], command)
+    return page
+
+
+def case_count(data: xarray.Dataset) -> int:
+    """Return how many cases a sweep has."""
+    return int(np.prod([data.sizes[d] for d in data.dims if d != "time"]))
+
+
+def _range_sentence(data: xarray.Dataset, ranges: list[Extreme]) -> str:
+    """Return from where to where the first number goes."""
+    cases = case_count(data)
+    if not ranges:
+        return f"Not one of the {cases:,} cases could be run."
+    first = ranges[0]
+    low, high = first.written(3)
+    return f"{capitalised(first.title)} goes from {low} to {high} over {cases:,} cases."
+
+
+def _verdict(data: xarray.Dataset, ranges: list[Extreme]) -> str:
+    """Return which parameters move the first number most, by rank correlation."""
+    correlations = _correlations(data, ranges[0].name) if ranges else {}
+    moves = [
+        f"{'rises' if r > 0.0 else 'falls'} with {in_words(name)} (rank correlation {r:+.2f})"
+        for name, r in sorted(correlations.items(), key=lambda item: -abs(item[1]))
+        if abs(r) > _NOTABLE
+    ]
+    if moves:
+        return f"It {' and '.join(moves[:_NAMED])}."
+    return f"Swept: {', '.join(map(in_words, parameters_of(data)))}."
+
+
+def _correlations(data: xarray.Dataset, name: str) -> dict[str, float]:
+    """Return how the ranks of a number go with those of every parameter over all cases."""
+    value = data[name]
+    if "time" in value.dims or value.size < _FEWEST:
+        return {}
+    correlations = {}
+    for parameter in parameters_of(data):
+        swept, number = xarray.broadcast(data[parameter], value)
+        known = np.isfinite(number.values)
+        one, other = (ranks(x.values[known]) for x in (swept, number))
+        if np.ptp(one) > 0.0 and np.ptp(other) > 0.0:
+            correlations[parameter] = float(np.corrcoef(one, other)[0, 1])
+    return correlations
+
+
+def _add_table(page: Page, table: Table) -> None:
+    """Add a table of a terminal."""
+    head = [str(column.header) for column in table.columns]
+    columns = [[str(cell) for cell in column.cells] for column in table.columns]
+    page.table(head, [list(row) for row in zip(*columns, strict=True)])
+
+
+def _add_picture(page: Page, draw: Callable[[], Figure]) -> None:
+    """Add the picture of the sweep, if it has one."""
+    try:
+        figure = draw()
+    except UserError:
+        return
+    with scratch.folder("page") as folder:
+        file = folder / "sweep.png"
+        pictures.save(figure, file)
+        page.heading("The picture")
+        page.picture(file, "What was kept of every case, over what was swept.")
+
+
+def _next_steps(data: xarray.Dataset) -> list[str]:
+    """Return what to ask next, by the design of the sweep."""
+    steps = {
+        "grid": (
+            "Find out which parameters matter most:"
+            f" {option('kind', 'sobol-indices')}, or {option('kind', 'tornado')}."
+        ),
+        "tornado": "Sweep the parameters at the top of the tornado alone, on a finer grid.",
+    }
+    design = str(data.attrs["design"])
+    return [
+        *([f"Look at the {len(failures(data))} cases that failed."] if failures(data) else []),
+        steps.get(design, "Sweep the parameters that matter alone, on a grid."),
+        f"Keep the cases for other tools with {option('out', 'sweep.nc')}.",
+    ]
+
+
+def _certainty(data: xarray.Dataset) -> list[str]:
+    """Return how many cases the numbers rest on, and which of them failed."""
+    failed = failures(data)
+    lines = [f"{case_count(data):,} cases were run; {len(failed)} of them failed."]
+    if failed:
+        lines.append(f"The first: {failed[0]}.")
+    kept = {str(name).rpartition("_")[2] for name in data} & set(REDUCTIONS)
+    if kept:
+        lines.append(f"Of every trace the {', '.join(sorted(kept))} was kept.")
+    return lines
+
+
+def _ranges(data: xarray.Dataset) -> Iterator[list[str]]:
+    """Yield every parameter with the ends of what it went through."""
+    for name in parameters_of(data):
+        values: Array = data[name].values
+        unit = str(data[name].units)
+        suffix = "" if unit == "1" else f" {printed(unit)}"
+        yield [in_words(name), f"{values.min():g}{suffix}", f"{values.max():g}{suffix}"]

@@ -1,0 +1,85 @@
+"""Claims: of a file that a user wrote its text is run, whatever Python keeps beside it."""
+
+import importlib.util
+import os
+import py_compile
+
+import pytest
+
+from fmus.kit import UserError
+from orchestration.fmu.model.loading import load_class
+
+SOURCE = '''
+from fmus.kit import Component, Output, Parameter
+
+
+class Own(Component):
+    """A model."""
+
+    name = "own"
+    gain = Parameter(GAIN, "1", min=0.0, max=9.0, doc="a gain")
+
+    @Output("1")
+    def y(self):
+        """The gain."""
+        return self.gain
+'''
+
+
+def gain(path):
+    (parameter,) = (p for p in load_class(f"{path}:Own").layout.parameters if p.name == "gain")
+    return parameter.start
+
+
+@pytest.fixture
+def path(tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.dont_write_bytecode", False)
+    (tmp_path / "own.py").write_text(SOURCE.replace("GAIN", "1.0"))
+    return tmp_path / "own.py"
+
+
+def test_bytecode_of_another_text_is_not_run(path):
+    """Of the same size and the same second, which is all that Python looks at."""
+    kept = path.with_name("elsewhere.py")
+    kept.write_text(SOURCE.replace("GAIN", "2.0"))
+    os.utime(path, (1e9, 1e9))
+    os.utime(kept, (1e9, 1e9))
+    py_compile.compile(str(kept), importlib.util.cache_from_source(str(path)), doraise=True)
+    assert gain(path) == 1.0
+
+
+def test_damaged_bytecode_is_in_nobodys_way(path):
+    beside = importlib.util.cache_from_source(str(path))
+    py_compile.compile(str(path), beside, doraise=True)
+    with open(beside, "r+b") as file:
+        file.truncate(40)
+    assert gain(path) == 1.0
+
+
+TWO = (
+    SOURCE.replace("GAIN", "1.0")
+    + """
+
+class Other(Own):
+    name = "other"
+
+
+class Softer(Own):
+    name = ""
+"""
+)
+
+
+def test_a_file_without_its_class_tells_which_models_it_has(path):
+    path.write_text(TWO, encoding="utf-8")
+    with pytest.raises(UserError) as told:
+        load_class(str(path))
+    assert str(told.value) == f"{path}: name a class in it, such as {path}:Own, {path}:Other"
+
+
+def test_a_file_without_models_says_so(path):
+    path.write_text("from fmus.kit import Component\n", encoding="utf-8")
+    with pytest.raises(UserError, match="there is no Component in it"):
+        load_class(str(path))
+    with pytest.raises(UserError, match=r"write path/to/file\.py:Class"):
+        load_class(f"{path}:")
