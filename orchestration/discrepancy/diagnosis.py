@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmus.kit import Component, Effect
+from fmus.kit.arrays import single_threaded
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.conclude import Diagnosis as Diagnosis
@@ -50,7 +51,6 @@ from orchestration.discrepancy.selection import (
     solver_error_notes,
 )
 from orchestration.discrepancy.validation import ConfirmedSelection, confirm, errors_in_variables
-from orchestration.identify import single_threaded
 
 _ALIKE = 1.2  # times the least error, up to which explanations of a record cannot be told apart
 # of the error that a record read otherwise leaves, up to which causes must come to be named

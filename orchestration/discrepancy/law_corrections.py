@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from scipy.special import chdtrc
 
 from fmus.kit import Effect
+from fmus.kit.arrays import single_threaded
 from fmus.kit.effects import effect_name, made_with
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
@@ -44,7 +45,6 @@ from orchestration.discrepancy.validation import (
     confirm,
     errors_in_variables,
 )
-from orchestration.identify import single_threaded
 
 _RELAXATIONS = 3  # of one law and signal, one beside the other
 # of BIC, by which a model may be worse and still count as fitting as well

@@ -16,4 +16,3 @@ from .metrics import rms as rms
 from .presentation import overview as overview
 from .probability import chi_squared_quantile as chi_squared_quantile
 from .probability import ranks as ranks
-from .threads import single_threaded as single_threaded

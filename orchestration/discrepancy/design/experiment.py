@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, single_threaded
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import HELD_OUT, Dataset
 from orchestration.discrepancy.design.expected_evidence import (
@@ -34,7 +34,6 @@ from orchestration.discrepancy.design.stimuli import (
 )
 from orchestration.discrepancy.parallel import parallel_map
 from orchestration.discrepancy.selection import Selection
-from orchestration.identify import single_threaded
 
 Experiment = dict[str, Stimulus]
 T = TypeVar("T")

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, single_threaded
 from fmus.kit.storage import scratch
 from orchestration.discrepancy.systems.by_equations import diagnose_loop, has_shift
 from orchestration.discrepancy.systems.cut import (
@@ -42,7 +42,6 @@ from orchestration.discrepancy.systems.verdict import (
     diagnose_member,
     not_assessed,
 )
-from orchestration.identify import single_threaded
 from orchestration.records import parse_mapping
 from orchestration.system import Port, System, check, interface, ssp
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, single_threaded
 from orchestration.identify.black_box.data import InputOutputData, check_varies
 from orchestration.identify.black_box.excitation import check_excitation
 from orchestration.identify.black_box.models import PolynomialModel
@@ -22,7 +22,6 @@ from orchestration.identify.black_box.search import (
     refined,
 )
 from orchestration.identify.noise import Noise, fit_autoregression
-from orchestration.identify.threads import single_threaded
 from orchestration.identify.uncertainty import Covariance, parameter_covariance, sandwich_covariance
 
 # If a model costs more without the offset than BIC grants an offset, times this factor, no search

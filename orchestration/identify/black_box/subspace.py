@@ -18,7 +18,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import block_diag
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, single_threaded
 from orchestration.identify.black_box.data import InputOutputData, check_varies
 from orchestration.identify.black_box.excitation import check_excitation
 from orchestration.identify.black_box.gauss_newton import minimise
@@ -27,7 +27,6 @@ from orchestration.identify.black_box.orders import Count, orders, whole
 from orchestration.identify.black_box.polynomials import solved
 from orchestration.identify.black_box.result import Identification
 from orchestration.identify.black_box.start_values import innovations
-from orchestration.identify.threads import single_threaded
 
 _HORIZONS = (10, 20, 40)  # block rows, of which the best are kept; at least two more than the order
 _COLUMNS = 4  # samples for each row of the data matrix, at least
