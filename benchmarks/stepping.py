@@ -19,9 +19,10 @@ from fmus import component
 from fmus.kit import build
 from fmus.kit.arrays import Array
 from fmus.kit.build import toolchain
-from orchestration.fmu import Fmu, FmuSource, RepeatedRuns
+from orchestration.fmu import Fmu, RepeatedRuns
 from orchestration.fmu import stepping as python_loop
 from orchestration.fmu.kernel import one_fmu
+from orchestration.fmu.simulation import FmuSource
 from orchestration.fmu.stepping import plan_course
 from tests.support import fmi3_fmus, hosts
 from tests.support.kernel import bare_loop

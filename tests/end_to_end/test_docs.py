@@ -42,6 +42,8 @@ HEAVY = {
     "sweeps",
     "retune",
     "continuous-integration",
+    "new-component",
+    "other-tools",
 }
 PAGES = [
     pytest.param("docs/tutorial.md", marks=pytest.mark.slow),
@@ -233,6 +235,7 @@ def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
         run([sys.executable, "-c", text], tmp_path)
 
 
+@pytest.mark.slow
 def test_the_rig_of_the_readme_is_in_the_loop(tmp_path: Path) -> None:
     """Demo and live view, which open a page, are run by tests of their own."""
     section = (

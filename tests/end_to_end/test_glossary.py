@@ -26,6 +26,7 @@ def test_every_row_has_term_meaning_and_source() -> None:
     assert sorted({row[0] for row in ROWS}) == sorted(row[0] for row in ROWS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_every_name_is_one_of_the_source(name: str) -> None:
     assert (

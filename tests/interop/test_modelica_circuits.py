@@ -114,6 +114,7 @@ def gait(system):
     return "\n".join([*lines, "end Gait;"])
 
 
+@pytest.mark.slow
 def test_a_foot_hangs_on_the_flanges_of_its_actuators(files):
     system = library.system("foot_gait")
     tree = parse_by_pymoca(files, [sources(), gait(system)])

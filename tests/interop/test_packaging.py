@@ -26,6 +26,7 @@ for name in MODELS:
 """
 
 
+@pytest.mark.slow
 def test_an_installed_wheel_has_all_that_fmus_are_made_of(tmp_path: Path) -> None:
     source = tmp_path / "source"  # a copy, because building leaves files behind
     for part in ("fmus", "orchestration", "ppy_rig", "demonstrations"):

@@ -91,6 +91,7 @@ def test_capacitance_gives_the_printed_first_voltage():
     assert R2 * (-1.3 * R1 + charge / C) / (R1 + R2) == pytest.approx(-1.15, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_actuator_is_the_circuit_integrated_here(life):
     assert life["series_resistance"] == pytest.approx(life["true_series_resistance"], rel=1e-3)
     assert life["voltage"] == pytest.approx(life["true_voltage"], abs=2e-3)
@@ -109,6 +110,7 @@ def test_impedance_has_its_minimum_where_fig_4_7_has_it(free):
 # --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_impedance_is_tracked_within_2_percent(life):
     """Measured: 0.6 % at worst, 0.7 % with 20 mV of noise."""
     truth = life["true_impedance"]
@@ -118,6 +120,7 @@ def test_impedance_is_tracked_within_2_percent(life):
     assert np.abs(life["impedance"][first:] / truth[first:] - 1).max() < 0.02
 
 
+@pytest.mark.slow
 def test_derating_follows_the_impedance_by_the_memory_of_the_estimate(life):
     """Late by two memories at most, 521 s (one for the estimate, one for its reference, as the
     impedance falls then).

@@ -77,6 +77,7 @@ def test_commands_of_a_work_loop_are_added_before_they_are_limited():
     assert measured <= wires
 
 
+@pytest.mark.slow
 def test_what_is_connected_with_what():
     """As section 6 of the design has it."""
     found = {
@@ -160,6 +161,7 @@ def test_the_proxy_has_every_signal_of_the_actuator():
         }
 
 
+@pytest.mark.slow
 def test_the_foot_rests_under_tension_and_stays_taut(run):
     """The largest current, driven for the two seconds of the experiment, slackens nobody; without
     it nothing moves.

@@ -118,6 +118,7 @@ def test_failures_are_in_a_store(tmp_path):
     assert store.identical(xarray.load_dataset(tmp_path / "f.nc", engine="scipy"))
 
 
+@pytest.mark.slow
 @posix
 def test_interrupted_it_goes_on_into_the_store(folder):
     call = [*CALL, "--over", "tau=0.5..2:1500", "--step", "0.001s", "--out", "d.zarr"]
