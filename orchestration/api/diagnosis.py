@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Unpack
 
 from fmus.kit import UserError, registry
+from fmus.kit.extras import require
 from fmus.kit.sensors import MEASUREMENTS
 from orchestration.api.command import equivalent_command
 from orchestration.api.declaration import takes
@@ -70,6 +71,7 @@ def diagnose(
     ['strain_saturation']
     >>> low, high = result.parameters["R1"].interval
     """
+    require("threadpoolctl")
     subject = as_declared(model)
     progress = options["progress"]
     mapping = options["mapping"]
@@ -228,6 +230,7 @@ def laws(
     >>> print(ppy.laws("right.csv").sentence)
     No law is found to lack anything.
     """
+    require("threadpoolctl")
     subject = as_declared(model)
     refuse_without_laws(subject)
     progress = options["progress"]

@@ -413,7 +413,7 @@ def test_without_a_compiler(folder, arguments):
         folder,
         *arguments,
         environment=environment,
-        parts=["no C compiler for", "pip install 'ppy-rig[native]'"],
+        parts=["no C compiler for", 'pip install "ppy-rig[native]"'],
     )
 
 
