@@ -413,7 +413,7 @@ def test_without_a_compiler(folder, arguments):
         folder,
         *arguments,
         environment=environment,
-        parts=["no C compiler for", "pip install 'ppy-rig[native]'"],
+        parts=["no C compiler for", 'pip install "ppy-rig[native]"'],
     )
 
 
@@ -513,7 +513,7 @@ def test_an_internal_error_is_one_line_too_and_shows_where_on_request(folder):
     """A failure nobody foresaw: one line; PPY_DEBUG=1 gives the traceback to send along."""
     (folder / "site").mkdir()
     (folder / "site" / "sitecustomize.py").write_text(
-        "import fmus\nfmus.MODELS = None\n", encoding="utf-8"
+        "from fmus.kit import registry\nregistry.models = None\n", encoding="utf-8"
     )
     paths = os.pathsep.join(filter(None, [str(folder / "site"), str(Path(__file__).parents[2])]))
     done = ppy("list", cwd=folder, environment={"PYTHONPATH": paths})

@@ -25,7 +25,7 @@ WIDER = {
     "fmus.kit.build": 27,
     "fmus.kit.symbolic": 19,
     "fmus.ppy_actuator.effects": 27,
-    "fmus.rig_proxy": 34,
+    "fmus.rig_proxy": 37,
     "orchestration": 22,
     "orchestration.api": 29,
     "orchestration.discrepancy.candidates": 20,

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from demonstrations.thesis import ageing
+from fmus.degradation_estimator.systems import CAPACITANCE
 from fmus.kit.errors import UserError
-from orchestration.system import library
 from tests.support.pace import slow_but
 
-# Table 3-1 and section 4.3, typed in again; library.capacitance() is checked against the printed
+# Table 3-1 and section 4.3, typed in again; CAPACITANCE is checked against the printed
 # voltage below.
 R1, R2, C = 0.43, 2.35, 3.3479  # ohm, ohm, F
 OMEGA = 0.628  # rad/s
@@ -83,7 +83,7 @@ def test_capacitance_gives_the_printed_first_voltage():
     """Charge of the periodic state by going through the cycle until it repeats; +-1.15 V (section
     4.3).
     """
-    assert library.capacitance() == pytest.approx(C, rel=1e-4)
+    assert pytest.approx(C, rel=1e-4) == CAPACITANCE
     charge, decay = 0.0, math.exp(-5.0 / ((R1 + R2) * C))
     for k in range(40):
         rest = R2 * C * (1.3 if k % 2 == 0 else -1.3)

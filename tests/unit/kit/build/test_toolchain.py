@@ -44,7 +44,7 @@ def test_without_a_compiler_the_message_says_what_to_install(target):
 
 @pytest.mark.usefixtures("no_compiler")
 def test_a_build_without_a_compiler_says_it_too():
-    with pytest.raises(UserError, match=r"pip install 'ppy-rig\[native\]'"):
+    with pytest.raises(UserError, match=r'pip install "ppy-rig\[native\]"'):
         build.build(Divider, "native")
 
 
