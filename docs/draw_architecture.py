@@ -79,6 +79,11 @@ def layers(container: str) -> list[list[str]]:
     return [[name.strip() for name in layer.split("|")] for layer in contract["layers"]]
 
 
+def import_statements(text: str) -> list[ast.stmt]:
+    """Return the imports of a source, wherever in it they stand."""
+    return ast.parse("\n".join(_IMPORT.findall(_TEXT.sub("", text)))).body
+
+
 def imports(path: Path, root: Path = ROOT) -> Iterator[str]:
     """Modules, or names in them, that a module imports, wherever in it the import stands."""
     package = path.relative_to(root).parent.parts
@@ -91,8 +96,7 @@ def imports(path: Path, root: Path = ROOT) -> Iterator[str]:
 def _named(text: str) -> list[tuple[int, str]]:
     """List what a source imports, and the number of packages up to which it is relative."""
     found: list[tuple[int, str]] = []
-    statements = "\n".join(_IMPORT.findall(_TEXT.sub("", text)))
-    for node in ast.parse(statements).body:
+    for node in import_statements(text):
         if isinstance(node, ast.Import):
             found += [(0, alias.name) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

@@ -117,7 +117,7 @@ def defines(name: str) -> bool:
     """
     cls, _, field = name.rpartition(".")
     if not cls:
-        return any(name in names for names in _definitions().values())
+        return any(name in names or name in path.parts for path, names in _definitions().items())
     paths = [path for path, names in _definitions().items() if cls in names]
     return any(
         field in attributes(node)
