@@ -6,6 +6,8 @@ import os
 
 # as many workers as cores and one more share them; before numpy is loaded
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# each Python that a test starts would compile our modules anew
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 import gc
 import shutil
@@ -17,6 +19,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 from hypothesis import settings
 
 from fmus import COMPONENTS, component
@@ -26,6 +29,7 @@ from fmus.kit.build.toolchain import host_platform
 # their assertions explain themselves, too
 pytest.register_assert_rewrite("tests.contract", "tests.support")
 
+from tests.support.pace import is_repetition  # noqa: E402
 from tests.support.parts import VARIABLE, split  # noqa: E402
 from tests.support.processor_time import ProcessorTimeLimit  # noqa: E402
 from tests.support.punctual import Watch  # noqa: E402
@@ -59,12 +63,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:
-    """Leave to the slow tests those that need a browser, and what is asked of every component of
-    the free foot, and of the moving one in Python: each costs as much as all other FMUs together.
-    """
-    given = item.callspec.id.split("-") if hasattr(item, "callspec") else []
-    is_costly = "foot_free" in given or {"foot_dynamic", "python"} <= set(given)
-    if is_costly or "browser" in getattr(item, "fixturenames", ()):
+    """Leave to the slow tests those that need a browser, and what others show."""
+    is_repeated = hasattr(item, "callspec") and is_repetition(item.callspec.params)
+    if is_repeated or "browser" in getattr(item, "fixturenames", ()):
         item.add_marker(pytest.mark.slow)
 
 
@@ -114,16 +115,21 @@ def pytest_unconfigure() -> None:
 
 @pytest.fixture(scope="session")
 def fmu(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """Path of a component's FMU for this platform, built once a session: ``fmu(name, runtime)``, of
-    FMI 3.0 ``fmu(name, runtime, 3)``.
+    """Path of a component's FMU for this platform, built once a session for all workers:
+    ``fmu(name, runtime)``, of FMI 3.0 ``fmu(name, runtime, 3)``.
     """
-    folder = tmp_path_factory.mktemp("fmus")
+    base = tmp_path_factory.getbasetemp()
+    is_worker = "PYTEST_XDIST_WORKER" in os.environ
+    folder = (base.parent if is_worker else base) / "fmus"
 
     def path(name: str, runtime: str, fmi: int = 2) -> Path:
         file = folder / f"{runtime}-{fmi}" / f"{name}.fmu"
-        if not file.exists():
-            file.parent.mkdir(exist_ok=True)
-            file.write_bytes(build(component(name), runtime, [host_platform()], fmi=fmi))
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with FileLock(f"{file}.lock"):
+            if not file.exists():
+                unfinished = file.with_suffix(".part")
+                unfinished.write_bytes(build(component(name), runtime, [host_platform()], fmi=fmi))
+                unfinished.rename(file)
         return file
 
     return path

@@ -453,8 +453,7 @@ def test_python_build_left_alone_in_a_host_runs_or_refuses(fmu):
     ("name", "options"),
     slow_but(
         [(name, options) for name in COMPONENTS for options in OPTIONS],
-        *((name, "-O0") for name in COMPONENTS),
-        *(("voice_coil_dma", options) for options in OPTIONS),
+        *((name, "-O0") for name in TELLING_NAMES),
     ),
 )
 def test_sources_compile_alone_and_give_the_same_results(fmu, name, tmp_path, options):

@@ -12,14 +12,13 @@ import pytest
 
 from fmus import COMPONENTS
 from fmus.kit.build.building import RUNTIMES
-from tests.support.pace import slow_but
+from tests.support.pace import TELLING_NAMES, slow_but
 
 ACTUATORS = ("ppy_actuator", "ppy_actuator_length_driven")
 # Tests of the front-end and of the exact solutions for a current, which need no other component
 actuators_only = pytest.mark.parametrize("name", ACTUATORS)
 
 EACH = [(name, runtime) for name in COMPONENTS for runtime in RUNTIMES]
-TELLING_NAMES = ("ppy_actuator", "voice_coil_dma")
 TELLING = [(name, runtime) for name in TELLING_NAMES for runtime in RUNTIMES]
 # Claims on the laws and the description of each component: the front-end in Python is one for all
 # of them

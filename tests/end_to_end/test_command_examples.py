@@ -40,6 +40,7 @@ QUICK = (
     "identify",
     "frequency",
 )
+LONG = ("compare", "export modelica", "linearise", "optimise", "run", "simulate")
 SERVED = ("rig stop", "rig acknowledge", "rig status")
 OF_A_RIG = tuple(command for command in EXAMPLES if command.startswith("rig "))
 # all others need what these leave
@@ -62,9 +63,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize(
-    "command", slow_but(QUICK, *(name for name in QUICK if name != "simulate"))
-)
+@pytest.mark.parametrize("command", slow_but(QUICK, *(name for name in QUICK if name not in LONG)))
 def test_examples_that_take_a_moment(folder, command):
     run(command, folder)
 

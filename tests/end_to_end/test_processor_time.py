@@ -10,15 +10,25 @@ TESTS = """
     import subprocess, sys, threading, time
     import pytest
 
-    BURN = "import time\\nwhile time.process_time() < 0.15: pass"
+    BURN = "import time\\nwhile time.process_time() < 0.08: pass"
 
-    def burn(seconds=0.15):
+    def burn(seconds=0.08):
         end = time.process_time() + seconds
         while time.process_time() < end:
             pass
 
     @pytest.fixture(scope="module")
     def costly():
+        burn()
+
+    @pytest.fixture
+    def ends_late():
+        yield
+        burn()
+
+    @pytest.fixture(scope="module")
+    def shared():
+        yield
         burn()
 
     def test_sleeps():
@@ -51,11 +61,18 @@ TESTS = """
 
     def test_imports():
         import costly_module
+
+    def test_ends_late(ends_late):
+        pass
+
+    def test_is_the_last_to_need_a_fixture_that_ends_late(shared):
+        pass
 """
 OVER = {
     "test_burns",
     "test_burns_in_a_child",
     "test_burns_in_a_thread",
+    "test_ends_late",
     "test_is_the_first_to_need_a_costly_fixture",
 }
 

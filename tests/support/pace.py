@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import pytest
+
+from fmus import COMPONENTS
+
+# a small component, and one with samples and all types of variables
+TELLING_NAMES = ("ppy_actuator", "voice_coil_dma")
+_OTHERS = frozenset(COMPONENTS) - set(TELLING_NAMES)
 
 
 def slow_but(cases: Iterable[Any], *fast: Any) -> list[Any]:
@@ -19,3 +25,17 @@ def slow_but(cases: Iterable[Any], *fast: Any) -> list[Any]:
         case if case in fast else pytest.param(*value, marks=pytest.mark.slow)
         for case, value in zip(cases, values, strict=True)
     ]
+
+
+def names_other_components(given: Mapping[str, Any]) -> set[str]:
+    """Components among the values of a case, but for the telling ones."""
+    names = (getattr(value, "name", value) for value in given.values())
+    return {name for name in names if isinstance(name, str)} & _OTHERS
+
+
+def is_repetition(given: Mapping[str, Any]) -> bool:
+    """Whether a case asks once more what others show: the front-end in Python is one for all
+    components, and the free foot costs as much as all others together.
+    """
+    others = names_other_components(given)
+    return "foot_free" in others or (given.get("runtime") == "python" and bool(others))

@@ -89,7 +89,7 @@ class ProcessorTimeLimit:
 
     def __init__(self, limit: float = LIMIT) -> None:
         self._limit = limit
-        self._begin = 0.0
+        self._begin = self._end = 0.0
         self._passed = True
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
@@ -99,15 +99,28 @@ class ProcessorTimeLimit:
         self._passed = True
         return (yield)
 
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_teardown(
+        self, item: pytest.Item, nextitem: pytest.Item | None
+    ) -> Generator[None, object, object]:
+        """Measure up to the end, but not of fixtures that end here because no more tests share
+        them.
+        """
+        self._end = _charged()
+        result = yield
+        if nextitem is not None and nextitem.parent is item.parent:
+            self._end = _charged()
+        return result
+
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(
         self, item: pytest.Item, call: pytest.CallInfo[None]
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
         """Judge a test that passed, once its fixtures are torn down."""
         report = yield
-        taken = _charged() - self._begin
         self._passed &= not report.failed
         is_judged = self._passed and item.get_closest_marker("slow") is None
+        taken = self._end - self._begin
         is_over = report.when == "teardown" and is_judged and taken > self._limit
         if is_over and taken > self._limit * _slowness():
             report.outcome = "failed"

@@ -15,6 +15,7 @@ from orchestration.fmu.instance import Fmu
 from orchestration.fmu.simulation import simulate_instance
 from tests.support.completeness import check_described
 from tests.support.laws import check_neutral, in_graph
+from tests.support.pace import slow_but
 from tests.support.sampled import run
 
 CONTROLLERS = [
@@ -106,7 +107,7 @@ def test_slope_at_neutral_is_the_change_of_the_command():
     np.testing.assert_allclose(slope[2:], change[2:], rtol=1e-9, atol=1e-15)
 
 
-@each
+@pytest.mark.parametrize("name", slow_but(CONTROLLERS, "pid"))
 def test_builds_agree_on_the_effect(name, tmp_path):
     cls, switch = late(name)
     first = next(v for v in cls.layout.inputs if v.type == "real")

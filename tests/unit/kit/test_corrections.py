@@ -22,6 +22,7 @@ from fmus.ppy_actuator.model import PpyActuator
 from studies.plants.models.pendulum import Pendulum
 from tests.support.builds import check_that_bad_values_are_refused, check_that_builds_agree
 from tests.support.corrected import Plain
+from tests.support.pace import slow_but
 
 TIME = np.linspace(0.0, 10.0, 501)
 WAVE = 1.5 * np.sin(1.7 * TIME) + 0.4
@@ -423,7 +424,7 @@ def test_two_over_one_another():
 # --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("memory", MEMORIES, ids=lambda m: m or "none")
+@pytest.mark.parametrize("memory", slow_but(MEMORIES, "lagged"), ids=lambda m: m or "none")
 def test_builds_agree(memory, tmp_path):
     of = SignalTerm("squared", memory, 0.5, "V^2", 2.0, 0.3)
     effects = [

@@ -57,8 +57,13 @@ class Draining(Component):
         ),
         ("galvanostat", [], {"current_command": "-0.5..0.5:3"}, {}),
         ("voice_coil_dma", [], {"target": "0..1e-3:2"}, {}),
-        ("degradation_estimator", [], {"voltage": "0.2..0.8:3"}, {}),
-        ("foot_dynamic", [], {}, {}),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (
+                ("degradation_estimator", [], {"voltage": "0.2..0.8:3"}, {}),
+                ("foot_dynamic", [], {}, {}),
+            )
+        ),
         (
             Thermostat,
             [],

@@ -45,6 +45,7 @@ from tests.support.battery import analysed
 from tests.support.diagnosis import coloured, rig_record, short_record
 from tests.support.intersample_records import record
 from tests.support.noises import Clean, clean, controlled, gaussian, growing_with_size, outliers
+from tests.support.pace import slow_but
 from tests.support.regression_model import ASYMMETRY, GAIN, SPREAD, STEP, Amplifier
 from tests.support.several import Cell, several
 from tests.support.wired_motor import Motor, wired
@@ -52,6 +53,29 @@ from tests.support.wired_motor import Motor, wired
 NOTHING = pipeline.DiagnosisOptions(effects=[])
 Maker = Callable[[pytest.MonkeyPatch], list[Note]]
 SATURATION = EFFECTS["strain_saturation"]
+# made by a diagnosis, which takes most of a second
+LONG = {
+    "something_left",
+    "input_noise",
+    "gaps",
+    "absent_input",
+    "fmu_failed",
+    "exchanged",
+    "excitation_below_noise",
+    "other_clock",
+    "unsigned",
+    "other_sign",
+    "runs_ahead",
+    "not_in_all_samples",
+    "straight_part",
+    "other_unit",
+    "implausible",
+    "other_specimen",
+    "intersample_contradicted",
+    "not_followed",
+    "resampled",
+    "not_simulated",
+}
 MAKERS: dict[NoteCode, Maker] = {}
 
 
@@ -695,7 +719,9 @@ def other(fact: Any) -> Any:
     return {"another": 0.99} if isinstance(fact, dict) else 2 * fact + 1
 
 
-@pytest.mark.parametrize("code", NoteCode)
+@pytest.mark.parametrize(
+    "code", slow_but(NoteCode, *(code for code in NoteCode if code not in LONG))
+)
 def test_every_note_has_a_sentence_with_all_its_facts(code, monkeypatch):
     note = next(note for note in MAKERS[code](monkeypatch) if note.code is code)
     sentence = wording.message(note)

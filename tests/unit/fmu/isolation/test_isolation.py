@@ -95,9 +95,7 @@ def response(points):
     return 1.0 - np.exp(-TIME[:points])
 
 
-@pytest.mark.parametrize(
-    "name", slow_but(ACTS, *(name for name in ACTS if name != "takes_all_memory"))
-)
+@pytest.mark.parametrize("name", slow_but(ACTS, *EACH_KIND))
 def test_a_simulation(name, folder, nothing_left):
     where, _, told = ACTS[name]
     call = (str(build(name, folder)), {"u": 1.0})
@@ -136,7 +134,7 @@ def three(lag, bad):
     ("way", "name"),
     slow_but(
         [(way, name) for way in WAYS for name in ACTS],
-        *(("kernel", name) for name in EACH_KIND),
+        *(("kernel", name) for name in ("exits", "is_fatal", "crashes_as_it_begins")),
         *(("python", name) for name in ("exits", "sleeps", "changes_the_folder")),
     ),
 )
@@ -217,6 +215,7 @@ def command(*arguments, cwd):
     )
 
 
+@pytest.mark.slow
 def test_on_the_command_line_it_is_so_unless_told_otherwise(folder, tmp_path):
     bad = build("exits", folder)
     (tmp_path / "out.csv").write_text("dear\n")
