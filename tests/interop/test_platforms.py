@@ -39,7 +39,7 @@ FUNCTIONS = set(
         re.M,
     )
 )
-EXCHANGE_ONLY = {
+EXCHANGE = {
     "fmi2EnterEventMode",
     "fmi2NewDiscreteStates",
     "fmi2EnterContinuousTimeMode",
@@ -101,10 +101,14 @@ def test_check_finds_nothing_wrong_and_no_platform_missing(built, runtime):
 
 
 @pytest.mark.parametrize("platform", PLATFORMS)
-def test_binary_offers_the_functions_of_fmi_and_no_others(binary, platform):
+def test_binary_offers_the_functions_of_fmi_and_no_others(built, binary, runtime, platform):
+    """Those of model exchange where the description declares it."""
+    description = fmpy.read_model_description(str(built(runtime, platform)))
+    expected = FUNCTIONS if description.modelExchange else FUNCTIONS - EXCHANGE
     exports = read_library(binary(platform).read_bytes()).exports
     # what every Mach-O library has, whoever made it
-    assert exports - {"__dso_handle", "_mh_dylib_header"} == FUNCTIONS - EXCHANGE_ONLY
+    assert exports - {"__dso_handle", "_mh_dylib_header"} == expected
+    assert bool(description.modelExchange) == (runtime == "native")
 
 
 # --- Linux

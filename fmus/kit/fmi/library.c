@@ -6,6 +6,7 @@
 #include <string.h>
 
 #ifdef _WIN32
+#define WIN32_LEAN_AND_MEAN /* without names of RPC: the front-end, in the same unit, has a `boolean` of its own */
 #include <windows.h>
 
 /* One thread of the process at a time: several FMUs may want Python at once, and have nothing in common but the system. */

@@ -31,6 +31,15 @@ def test_builds_are_reproducible(runtime, tmp_path, monkeypatch):
     assert len(guids) == 2
 
 
+@pytest.mark.parametrize("runtime", build.RUNTIMES)
+def test_windows_headers_agree_with_our_names(runtime):
+    """A build for Linux alone would not show a clash with <windows.h>."""
+    pytest.importorskip("ziglang")
+    made = build.build(fmus.component("galvanostat"), runtime, ["win64"])
+    with zipfile.ZipFile(io.BytesIO(made)) as archive:
+        assert archive.read("binaries/win64/galvanostat.dll").startswith(b"MZ")
+
+
 @pytest.fixture
 def compiled_but_for(monkeypatch, tmp_path):
     """Compilers that make nothing of note, and fail for some platforms."""
