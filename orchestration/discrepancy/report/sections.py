@@ -378,8 +378,8 @@ def _residual_findings(result: Result, output: str, analysis: ResidualAnalysis) 
         if len(items) > _LISTED:
             texts.append(f"{len(items) - _LISTED} more {kind}.")
     listed = [test for test in reversed(residual_tests()) if test.is_listed]
-    items: list[ResidualTest | OperatingRegion] = [*analysis.tests, *analysis.regions]
-    significant = [item for item in items if item.significant]
+    results: list[ResidualTest | OperatingRegion] = [*analysis.tests, *analysis.regions]
+    significant = [item for item in results if item.significant]
     for of in (*listed, OperatingRegion):
         of_kind = [item for item in significant if type(item) is of]
         texts += [f"{capitalised(item.describe(output))}." for item in of_kind[:_LISTED]]
