@@ -27,7 +27,10 @@ from fmus.kit.build.toolchain import host_platform
 pytest.register_assert_rewrite("tests.contract", "tests.support")
 
 from tests.support.parts import VARIABLE, split  # noqa: E402
+from tests.support.processor_time import ProcessorTimeLimit  # noqa: E402
 from tests.support.punctual import Watch  # noqa: E402
+
+pytest_plugins = ["pytester"]
 
 PUBLIC_DATA = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
@@ -43,21 +46,25 @@ _watch = Watch()
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def pytest_configure() -> None:
-    """Refuse an installation that is older than the entry points."""
+def pytest_configure(config: pytest.Config) -> None:
+    """Refuse an installation that is older than the entry points; limit the processor time of each
+    test, unless coverage is measured, which takes its own.
+    """
     project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
     for group, declared in project["entry-points"].items():
         if not declared.keys() <= entry_points(group=group).names:
             raise pytest.UsageError(f"{group}: pip install -e . --no-deps installs what is new")
+    if not config.pluginmanager.hasplugin("_cov"):
+        config.pluginmanager.register(ProcessorTimeLimit())
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:
-    """Leave to the slow tests what is asked of the moving feet in Python: each costs as much as all
-    other FMUs together.
+    """Leave to the slow tests those that need a browser, and what is asked of every component of
+    the free foot, and of the moving one in Python: each costs as much as all other FMUs together.
     """
-    given = item.callspec.params if hasattr(item, "callspec") else {}
-    moving = {"foot_dynamic", "foot_free"}
-    if given.get("runtime") == "python" and moving & {given.get("name"), given.get("model")}:
+    given = item.callspec.id.split("-") if hasattr(item, "callspec") else []
+    is_costly = "foot_free" in given or {"foot_dynamic", "python"} <= set(given)
+    if is_costly or "browser" in getattr(item, "fixturenames", ()):
         item.add_marker(pytest.mark.slow)
 
 

@@ -19,12 +19,12 @@ from typing import Any
 
 import numpy as np
 
+from fmus.degradation_estimator.systems import AMPLITUDE, ESTIMATOR, FREQUENCY
 from fmus.kit.arrays import Array
 from orchestration import master
 from orchestration.experiment.waveforms import square_wave
 from orchestration.fmu.simulation import grid
 from orchestration.system import library
-from orchestration.system.library import AMPLITUDE, ESTIMATOR, FREQUENCY
 
 LIFE = 18000.0  # s, "approximately 5 hours"
 _NO_LIMIT = 15.0  # V, the compliance of the galvanostat: no voltage is beyond it
@@ -100,7 +100,9 @@ def run(
     if not life.complete:
         raise KeyboardInterrupt
     signals = {name.partition(".")[2]: values for name, values in life.signals.items()}
-    aged: Any = library.ageing_actuator()(**system.member("actuator").parameters)
+    actuator = system.member("actuator")
+    cls: Any = actuator.cls
+    aged = cls(**actuator.parameters)
     for name in _STATES:
         setattr(
             aged, name.partition(".")[2], life.signals[name]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from math import exp
+from math import exp, tanh
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from demonstrations.thesis.actuator import MODEL
+from fmus.degradation_estimator.systems import AMPLITUDE, FREQUENCY
 from fmus.kit.arrays import Array
 
 CIRCUIT = (MODEL["R1"], MODEL["R2"], MODEL["C"])  # ohm, ohm, F
@@ -27,6 +28,25 @@ def held_coefficients(r1: float, r2: float, c: float, period: float) -> tuple[fl
     a = -exp(-period / ((r1 + r2) * c))
     b0 = r1 * r2 / (r1 + r2)
     return b0, (1.0 + a) * r2 - b0, a
+
+
+def periodic_voltage(r1: float, r2: float, c: float) -> float:
+    """Return the largest voltage of a circuit in the periodic state under the square wave.
+
+    The charge swings by ``tanh(T / (4 tau))`` of its final value.
+
+    Parameters
+    ----------
+    r1, r2, c : float
+        In ohm and F.
+
+    Returns
+    -------
+    float
+        In V.
+    """
+    swing = tanh(1.0 / (4.0 * FREQUENCY * (r1 + r2) * c))
+    return AMPLITUDE * r2 * (r1 + r2 * swing) / (r1 + r2)
 
 
 def response(current: ArrayLike, r1: ArrayLike = CIRCUIT[0], period: float = PERIOD) -> Array:

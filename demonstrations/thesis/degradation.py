@@ -18,13 +18,13 @@ from demonstrations.graphical import (
     zero_order_hold,
 )
 from demonstrations.thesis import ageing
-from demonstrations.thesis.circuit import CIRCUIT, PERIOD, response
+from demonstrations.thesis.circuit import CIRCUIT, PERIOD, periodic_voltage, response
 from demonstrations.thesis.claim import Claim, Entry, Erratum, Illustration
+from fmus.degradation_estimator.systems import CAPACITANCE, FIRST_VOLTAGE
 from fmus.kit.arrays import Array
 from orchestration.experiment import read, run
 from orchestration.experiment.waveforms import square_wave
 from orchestration.reporting import pictures
-from orchestration.system.library import FIRST_VOLTAGE, capacitance, periodic_voltage
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -65,7 +65,7 @@ def _excitation() -> Iterator[Entry]:
         periodic_voltage(*CIRCUIT),
         "V",
         "that of actuator 135, whose circuit is not printed; held against the means of table 3-1,"
-        f" of another actuator: with their resistances it takes {capacitance():.1f} F in place of"
+        f" of another actuator: with their resistances it takes {CAPACITANCE:.1f} F in place of"
         f" {CIRCUIT[2]:.1f} F",
     )
 

@@ -1,12 +1,19 @@
 """Controllers of force, displacement and compliance, each sampled at a period of its own."""
 
-from .adaptive_controller import AdaptiveController
-from .displacement_controller import DisplacementController
-from .feedforward import Feedforward
-from .impedance_controller import ImpedanceController
-from .learning_controller import LearningController
-from .pid import Pid
-from .state_feedback import StateFeedback
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..kit.registry import ComponentPackage
+from .systems import WORK_LOOP
+
+if TYPE_CHECKING:
+    from .adaptive_controller import AdaptiveController
+    from .displacement_controller import DisplacementController
+    from .feedforward import Feedforward
+    from .impedance_controller import ImpedanceController
+    from .learning_controller import LearningController
+    from .pid import Pid
+    from .state_feedback import StateFeedback
 
 __all__ = [
     "AdaptiveController",
@@ -17,3 +24,20 @@ __all__ = [
     "Pid",
     "StateFeedback",
 ]
+PACKAGE = ComponentPackage(
+    components={
+        name: f"fmus.controllers.{name}:{cls}"
+        for name, cls in {
+            "adaptive_controller": "AdaptiveController",
+            "impedance_controller": "ImpedanceController",
+            "feedforward": "Feedforward",
+            "learning_controller": "LearningController",
+            "pid": "Pid",
+            "displacement_controller": "DisplacementController",
+            "state_feedback": "StateFeedback",
+        }.items()
+    },
+    declared_systems=(WORK_LOOP,),
+    experiment_folder=Path(__file__).with_name("experiments"),
+)
+__getattr__ = PACKAGE.offered

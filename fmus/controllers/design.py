@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus.kit import Component, UserError, stack
+from fmus.kit.extras import optional
 from fmus.kit.units import format_range
 
 from .state_feedback import StateFeedback, described
@@ -125,7 +126,8 @@ def gains(
         If the plant has other states, or states that move one another, or a value or a time is none
         that there can be.
     """
-    import control
+    with optional():
+        import control
 
     _check_times(sample_period, time_constants)
     continuous = control.ss(*_linearised(plant, values))

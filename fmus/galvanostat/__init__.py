@@ -2,6 +2,13 @@
 section 4.2.
 """
 
-from .model import Galvanostat
+from typing import TYPE_CHECKING
+
+from ..kit.registry import ComponentPackage
+
+if TYPE_CHECKING:
+    from .model import Galvanostat
 
 __all__ = ["Galvanostat"]
+PACKAGE = ComponentPackage(components={"galvanostat": "fmus.galvanostat.model:Galvanostat"})
+__getattr__ = PACKAGE.offered

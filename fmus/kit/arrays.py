@@ -1,6 +1,10 @@
-"""Types of NumPy arrays, as annotations name them."""
+"""Types of NumPy arrays, as annotations name them, and the threads of linear algebra."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,3 +12,31 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+
+def single_threaded(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Make a function compute each product of matrices in one thread.
+
+    Fits run side by side and their matrices are narrow: several threads for a product would only
+    wait for one another.
+
+    Parameters
+    ----------
+    function : callable
+
+    Returns
+    -------
+    callable
+        Of the same arguments.
+    """
+
+    @wraps(function)
+    def limited(*arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
+        from threadpoolctl import threadpool_limits
+
+        with threadpool_limits(limits=1):
+            return function(*arguments, **named)
+
+    return limited

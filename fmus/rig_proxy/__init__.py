@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..kit.registry import ComponentPackage
 from . import protocol
 from .credentials import ClientKeys, checked, key, read_client_keys, read_table
 from .protocol import (
@@ -27,6 +29,7 @@ from .protocol import (
     new_name,
 )
 from .proxy import LINK_STATES, LOST, REFUSED
+from .systems import HIL_BENCH
 
 if TYPE_CHECKING:
     from .link import Link, LinkError, describe_latch
@@ -63,6 +66,18 @@ __all__ = [
     "read_client_keys",
     "read_table",
 ]
+PACKAGE = ComponentPackage(
+    proxies={
+        "rig_proxy": "fmus.rig_proxy.model:RigProxy",
+        "rig_proxy_length_driven": "fmus.rig_proxy.model:RigProxyLengthDriven",
+        "rig_proxy_bench": "fmus.rig_proxy.model:RigProxyBench",
+        "rig_proxy_thesis": "fmus.rig_proxy.model:RigProxyThesis",
+        "rig_proxy_thesis_generator": "fmus.rig_proxy.model:RigProxyThesisGenerator",
+    },
+    declared_systems=(HIL_BENCH,),
+    experiment_folder=Path(__file__).with_name("experiments"),
+    preset_folder=Path(__file__).with_name("presets"),
+)
 
 
 def __getattr__(name: str) -> Any:

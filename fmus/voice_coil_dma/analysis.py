@@ -1,24 +1,24 @@
 """The force loop as linear analysis sees it: eq. 2.1, the loop's Bode data, margins and closed-loop
 step.
 
-Not part of the FMU; the library ``control`` is imported where it is used. Defaults are those of
-thesis appendix A1. Equation 2.1 gives the force of the coil over its voltage with the actuator as a
-spring k1 beside a spring k2 in series with a dashpot b2; the load cell shows the same force but for
-slide friction and inertia.
+Not part of the FMU, for it needs python-control. Defaults are those of thesis appendix A1. Equation
+2.1 gives the force of the coil over its voltage with the actuator as a spring k1 beside a spring k2
+in series with a dashpot b2; the load cell shows the same force but for slide friction and inertia.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fmus.kit.arrays import Array
+from fmus.kit.extras import optional
 
-if TYPE_CHECKING:
-    pass
+with optional():
+    import control
 
 SAMPLE_PERIOD = 1.0 / 30.0
 A1_ACTUATOR = {"k1": 3860.0, "k2": 300.0, "b2": 2300.0}
@@ -75,8 +75,6 @@ def plant(
     -------
     control.TransferFunction
     """
-    import control
-
     if not back_emf:
         return control.tf([K], [L, R])
     relaxing = np.array([b2, k2])
@@ -95,8 +93,6 @@ def controller(gain: float = 18.0, zero_time: float = 0.02) -> Any:
     -------
     control.TransferFunction
     """
-    import control
-
     return control.tf([gain * zero_time, gain], [1.0, 0.0])
 
 
@@ -130,8 +126,6 @@ def sample_and_hold(period: float = SAMPLE_PERIOD) -> Any:
     -------
     control.TransferFunction
     """
-    import control
-
     return control.tf([2.0 / period], [1.0, 2.0 / period])
 
 
@@ -142,8 +136,6 @@ def force_filter(cutoff: float = 100.0) -> Any:
     -------
     control.TransferFunction
     """
-    import control
-
     return control.tf([1.0], [1.0 / (2.0 * pi * cutoff), 1.0])
 
 
@@ -182,8 +174,6 @@ def loop(
 
 def margins(system: Any) -> Margins:
     """Gain and phase margin of a loop transfer function, with their frequencies in Hz."""
-    import control
-
     gain, phase, phase_crossover, crossover = control.margin(system)
     return Margins(
         float(phase),
@@ -237,8 +227,6 @@ def closed_loop_step(
     ndarray, shape (n,)
         In N.
     """
-    import control
-
     forward = loop(gain, zero_time, period=period, cutoff=None, **about_plant)
     back = 1.0 if cutoff is None else force_filter(cutoff)
     return np.asarray(control.step_response(control.feedback(forward, back), time).outputs)

@@ -22,6 +22,7 @@ from types import UnionType
 from typing import Any, ForwardRef, NamedTuple, TypeVar, Union, cast, get_args, get_origin
 
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.extras import optional
 from orchestration.reporting import flag
 from orchestration.reporting import option as as_written
 
@@ -78,7 +79,8 @@ class Option(NamedTuple):
     doc : str
         Meaning for Python, with what a line has no room for; `help` unless given.
     default : object
-        Value where the option is not given; `REQUIRED` if it must be.
+        Value where the option is not given; `REQUIRED` if it must be. A function is called for it
+        when a command is made.
     form : Form
     flag : str
         Name on the command line, ``--on/--off`` for both values of a switch; made from the name
@@ -243,7 +245,8 @@ def takes(*declared: type) -> Callable[[Function], Function]:
                         f"{function.__name__}() got an unexpected keyword argument {name!r}{near}"
                     )
             used = {n: options[n].given(v) if n in options else v for n, v in given.items()}
-            return function(*arguments, **defaults | used)
+            with optional():
+                return function(*arguments, **defaults | used)
 
         made = cast(Any, call if added else function)
         if added:

@@ -7,7 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
-from fmus.kit import UserError
+from fmus.kit import UserError, registry
+from fmus.kit.extras import require
 from fmus.kit.sensors import MEASUREMENTS
 from orchestration.api.command import equivalent_command
 from orchestration.api.declaration import takes
@@ -30,14 +31,13 @@ from orchestration.fmu.model import built
 from orchestration.fmu.signal import numeric
 from orchestration.records import Record
 from orchestration.reporting import option
-from orchestration.rig import INPUT_RANGES, LOOP_BANDWIDTH, RIG_COMPONENT
 
 _LINEARISATIONS = 4  # of an FMU at most
 
 
 @takes(DiagnoseKeywords)
 def diagnose(
-    record: Records, model: Model | str | Path = "ppy_actuator", **options: Unpack[DiagnoseKeywords]
+    record: Records, model: Model | str | Path | None = None, **options: Unpack[DiagnoseKeywords]
 ) -> DiagnosisResult:
     """Name what a model gets wrong on a record, extend it, and measure the gain on unseen data.
 
@@ -48,8 +48,9 @@ def diagnose(
     record : Record, str, Path, DataFrame, Mapping of str to array_like, or sequence of these
         From `read_record`, or what that reads. A file whose clock restarts holds several records,
         numbered from 1.
-    model : Model, str or Path
-        A component, ``path/to/file.py:Class``, any FMU, or what `find_model` returned.
+    model : Model, str or Path, optional
+        A component, ``path/to/file.py:Class``, any FMU, or what `find_model` returned;
+        the first that ``ppy list`` shows unless given.
 
     Returns
     -------
@@ -70,6 +71,7 @@ def diagnose(
     ['strain_saturation']
     >>> low, high = result.parameters["R1"].interval
     """
+    require("threadpoolctl")
     subject = as_declared(model)
     progress = options["progress"]
     mapping = options["mapping"]
@@ -135,7 +137,7 @@ def _pipeline_options(
     subject: Model, given: Mapping[str, Value], options: DiagnoseKeywords
 ) -> pipeline.DiagnosisOptions:
     """Return the options of a diagnosis as the pipeline has them."""
-    on_rig = subject.name == RIG_COMPONENT
+    excitation = registry.excitation(subject.name)
     effects = options["effects"]
     if subject.cls is None and effects is None:
         effects = [*MEASUREMENTS]
@@ -145,8 +147,8 @@ def _pipeline_options(
         hold=options["hold"],
         each=options["each"],
         interpolate=options["interpolate"],
-        limits=INPUT_RANGES if on_rig else None,
-        highest_frequency=LOOP_BANDWIDTH if on_rig else float("inf"),
+        limits=excitation.ranges if excitation else None,
+        highest_frequency=excitation.bandwidth if excitation else float("inf"),
         time=optional_seconds(options["time"]),
         laws=options["laws"],
     )
@@ -194,7 +196,7 @@ def refuse_without_laws(subject: Model) -> None:
 
 @takes(LawsKeywords)
 def laws(
-    record: Records, model: Model | str | Path = "ppy_actuator", **options: Unpack[LawsKeywords]
+    record: Records, model: Model | str | Path | None = None, **options: Unpack[LawsKeywords]
 ) -> LawsResult:
     """Ask every law of a model what it lacks on a record: which signal, and by which curve.
 
@@ -207,8 +209,9 @@ def laws(
     record : Record, str, Path, DataFrame, Mapping of str to array_like, or sequence of these
         From `read_record`, or what that reads. A file whose clock restarts holds several records,
         numbered from 1.
-    model : Model, str or Path
-        A component, ``path/to/file.py:Class``, or what `find_model` returned.
+    model : Model, str or Path, optional
+        A component, ``path/to/file.py:Class``, or what `find_model` returned; the first that
+        ``ppy list`` shows unless given.
 
     Returns
     -------
@@ -227,6 +230,7 @@ def laws(
     >>> print(ppy.laws("right.csv").sentence)
     No law is found to lack anything.
     """
+    require("threadpoolctl")
     subject = as_declared(model)
     refuse_without_laws(subject)
     progress = options["progress"]

@@ -17,7 +17,7 @@ from orchestration.identify import Comparison, Fit, comparison
 @takes(CompareKeywords)
 def compare(
     record: Data,
-    model: AnyModel = "ppy_actuator",
+    model: AnyModel | None = None,
     **options: Unpack[CompareKeywords],
 ) -> Comparison:
     """Hold a model against a measured record: fit in percent, RMS error, whiteness of the residual.
@@ -26,9 +26,9 @@ def compare(
     ----------
     record : Record, str, Path, DataFrame or Mapping of str to array_like, shape (n,)
         From `read_record`, or what that reads.
-    model : Model, System, type[Component], str or Path
+    model : Model, System, type[Component], str or Path, optional
         A component, any FMU, ``path/to/file.py:Class``, a class such as ``diagnose(...).model``, or
-        a system, by its name or its ``.ssp`` file.
+        a system, by its name or its ``.ssp`` file; the first that ``ppy list`` shows unless given.
 
     Returns
     -------

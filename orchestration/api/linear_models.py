@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Unpack
 
+from fmus.kit.extras import require
 from orchestration.api.declaration import only, takes
 from orchestration.api.forms import given_names, optional_seconds
 from orchestration.api.options import BlackBoxKeywords, InputsOption, StudyKeywords
@@ -57,6 +58,7 @@ def black_box(
     >>> found.chosen.structure, [round(float(abs(z)), 2) for z in found.model.poles("u")]
     ('OE', [0.8])
     """
+    require("threadpoolctl")
     driving = given_names(inputs, "inputs =")
     columns = read_columns(Path(record), output, driving, optional_seconds(options["step"]))
     return study(columns, **only(StudyKeywords, options))

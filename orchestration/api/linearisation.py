@@ -13,6 +13,7 @@ import numpy as np
 from fmus.kit import Component
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.extras import require
 from fmus.kit.storage import scratch
 from orchestration.api.declaration import takes
 from orchestration.api.forms import optional_seconds, seconds
@@ -81,6 +82,7 @@ def linearise(
     >>> round(loop.margins().phase, 1)
     70.2
     """
+    require("control")
     with _subject(model) as subject:
         if isinstance(subject, Model):
             return _of_fmu(subject, stimulus or {}, options)

@@ -22,7 +22,7 @@ Records = Data | Sequence[Data]
 @takes(MappingOption)
 def read_record(
     path: str | Path | Arrays,
-    model: Model | str | Path = "ppy_actuator",
+    model: Model | str | Path | None = None,
     mapping: Mapping[str, str] | None = None,
 ) -> Record:
     """Read a measured record: CSV, Parquet, LabVIEW TDMS or text, MATLAB, a DataFrame, arrays.
@@ -34,9 +34,10 @@ def read_record(
     path : str, Path, DataFrame or Mapping of str to array_like, shape (n,)
         A file as an instrument writes it, or its columns by ``name [unit]``. One column is the
         time; of a DataFrame it may be the index.
-    model : Model, str or Path
+    model : Model, str or Path, optional
         Whose signals it holds: a component, an FMU file, ``path/to/file.py:Class``, or what
-        `find_model` returned; or a system, by its name or its ``.ssp`` file.
+        `find_model` returned; or a system, by its name or its ``.ssp`` file. The first that ``ppy
+        list`` shows unless given.
 
     Returns
     -------

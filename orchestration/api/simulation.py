@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmus import MODELS
-from fmus.kit import Component
+from fmus.kit import Component, registry
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.symbolic import check_component
@@ -206,7 +205,9 @@ def as_model(model: AnyModel) -> Model:
     return built(as_runnable(model))
 
 
-def as_measured(model: AnyModel, effects: Sequence[str] = (), runtime: str | None = None) -> Model:
+def as_measured(
+    model: AnyModel | None, effects: Sequence[str] = (), runtime: str | None = None
+) -> Model:
     """Return a model like `as_runnable`, to be held against a record: a system is fused if it can.
 
     Parameters
@@ -227,12 +228,15 @@ def as_measured(model: AnyModel, effects: Sequence[str] = (), runtime: str | Non
     return as_runnable(model, effects, runtime)
 
 
-def as_runnable(model: AnyModel, effects: Sequence[str] = (), runtime: str | None = None) -> Model:
+def as_runnable(
+    model: AnyModel | None, effects: Sequence[str] = (), runtime: str | None = None
+) -> Model:
     """Return a model like `as_model`, but unbuilt: a record is read, and refused, before.
 
     Parameters
     ----------
-    model : Model, System, type[Component], str or Path
+    model : Model, System, type[Component], str or Path, optional
+        The default model of the registry unless given.
     effects : sequence of str
         Laid over a component that is found by its name.
     runtime : {"native", "python"}, optional
@@ -263,12 +267,15 @@ def _refuse_effects(system: str, effects: Sequence[str]) -> None:
 def _refuse_misspelt(name: str) -> None:
     """Refuse what is nearly the name of a system."""
     hint = suggestion(name, NAMES, few=0)
-    if hint and name.isidentifier() and name not in MODELS and not suggestion(name, MODELS, few=0):
+    known = registry.models()
+    if hint and name.isidentifier() and name not in known and not suggestion(name, known, few=0):
         raise UserError(f"no component and no system named {name!r}{hint}")
 
 
-def as_declared(model: Model | type[Component] | str | Path) -> Model:
+def as_declared(model: Model | type[Component] | str | Path | None) -> Model:
     """Return a component or an FMU like `as_runnable`."""
+    if model is None:
+        return declared_model(registry.default_model())
     if isinstance(model, type):
         if model.__module__ == "__main__":  # written where it is used, such as in a notebook
             check_component(model)

@@ -16,6 +16,7 @@ import typer
 from typer.core import TyperGroup
 
 from fmus.kit import UserError
+from fmus.kit.extras import optional
 from orchestration.cli.ending import INTERRUPTED, end_interrupted, end_unloadable, is_of_import
 from orchestration.cli.examples import epilog
 from orchestration.cli.real_time import IncompleteRecord
@@ -218,7 +219,7 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        with in_shell():
+        with in_shell(), optional():
             code = app(standalone_mode=False, prog_name="ppy")
         if code == INTERRUPTED:  # typer has taken the interrupt for itself
             raise KeyboardInterrupt

@@ -8,11 +8,10 @@ from typing import Annotated, Any
 
 import typer
 
-from fmus import MODELS
+from fmus.kit import registry
 from orchestration.api.declaration import REQUIRED, Option, options_of
 from orchestration.cli.panels import panel_of
 
-DEFAULT_MODEL = "ppy_actuator"
 Body = Callable[..., None]
 
 
@@ -31,7 +30,9 @@ def command(declared: type) -> Callable[[Body], Body]:
         second argument. The command's attribute ``__options__`` has the options by name.
     """
     options = {
-        name: option for name, option in options_of(declared).items() if option.on_command_line
+        name: _with_default(option)
+        for name, option in options_of(declared).items()
+        if option.on_command_line
     }
 
     def decorate(body: Body) -> Body:
@@ -54,6 +55,11 @@ def command(declared: type) -> Callable[[Body], Body]:
         return run
 
     return decorate
+
+
+def _with_default(option: Option) -> Option:
+    """Return an option whose default is a value: that of a model depends on what is installed."""
+    return option._replace(default=option.default()) if callable(option.default) else option
 
 
 _CONTEXT = Parameter("context", Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context)
@@ -116,7 +122,7 @@ def _completion(option: Option) -> Callable[..., list[str]] | None:
 
 
 def _complete_components(incomplete: str) -> list[str]:
-    return [name for name in MODELS if name.startswith(incomplete)]
+    return [name for name in registry.models() if name.startswith(incomplete)]
 
 
 def _complete_systems(incomplete: str) -> list[str]:
@@ -136,21 +142,21 @@ def _complete_effects(context: typer.Context, incomplete: str) -> list[str]:
 
     No file is run for it.
     """
-    from fmus import component
+    from fmus.kit import registry
     from orchestration.fmu.model import known_effects
 
     # while an option lacks its value, what was named before is among the arguments that are not
     # sorted out yet
     words = [*context.args, *(context.params.get("names") or ()), context.params.get("model")]
-    name = next((word for word in words if word in MODELS), None)
+    name = next((word for word in words if word in registry.models()), None)
     if name is None and context.command.name in ("diagnose", "laws") and "--model" not in words:
-        name = DEFAULT_MODEL
+        name = registry.default_model()
     if name is None:
         return []
     before, comma, last = incomplete.rpartition(",")
     return [
         f"{before}{comma}{effect}"
-        for effect in known_effects(component(name))
+        for effect in known_effects(registry.component(name))
         if effect.startswith(last)
     ]
 

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-from fmus.kit import UserError
+from fmus.kit import UserError, registry
 from fmus.kit.build import available_platforms
 from orchestration.api import (
     DiagnosisResult,
@@ -26,7 +26,6 @@ from orchestration.api.options import (
     MappingOption,
     SettingsOption,
 )
-from orchestration.cli.command import DEFAULT_MODEL
 from orchestration.cli.commands.options import DiagnoseCommand, LawsCommand, SystemOption
 from orchestration.cli.models import build_model, model_file, note_neutral
 from orchestration.cli.options import IsolateOption, JsonOption, platform_list
@@ -190,7 +189,7 @@ def open_judged(options: DiagnoseCommand | LawsCommand, check: Callable[[Model],
     UserError
         If something could not be written, or the model or a record cannot be read.
     """
-    name = options["model"] or DEFAULT_MODEL
+    name = options["model"] or registry.default_model()
     file = model_file(name)
     check_files(options, [] if file is None else [file])
     declared = declared_model(name, options["laid_over"])

@@ -45,11 +45,11 @@ def open_measured(options: MeasuredOptions, runtime: str | None = None) -> Measu
 
 def model_file(name: str) -> Path | None:
     """Return the file that a model or a system is read from; None for one of ours."""
-    from fmus import MODELS
+    from fmus.kit import registry
     from orchestration.fmu.model import file_of_class, names_class
     from orchestration.system import NAMES
 
-    if name in MODELS or name in NAMES:
+    if name in registry.models() or name in NAMES:
         return None
     return Path(file_of_class(name) if names_class(name) else name)
 

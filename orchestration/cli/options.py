@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, TypedDict
 
+from fmus.kit import registry
 from orchestration.api.declaration import REQUIRED, Form, Option
 from orchestration.api.forms import NAMES, TIME, names_among, seconds
-from orchestration.cli.command import DEFAULT_MODEL
 
 # --- how values are written ----------------------------------------------------------------------
 
@@ -81,7 +81,7 @@ class ModelOption(TypedDict, total=False):
     """The model, by its flag."""
 
     model: Annotated[
-        str, Option(_MODEL, default=DEFAULT_MODEL, metavar="MODEL", complete="component")
+        str, Option(_MODEL, default=registry.default_model, metavar="MODEL", complete="component")
     ]
 
 
@@ -105,7 +105,9 @@ class RunnableOption(TypedDict, total=False):
 
     model: Annotated[
         str,
-        Option(_RUNNABLE, default=DEFAULT_MODEL, metavar="MODEL|SYSTEM", complete="component"),
+        Option(
+            _RUNNABLE, default=registry.default_model, metavar="MODEL|SYSTEM", complete="component"
+        ),
     ]
 
 

@@ -12,10 +12,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmus.kit import UserError
+from fmus.kit.extras import require
 
 STANDARD_OUTPUT = Path("-")
 JSON = (".json",)
 PAGE = (".html", ".htm")
+_WRITTEN_BY = {
+    ".parquet": ("pyarrow",),
+    **dict.fromkeys((".png", ".svg", ".pdf", *PAGE), ("matplotlib",)),
+}
 SIGNALS = (".nc", ".csv", ".parquet")  # as in experiment.results, which takes half a second to load
 
 
@@ -51,7 +56,8 @@ class Outputs(NamedTuple):
         ------
         UserError
             If a name is that of a folder or of a file that is read, is given twice, has an ending
-            that tells of another format, or is where nothing can be written.
+            that tells of another format, or is where nothing can be written; or if a package that
+            writes it is not installed.
         """
         named: list[tuple[str, Path]] = []
         for option, path in self.writes.items():
@@ -89,11 +95,13 @@ def _exists(option: str, path: Path) -> bool:
 
 
 def _check_ending(option: str, path: Path, allowed: Sequence[str]) -> None:
+    """Refuse an ending that tells of another format, or of one whose package is not installed."""
     if allowed and path.suffix.lower() not in allowed:
         endings = (" or " if len(allowed) == 2 else ", ").join(allowed)
         raise UserError(
             f"{option} {path}: its name must end in {endings}, not {path.suffix or 'nothing'!r}"
         )
+    require(*_WRITTEN_BY.get(path.suffix.lower(), ()))
 
 
 def _check_folder(folder: Path, path: Path) -> None:

@@ -20,11 +20,11 @@ _RECORDS = (".csv", ".txt", ".dat", ".lvm", ".mpt", ".dta", ".tdms", ".mat", ".p
 
 def is_record(name: str) -> bool:
     """Return whether a name is that of a record and not of a model."""
-    from fmus import MODELS
+    from fmus.kit import registry
     from orchestration.fmu.model import names_class
 
     path = Path(name)
-    if name in MODELS or names_class(name) or path.suffix.lower() in _MODELS:
+    if name in registry.models() or names_class(name) or path.suffix.lower() in _MODELS:
         return False
     return path.is_file() or path.suffix.lower() in _RECORDS
 

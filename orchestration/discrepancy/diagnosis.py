@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from fmus.kit import Component, Effect
+from fmus.kit.arrays import single_threaded
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.conclude import Diagnosis as Diagnosis
@@ -160,9 +160,7 @@ def searched_parameters(cls: type[Component]) -> list[str]:
     ]
 
 
-# fits run side by side, and the matrices are narrow: a thread for each product would only wait for
-# the others
-@threadpool_limits.wrap(limits=1)
+@single_threaded
 def diagnose(
     cls: type[Component],
     data: Dataset,

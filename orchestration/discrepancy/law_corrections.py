@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from scipy.special import chdtrc
-from threadpoolctl import threadpool_limits
 
 from fmus.kit import Effect
+from fmus.kit.arrays import single_threaded
 from fmus.kit.effects import effect_name, made_with
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
@@ -234,8 +234,7 @@ def _search_in_rounds(
     return replace(laws, beside=beside), both
 
 
-# as in a diagnosis: fits run side by side, and the matrices are narrow
-@threadpool_limits.wrap(limits=1)
+@single_threaded
 def _search_once(
     diagnosis: Diagnosis, progress: Callable[[str], None], only: Entry | None, budget: Budget
 ) -> LawSearch:
@@ -308,7 +307,7 @@ def _fit_known_effect(
     return known if known.fit.bic <= best.model.fit.bic + _AS_GOOD else None
 
 
-@threadpool_limits.wrap(limits=1)
+@single_threaded
 def _with_correction(
     diagnosis: Diagnosis, laws: LawSearch, progress: Callable[[str], None]
 ) -> Diagnosis:

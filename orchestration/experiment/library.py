@@ -1,19 +1,20 @@
-"""The experiments that ship; a module of its own, because listing them needs nothing else."""
+"""The experiments that packages bring; a module of its own, because listing needs nothing else."""
 
 import re
-from importlib.resources import files
 from pathlib import Path
+
+from fmus.kit import registry
 
 
 def shipped() -> dict[str, Path]:
-    """Return the files of the experiments that ship, by name.
+    """Return the files of the experiments that packages of components bring, by name.
 
-    Those of the thesis come first, in the order of their figures.
+    Figures come first, in the order of their numbers.
     """
-    folder = Path(str(files("orchestration.experiment") / "library"))
-    return {path.stem: path for path in sorted(folder.glob("*.toml"), key=_place)}
+    return dict(sorted(registry.experiments().items(), key=_place))
 
 
-def _place(path: Path) -> tuple[bool, list[int], str]:
-    numbers = [int(digits) for digits in re.findall(r"\d+", path.stem)]
-    return not numbers, numbers, path.stem
+def _place(named: tuple[str, Path]) -> tuple[bool, list[int], str]:
+    name = named[0]
+    numbers = [int(digits) for digits in re.findall(r"\d+", name)]
+    return not numbers, numbers, name

@@ -21,6 +21,7 @@ from pydantic import BaseModel, Json
 
 from fmus.kit import UserError, files, units
 from fmus.kit.arrays import Array
+from fmus.kit.extras import optional
 from fmus.kit.storage import scratch
 from orchestration.experiment.model import Experiment, parse
 from orchestration.experiment.values import checked
@@ -218,13 +219,9 @@ def _write(data: xarray.Dataset, path: Path, called: str) -> None:
 
 
 def _parquet(data: xarray.Dataset, called: str) -> bytes:
-    try:
+    with optional():
         import pyarrow
         from pyarrow import parquet
-    except ImportError:
-        raise UserError(
-            f"{called}: writing Parquet needs pyarrow: pip install 'ppy-rig[records]'"
-        ) from None
     whole = {"time": data.time, **data}
     table = pyarrow.table(
         {f"{name} [{array.units}]": array.values for name, array in whole.items()}
@@ -254,6 +251,8 @@ def read(path: Path) -> xarray.Dataset:
             data = xarray.load_dataset(io.BytesIO(content), engine="scipy", decode_times=False)
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except UserError:
+        raise
     except Exception as error:  # the libraries raise whatever a foreign or damaged file trips
         raise UserError(
             f"{path}: not a result of ppy run, or damaged (.nc and .parquet hold an experiment)"
@@ -284,7 +283,8 @@ class _About(BaseModel):
 
 
 def _from_parquet(content: bytes) -> xarray.Dataset:
-    from pyarrow import parquet
+    with optional():
+        from pyarrow import parquet
 
     table = parquet.read_table(io.BytesIO(content))
     about = json.loads(table.schema.metadata[_ABOUT])

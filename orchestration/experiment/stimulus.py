@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, create_model
 
-from fmus.foot import gait
-from fmus.kit import UserError, units
+from fmus.kit import UserError, registry, units
 from fmus.kit.arrays import Array
 from orchestration.experiment import waveforms
 from orchestration.experiment.values import (
@@ -267,16 +266,24 @@ class FromFile(StimulusTable):
         return held(record, place.name, time)
 
 
-class Gait(StimulusTable):
-    """Length change of an actuator of the foot in the stance phase (eqs. 5.13 to 5.16)."""
+class _Declared(StimulusTable):
+    """A signal that a package of components brings."""
 
-    kind: Literal["gait"]
-    actuator: Literal["an", "po", "do", "pl"]
+    declared: ClassVar[registry.StimulusDeclaration]
+    kind: str
 
     def _signal(self, time: Array, place: Place) -> Array:
-        return np.asarray(
-            units.convert(gait.length_changes(time)[self.actuator], "m", place.unit, "a length")
-        )
+        declared = self.declared
+        values = registry.load(declared.signals)(time)[getattr(self, declared.key)]
+        return np.asarray(units.convert(values, declared.unit, place.unit, self.kind))
+
+
+def _declared_kind(kind: str, declared: registry.StimulusDeclaration) -> type[_Declared]:
+    """Return the table of a kind of stimulus that a package declares."""
+    keys: Any = {"kind": Literal[kind], declared.key: Literal[declared.choices]}
+    made = create_model(kind.title(), __base__=_Declared, __doc__=declared.summary, **keys)
+    made.declared = declared
+    return made
 
 
 def _constant(given: Any) -> Any:
@@ -286,21 +293,26 @@ def _constant(given: Any) -> Any:
     return {"kind": "constant", "value": given}
 
 
-AnyStimulus = Annotated[
-    Annotated[
-        ConstantSignal
-        | Square
-        | Sine
-        | Chirp
-        | Multisine
-        | Multilevel
-        | Steps
-        | Ramps
-        | Staircase
-        | FromFile
-        | Gait,
-        Field(discriminator="kind"),
-    ],
-    BeforeValidator(_constant),
-]
-KINDS: tuple[type[StimulusTable], ...] = get_args(get_args(AnyStimulus)[0])
+_OURS = (
+    ConstantSignal,
+    Square,
+    Sine,
+    Chirp,
+    Multisine,
+    Multilevel,
+    Steps,
+    Ramps,
+    Staircase,
+    FromFile,
+)
+KINDS: tuple[type[StimulusTable], ...] = (
+    *_OURS,
+    *(_declared_kind(kind, declared) for kind, declared in registry.stimuli().items()),
+)
+if TYPE_CHECKING:
+    AnyStimulus = StimulusTable
+else:
+    AnyStimulus = Annotated[
+        Annotated[Union[KINDS], Field(discriminator="kind")],  # noqa: UP007
+        BeforeValidator(_constant),
+    ]

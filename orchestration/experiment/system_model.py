@@ -17,8 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus import MODELS
-from fmus.kit import UserError
+from fmus.kit import UserError, registry
 from fmus.kit.arrays import Array, Indices
 from fmus.kit.record import CompiledModel
 from fmus.kit.storage import scratch
@@ -39,7 +38,9 @@ def is_system(name: str) -> bool:
 
     A component that has the name of a system comes first.
     """
-    return (name in NAMES and name not in MODELS) or Path(name).suffix.lower() in ssp.ENDINGS
+    return (name in NAMES and name not in registry.models()) or Path(
+        name
+    ).suffix.lower() in ssp.ENDINGS
 
 
 def find_system(name: str, runtime: str | None = None) -> System:

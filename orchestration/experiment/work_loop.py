@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmus import component
-from fmus.kit import Component
+from fmus.kit import Component, registry
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.record import CompiledModel
@@ -289,7 +288,7 @@ def planned_current(
     force, reference = loop.force_at(time), loop.length_at(time)
     compiled = CompiledModel(model)
     nominal: Any = model(**start)
-    inverse: Any = component("feedforward")(
+    inverse: Any = registry.component("feedforward")(
         **{name: getattr(nominal, name) for name in _CIRCUIT},
         sample_period=period,
         current_limit=current_limit,

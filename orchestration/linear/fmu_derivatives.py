@@ -18,6 +18,7 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from fmus.kit.extras import optional
 from orchestration.fmu import ExchangeFmu, Fmu, Model, Signal, Value
 from orchestration.fmu.signal import numeric
 from orchestration.fmu.simulation import grid
@@ -226,7 +227,8 @@ def _by_pulses(request: FmuRequest) -> LinearModel:
 
 def _realised(responses: Array, order: int) -> tuple[Array, Array, Array]:
     """Return A, B and C of an order whose responses to pulses are (outputs, inputs, steps)."""
-    import control
+    with optional():
+        import control
 
     outputs, inputs, steps = responses.shape
     if not order:

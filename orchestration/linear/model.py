@@ -14,6 +14,7 @@ import numpy as np
 from fmus.kit import files
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.extras import optional
 from fmus.kit.interrupt import uninterrupted
 from orchestration.linear.discretisation import Matrices
 from orchestration.linear.operating_point import OperatingPoint
@@ -105,7 +106,7 @@ class LinearModel(Displayable):
 
         A full stop, which that does not allow in names, is a slash there: ``bench/tension``.
         """
-        with uninterrupted():  # matplotlib, which it loads, discards a Ctrl-C
+        with optional(), uninterrupted():  # matplotlib, which it loads, discards a Ctrl-C
             import control
 
         m = self.matrices
@@ -312,7 +313,8 @@ def w_plane(sampled: control.StateSpace) -> control.StateSpace:
     UserError
         If it has a pole at z = -1, which is at infinity there, or is not sampled.
     """
-    import control
+    with optional():
+        import control
 
     if not sampled.dt:
         raise UserError("a continuous system has no w-plane; it is that of a sampled one")

@@ -11,6 +11,7 @@ import numpy as np
 
 from fmus.kit import UserError, files
 from fmus.kit.arrays import Array
+from fmus.kit.extras import optional
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,9 +53,10 @@ def panels(
     shared : bool
         Whether there is one horizontal axis for all.
     """
-    import matplotlib.style
+    with optional():
+        import matplotlib.style
 
-    from orchestration.reporting.figure import ShownFigure
+        from orchestration.reporting.figure import ShownFigure
 
     with matplotlib.style.context(_STYLE):
         figure = ShownFigure(figsize=(9, 1.0 + height * count), layout="constrained")
@@ -73,9 +75,10 @@ def mosaic(rows: Sequence[Sequence[str]], title: str) -> tuple[ShownFigure, dict
         Names from left to right; a panel reaches over all places that have its name.
     title : str
     """
-    import matplotlib.style
+    with optional():
+        import matplotlib.style
 
-    from orchestration.reporting.figure import ShownFigure
+        from orchestration.reporting.figure import ShownFigure
 
     with matplotlib.style.context(_STYLE):
         figure = ShownFigure(figsize=(10, 0.6 + 2.1 * len(rows)), layout="constrained")

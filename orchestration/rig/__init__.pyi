@@ -13,10 +13,7 @@ from .response_times import check_response_times as check_response_times
 from .response_times import measure_response_times as measure_response_times
 from .shutdown import on_termination as on_termination
 from .shutdown import until_interrupted as until_interrupted
-from .signals import INPUT_RANGES as INPUT_RANGES
 from .signals import KNOWN_LIMITS as KNOWN_LIMITS
-from .signals import LOOP_BANDWIDTH as LOOP_BANDWIDTH
-from .signals import RIG_COMPONENT as RIG_COMPONENT
 from .signals import SIGNALS as SIGNALS
 from .signals import UNITS as UNITS
 from .signals import checked_step as checked_step

@@ -23,13 +23,12 @@ from pydantic import (
     ValidationError,
 )
 
-from fmus.kit import units
+from fmus.kit import registry, units
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.files import is_file
 from orchestration.experiment.values import read_toml
 from orchestration.rig.signals import UNITS, Limit
 
-_PRESETS = Path(__file__).with_name("presets")
 _ROUNDING = 1e-9  # of a range, by which a command may be beyond it
 _LONGEST_VALUE = 60  # characters of a value in a message
 TERMINALS = ("default", "differential", "referenced", "non-referenced")
@@ -326,18 +325,13 @@ class Calibration:
         return inputs, outputs
 
 
-def presets() -> dict[str, Path]:
-    """Return the calibrations that ship, by name."""
-    return {file.stem: file for file in sorted(_PRESETS.glob("*.toml"))}
-
-
 def read_calibration(name_or_path: str) -> Calibration:
     """Read a calibration.
 
     Parameters
     ----------
     name_or_path : str
-        Name of one that ships, or a ``.toml`` file.
+        Name of one that a package of components brings, or a ``.toml`` file.
 
     Returns
     -------
@@ -349,7 +343,7 @@ def read_calibration(name_or_path: str) -> Calibration:
         If there is none, or something in it is missing or wrong: file, table, key, value, and what
         is allowed.
     """
-    known = presets()
+    known = registry.presets()
     path = known.get(name_or_path, Path(name_or_path))
     if not is_file(path):
         hint = suggestion(name_or_path, list(known)) if not path.suffix else ""

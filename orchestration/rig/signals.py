@@ -8,13 +8,6 @@ from math import inf
 
 from fmus.kit.errors import UserError, suggestion
 
-RIG_COMPONENT = "ppy_actuator"
-"""Component that models the actuator on the rig."""
-INPUT_RANGES = {"current": (-1.3, 1.3), "force": (0.0, 3.0)}
-"""Range of each input, SI: currents of the galvanostat, and forces that a film bears."""
-LOOP_BANDWIDTH = 30.0
-"""Bandwidth of the loops of current and of force, Hz."""
-
 UNITS = {
     "current": "A",
     "force": "N",
@@ -59,9 +52,9 @@ _COIL_FORCE = 4.9  # N, that the voice coil bears continuously (thesis section 2
 # with discrete weights. A length may not, for a step of length is an impact; the coil travels its
 # stroke in some 0.1 s.
 KNOWN_LIMITS: Mapping[str, Limit] = {
-    "current": Limit(*INPUT_RANGES["current"]),
-    "force": Limit(*INPUT_RANGES["force"]),
-    "force_reference": Limit(*INPUT_RANGES["force"]),
+    "current": Limit(-1.3, 1.3),
+    "force": Limit(0.0, 3.0),
+    "force_reference": Limit(0.0, 3.0),
     "length_change": Limit(-_STROKE, _STROKE, rate=0.1),
     "voltage": Limit(-15.0, 15.0),  # compliance of the galvanostat (thesis table 2-2)
     "displacement": Limit(-_STROKE, _STROKE),

@@ -17,6 +17,7 @@ from typing import Any
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from fmus.kit.extras import optional
 from fmus.kit.storage import scratch
 from orchestration.reporting import option
 from orchestration.sweeps.chunking import QUEUED, Chunks
@@ -115,12 +116,8 @@ def run_on_cluster(
 
 def _connected(address: str) -> tuple[Any, int]:
     """Return a client of a cluster, and how many cases it can run at once."""
-    try:
+    with optional():
         from distributed import Client
-    except ImportError as error:
-        raise UserError(
-            f"{option('scheduler')} needs distributed: pip install 'ppy-rig[cluster]'"
-        ) from error
     _check_address(address)
     try:
         client: Any = Client(address, timeout=10.0, set_as_default=False)

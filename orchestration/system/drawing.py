@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fmus.kit.extras import optional
 from orchestration.reporting import pictures
 from orchestration.system.layout import LETTER, TITLE, DiagramBox, Lane, arrange, nets_of, route
 from orchestration.system.model import Connection, Port, System
@@ -47,7 +48,8 @@ def draw(system: System, path: Path) -> None:
     UserError
         If an FMU cannot be read, or the file cannot be written.
     """
-    from matplotlib.figure import Figure
+    with optional():
+        from matplotlib.figure import Figure
 
     pictures.picture_format(path)
     boxes, lanes = arrange(system)

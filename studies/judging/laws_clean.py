@@ -133,7 +133,6 @@ def judge_rig(case: RigCase) -> Row:
     """Search the laws of the model of the rig."""
     from demonstrations import draw as draw_rig
     from demonstrations import write
-    from orchestration.rig import RIG_COMPONENT
     from studies.judging.laws import judged_answers, searched_laws
 
     try:
@@ -142,7 +141,7 @@ def judge_rig(case: RigCase) -> Row:
         return asdict(case) | {"impossible": str(error), "seconds": 0.0}
     with tempfile.TemporaryDirectory() as folder:
         write(drawn, Path(folder) / "record.csv")
-        result, row = searched_laws(Path(folder) / "record.csv", RIG_COMPONENT)
+        result, row = searched_laws(Path(folder) / "record.csv", "ppy_actuator")
     row = asdict(case) | row | {"widths": drawn.truth.hidden[0].widths}
     step = float(drawn.time[1] - drawn.time[0])
     return (

@@ -112,13 +112,12 @@ def judge(case: Case) -> Row:
     from orchestration.fmu import find_model
     from orchestration.fmu.model import catalogue as known_effects
     from orchestration.identify import normalised_rms
-    from orchestration.rig import RIG_COMPONENT
 
     try:
         drawn = draw(case.hidden, case.seed, **case.options)
     except ValueError as error:
         return asdict(case) | {"impossible": str(error)}
-    model = find_model(RIG_COMPONENT)
+    model = find_model("ppy_actuator")
     with tempfile.TemporaryDirectory() as folder:
         write(drawn, Path(folder) / "record.csv")
         data = dataset_of(read_record(Path(folder) / "record.csv", model), model, {})
@@ -158,11 +157,10 @@ def _families() -> dict[str, str]:
     """Return effects of the catalogue by name, with what shapes of one cause have in common."""
     from orchestration.fmu import find_model
     from orchestration.fmu.model import catalogue
-    from orchestration.rig import RIG_COMPONENT
 
     return {
         name: effect.term.family or name
-        for name, effect in catalogue(find_model(RIG_COMPONENT).cls).items()
+        for name, effect in catalogue(find_model("ppy_actuator").cls).items()
     }
 
 

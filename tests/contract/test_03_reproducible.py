@@ -12,6 +12,7 @@ import pytest
 
 from fmus import COMPONENTS, component
 from fmus.kit import build
+from fmus.kit.build.building import RUNTIMES
 from fmus.kit.build.toolchain import host_platform
 from tests.contract import checks
 from tests.contract.subjects import TELLING_NAMES, actuators_only, each_front_end
@@ -54,9 +55,8 @@ def variant(folder, name, factor):
 @pytest.mark.parametrize(
     ("runtime", "names"),
     slow_but(
-        [("native", COMPONENTS), ("python", COMPONENTS), ("python", TELLING_NAMES)],
-        ("native", COMPONENTS),
-        ("python", TELLING_NAMES),
+        [(runtime, names) for runtime in RUNTIMES for names in (COMPONENTS, TELLING_NAMES)],
+        *((runtime, TELLING_NAMES) for runtime in RUNTIMES),
     ),
     ids=lambda value: value if isinstance(value, str) else f"{len(value)} of {len(COMPONENTS)}",
 )

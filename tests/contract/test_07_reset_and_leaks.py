@@ -17,7 +17,7 @@ from tests.contract.subjects import ACTUATORS, Subject, each_front_end
 from tests.support import hosts
 from tests.support.pace import slow_but
 
-CYCLES = 500  # of the smallest block lost in each, half would be noticed
+CYCLES = 200  # of the smallest block lost in each, half would be noticed
 MEGABYTE = 2**20
 
 

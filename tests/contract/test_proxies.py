@@ -209,6 +209,7 @@ def test_terminating_and_freeing_bring_the_rig_to_rest(fmu, runtime):
 linux_only = pytest.mark.skipif(sys.platform != "linux", reason="memory is measured on Linux")
 
 
+@pytest.mark.slow
 @linux_only
 def test_creating_and_freeing_leaks_nothing(fmu, runtime):
     archive = str(fmu("rig_proxy", runtime))
@@ -236,6 +237,7 @@ def grow_by_sessions(archive: str, sessions: int, steps: int) -> tuple[int, int]
         return run(sessions, 3), run(3, steps // 3)
 
 
+@pytest.mark.slow
 @linux_only
 def test_sessions_and_steps_leak_nothing(fmu, runtime):
     returncode, grown = hosts.in_subprocess(

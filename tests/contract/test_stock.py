@@ -309,6 +309,7 @@ def test_the_same_sources_give_the_same_bytes(stock, name):
     checks.no_time_and_no_order_of_this_machine(stock(name))
 
 
+@pytest.mark.slow
 def test_different_components_have_different_modules(stock):
     """Modules of one name would be one in a process."""
     scripts = set()

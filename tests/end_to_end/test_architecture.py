@@ -54,6 +54,7 @@ Path("trace.json").write_text(json.dumps(list(entered)))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", FILES)
 def test_a_picture_is_up_to_date(file: str) -> None:
     """`python docs/draw_architecture.py` brings it there."""

@@ -388,7 +388,11 @@ def test_a_folder_in_the_way_of_a_file(folder, command, option):
 
 @pytest.mark.parametrize(
     "arguments",
-    [["build", "ppy_actuator"], ["simulate", "ppy_actuator"], ["demo"]],
+    [
+        ["build", "ppy_actuator"],
+        ["simulate", "ppy_actuator"],
+        pytest.param(["demo"], marks=pytest.mark.slow),
+    ],
     ids=lambda value: value[0],
 )
 def test_without_a_compiler(folder, arguments):
@@ -409,10 +413,11 @@ def test_without_a_compiler(folder, arguments):
         folder,
         *arguments,
         environment=environment,
-        parts=["no C compiler for", "pip install 'ppy-rig[native]'"],
+        parts=["no C compiler for", 'pip install "ppy-rig[native]"'],
     )
 
 
+@pytest.mark.slow
 @posix
 def test_a_path_that_is_no_utf8(folder):
     name = os.fsdecode(b"l\xe4nge.csv")
@@ -486,6 +491,7 @@ def test_a_reader_that_has_left_is_no_error(folder, arguments):
         assert word not in done.stderr
 
 
+@pytest.mark.slow
 @posix
 def test_progress_is_a_bar_on_a_terminal_and_plain_lines_elsewhere(folder):
     command = ["simulate", "ppy_actuator", "--stop", "3000"]
@@ -507,7 +513,7 @@ def test_an_internal_error_is_one_line_too_and_shows_where_on_request(folder):
     """A failure nobody foresaw: one line; PPY_DEBUG=1 gives the traceback to send along."""
     (folder / "site").mkdir()
     (folder / "site" / "sitecustomize.py").write_text(
-        "import fmus\nfmus.MODELS = None\n", encoding="utf-8"
+        "from fmus.kit import registry\nregistry.models = None\n", encoding="utf-8"
     )
     paths = os.pathsep.join(filter(None, [str(folder / "site"), str(Path(__file__).parents[2])]))
     done = ppy("list", cwd=folder, environment={"PYTHONPATH": paths})

@@ -12,8 +12,6 @@ from benchmarks import models, stepping, sweeping, systems
 from benchmarks.tables import Table, machine
 from benchmarks.timing import Times, comparison, exponent, take_turns, timed, verdict
 
-LONG = ("step", "isolation", "sweeps", "pacing", "build", "diagnose", "laws", "fmi3", "master")
-
 
 def finite(table: Table) -> None:
     """Every row is complete, and every number in it is finite and positive."""
@@ -22,10 +20,8 @@ def finite(table: Table) -> None:
         assert all(math.isfinite(cell) for cell in row if not isinstance(cell, str))
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in command.TOPICS],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", command.TOPICS)
 def test_a_topic_is_measured(name: str) -> None:
     topic = command.TOPICS[name].measure(quick=True)
     assert topic.tables

@@ -103,12 +103,14 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [name for name in RUN if "if" not in RUN[name]][1:])
 def test_every_step_works(folder, step):
     done = run(step, folder)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_a_model_that_does_not_follow_its_record_fails(folder, tmp_path):
     shutil.copytree(folder, tmp_path / "other")
     write_record(tmp_path / "other" / "records" / "step.csv", 2.3)

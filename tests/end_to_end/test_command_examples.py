@@ -17,6 +17,7 @@ from demonstrations.emulator.emulator import EmulatedRig
 from demonstrations.emulator.physics import RigParameters
 from orchestration.cli.examples import EXAMPLES
 from tests.support.command import measure, works
+from tests.support.pace import slow_but
 from tests.support.rig.process import Server
 from tests.support.rig.small_rig import free_port
 
@@ -61,7 +62,9 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("command", QUICK)
+@pytest.mark.parametrize(
+    "command", slow_but(QUICK, *(name for name in QUICK if name != "simulate"))
+)
 def test_examples_that_take_a_moment(folder, command):
     run(command, folder)
 
@@ -117,6 +120,7 @@ def test_a_server_starts(tmp_path):
             assert server.wait_ready().startswith("tcp://127.0.0.1:")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1])
 def test_the_page_and_the_bridge_are_there_until_they_are_interrupted(rig, tmp_path, number):
     works("rig", "keys", "keys", cwd=tmp_path)
@@ -144,6 +148,7 @@ def test_examples_of_a_rig_that_take_long(rig, tmp_path):
     run("rig demo", tmp_path)
 
 
+@pytest.mark.slow
 def test_every_example_is_run_by_one_of_these():
     named = {"rig keys", "rig serve", "rig watch", "rig bridge", "rig record"}
     assert set(OF_A_RIG) == {*SERVED, *named, "rig demo"}

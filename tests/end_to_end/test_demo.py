@@ -46,6 +46,7 @@ def assert_drawn(path, least_size):
     assert len(np.unique((pixels.reshape(-1, 3)[::7] * 15).astype(int), axis=0)) > 10
 
 
+@pytest.mark.slow
 def test_every_fmu_is_there_and_valid(done):
     folder, _ = done
     found = sorted(str(p.relative_to(folder / "fmu")) for p in (folder / "fmu").rglob("*.fmu"))
@@ -54,11 +55,13 @@ def test_every_fmu_is_there_and_valid(done):
         assert validate_fmu(folder / "fmu" / path) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("picture", PICTURES)
 def test_pictures_show_something(done, picture):
     assert_drawn(done[0] / picture, 400)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["record.csv", "unseen.csv", "hidden.csv"])
 def test_records_can_be_read_again(done, name):
     record = read_record(done[0] / name, UNITS, required=list(UNITS), inputs=["current", "force"])
@@ -66,6 +69,7 @@ def test_records_can_be_read_again(done, name):
     assert not any(repair.changed_data for repair in record.repairs)
 
 
+@pytest.mark.slow
 def test_recalibration_gains_on_the_unseen_record(done):
     gains = re.findall(r"unseen record: (\w+) ([\d.]+) % -> ([\d.]+) % fit", done[1].stdout)
     assert [name for name, *_ in gains] == ["voltage", "displacement"]
@@ -73,6 +77,7 @@ def test_recalibration_gains_on_the_unseen_record(done):
         assert float(before) < 90.0 < 98.0 < float(after)
 
 
+@pytest.mark.slow
 def test_the_hidden_effect_is_named_and_its_gain_holds(done, page):
     """Of what was hidden the models know nothing but the record; the voltage is right as it is."""
     sentence = "Strain that levels off at large charge: "
@@ -93,6 +98,7 @@ def test_the_hidden_effect_is_named_and_its_gain_holds(done, page):
     assert sentence in (done[0] / "diagnosis.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_picture_of_the_readme_is_the_one_made_here(done):
     """As far as the fonts of this machine go; another record is several times as far off."""
     made, shown = (
@@ -103,11 +109,13 @@ def test_the_picture_of_the_readme_is_the_one_made_here(done):
     assert np.abs(made - shown).mean() < 0.02
 
 
+@pytest.mark.slow
 def test_the_report_tells_the_noise_that_was_made(page):
     assert (EmulatedRig.voltage_noise, EmulatedRig.displacement_noise) == (4e-3, 3e-6)
     assert "instrument noise of 4 mV and 3 µm" in page
 
 
+@pytest.mark.slow
 def test_both_builds_agree_in_the_report(page):
     differences = re.findall(r"differ by at most ([\d.e+-]+) of", page) + ["0"] * page.count(
         "to the last digit"
@@ -116,6 +124,7 @@ def test_both_builds_agree_in_the_report(page):
     assert max(map(float, differences)) < 1e-9
 
 
+@pytest.mark.slow
 def test_progress_is_told_in_plain_lines(done):
     lines = done[1].stderr.splitlines()
     assert any("ppy_actuator: native for" in line for line in lines)
@@ -123,6 +132,7 @@ def test_progress_is_told_in_plain_lines(done):
     assert "\x1b" not in done[1].stderr
 
 
+@pytest.mark.slow
 def test_what_the_report_says_to_reproduce_works(done, page):
     command = re.search(r"ppy (compare record\.csv [^\n<]*--plot) compare\.png", page)
     assert command is not None
@@ -132,6 +142,7 @@ def test_what_the_report_says_to_reproduce_works(done, page):
     (done[0] / "again.png").unlink()
 
 
+@pytest.mark.slow
 def test_the_report_needs_nothing_from_elsewhere(page):
     addresses = re.findall(r"""(?:src|href)\s*=\s*["']([^"']{0,40})""", page) + re.findall(
         r"url\(([^)]{0,40})", page
@@ -158,6 +169,7 @@ def shown(request, done, tmp_path_factory):
     return folder / "documentation" / "index.html"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [1280, 390])
 def test_a_browser_shows_it(browser, shown, width, tmp_path):
     """Not blank, no wider than the window (wide tables scroll by themselves), nothing to complain

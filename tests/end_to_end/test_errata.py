@@ -38,6 +38,7 @@ NUMBERS = [int(number) for number in re.findall(r"^\| (\d+) \|", PAGE, re.M)]
 # --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_page_is_what_the_computations_give() -> None:
     assert chapters.errata_page() == PAGE, "run python -m demonstrations.thesis.chapters"
 

@@ -91,6 +91,7 @@ def test_parameters_are_identified(tmp_path):
         assert found["value"] == pytest.approx(true, rel=0.01)
 
 
+@pytest.mark.slow
 def test_what_a_sensor_does_is_named(tmp_path):
     random = np.random.default_rng(4)
     record = write(tmp_path / "r.csv", 0.3 + lagged(2.0, 0.5) + random.normal(0.0, 0.01, TIME.size))

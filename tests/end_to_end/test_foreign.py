@@ -104,6 +104,7 @@ def test_a_wrong_parameter_is_no_cause(folder, lag):
     assert not found.causes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "change", "value"),
     [

@@ -56,6 +56,7 @@ def test_it_offers_what_orchestration_does_and_is_listed_so():
     assert all(getattr(ppy, name) is getattr(orchestration, name) for name in ppy.__all__)
 
 
+@pytest.mark.slow
 def test_a_result_prints_as_the_command_does(hidden, result, tmp_path, monkeypatch):
     monkeypatch.setattr(console.out, "width", console.TEXT_WIDTH)
     text = works(
@@ -73,6 +74,7 @@ def test_a_result_prints_as_the_command_does(hidden, result, tmp_path, monkeypat
     )
 
 
+@pytest.mark.slow
 def test_what_was_found_is_reachable_by_name(result):
     assert result.verdict == "cause"
     assert result.causes == ["strain_saturation"]
@@ -86,6 +88,7 @@ def test_what_was_found_is_reachable_by_name(result):
     assert result._repr_html_().startswith(headline)
 
 
+@pytest.mark.slow
 def test_a_result_is_drawn_reported_and_built(result, tmp_path):
     assert len(result.plot(tmp_path / "d.png").axes) == 2
     assert (tmp_path / "d.png").stat().st_size > 10_000
@@ -100,6 +103,7 @@ def test_a_result_is_drawn_reported_and_built(result, tmp_path):
         result.report(tmp_path / "d.txt")
 
 
+@pytest.mark.slow
 def test_the_extended_model_goes_on(result, hidden):
     """Compare with the record: the extended model follows it, the first one does not."""
     record = ppy.read_record(hidden)

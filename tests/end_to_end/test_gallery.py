@@ -28,6 +28,7 @@ def executed(path: Path, folder: Path) -> list[dict]:
     return [output for cell in notebook.cells for output in cell.get("outputs", ())]
 
 
+@pytest.mark.slow
 def test_the_loop_of_the_bench_is_closed(tmp_path: Path) -> None:
     """The grip's law is linear, so that what is left of it is the error of the loop alone."""
     outputs = executed(GALLERY / "bench.md", tmp_path)

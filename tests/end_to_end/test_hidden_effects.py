@@ -539,6 +539,7 @@ def test_what_cannot_be_told_from_parameters_says_so():
     assert np.max(np.abs(hidden.parameters["gain_error"])) >= 0.02
 
 
+@pytest.mark.slow
 def test_a_yield_load_lies_above_the_bias():
     drawn = draw("yield_threshold", 0)
     assert drawn.truth.hidden[0].parameters["yield_load"] > drawn.inputs["force"].min()

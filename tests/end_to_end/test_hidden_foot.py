@@ -51,6 +51,7 @@ SAME = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SAME)
 def test_the_plant_is_the_component_by_other_equations(name):
     change, values = SAME[name]

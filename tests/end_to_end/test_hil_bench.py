@@ -81,6 +81,7 @@ def settled(data, name: str) -> float:
     return float(data[name].values[data.time.values > data.time.values[-1] - 0.1].mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", ["lockstep"], indirect=True)
 def test_in_lockstep_it_needs_no_clock(rig, tmp_path):
     done = run(rig, tmp_path, duration=2.0)
@@ -226,6 +227,7 @@ def test_a_pause_longer_than_promised_opens_the_loop_and_keeps_the_record(rig, t
     assert set(rig.applied[-1][1].values()) == {0.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", ["lockstep"], indirect=True)
 def test_a_rig_that_refuses_in_lockstep_ends_the_result_there(rig, tmp_path):
     """Models that go on without their actuator have no result."""

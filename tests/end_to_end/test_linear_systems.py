@@ -74,7 +74,8 @@ CASES = [
 ]
 
 
-FIRST = list({case.system: case for case in reversed(CASES)}.values())
+COSTLY = ("foot_gait", "isotonic_stand", "protected_bench")
+FIRST = list({c.system: c for c in reversed(CASES) if c.system not in COSTLY}.values())
 
 
 def agree(measured, model):

@@ -64,6 +64,7 @@ def test_no_room_for_temporary_files(command, tmp_path, work):
     assert list(work.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", slow_but(["simulate", "sweep"], "simulate"))
 def test_no_room_to_unpack_what_is_built(command, tmp_path, work):
     """The same with a warm cache, where only the FMU is unpacked."""
@@ -81,6 +82,7 @@ def test_no_room_to_unpack_what_is_built(command, tmp_path, work):
         assert [path.name for path in disk.iterdir()] == ["other"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", slow_but(COMMANDS, "build", "sweep by workers"))
 def test_no_room_in_the_cache(command, tmp_path, work):
     with disk_of_64_kib(tmp_path / "disk") as disk:
@@ -94,6 +96,7 @@ def test_no_room_in_the_cache(command, tmp_path, work):
         assert list((disk / "cache").glob("**/*.part")) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("largest", [1_000, 90_000])
 @pytest.mark.parametrize("command", slow_but(["simulate", "sweep"], "simulate"))
 def test_files_that_may_not_be_as_large(command, largest, tmp_path, work):
@@ -132,6 +135,7 @@ def test_a_cache_of_another_user(tmp_path, work):
     assert told.startswith(f"error: {tmp_path}/cache: the cache belongs to another user")
 
 
+@pytest.mark.slow
 def test_a_run_that_was_killed_leaves_nothing_to_the_next(tmp_path, work):
     """By SIGKILL, with an FMU unpacked."""
     (tmp_path / "scratch").mkdir()

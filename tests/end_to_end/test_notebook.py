@@ -149,6 +149,7 @@ def shown(tmp_path_factory):
     return dict(zip(calls, (cell.outputs for cell in notebook.cells[1:]), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RESULTS)
 def test_a_result_is_shown_as_html_and_as_its_picture(shown, name):
     (output,) = shown[name]  # and nothing is printed beside it
@@ -164,12 +165,14 @@ def test_a_result_is_shown_as_html_and_as_its_picture(shown, name):
         assert data["image/png"].replace("\n", "") in data["text/html"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in RESULTS if name not in ("laws", "experiment")])
 def test_a_result_has_a_table(shown, name):
     html = shown[name][0].data["text/html"]
     assert "<table" in html or "xr-var-list" in html or name == "profile"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in RESULTS if n not in ("sweep", "run", "bands")])
 def test_a_repr_is_a_line(shown, name):
     text = shown[name][0].data["text/plain"]
@@ -177,18 +180,21 @@ def test_a_repr_is_a_line(shown, name):
     assert "\n" not in text or "xarray" in text
 
 
+@pytest.mark.slow
 def test_a_figure_shows_itself_without_pyplot(shown):
     (figure,) = shown["figure"]
     assert base64.b64decode(figure.data["image/png"]).startswith(PNG)
     assert shown["pyplot"][0].data["text/plain"] == "False"
 
 
+@pytest.mark.slow
 def test_a_text_is_a_text_and_prints_nothing(shown):
     """In a notebook, rich would show its tables at once, and leave the text without them."""
     (text,) = shown["text"]
     assert text.output_type == "execute_result"
 
 
+@pytest.mark.slow
 def test_a_message_says_what_python_is_told(shown):
     (error,) = shown["error"]
     assert error.ename == "UserError"

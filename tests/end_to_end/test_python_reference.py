@@ -29,7 +29,7 @@ NAMES = (
     "System",
     "run",
 )
-HEAVY = {"laws"}  # its example takes seconds
+HEAVY = {"diagnose", "laws"}  # their examples take seconds
 WITH_EXAMPLE = [n for n in orchestration.__all__ if n not in ("UserError", "__version__")]
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 

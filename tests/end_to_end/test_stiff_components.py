@@ -248,6 +248,7 @@ def diagnosed(name, actual, seed):
     ), budget
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     slow_but(

@@ -58,6 +58,7 @@ def check_limits(found):
         assert cycle.largest_voltage <= 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [None, 1])
 def test_feedforward_and_learning_leave_a_tenth_of_the_error(seed):
     found = on_rig("learning", seed)
@@ -66,6 +67,7 @@ def test_feedforward_and_learning_leave_a_tenth_of_the_error(seed):
     check_limits(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("saturation", slow_but([0.85 * 0.5, 1.15 * 0.5], 1.15 * 0.5))
 @pytest.mark.parametrize("lag", slow_but([0.85, 1.15], 1.15))
 def test_so_they_do_on_films_that_saturate_and_lag_by_more_or_less(saturation, lag):

@@ -475,6 +475,7 @@ def test_time_and_indicators_are_variables(fmu, tmp_path):
         assert one.getFloat64(listed) == list(values)
 
 
+@pytest.mark.slow
 def test_sources_are_built_by_fmpy(fmu, tmp_path):
     """By CMake, from what ``buildDescription.xml`` says."""
     if shutil.which("cmake") is None:

@@ -64,6 +64,7 @@ def output_of(*command):
     return run.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", slow_but(fmus.COMPONENTS, *FAST))
 def test_no_order_of_calls_and_no_argument_does_harm(program, name):
     driver, token = program(name, *SANITIZED)

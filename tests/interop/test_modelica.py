@@ -142,6 +142,7 @@ def assert_agree(reference, simulated, tolerance=1e-6):
     assert moving, "nothing moved"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", COMPONENTS)
 def test_pymoca_flattens_it_into_as_many_equations_as_variables(name, flat):
     model = flat(name)
@@ -153,6 +154,7 @@ def test_pymoca_flattens_it_into_as_many_equations_as_variables(name, flat):
     assert equations == len(unknown) - len(given)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", COMPONENTS)
 def test_units_of_its_equations_fit(name, flat):
     """All but those of laws that are declared to compute with bare numbers."""
@@ -177,7 +179,7 @@ def test_rumoca_simulates_it_as_its_fmu_moves(name, folder):
     assert_agree(by_fmpy(cls, name), by_rumoca(cls, name, folder))
 
 
-@pytest.mark.parametrize("name", CONTINUOUS)
+@pytest.mark.parametrize("name", slow_but(CONTINUOUS, "ppy_actuator"))
 def test_what_pymoca_gives_casadi_moves_as_its_fmu(name, files):
     cls = fmus.component(name)
     courses, _ = courses_of(name)

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import fmus
+from fmus.kit import stack
 from fmus.kit.modelica import package_files
 from orchestration import master
 from orchestration.system import library
-from orchestration.system.library import taut_foot
 from tests.support.modelica import (
     Courses,
     flatten_by_pymoca,
@@ -32,6 +32,14 @@ STOP = 0.2
 POINTS = 6000  # of the coarsest run; all samples of the bench are at some
 COMPARED = 120  # distances between points that are compared
 MUSCLES = ("an", "po", "do", "pl")
+
+
+def taut_foot():
+    return stack(
+        fmus.component("foot_dynamic"),
+        fmus.effects("foot_dynamic")["tension_stiffness"],
+        name="taut_foot",
+    )
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +122,7 @@ def gait(system):
     return "\n".join([*lines, "end Gait;"])
 
 
+@pytest.mark.slow
 def test_a_foot_hangs_on_the_flanges_of_its_actuators(files):
     system = library.system("foot_gait")
     tree = parse_by_pymoca(files, [sources(), gait(system)])

@@ -138,6 +138,7 @@ def last_value(fmu: Path, reference: int) -> float:
 # --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "names", [pytest.param((ACTUATOR,), marks=pytest.mark.slow), (ACTUATOR, FOOT)], ids="+".join
 )

@@ -54,6 +54,7 @@ def stepped(
     return table
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "runtime", "master"),
     slow_but(

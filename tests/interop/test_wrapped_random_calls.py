@@ -56,6 +56,7 @@ def sanitized(name: str) -> Path:
     return wrapper
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", slow_but(MODELS, "types", "arrays"))
 def test_random_calls_do_no_harm(program, name):
     wrapper = sanitized(name)

@@ -42,9 +42,11 @@ def rig_record(hidden: str | None = None, *signals: str, seed: int = 1, **option
     return Record(drawn.time, chosen, {n: UNITS[n] for n in chosen}, Path("lab record.csv"))
 
 
-def broken_off(path: Path, seed: int, columns: Mapping[str, str]) -> Path:
+def broken_off(
+    path: Path, seed: int, columns: Mapping[str, str], duration: float = SHORT["duration"]
+) -> Path:
     """Write a record of the rig, columns by signal, that was broken off in the middle of a line."""
-    drawn = draw("strain_saturation", seed, **SHORT)
+    drawn = draw("strain_saturation", seed, duration=duration, rate=SHORT["rate"])
     signals = {columns[n]: v for n, v in (drawn.inputs | drawn.outputs).items() if n in columns}
     write_record(path, drawn.time, signals, {column: UNITS[n] for n, column in columns.items()})
     with path.open("a", encoding="utf-8") as file:

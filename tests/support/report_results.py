@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -41,36 +43,68 @@ def with_verdict(result: Result, verdict: Verdict, **changes) -> Result:
     return replace(result, diagnosis=replace(result.diagnosis, verdict=verdict, **changes))
 
 
-def diagnosed_results(folder: Path) -> dict[str, Result]:
-    """Return a result for each of `PAGES`; its records are written to a folder."""
-    model = find_model("ppy_actuator")
+class DiagnosedResults:
+    """A result for each of `PAGES`, made when it is first used.
 
-    def read(name: str, seed: int = 1, outputs=("voltage", "displacement")) -> Record:
+    Parameters
+    ----------
+    folder : Path
+        Where records are written.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._model = find_model("ppy_actuator")
+        self._makers: dict[str, Callable[[], Result]] = {
+            "cause": lambda: self._diagnosed(self._record, FEW),
+            "idle": lambda: self._diagnosed(self._at_rest(), FEW),
+            "voltage": self._of_voltage_alone,
+            "holdout": self._with_holdout,
+            "uneven": lambda: self._diagnosed(self._uneven(), []),
+        }
+        self._results: dict[str, Result] = {}
+
+    def __getitem__(self, name: str) -> Result:
+        if name not in self._results:
+            made = self._makers.get(name)
+            self._results |= {name: made()} if made else _variants(self["cause"])
+        return self._results[name]
+
+    @cached_property
+    def _record(self) -> Record:
+        return self._read(NASTY)
+
+    def _read(
+        self, name: str, seed: int = 1, outputs: Sequence[str] = ("voltage", "displacement")
+    ) -> Record:
         columns = {n: n for n in ("current", "force", *outputs)}
-        return read_for(model, broken_off(folder / name, seed, columns))
+        return read_for(self._model, broken_off(self._folder / name, seed, columns, 120.0))
 
-    def diagnosed(record: Record, effects: list[type[Effect]], holdout=None) -> Result:
-        return diagnose(
-            record, model, holdout, DiagnosisOptions(effects=[effect.id for effect in effects])
-        )
+    def _diagnosed(
+        self, record: Record, effects: list[type[Effect]], holdout: Record | None = None
+    ) -> Result:
+        options = DiagnosisOptions(effects=[effect.id for effect in effects])
+        return diagnose(record, self._model, holdout, options)
 
-    record = read(NASTY)
-    cause = diagnosed(record, FEW)
-    still = {name: np.full_like(record.time, 0.5) for name in ("current", "force")}
-    noise = np.random.default_rng(1).standard_normal((2, record.time.size))
-    at_rest = dict(zip(("voltage", "displacement"), 1e-5 * noise, strict=True))
-    uneven = np.unique(np.geomspace(1, record.time.size, 900).astype(int) - 1)
-    sampled = replace(
-        record, time=record.time[uneven], signals={n: v[uneven] for n, v in record.signals.items()}
-    )
-    return {
-        "cause": cause,
-        **_variants(cause),
-        "idle": diagnosed(replace(record, signals=record.signals | still | at_rest), FEW),
-        "voltage": diagnosed(read("voltage.csv", outputs=("voltage",)), FEW[-1:]),
-        "holdout": diagnosed(record, [], read(f"{'a_long_name_' * 15}.csv", 2)),
-        "uneven": diagnosed(sampled, []),
-    }
+    def _at_rest(self) -> Record:
+        record = self._record
+        still = {name: np.full_like(record.time, 0.5) for name in ("current", "force")}
+        noise = np.random.default_rng(1).standard_normal((2, record.time.size))
+        outputs = dict(zip(("voltage", "displacement"), 1e-5 * noise, strict=True))
+        return replace(record, signals=record.signals | still | outputs)
+
+    def _of_voltage_alone(self) -> Result:
+        return self._diagnosed(self._read("voltage.csv", outputs=("voltage",)), FEW[-1:])
+
+    def _with_holdout(self) -> Result:
+        holdout = self._read(f"{'a_long_name_' * 15}.csv", 2)
+        return self._diagnosed(self._record, [], holdout)
+
+    def _uneven(self) -> Record:
+        record = self._record
+        samples = np.unique(np.geomspace(1, record.time.size, 900).astype(int) - 1)
+        signals = {name: values[samples] for name, values in record.signals.items()}
+        return replace(record, time=record.time[samples], signals=signals)
 
 
 def _variants(cause: Result) -> dict[str, Result]:

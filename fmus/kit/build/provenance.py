@@ -37,6 +37,7 @@ from xml.etree.ElementTree import Element, SubElement
 from fmus.kit.component import Component
 from fmus.kit.effects import Effect, effect_name, made_with, unstack
 from fmus.kit.errors import UserError
+from fmus.kit.registry import is_registered
 from fmus.kit.sampling import Sampling
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ class Provenance:
     Attributes
     ----------
     component : str
-        Name of one of our components; empty if it is a user's class.
+        Name of a registered component; empty if it is a user's class.
     file, cls : str
         File and name of a user's class. The path is relative to the folder in which the FMU was
         built if the file is below it.
@@ -139,8 +140,7 @@ def _sampling_of(effect: type[Effect]) -> dict[str, str]:
 
 def _origin(base: type[Component]) -> dict[str, str] | None:
     """Return the attributes that name a component, or the file and the name of a user's class."""
-    package = __package__.partition(".")[0]
-    if base.__module__.partition(".")[0] == package:
+    if is_registered(base):
         return {"component": base.name}
     module = sys.modules.get(base.__module__)
     path = Path(getattr(module, "__file__", None) or "").absolute()

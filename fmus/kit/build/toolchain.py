@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fmus.kit.errors import UserError
+from fmus.kit.extras import install_command
 from fmus.kit.storage import cache, scratch
 
 # FMI 2 platform -> zig targets. Two targets of darwin64 become one universal library. The versions
@@ -43,7 +44,6 @@ FOLDERS_OF_FMI_3 = {
     "aarch64-linux": ("aarch64-linux",),
 }
 _HOSTS = {"Linux": "linux64", "Windows": "win64", "Darwin": "darwin64"}
-INSTALL_HINT = "pip install 'ppy-rig[native]' brings one (zig), for every platform"
 
 # No contraction of a*b+c: the two builds, and every platform, shall round alike. zig keeps frame
 # pointers unless told otherwise, a twelfth of the step of a small component.
@@ -190,7 +190,10 @@ def find_compiler(target: str) -> Compiler:
             path = shutil.which(name) if name else None
             if path:
                 return Compiler((path,))
-    raise UserError(f"no C compiler for {target} on this machine; {INSTALL_HINT}")
+    raise UserError(
+        f"no C compiler for {target} on this machine; {install_command('ziglang')} brings one"
+        " (zig), for every platform"
+    )
 
 
 def available_platforms() -> list[str]:

@@ -56,17 +56,17 @@ def build(options: BuildCommand) -> None:
 
 def _plan(options: BuildCommand) -> list[_PlannedFmu]:
     """Return the FMUs that options select."""
-    from fmus import COMPONENTS, MODELS
     from fmus.kit import build as kit
+    from fmus.kit import registry
 
     names = options["names"] or []
     fmi = options["fmi"]
     runtime = "native" if fmi == 3 and options["runtime"] == "both" else options["runtime"]
     if (options["laid_over"] or options["settings"]) and not names:
         raise UserError("--with and --set are about one model; name it")
-    known = COMPONENTS if fmi == 3 or runtime == kit.STOCK else MODELS
+    buildable = registry.components if fmi == 3 or runtime == kit.STOCK else registry.models
     runtimes = kit.RUNTIMES if runtime == "both" else (runtime,)
-    classes = [_component(name, options) for name in names or known]
+    classes = [_component(name, options) for name in names or buildable()]
     return [
         _PlannedFmu(
             cls, kind, fmi, options["out"] / ("fmi3" if fmi == 3 else kind) / f"{cls.name}.fmu"

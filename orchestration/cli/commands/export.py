@@ -33,8 +33,7 @@ def modelica(options: ExportModelicaCommand) -> None:
     its effects, and they are on by their parameters. With --fmus, PpyRig.FMUs has the same models
     as FMUs compute them.
     """
-    from fmus import COMPONENTS
-    from fmus.kit import files
+    from fmus.kit import files, registry
     from fmus.kit.build import version
     from fmus.kit.modelica import PACKAGE, package_files
     from orchestration.cli.models import model_file
@@ -49,7 +48,7 @@ def modelica(options: ExportModelicaCommand) -> None:
     reads = {f"the model {name}": model_file(name) for name in names}
     Outputs(reads, folders={"--out": folder}).check()
     _check_empty(package)
-    classes = [find_class(name, options["laid_over"]) for name in names or COMPONENTS]
+    classes = [find_class(name, options["laid_over"]) for name in names or registry.components()]
     contents = package_files(classes, version(), _fmus(classes) if options["fmus"] else None)
     with files.replacing(package) as new:
         for path, data in contents.items():

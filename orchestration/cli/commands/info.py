@@ -54,12 +54,12 @@ class _Facts(NamedTuple):
 
 def _facts(name: str, effects: Sequence[str]) -> _Facts:
     """Return what there is to know of a model: by its class, or else by its FMU's description."""
-    from fmus import MODELS
+    from fmus.kit import registry
     from orchestration.fmu import find_model, read_description
     from orchestration.fmu.model import find_class, names_class
     from orchestration.reporting.console import note
 
-    if effects or name in MODELS or names_class(name):
+    if effects or name in registry.models() or names_class(name):
         return _of_class(name, find_class(name, effects))
     model = find_model(name)
     for text in model.notes:

@@ -124,14 +124,14 @@ def _of_shipped(model: str, words: Mapping[str, str]) -> dict[str, str]:
     """Return the same of a component of ours, whose README numbers its assumptions."""
     from importlib.util import find_spec
 
+    from fmus.kit import registry
     from orchestration.fmu.model import find_class
-    from orchestration.rig import RIG_COMPONENT
 
     package = find_class(model).__module__.split(".")[1]
     module = find_spec(f"fmus.{package}.effects")
     folder = module is not None and module.submodule_search_locations is not None
     effects = f"fmus/{package}/effects" + ("" if folder else ".py")
-    is_rig = package == find_class(RIG_COMPONENT).__module__.split(".")[1]
+    is_rig = package == registry.component(registry.default_model()).__module__.split(".")[1]
     more = {**words, "package": package, "effects": effects}
     tests = _filled("effect", "places_rig" if is_rig else "places_component", more).rstrip()
     return {

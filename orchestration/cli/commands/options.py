@@ -561,7 +561,8 @@ class JudgedOptions(TypedDict, total=False):
     model: Annotated[
         str | None,
         Option(
-            "A component (see ppy list), path/to/file.py:Class, or any FMU; default ppy_actuator.",
+            "A component (see ppy list), path/to/file.py:Class, or any FMU; default: the first of"
+            " ppy list.",
             metavar="MODEL",
             complete="component",
         ),

@@ -24,7 +24,7 @@ _SYSTEMS = (".ssp", ".ssd")  # as in system.ssp, which takes half a second to lo
 @command(SimulateCommand)
 def simulate(options: SimulateCommand) -> None:
     """Simulate a component, any FMU, or a system of FMUs."""
-    from fmus import MODELS
+    from fmus.kit import registry
     from orchestration.cli.models import model_file
     from orchestration.reporting import pictures
     from orchestration.system import NAMES
@@ -37,7 +37,7 @@ def simulate(options: SimulateCommand) -> None:
         {"--out": SIGNALS, "--plot": pictures.FORMATS},
     ).check()
     name = options["model"]
-    if Path(name).suffix.lower() in _SYSTEMS or (name in NAMES and name not in MODELS):
+    if Path(name).suffix.lower() in _SYSTEMS or (name in NAMES and name not in registry.models()):
         _simulate_system(options)
     else:
         _simulate_model(options)

@@ -14,10 +14,9 @@ from itertools import permutations
 from typing import Any, TypeVar
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, single_threaded
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.data import HELD_OUT, Dataset
 from orchestration.discrepancy.design.expected_evidence import (
@@ -173,9 +172,7 @@ class DiscriminatingExperiment:
         return [head, *rows, f"# Above {ENOUGH:g} is very strong evidence."]
 
 
-# fits run side by side, and the matrices are narrow: a thread for each product would only wait for
-# the others
-@threadpool_limits.wrap(limits=1)
+@single_threaded
 def design_experiment(
     selection: Selection,
     data: Dataset,

@@ -14,10 +14,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, single_threaded
 from fmus.kit.storage import scratch
 from orchestration.discrepancy.systems.by_equations import diagnose_loop, has_shift
 from orchestration.discrepancy.systems.cut import (
@@ -53,8 +52,7 @@ _LOOP_SIMULATIONS = 120
 _SHORTEST = 100  # samples
 
 
-# matrices are narrow: a thread for each product would only wait for the others
-@threadpool_limits.wrap(limits=1)
+@single_threaded
 def diagnose_system(
     record_path: Path,
     ssp_path: Path,

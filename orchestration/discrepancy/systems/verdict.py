@@ -93,10 +93,10 @@ class MemberDiagnosis:
 
     @property
     def is_component(self) -> bool:
-        """True if a component of this project has its name, by which a diagnosis names causes."""
-        from fmus import COMPONENTS
+        """True if a registered component has its name, by which a diagnosis names causes."""
+        from fmus.kit import registry
 
-        return self.model in COMPONENTS
+        return self.model in registry.components()
 
     @property
     def final(self) -> dict[str, OutputAssessment]:

@@ -29,12 +29,11 @@ def catalogue(cls: type[Component]) -> dict[str, type[Effect]]:
     UserError
         If ``EFFECTS`` is no dictionary of effects.
     """
-    from fmus import MODELS, component, effects
-    from fmus.kit import Effect
+    from fmus.kit import Effect, registry
 
     base = unstack(cls)[0]
-    if base.name in MODELS and component(base.name) is base:
-        return effects(base.name)
+    if registry.is_registered(base):
+        return registry.effects(base.name)
     module = sys.modules[base.__module__]
     listed = getattr(module, "EFFECTS", {})
     is_valid = isinstance(listed, Mapping) and all(

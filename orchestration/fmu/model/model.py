@@ -204,12 +204,11 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
     UserError
         If there is no such component, class, effect or file, or the FMU's equations are not known.
     """
-    from fmus import MODELS, component
-    from fmus.kit import stack
+    from fmus.kit import registry, stack
     from fmus.kit.symbolic import check_component
 
-    if name_or_path in MODELS:
-        cls = component(name_or_path)
+    if name_or_path in registry.models():
+        cls = registry.component(name_or_path)
     elif names_class(name_or_path):
         cls = load_class(name_or_path)
         check_catalogue(cls)
@@ -271,9 +270,9 @@ def declared_model(name_or_path: str, effects: Sequence[str] = ()) -> Model:
     UserError
         If there is no such component, class, effect or file.
     """
-    from fmus import MODELS
+    from fmus.kit import registry
 
-    if not effects and name_or_path not in MODELS and not names_class(name_or_path):
+    if not effects and name_or_path not in registry.models() and not names_class(name_or_path):
         return _read_model(name_or_path)
     model = declared_model_of(find_class(name_or_path, effects))
     notes = remarks_on(name_or_path) if names_class(name_or_path) else ()
@@ -332,17 +331,18 @@ def model_of(cls: type[Component], runtime: str = "native") -> Model:
 
 def _read_model(name: str) -> Model:
     """Read an FMU file, and restore the class that it was made from if that is known."""
-    from fmus import MODELS
+    from fmus.kit import registry
 
     path = Path(name)
     if not is_file(path) and path.suffix != ".fmu":
-        hint = suggestion(name, MODELS, few=0)
+        known = registry.models()
+        hint = suggestion(name, known, few=0)
         if name and is_folder(path):
             raise UserError(
-                f"{name} is a folder; name an .fmu in it, or a component: {', '.join(MODELS)}"
+                f"{name} is a folder; name an .fmu in it, or a component: {', '.join(known)}"
             )
         raise UserError(
-            f"no component named {name!r}{hint}; there are: {', '.join(MODELS)}; or name"
+            f"no component named {name!r}{hint}; there are: {', '.join(known)}; or name"
             " file.py:Class or an .fmu"
         )
     model = _read_signals(path)
@@ -430,12 +430,12 @@ def restore_class(
 
 def _base_class(made_from: Provenance) -> type[Component]:
     """Return one of our components, or load a class from a file with the recorded contents."""
-    from fmus import MODELS, component
+    from fmus.kit import registry
 
     if made_from.component:
-        if made_from.component not in MODELS:
+        if made_from.component not in registry.models():
             raise UserError(f"there is no component {made_from.component!r} here")
-        return component(made_from.component)
+        return registry.component(made_from.component)
     path = Path(made_from.file)
     if path.suffix != ".py" or not path.is_file():
         raise UserError(f"there is no file {made_from.file} here")

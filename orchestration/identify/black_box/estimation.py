@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, single_threaded
 from orchestration.identify.black_box.data import InputOutputData, check_varies
 from orchestration.identify.black_box.excitation import check_excitation
 from orchestration.identify.black_box.models import PolynomialModel
@@ -132,8 +131,7 @@ def box_jenkins(
     return identify(data, "BJ", orders(data, nb, nk, nf=nf, nc=nc, nd=nd))
 
 
-# matrices are narrow: a thread for each product would only wait for the others
-@threadpool_limits.wrap(limits=1)
+@single_threaded
 def identify(
     data: InputOutputData,
     structure: str,

@@ -16,10 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import block_diag
-from threadpoolctl import threadpool_limits
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, single_threaded
 from orchestration.identify.black_box.data import InputOutputData, check_varies
 from orchestration.identify.black_box.excitation import check_excitation
 from orchestration.identify.black_box.gauss_newton import minimise
@@ -45,8 +44,7 @@ class _Matrices(NamedTuple):
     k: Array
 
 
-# matrices are narrow: a thread for each product would only wait for the others
-@threadpool_limits.wrap(limits=1)
+@single_threaded
 def state_space(data: InputOutputData, order: int, nk: Count = 1, first: int = 0) -> Identification:
     """Identify a state-space model in innovations form.
 

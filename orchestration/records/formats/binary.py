@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from fmus.kit.arrays import Array
+from fmus.kit.extras import optional
 from orchestration.records.record import Repair, refuse
 from orchestration.records.tables import (
     Column,
@@ -24,12 +25,8 @@ def read_parquet(path: Path, content: bytes) -> Table:
     Units come from the column names ``name [unit]``, else from the fields' metadata entry ``unit``.
     Refused: a damaged file, and any if pyarrow is absent.
     """
-    try:
+    with optional():
         import pyarrow.parquet as parquet
-    except ImportError:
-        raise refuse(
-            path, "reading Parquet needs pyarrow: pip install 'ppy-rig[records]'"
-        ) from None
     try:
         arrow = parquet.read_table(io.BytesIO(content))
         columns = []

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fmus.kit.extras import optional
 from orchestration.records.formats.layout import TextLayout
 from orchestration.records.formats.text import Lines, decode, tabulate
 from orchestration.records.record import Repair, refuse
@@ -132,10 +133,8 @@ def read_tdms(path: Path, content: bytes) -> Table:
     called time. Refused: a damaged file, channels that differ in length or clock, and any file if
     npTDMS is absent.
     """
-    try:
+    with optional():
         from nptdms import TdmsFile
-    except ImportError:
-        raise refuse(path, "reading TDMS needs npTDMS: pip install 'ppy-rig[records]'") from None
     silenced = logging.root.manager.disable
     logging.disable(logging.WARNING)  # npTDMS logs what the message or the repair line says anyway
     try:

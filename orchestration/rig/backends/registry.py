@@ -9,12 +9,12 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import TypeVar
 
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.extras import optional
 from orchestration.fmu.model import load_subclass, names_class
 from orchestration.rig.backends.backend import Backend
 
 _ENTRY_POINTS = "ppy_rig.backends"  # group of the entry points, by which a package brings its own
 Result = TypeVar("Result")
-_EXTRAS = {"nidaqmx": "nidaqmx", "pyvisa": "visa"}  # library -> extra that installs it
 
 
 def open_backend(spec: str, options: Mapping[str, str]) -> Backend:
@@ -137,14 +137,11 @@ def backend_class(spec: str) -> type[Backend]:
     if spec not in known:
         raise UserError(f"no backend {spec!r}{suggestion(spec, [*known, 'path/to/file.py:Class'])}")
     try:
-        return _loaded(known[spec])
+        with optional():
+            return _loaded(known[spec])
+    except UserError:
+        raise
     except Exception as error:  # of a package of somebody else
-        missing = error.name or "" if isinstance(error, ModuleNotFoundError) else ""
-        if extra := _EXTRAS.get(missing.partition(".")[0]):
-            raise UserError(
-                f"backend {spec}: {missing} is not installed; install it with: pip install"
-                f" 'ppy-rig[{extra}]'"
-            ) from error
         raise UserError(
             f"backend {spec}: {known[spec].value} cannot be loaded: {type(error).__name__}:"
             f" {_line(error)}"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus import COMPONENTS, component
+from fmus.kit import registry
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, suggestion
 from fmus.rig_proxy import LOCKSTEP, describe_latch
@@ -212,9 +212,9 @@ def _declared(experiment: Experiment) -> dict[str, str]:
 
     Empty for a component that is not known by name.
     """
-    if experiment.component not in COMPONENTS:
+    if experiment.component not in registry.components():
         return {}
-    layout = component(experiment.component).layout
+    layout = registry.component(experiment.component).layout
     return {variable.name: variable.unit for variable in (*layout.inputs, *layout.outputs)}
 
 

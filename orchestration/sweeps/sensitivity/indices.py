@@ -10,6 +10,7 @@ from rich.table import Table
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from fmus.kit.extras import optional
 from orchestration.reporting import pictures, plain_table
 from orchestration.sweeps.curves import describe_left_out, names_to_draw
 from orchestration.sweeps.result import SweepResult
@@ -47,7 +48,8 @@ def sampled(count: int, samples: int, seed: int) -> Array:
     ndarray, shape (N (p + 2), p)
         Shares of the ranges, 0 to 1.
     """
-    from SALib.sample import sobol
+    with optional():
+        from SALib.sample import sobol
 
     points = sobol.sample(_problem(count), samples, calc_second_order=False, seed=seed)
     return np.asarray(points, dtype=float)
@@ -131,7 +133,8 @@ def sensitivity(found: xarray.Dataset, *, level: float = 0.95, seed: int = 0) ->
 
 def _analysed(values: Array, count: int, level: float, seed: int) -> tuple[Array, Array]:
     """Return indices (2, p) of values (n,), and half the widths of their intervals (2, p)."""
-    from SALib.analyze import sobol
+    with optional():
+        from SALib.analyze import sobol
 
     is_constant = np.ptp(values) <= 1e-12 * np.abs(values).max()  # up to rounding
     if is_constant:

@@ -6,13 +6,13 @@ import json
 import os
 import re
 from collections.abc import Hashable
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import xarray
 
 from fmus.kit import UserError, files
+from fmus.kit.extras import require
 
 _CHUNK = "8MiB"
 _OF_ZARR = re.compile(r"\.zgroup|\.zattrs|\.zmetadata|\.zarray|\d+(\.\d+)*")
@@ -28,10 +28,7 @@ def check(path: Path) -> None:
         overwritten.
     """
     # they are imported after the sweep, when a failure leaves much to be cleared up
-    if not all(map(find_spec, ("zarr", "dask"))):
-        raise UserError(
-            f"--out {path}: writing Zarr needs zarr and dask: pip install 'ppy-rig[zarr]'"
-        )
+    require("zarr", "dask")
     if path.is_symlink():
         raise UserError(f"--out {path}: is a link; name the folder that it leads to")
     if path.exists():

@@ -64,6 +64,7 @@ def test_limits_hold_on_random_plants():
     assert max(reached) > 0.9, "the limit of the voltage was near"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("first", "second"), slow_but(PAIRS, *PAIRS[::23]))
 def test_limits_hold_with_any_two_effects_hidden(first, second):
     pair = first, second

@@ -82,7 +82,12 @@ def test_with_the_inverse_of_the_actuator_errors_shrink_by_what_is_left_of_them(
 
 
 @pytest.mark.parametrize(
-    "hidden", [("strain_lag", 0.5), ("strain_saturation", 0.16), ("diffusion", 0.6)]
+    "hidden",
+    [
+        ("strain_lag", 0.5),
+        ("strain_saturation", 0.16),
+        pytest.param(("diffusion", 0.6), marks=pytest.mark.slow),
+    ],
 )
 def test_it_learns_what_the_model_does_not_know(hidden):
     name, value = hidden

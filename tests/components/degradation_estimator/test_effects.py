@@ -137,6 +137,7 @@ def test_a_sample_that_is_late_by_a_period_is_the_one_before():
     assert late["b0"][-1] < 0.2 * R1 * R2 / (R1 + R2)  # the current acts at the next sample only
 
 
+@pytest.mark.slow
 @effects
 def test_the_slope_at_neutral_is_exact_and_not_zero(name):
     """A score test starts there: sensitivities of the compiled record beside central

@@ -35,6 +35,7 @@ def test_forgetting_factor_is_eq_4_11_and_the_printed_numbers_are_not_what_they_
         assert values["remaining_weight"] == pytest.approx(left, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("millivolts", slow_but([5, 20], 20))
 def test_noise_biases_least_squares_and_not_the_instrumental_variable(estimate, millivolts):
     """Errata 9, 0.9 A at 0.2 Hz, true R2 2.35 ohm; the figures are those of the README's table."""

@@ -332,6 +332,7 @@ def test_all_effects_together_in_any_order(order):
 # --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @feet
 def test_builds_agree_on_all_effects(base, tmp_path):
     names = fmus.effects(base.name)

@@ -315,7 +315,7 @@ def test_parameter_sensitivities_are_finite_at_neutral(base):
         assert np.isfinite(f(0.0, *graph.point(charge=charge, current=0.5)).full()).all()
 
 
-STEP, STEPS = 0.1, 600
+STEP, STEPS = 0.1, 300
 TIME = STEP * np.arange(STEPS)
 CURRENT = 0.9 * np.where(np.arange(STEPS) % 50 < 25, 1.0, -1.0) + 0.2
 LOAD = np.where(np.arange(STEPS) % 200 < 120, 2.0, 0.0)
@@ -345,11 +345,6 @@ def models():
     slow_but(
         [(base, name) for base in CHANGED for name in EFFECTS],
         *((PpyActuator, name) for name in EFFECTS),
-        *(
-            (PpyActuatorLengthDriven, name)
-            for name in CHANGED[PpyActuatorLengthDriven]
-            if name not in STRAINS
-        ),
     ),
     ids=lambda value: getattr(value, "name", value),
 )
@@ -385,6 +380,7 @@ def ranges(base):
     )
 
 
+@pytest.mark.slow
 @bases
 def test_builds_agree_on_all_effects(base, tmp_path):
     cls = stack(base, *EFFECTS.values(), name="everything")

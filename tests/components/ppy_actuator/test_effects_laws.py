@@ -180,6 +180,7 @@ def test_all_effects_together_are_what_the_readme_says(base, seed):
     check_against_paper(cls, random_values(cls, seed) | active(EFFECTS))
 
 
+@pytest.mark.slow
 @bases
 def test_all_effects_together_run_as_scipy_integrates_them(base):
     cls = stack(base, *EFFECTS.values())

@@ -161,6 +161,7 @@ def test_where_there_is_no_circuit_that_is_said(tmp_path):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("resistance", slow_but([0.4, 7.0, 1e3], 0.4))
 def test_a_resistor_is_no_circuit(resistance):
     """Without noise, and with so little that it is rounding beside the voltage."""

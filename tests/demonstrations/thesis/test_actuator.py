@@ -11,7 +11,6 @@ from scipy.optimize import minimize
 from scipy.signal import lfilter, tf2ss
 
 from demonstrations.thesis import actuator, circuit, identification
-from orchestration.system.library import periodic_voltage
 from tests.support.thesis_findings import claim, claims, row
 
 R1, R2, C = 0.43, 2.35, 2.7
@@ -215,7 +214,7 @@ def test_square_wave_that_has_lasted():
             atol=1e-12,
         ).y[0, -1]
     voltage = abs(R1 * (R2 * -1.3 - charge / C) / (R1 + R2) + charge / C)
-    assert periodic_voltage(R1, R2, C) == pytest.approx(voltage, rel=1e-6)
+    assert circuit.periodic_voltage(R1, R2, C) == pytest.approx(voltage, rel=1e-6)
 
 
 def test_what_stays_after_the_loads_is_what_the_dashpot_took():

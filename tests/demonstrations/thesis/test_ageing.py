@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from demonstrations.thesis import ageing
+from fmus.degradation_estimator.systems import CAPACITANCE
 from fmus.kit.errors import UserError
-from orchestration.system import library
 from tests.support.pace import slow_but
 
-# Table 3-1 and section 4.3, typed in again; library.capacitance() is checked against the printed
+# Table 3-1 and section 4.3, typed in again; CAPACITANCE is checked against the printed
 # voltage below.
 R1, R2, C = 0.43, 2.35, 3.3479  # ohm, ohm, F
 OMEGA = 0.628  # rad/s
@@ -83,7 +83,7 @@ def test_capacitance_gives_the_printed_first_voltage():
     """Charge of the periodic state by going through the cycle until it repeats; +-1.15 V (section
     4.3).
     """
-    assert library.capacitance() == pytest.approx(C, rel=1e-4)
+    assert pytest.approx(C, rel=1e-4) == CAPACITANCE
     charge, decay = 0.0, math.exp(-5.0 / ((R1 + R2) * C))
     for k in range(40):
         rest = R2 * C * (1.3 if k % 2 == 0 else -1.3)
@@ -91,6 +91,7 @@ def test_capacitance_gives_the_printed_first_voltage():
     assert R2 * (-1.3 * R1 + charge / C) / (R1 + R2) == pytest.approx(-1.15, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_actuator_is_the_circuit_integrated_here(life):
     assert life["series_resistance"] == pytest.approx(life["true_series_resistance"], rel=1e-3)
     assert life["voltage"] == pytest.approx(life["true_voltage"], abs=2e-3)
@@ -109,6 +110,7 @@ def test_impedance_has_its_minimum_where_fig_4_7_has_it(free):
 # --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_impedance_is_tracked_within_2_percent(life):
     """Measured: 0.6 % at worst, 0.7 % with 20 mV of noise."""
     truth = life["true_impedance"]
@@ -118,6 +120,7 @@ def test_impedance_is_tracked_within_2_percent(life):
     assert np.abs(life["impedance"][first:] / truth[first:] - 1).max() < 0.02
 
 
+@pytest.mark.slow
 def test_derating_follows_the_impedance_by_the_memory_of_the_estimate(life):
     """Late by two memories at most, 521 s (one for the estimate, one for its reference, as the
     impedance falls then).

@@ -37,6 +37,7 @@ def test_work_loop_is_that_of_the_program(rate, amplitude):
     assert found[1] == pytest.approx(exact[1], abs=1e-5)
 
 
+@pytest.mark.slow
 def test_row_15_what_either_path_takes_up():
     passive, active = loop(0.0, 0.0), loop(4.1 * np.pi)
     taken, given = (

@@ -28,6 +28,7 @@ def page(done):
     return done[0].read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_table_is_readable_in_100_columns(done):
     lines = done[1].stdout.splitlines()
     table = [line for line in lines if not re.match(r"wrote |\d+ printed figures", line)]
@@ -41,6 +42,7 @@ def test_the_table_is_readable_in_100_columns(done):
     assert [word for word in ("107", "117.4 deg", "+9.7 %", "differs") if word not in margin] == []
 
 
+@pytest.mark.slow
 def test_the_time_left_is_that_of_all_figures_and_not_of_one(done):
     """They are parts of one step, so that the pace is that since the first of them."""
     steps = [line for line in done[1].stderr.splitlines() if " of " not in line.split(" (")[-1]]
@@ -49,6 +51,7 @@ def test_the_time_left_is_that_of_all_figures_and_not_of_one(done):
     assert f"(0 of {count})" in done[1].stderr
 
 
+@pytest.mark.slow
 def test_the_summary_counts_what_is_in_the_page(done, page):
     counts = re.search(
         r"(\d+) printed figures and statements: (\d+) hold, (\d+) are within.* (\d+) are reproduced"
@@ -75,6 +78,7 @@ def test_the_summary_counts_what_is_in_the_page(done, page):
     )
 
 
+@pytest.mark.slow
 def test_the_page_needs_nothing_from_elsewhere(page):
     assert "http" not in re.sub(r"base64,[^\"]+", "", page)
     assert (
@@ -84,6 +88,7 @@ def test_the_page_needs_nothing_from_elsewhere(page):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [390, 1280])
 def test_a_browser_shows_it(browser, page, width, tmp_path):
     (wide, view, pictures), console = measured(browser, tmp_path, page, width)
@@ -92,6 +97,7 @@ def test_a_browser_shows_it(browser, page, width, tmp_path):
     assert pictures == page.count("<img ")
 
 
+@pytest.mark.slow
 def test_progress_is_told(done):
     assert any(line.startswith("Fig. 2-5") for line in done[1].stderr.splitlines())
 
@@ -128,6 +134,7 @@ def test_a_folder_or_a_file_may_be_named(out, file, tmp_path, monkeypatch):
     assert target(Path(out)) == Path(file)
 
 
+@pytest.mark.slow
 def test_a_refusal_is_one_line_before_any_work(tmp_path):
     run = ppy("thesis", "--out", "page.pdf", cwd=tmp_path)
     assert run.returncode == 2

@@ -33,6 +33,7 @@ def files(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", slow_but(["another", "of several"], "of several"))
 def test_the_command_of_a_report_asks_for_the_same(files, held, monkeypatch):
     monkeypatch.chdir(files)

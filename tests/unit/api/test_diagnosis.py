@@ -44,6 +44,7 @@ def written(result, tmp_path_factory):
     return {"native": native, "python": python}
 
 
+@pytest.mark.slow
 def test_a_law_that_lacks_something_is_a_cause(result):
     assert (result.verdict, result.causes) == ("cause", ["friction(omega)"])
     assert result.sentence.startswith("Friction that depends on omega: it looks like ")
@@ -66,6 +67,7 @@ def test_a_law_that_lacks_something_is_a_cause(result):
     assert set(cause["parameters"]) == set(best["parameters"]) <= set(result.parameters)
 
 
+@pytest.mark.slow
 def test_everything_told_is_of_the_model_with_it(result, tmp_path):
     figures = result.to_dict()
     assert json.loads(json.dumps(figures, allow_nan=False)) == figures
@@ -86,6 +88,7 @@ def test_everything_told_is_of_the_model_with_it(result, tmp_path):
     assert "95 % band" in words
 
 
+@pytest.mark.slow
 def test_the_page_stands_in_a_browser(browser, result, tmp_path):
     path = result.report(tmp_path / "r.html")
     with chromium(browser, tmp_path / "profile") as tab:
@@ -97,6 +100,7 @@ def test_the_page_stands_in_a_browser(browser, result, tmp_path):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runtime", ["native", "python"])
 def test_the_fmu_follows_what_was_held_out(record, result, written, runtime):
     """By FMPy, with the error that is stated, though it is fitted to all of the record since.
@@ -124,6 +128,7 @@ def test_the_fmu_follows_what_was_held_out(record, result, written, runtime):
         assert np.std(y - ran[output][last]) / np.std(y) == pytest.approx(error, rel=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runtime", ["native", "python"])
 def test_the_sentence_the_curve_and_the_fmu_agree(result, written, runtime):
     """Read off the FMU what is added: at constant speed friction is what the winding gives."""

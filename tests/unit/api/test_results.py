@@ -49,6 +49,7 @@ def clean(tmp_path_factory):
     return ppy.laws(path, motor(path, None).plant.model, time=30.0)
 
 
+@pytest.mark.slow
 def test_what_was_hidden_is_found_and_confirmed(result):
     best = result.law_map[0]
     assert (best["law"], best["signal"], best["memory"], best["kind"]) == (
@@ -66,6 +67,7 @@ def test_what_was_hidden_is_found_and_confirmed(result):
     assert "on data that no fit has seen the error of " in result.sentence
 
 
+@pytest.mark.slow
 def test_the_whole_law_is_the_one_that_was_hidden(drawn, result):
     """Compare a law and its correction with the plant, wherever the record has been."""
     model, truth = result.model(), drawn[1].truth
@@ -76,6 +78,7 @@ def test_the_whole_law_is_the_one_that_was_hidden(drawn, result):
         )
 
 
+@pytest.mark.slow
 def test_the_curve_has_a_band_about_it(result):
     for one in result.law_map:
         x, y, low, high = (np.array(one["curve"][name]) for name in ("x", "y", "low", "high"))
@@ -86,6 +89,7 @@ def test_the_curve_has_a_band_about_it(result):
         assert len(one["alike"]) <= 5
 
 
+@pytest.mark.slow
 def test_figures_are_plain_and_the_same_everywhere(result):
     figures = result.to_dict()
     assert json.loads(json.dumps(figures, allow_nan=False)) == figures
@@ -103,6 +107,7 @@ def test_figures_are_plain_and_the_same_everywhere(result):
     assert result.diagnosis.causes == []
 
 
+@pytest.mark.slow
 def test_the_file_of_the_effect_does_what_the_model_does(drawn, result, tmp_path):
     """By simulation: laid over the component it gives what the fitted model gives."""
     path, record = drawn
@@ -124,12 +129,14 @@ def test_the_file_of_the_effect_does_what_the_model_does(drawn, result, tmp_path
         result.effect(tmp_path / "law.txt")
 
 
+@pytest.mark.slow
 def test_the_model_is_an_fmu(result, tmp_path):
     native, python = result.fmu(tmp_path / "better.fmu", [host_platform()])
     assert python.exists()
     assert "friction_of_omega" in find_model(str(native)).parameters
 
 
+@pytest.mark.slow
 def test_a_picture_is_drawn(result, tmp_path):
     figure = result.plot(tmp_path / "curve.png")
     assert figure.axes[0].get_xlabel() == "omega [rad/s]"
@@ -137,6 +144,7 @@ def test_a_picture_is_drawn(result, tmp_path):
     assert (tmp_path / "curve.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_the_page_tells_it(result, tmp_path):
     text = result.report(tmp_path / "laws.html").read_text(encoding="utf-8")
     words = words_of(text)
@@ -155,6 +163,7 @@ def test_the_page_tells_it(result, tmp_path):
         result.report(tmp_path / "laws.txt")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", slow_but([1200, 390], 390))
 def test_the_page_stands_in_a_browser(browser, result, tmp_path, width):
     path = result.report(tmp_path / "laws.html")

@@ -40,6 +40,7 @@ def fails(*arguments, cwd):
     return done.stderr
 
 
+@pytest.mark.slow
 def test_the_command_names_and_writes_it_down(tmp_path):
     write(draw("strain_saturation", 1, **SHORT), tmp_path / "record.csv")
     effects = ",".join(effect.id for effect in FEW)
@@ -57,6 +58,7 @@ def test_the_command_names_and_writes_it_down(tmp_path):
     assert "will not be overwritten" in message
 
 
+@pytest.mark.slow
 def test_laws_are_asked_unless_they_are_left_out(tmp_path, monkeypatch):
     """Fit the entries of the map that tell most; a diagnosis is tested with all of them."""
     monkeypatch.setattr(LawMap, "entries", lambda self, known=LawMap.entries: known(self)[:8])
@@ -93,6 +95,7 @@ def test_an_unknown_model_is_told(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_an_input_that_is_absent_is_told_and_taken_as_it_starts(tmp_path):
     drawn = draw(None, 1, **SHORT)
     write(replace(drawn, inputs={"current": drawn.inputs["current"]}), tmp_path / "record.csv")
@@ -115,6 +118,7 @@ def test_the_file_of_the_model_is_not_overwritten(tmp_path):
         assert "will not be overwritten" in message or "both name" in message
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_report_of_another_record(tmp_path):
     columns = {"current": "I", "force": "F", "voltage": "U", "displacement": "x"}
     for name, seed in ((NASTY, 1), ("other.csv", 2)):

@@ -116,6 +116,7 @@ def test_an_effect_is_fitted(folder):
     assert rms[0] < 0.5 * rms[1]
 
 
+@pytest.mark.slow
 def test_what_was_laid_over_is_no_candidate_any_more(folder):
     arguments = ["diagnose", "record.csv", "--effects", "quadratic_strain,sensor_lag(voltage)"]
     done = here(
@@ -312,6 +313,7 @@ def test_info_of_anybodys_fmu_tells_its_variables(folder, fmu):
     assert "effects" not in text
 
 
+@pytest.mark.slow
 def test_a_fit_and_a_diagnosis_work_on_an_fmu(folder):
     arguments = ["record.csv", "--model", "native.fmu"]
     answer = json.loads(
@@ -366,6 +368,7 @@ def test_an_fmu_is_built_again_to_the_byte(folder, tmp_path):
     refused(folder, "build", place, "--out", "made", parts=[place, "will not be overwritten"])
 
 
+@pytest.mark.slow
 def test_what_a_diagnosis_made_goes_on(folder, tmp_path):
     """Its FMU is diagnosed in turn, and tells what was said of it."""
     arguments = [

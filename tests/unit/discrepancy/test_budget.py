@@ -49,6 +49,7 @@ def spent(diagnosis):
     return next((note for note in diagnosis.notes if note.code is NoteCode.TIME_SPENT), None)
 
 
+@pytest.mark.slow
 def test_the_best_answer_so_far_is_returned_wherever_the_time_ends():
     ended = {ticks: with_ticks(ticks) for ticks in (0.5, 8.0, 30.0, 1e9)}
     for diagnosis in ended.values():
@@ -155,6 +156,7 @@ def test_no_time_at_all_is_refused(time):
         )
 
 
+@pytest.mark.slow
 def test_a_late_failure_costs_what_failed_only(monkeypatch):
     def broken(*_):
         raise RuntimeError("out of paper")

@@ -70,6 +70,7 @@ def test_a_hum_is_not_explained():
     assert diagnosis.verdict is Verdict.UNEXPLAINED
 
 
+@pytest.mark.slow
 def test_a_wrong_unit_is_no_cause():
     data = short_record("strain_saturation")
     wrong = data.measured | {"displacement": 1e3 * data.measured["displacement"]}

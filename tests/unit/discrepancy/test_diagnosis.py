@@ -57,6 +57,7 @@ def test_physical_parameters_and_continuous_starts_are_searched():
     ]
 
 
+@pytest.mark.slow
 def test_a_hidden_saturation_is_named_and_its_gain_holds():
     diagnosis = diagnose(PpyActuator, short_record("strain_saturation"), FEW)
     assert diagnosis.causes[:1] == ["strain_saturation"]

@@ -129,6 +129,7 @@ def one(request, made):
 # --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_defaults_are_what_was_fitted(one):
     assert one.diagnosis.selection.best.candidate.effects == (one.hidden,)
     for path in one.fmus.values():
@@ -139,6 +140,7 @@ def test_defaults_are_what_was_fitted(one):
     assert {"charge_start", "velocity_start"} & set(one.diagnosis.estimates)
 
 
+@pytest.mark.slow
 def test_the_fmu_says_what_was_added_and_fitted(one):
     best, declared = one.diagnosis.selection.best, {p.name: p for p in one.cls.layout.parameters}
     expected = [
@@ -165,6 +167,7 @@ def test_the_fmu_says_what_was_added_and_fitted(one):
         assert description.modelName == f"{best.candidate.cls.name}_fitted"
 
 
+@pytest.mark.slow
 def test_it_is_told_which_assumption_is_relaxed(made):
     assert (
         "the model assumes that elongation is proportional to charge, and the load does not change"
@@ -192,6 +195,7 @@ def test_only_parameters_are_told_of_where_nothing_was_added(tmp_path):
     assert gain.after == pytest.approx(gain.before, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_doubts_are_told(made):
     diagnosis = made("saturation").diagnosis
     (step,) = diagnosis.selection.steps
@@ -214,6 +218,7 @@ def test_nothing_is_made_of_a_record_that_does_not_move():
         extended_component(diagnose(PpyActuator, Dataset(data.time, still, noise), []), RECORD)
 
 
+@pytest.mark.slow
 def test_a_value_that_rounding_moved_out_of_its_range_is_at_its_end(made):
     diagnosis = made("saturation").diagnosis
     fit = diagnosis.final.fit
@@ -259,6 +264,7 @@ def tanks(folder, imports=""):
     )
 
 
+@pytest.mark.slow
 def test_what_the_user_gave_stays_given(tmp_path):
     diagnosis = tanks(tmp_path)
     cls = extended_component(diagnosis, RECORD)
@@ -284,6 +290,7 @@ def reset_is_a_fresh_start(path):
     checks.reset_then_run_is_a_fresh_run(path, SUBJECTS["ppy_actuator"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "check",
     [
@@ -303,10 +310,12 @@ def test_it_keeps_the_contract(made, runtime, check):
         check(made(name).fmus[runtime])
 
 
+@pytest.mark.slow
 def test_its_dependencies_are_those_found_by_differences(made):
     structure.dependencies_are_those_found_by_differences(made("saturation").fmus["native"])
 
 
+@pytest.mark.slow
 def test_it_is_checked_without_a_complaint(one):
     for path in one.fmus.values():
         complaints = [finding for finding in check_fmu(path) if finding.severity != "note"]
@@ -319,18 +328,21 @@ def test_it_is_checked_without_a_complaint(one):
         ] == []
 
 
+@pytest.mark.slow
 def test_the_same_record_gives_the_same_bytes(one):
     again = extended_component(one.diagnosis, RECORD)
     for runtime in RUNTIMES:
         assert build(again, runtime, [host_platform()]) == one.fmus[runtime].read_bytes()
 
 
+@pytest.mark.slow
 def test_both_builds_agree_over_the_record(one):
     python = measure_gain(one.diagnosis, one.fmus["python"])
     for output, native in one.gain.extended.items():
         assert np.abs(python.extended[output] - native).max() <= 1e-9 * np.abs(native).max()
 
 
+@pytest.mark.slow
 def test_the_python_build_reads_as_it_runs(made):
     with zipfile.ZipFile(made("lag").fmus["python"]) as archive:
         text = archive.read("resources/python/__init__.py").decode()
@@ -343,12 +355,14 @@ def test_the_python_build_reads_as_it_runs(made):
 # --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_fmus_gain_what_the_diagnosis_says(one):
     assert one.gain.before == pytest.approx(one.diagnosis.before, rel=1e-6)
     assert one.gain.after == pytest.approx(one.diagnosis.after, rel=1e-6)
     assert min(one.gain.after[o] / one.gain.before[o] for o in one.gain.after) < 0.5
 
 
+@pytest.mark.slow
 def test_it_leaves_little_more_than_the_truth_would(one):
     """Noise alone, by the emulator's own outputs; the issue asks for 1.2 times that."""
     data, first = one.diagnosis.validation.data, one.diagnosis.validation.first
@@ -360,6 +374,7 @@ def test_it_leaves_little_more_than_the_truth_would(one):
         assert one.gain.after[output] < 1.2 * noise
 
 
+@pytest.mark.slow
 def test_what_is_left_is_white_or_said_not_to_be(made, tmp_path):
     diagnosis = made("stage").diagnosis
     assert made("stage").gain.whiteness["velocity"].is_white
@@ -372,6 +387,7 @@ def test_what_is_left_is_white_or_said_not_to_be(made, tmp_path):
     assert not measure_gain(disturbed, made("stage").fmus["native"]).whiteness["velocity"].is_white
 
 
+@pytest.mark.slow
 def test_a_record_of_its_own_starts_where_it_starts(tmp_path):
     """Hold out the end as a record of its own: its states at the start are estimated there."""
     _, data, _, effects = case("saturation")

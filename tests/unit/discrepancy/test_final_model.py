@@ -105,6 +105,7 @@ def test_a_cause_that_the_record_needs_keeps_its_name_whatever_its_interval(monk
     assert 0.0 < low < 0.1 < high
 
 
+@pytest.mark.slow
 def test_beside_parameters_out_of_all_reason_no_cause_is_named_that_leaves_something(monkeypatch):
     whole = diagnose(Motor, with_dry_friction(0.8), [FRICTION])
     named = diagnose(Motor, with_dry_friction(0.8, wave=0.1), [FRICTION])

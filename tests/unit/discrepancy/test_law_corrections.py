@@ -38,6 +38,7 @@ def diagnosis(tmp_path_factory):
     return diagnosed(path, drawn.plant.model)
 
 
+@pytest.mark.slow
 def test_a_corrected_diagnosis_keeps_what_is_said_of_the_data(diagnosis):
     kept = Note(NoteCode.QUANTISED, "speed")
     before = replace(diagnosis, notes=[kept, *diagnosis.notes, Note(NoteCode.AT_BOUND)])
@@ -55,6 +56,7 @@ def test_a_corrected_diagnosis_keeps_what_is_said_of_the_data(diagnosis):
         assert error < before.after[output]
 
 
+@pytest.mark.slow
 def test_what_was_named_before_a_law_stays_only_if_it_is_needed_beside_it(diagnosis):
     """A drag was named for the wave of the friction, which the law has no need of."""
     search = search_of(diagnosis)
@@ -75,6 +77,7 @@ def test_what_was_named_before_a_law_stays_only_if_it_is_needed_beside_it(diagno
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("told_apart", [True, False])
 def test_beside_a_correction_what_cannot_be_told_apart_is_ambiguous(diagnosis, told_apart):
     """What stands first after it is judged anew has an alternative, or none."""
@@ -113,6 +116,7 @@ def test_a_resistance_that_falls_with_charge_is_named_alone(tmp_path):
     assert width.value == pytest.approx(1.57, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("verdict", "codes", "leaves"),
     [

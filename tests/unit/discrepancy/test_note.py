@@ -78,6 +78,7 @@ def is_telling(text: str) -> bool:
     return bool(SENTENCE.search(text)) or text == "_start"
 
 
+@pytest.mark.slow
 def test_nothing_hangs_on_a_sentence_nor_on_the_end_of_a_name() -> None:
     places = {
         f"{path.relative_to(ROOT).as_posix()}, line {line}": text

@@ -91,6 +91,7 @@ def test_an_absent_input_is_noted_unless_it_is_given(actuator):
 # -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_cause_comes_with_its_model_and_its_gain(actuator):
     result = diagnose(
         rig_record("strain_saturation"),
@@ -328,6 +329,7 @@ def drive(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_dead_zone_is_named_that_no_file_lists(drive):
     model = f"{drive / 'drive.py'}:Drive"
     said = ppy.diagnose(drive / "drive.csv", model)
@@ -363,6 +365,7 @@ def test_one_of_them_can_be_asked_for_by_name(drive):
     assert effect.id == "backlash"
 
 
+@pytest.mark.slow
 def test_a_second_volume_is_named_in_the_unit_of_the_model(tmp_path):
     """Oracle: the matrix exponential of the vessel with a second volume behind a pipe."""
     feed, leak, volume, pipe, time_constant, step = 4.0, 2.0, 16.0, 0.6, 25.0, 0.5
@@ -424,7 +427,8 @@ def late_drive(step, kind):
     return step * np.arange(voltage.size), {"voltage": voltage, "speed": shown}
 
 
-@pytest.mark.parametrize("step", [25e-6, pytest.param(60.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("step", [25e-6, 60.0])
 @pytest.mark.parametrize("kind", ["transport_delay", "sensor_lag", "backlash"])
 def test_what_takes_a_few_samples_is_named_whatever_the_clock(tmp_path, step, kind):
     """The clock is of 40 kHz, or of one sample a minute."""

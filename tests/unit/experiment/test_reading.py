@@ -57,6 +57,7 @@ def test_a_result_of_an_fmu_is_made_again_as_that_is(fmu, tmp_path):
         refused(tmp_path, "run", given, "--runtime", "python", parts=["x.fmu is taken as it is"])
 
 
+@pytest.mark.slow
 def test_a_result_finds_its_system_where_both_were_moved_to(tmp_path):
     """Beside it, or below; and beside it when it was made elsewhere and the system has come after
     it.

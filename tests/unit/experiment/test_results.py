@@ -134,6 +134,7 @@ def test_a_system_is_made_again_too(tmp_path):
 RATE = re.compile(r"running .*━.* [\d,]{3,}/s.*\d:\d\d:\d\d")
 
 
+@pytest.mark.slow
 @posix
 @pytest.mark.parametrize(
     ("name", "changes"),

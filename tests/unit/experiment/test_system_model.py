@@ -62,6 +62,7 @@ def test_gains_of_a_loop_come_to_the_bits_of_single_runs(bench):
             assert swept["bench.force_measured_last"].sel(case) == traces[-1]
 
 
+@pytest.mark.slow
 def test_workers_come_to_the_same_bits_from_the_file_of_a_system(bench, tmp_path):
     ssp.write(bench, tmp_path / "bench.ssp")
     call = {"time": POINTS[:301], "settings": {"force_reference": 1.0}}

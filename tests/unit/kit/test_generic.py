@@ -24,6 +24,7 @@ from orchestration.fmu.instance import Fmu
 from orchestration.fmu.model import catalogue, load_class
 from orchestration.fmu.simulation import simulate_instance
 from orchestration.identify.grey_box import fit_grey_box
+from tests.support.pace import slow_but
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 STAGE, FOLLOWED, MASS, CREEP = (
@@ -282,7 +283,7 @@ def test_a_fit_finds_it_from_neutral():
 # --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("base", BASES, ids=lambda cls: cls.name)
+@pytest.mark.parametrize("base", slow_but(BASES, STAGE), ids=lambda cls: cls.name)
 def test_builds_agree_on_all_of_them_at_once(base, tmp_path):
     effects = list(catalogue(base).values())
     cls = stack(base, *effects, name=f"{base.name}_extended")

@@ -443,6 +443,7 @@ def check_that_builds_agree(cls, values, inputs, outputs, folder, start=0.0):
     return time, fed, results["native"]
 
 
+@pytest.mark.slow
 def test_builds_agree_on_all_of_them_at_once(tmp_path):
     """On one output, beside effects of the physics and of another output, at any start."""
     heating = fmus.effects("ppy_actuator")["self_heating"]
@@ -492,6 +493,7 @@ class Lag(Component):
 '''
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", slow_but(["own.py", "sensors.py"], "sensors.py"))
 def test_own_model_from_a_file(tmp_path, file):
     (tmp_path / file).write_text(OWN)

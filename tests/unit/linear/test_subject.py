@@ -21,6 +21,7 @@ from orchestration.linear.subject import subject_of
 from orchestration.system import library
 from orchestration.system.model import Connection, Member, Port, System, connect
 from tests.contract.subjects import SUBJECTS
+from tests.support.pace import slow_but
 
 S = 2j * np.pi * np.logspace(-4, 2, 25)
 R1, R2, C, ALPHA, K1, B1, K2, B2 = 0.43, 2.35, 2.70, 6.8e-5, 6300.0, 1.7e6, 1.0e4, 2.0e6
@@ -70,7 +71,9 @@ def signals_after(cls, point, columns, values, period):
     return np.array([*after, *outputs], dtype=float)
 
 
-@pytest.mark.parametrize("name", COMPONENTS)
+@pytest.mark.parametrize(
+    "name", slow_but(COMPONENTS, *(n for n in COMPONENTS if n != "voice_coil_dma"))
+)
 def test_every_component_is_linearised_as_central_differences_of_it_are(name):
     subject, point = started(name)
     layout = subject.graph.layout

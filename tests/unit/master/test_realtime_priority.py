@@ -5,9 +5,12 @@ from __future__ import annotations
 import gc
 import os
 
+import pytest
+
 from orchestration.master.realtime_priority import realtime_priority
 
 
+@pytest.mark.slow
 def test_nothing_is_left_of_what_keeps_a_run_undisturbed():
     affinity = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
     assert gc.isenabled()

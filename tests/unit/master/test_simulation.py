@@ -179,6 +179,7 @@ def test_what_an_fmu_does_not_say_is_assumed_and_told(members, method):
 # -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_fmus_of_stock_pythonfmu_in_a_circle(tmp_path):
     """They save no states and list no dependencies. In a process of its own, which their clean-up
     may crash.

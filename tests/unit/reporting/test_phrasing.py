@@ -75,6 +75,7 @@ def test_flags_are_those_of_the_command_line():
             assert one.flags[-1] == flag(f"no_{one.name}")
 
 
+@pytest.mark.slow
 def test_no_message_names_a_flag_by_itself():
     """Texts outside the rooms of the command line are made with `option`."""
     flags = {

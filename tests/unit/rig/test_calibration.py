@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from fmus import PROXIES, component
 from fmus.kit.errors import UserError
-from orchestration.rig.calibration import Calibration, Channel, presets, read_calibration
+from fmus.kit.registry import presets
+from orchestration.rig.calibration import Calibration, Channel, read_calibration
 
 GOOD = """
 [rig]

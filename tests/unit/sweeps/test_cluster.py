@@ -83,6 +83,7 @@ def test_what_was_done_on_a_cluster_is_gone_on_with_here(lag, workers, tmp_path)
     assert again.identical(ppy.sweep(lag, **call))
 
 
+@pytest.mark.slow
 def test_a_case_that_ends_its_worker_fails_alone(tmp_path, workers):
     step = "    def do_step(self, current_time, step_size):\n"
     ends = "        if self.u == 3.0:\n            import os\n\n            os._exit(7)\n"
@@ -106,6 +107,7 @@ def unpacked(folder):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ends", slow_but(["by itself", "killed", "interrupted"], "killed"))
 def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch, ends):
     """Neither on workers that go on, nor on one that is killed, nor on one that was still busy."""
@@ -158,6 +160,7 @@ def test_where_there_is_no_cluster_it_is_told_in_a_line(lag):
         ppy.sweep(lag, **call, scheduler="tcp://127.0.0.1:9", workers=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("address", "told"),
     [
@@ -195,6 +198,7 @@ def test_what_is_no_address_is_refused_before_anything_is_asked(tmp_path, addres
     assert "ignored" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_cluster_without_workers_is_told_in_a_line(lag, monkeypatch):
     monkeypatch.setattr(cluster, "_PATIENCE", 0.5)
     with (

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.resources
-import importlib.util
 import io
 import subprocess
 import sys
@@ -23,6 +22,7 @@ from fmus.kit.build.documentation import documents
 from fmus.kit.build.package import python_package
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
+from fmus.kit.extras import require
 from fmus.kit.storage import scratch
 
 # The lines of the contract (docs/reference/fmu-contract.md) that such an archive cannot fulfil
@@ -69,8 +69,7 @@ def check_stock(cls: type[Component], platforms: Sequence[str] | None) -> None:
         If pythonfmu is not installed, has no binary for a platform, or the component computes
         elsewhere.
     """
-    if importlib.util.find_spec("pythonfmu") is None:
-        raise UserError("pythonfmu is not installed; pip install 'ppy-rig[pythonfmu]' brings it")
+    require("pythonfmu")
     if cls.engine is not None:
         raise UserError(
             f"{cls.name} asks something outside of it, which the pythonfmu runtime cannot; build"

@@ -14,6 +14,7 @@ from scipy.signal import tf2ss
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from fmus.kit.extras import optional
 from orchestration.identify.black_box.models.identified import IdentifiedModel
 from orchestration.identify.black_box.orders import Orders
 from orchestration.identify.black_box.polynomials import Roots, filtered, roots
@@ -116,13 +117,15 @@ class PolynomialModel(IdentifiedModel):
     def _as_control(self, numerator: Array, denominator: Array, names: dict[str, list[str]]) -> Any:
         """Return a quotient of polynomials in q^-1 as a discrete `control.TransferFunction`."""
         # imported here, because that takes a second
-        import control
+        with optional():
+            import control
 
         return control.TransferFunction(*_in_z(numerator, denominator), self.step, **names)
 
     def state_space(self) -> Any:
         """Return the paths from all inputs as one discrete `control.StateSpace`."""
-        import control
+        with optional():
+            import control
 
         paths = [tf2ss(*_in_z(b, self._denominator(i))) for i, b in enumerate(self.b)]
         a, b, c, d = zip(*paths, strict=True)

@@ -13,6 +13,7 @@ from scipy.linalg import eigvals, schur
 from scipy.signal import lfilter
 
 from fmus.kit.arrays import Array
+from fmus.kit.extras import optional
 from orchestration.identify.black_box.models.identified import IdentifiedModel
 from orchestration.identify.black_box.polynomials import Roots
 
@@ -98,7 +99,8 @@ class StateSpaceModel(IdentifiedModel):
     def _transfer(self, column: Array, feedthrough: float, name: str) -> Any:
         """Return the path of a column of B, or of K, as a discrete `control.TransferFunction`."""
         # imported here, because that takes a second
-        import control
+        with optional():
+            import control
 
         # from the impulse response, in which samples before a delay are exactly zero
         count = len(self.a)
@@ -116,7 +118,8 @@ class StateSpaceModel(IdentifiedModel):
 
     def state_space(self) -> Any:
         """Return the paths from all inputs as one discrete `control.StateSpace`."""
-        import control
+        with optional():
+            import control
 
         return control.StateSpace(
             self.a,

@@ -178,9 +178,10 @@ STYLES = st.fixed_dictionaries(
         "sort_keys": st.booleans(),
     }
 )
-often = settings(max_examples=300, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
+often = settings(max_examples=50, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
 
 
+@pytest.mark.slow
 @often
 @given(message=MESSAGES, style=STYLES)
 def test_every_good_message_is_read_as_python_reads_it(reader, message, style):

@@ -39,6 +39,7 @@ def test_the_record_is_charge_flow_and_noise(frequency):
     assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 4 / np.sqrt(600)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("figure", "frequency"), [("fig. 3-10", 0.2), ("fig. 3-11", 0.1)])
 def test_row_40_the_flow_pulls_the_slope(figure, frequency):
     """Lines of numpy through closed forms; 3 um of noise move a slope by less than 4e-4 mm/C."""

@@ -69,6 +69,7 @@ def limited_time(seconds, limit):
     return total
 
 
+@pytest.mark.slow
 def test_row_42_the_square_wave_takes_more_than_there_is():
     """The first turn of 1.2 V meets a capacitance that has come from 0 to 0.6 V but for exp(-5 s /
     R1 C).

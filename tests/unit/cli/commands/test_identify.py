@@ -33,7 +33,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_parameters_of_any_fmu(folder, workers):
     call = ["r.csv", "--model", "one_state.fmu", "--fit", "tau", "--workers", workers]
     said = works(
@@ -58,6 +58,7 @@ def test_a_page_is_written_beside_the_rest(folder):
     assert "--report t.txt" in refused(folder, *call[:-1], "t.txt")
 
 
+@pytest.mark.slow
 def test_profiles_stand_beside_the_ellipse(folder):
     call = ["identify", "r.csv", "--model", "one_state.fmu", "--fit", "tau", "--profile", "tau"]
     said = works(*call, "--profile-plot", "profile.png", "--json", "p.json", cwd=folder)
@@ -70,6 +71,7 @@ def test_profiles_stand_beside_the_ellipse(folder):
     )
 
 
+@pytest.mark.slow
 @posix
 def test_an_interrupted_profile_leaves_nothing(folder):
     (folder / "scratch").mkdir()

@@ -27,6 +27,7 @@ def test_a_front_is_told_drawn_and_written(tmp_path):
 LONG = (*CALL, *BOTH[:2])
 
 
+@pytest.mark.slow
 @posix
 def test_an_interrupt_keeps_what_is_done_and_the_same_command_goes_on(tmp_path):
     call = (*LONG, "--levels", 400, "--json", "f.json")

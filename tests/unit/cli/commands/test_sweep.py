@@ -48,6 +48,7 @@ def test_a_page_is_written_beside_the_rest(folder):
     assert "--report a.txt" in refused(folder, *CALL, "--over", "tau=1..2:2", "--report", "a.txt")
 
 
+@pytest.mark.slow
 def test_interrupted_it_goes_on(folder):
     call = [*CALL, "--over", "tau=0.5..2:4000", "--step", "0.01s", "--out", "b.nc"]
     (folder / "scratch").mkdir(exist_ok=True)
@@ -60,6 +61,7 @@ def test_interrupted_it_goes_on(folder):
     assert found["x_last"].values == pytest.approx(2.0 * (1.0 - np.exp(-5.0 / found["tau"].values)))
 
 
+@pytest.mark.slow
 def test_workers_are_silent_where_a_sweep_is_interrupted(folder):
     call = [
         *CALL,

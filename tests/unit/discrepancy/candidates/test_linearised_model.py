@@ -413,6 +413,7 @@ def test_the_predicted_amount_is_the_best_of_all():
 # --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_colour_of_the_base_swallows_a_drift_as_the_decision_says():
     ((scored, improved),) = re.findall(
         r"scored ([\d.]+), and ([\d.]+) with", DECISION.read_text(encoding="utf-8")

@@ -42,6 +42,7 @@ def figure(experiment, true_model):
     return next(e.bic for e in experiment.expected if e.true_model == true_model)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hidden", HIDDEN)
 def test_what_a_dull_record_cannot_tell_apart_the_designed_experiment_does(hidden):
     _, selection = ambiguous(hidden)

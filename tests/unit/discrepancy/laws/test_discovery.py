@@ -46,6 +46,7 @@ def found_spring(spring):
     return discover(spring[1])
 
 
+@pytest.mark.slow
 def test_a_curve_and_what_the_model_has_are_the_plants_law(drag, found_drag):
     drawn, _ = drag
     best = found_drag.corrections[0]
@@ -64,6 +65,7 @@ def test_it_is_confirmed_by_what_no_fit_has_seen(plant, request):
     assert all(after[o] < 0.5 * before[o] for o in before)
 
 
+@pytest.mark.slow
 def test_what_is_likelier_and_simulates_worse_is_not_confirmed(found_drag):
     best = found_drag.corrections[0]
     before, after = best.errors
@@ -85,6 +87,7 @@ def test_nothing_is_found_where_nothing_is_hidden(tmp_path, seed):
     assert not [one for one in found.corrections if one.confirmed]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("others", "much"),
     [
@@ -109,6 +112,7 @@ def test_the_first_order_may_be_wrong(drag, monkeypatch, others, much):
     assert best.entry.key[:2] == ("friction", "omega")
 
 
+@pytest.mark.slow
 def test_of_several_that_a_record_cannot_tell_apart_the_others_are_told_beside_the_first(
     found_drag,
 ):
@@ -123,6 +127,7 @@ def test_of_several_that_a_record_cannot_tell_apart_the_others_are_told_beside_t
     assert ("friction", "omega", "") not in told
 
 
+@pytest.mark.slow
 def test_shapes_are_told_in_the_order_of_their_criterion(found_drag):
     best = found_drag.corrections[0]
     above = [criterion for _, criterion in best.shapes]

@@ -59,6 +59,7 @@ def test_a_node_behind_is_what_a_loss_remembers(wall):
     assert best.entry.signal.constant == pytest.approx(constant, rel=0.05)
 
 
+@pytest.mark.slow
 def test_what_is_in_proportion_is_a_straight_curve_with_the_band_of_its_amount(wall):
     base, search = wall.selection.base, search_of(wall)
     found = LawMap(search, base, {"loss remembering outer"})
@@ -76,6 +77,7 @@ def test_what_is_in_proportion_is_a_straight_curve_with_the_band_of_its_amount(w
     assert np.sqrt(np.diag(one.curve.covariance)) == pytest.approx(np.abs(spread * knots))
 
 
+@pytest.mark.slow
 def test_a_lag_is_longer_than_a_sample_and_shorter_than_the_record(wall):
     base, search = wall.selection.base, search_of(wall)
     found = LawMap(search, base)

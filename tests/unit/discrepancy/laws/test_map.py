@@ -12,6 +12,7 @@ from orchestration.discrepancy.laws.map import LawMap
 from orchestration.discrepancy.laws.signals import signal_along
 
 
+@pytest.mark.slow
 def test_the_map_has_the_right_law_and_signal_among_the_first(drag, spring):
     for (_, diagnosis), law, signal in ((drag, "friction", "omega"), (spring, "gravity", "angle")):
         found = LawMap(search_of(diagnosis), diagnosis.selection.base)
@@ -25,6 +26,7 @@ def test_the_map_has_the_right_law_and_signal_among_the_first(drag, spring):
         assert right[0].curve.gain > max(10.0 * found.chance, 0.95 * entries[0].curve.gain)
 
 
+@pytest.mark.slow
 def test_of_laws_that_do_the_same_each_is_multiplied(spring):
     """A torque may be added anywhere in a balance, but a friction that grows with the angle is no
     other gravity.
@@ -59,6 +61,7 @@ def by_itself(law_map, record, entry):
     return curve, free @ curve.values, step
 
 
+@pytest.mark.slow
 def test_signals_that_are_scored_together_are_as_each_by_itself(drag):
     law_map = LawMap(search_of(drag[1]), drag[1].selection.base)
     entries = law_map.entries()

@@ -62,7 +62,7 @@ def written(result):
         voltage,
         lines=[SpectralLine(0.8, 1e-3, 0.0)],
         level_shifts=[LevelShift(3.0, 1e-3, 0.0)],
-        input_steps=ExcessVariance(9.0, 0.0),
+        tests=[ExcessVariance(9.0, 0.0)],
     )
     late = step.chosen.candidate.with_effect(transport_delay(PpyActuator, "voltage"))
     correction = replace(step, chosen=replace(step.chosen, candidate=late))
@@ -102,10 +102,12 @@ def written(result):
     }
 
 
+@pytest.mark.slow
 def test_the_fields_documented_are_those_written(written):
     assert {path for path, _ in fields(written)} == set(documented())
 
 
+@pytest.mark.slow
 def test_what_corrects_the_shape_of_a_cause_is_told_with_it(written):
     (cause,) = written["causes"]
     assert cause["effect"] == "sensor_lag"
@@ -123,6 +125,7 @@ def test_what_corrects_the_shape_of_a_cause_is_told_with_it(written):
     assert (size["value"], size["ci95"], size["unit"]) == (lag["value"], lag["ci95"], "s")
 
 
+@pytest.mark.slow
 def test_units_are_told_of_numbers_and_of_nothing_else(written):
     """A number without a unit beside it is one, ``1`` included; words and truths have none."""
     shown = documented()
@@ -131,6 +134,7 @@ def test_units_are_told_of_numbers_and_of_nothing_else(written):
         assert bool(shown[path][0]) == number, path
 
 
+@pytest.mark.slow
 def test_percent_and_shares_are_what_is_said(result):
     """Held against NumPy: 100 (1 - |y - yhat| / |y - mean(y)|), and the share that is taken off."""
     diagnosis, figures = result.diagnosis, diagnosis_summary(replace(result, gain=None))
@@ -148,6 +152,7 @@ def test_percent_and_shares_are_what_is_said(result):
         assert fit == pytest.approx(100.0 * (1.0 - diagnosis.before[output]))
 
 
+@pytest.mark.slow
 def test_the_gain_is_that_of_the_fmus_where_they_were_run(result):
     gain = replace(result.gain, before={"voltage": 0.5}, after={"voltage": np.nan})
     figures = diagnosis_summary(replace(result, gain=gain))["gain"]
@@ -155,6 +160,7 @@ def test_the_gain_is_that_of_the_fmus_where_they_were_run(result):
     assert figures["holdout_nrmse_after"] == {"voltage": None}
 
 
+@pytest.mark.slow
 def test_delta_bic_of_an_alternative_is_the_evidence_for_it(written, result):
     """As it was when it was held against what was named, whatever was fitted since."""
     step = result.diagnosis.selection.steps[0]
@@ -170,12 +176,14 @@ def test_delta_bic_of_an_alternative_is_the_evidence_for_it(written, result):
     }.items() <= step.gains.items()
 
 
+@pytest.mark.slow
 def test_a_note_is_written_as_code_subject_and_sentence(written):
     assert written["notes"] == [
         {"code": "not_simulated", "subject": "slack", "message": "slack was not judged: too stiff"}
     ]
 
 
+@pytest.mark.slow
 def test_what_is_not_known_is_null():
     """A record of the voltage says nothing about springs: only what is believed of them, nothing
     where they start.
@@ -194,6 +202,7 @@ def test_what_is_not_known_is_null():
     assert known["maxwell_elongation_start"]["ci95"] == [None, None]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verdict", Verdict)
 def test_every_verdict_is_documented(result, verdict):
     assert sentence(replace(result.diagnosis, verdict=verdict))

@@ -37,6 +37,7 @@ def test_a_missing_input_and_what_cannot_be_known_are_in_the_headline(actuator):
     assert " ".join(headline.split()) in printed
 
 
+@pytest.mark.slow
 def test_why_an_effect_was_rejected_is_said_on_the_terminal_too(actuator):
     effects = ["strain_saturation", "quadratic_strain"]
     result = diagnose(

@@ -52,6 +52,7 @@ def lagging():
     return diagnose(Cell, long_record(lag=0.3), EFFECTS)
 
 
+@pytest.mark.slow
 def test_an_effect_is_named_as_in_a_short_record(lagging):
     short = diagnose(Cell, long_record(lag=0.3).part(0, 3000), EFFECTS)
     assert lagging.causes == short.causes == ["sensor_lag(voltage)"]
@@ -59,6 +60,7 @@ def test_an_effect_is_named_as_in_a_short_record(lagging):
     assert NoteCode.SEARCHED_IN_PART not in notes(short)
 
 
+@pytest.mark.slow
 def test_an_effect_for_which_all_samples_do_not_speak_is_noted_and_not_named(monkeypatch, lagging):
     assert NoteCode.NOT_IN_ALL_SAMPLES not in notes(lagging)
     monkeypatch.setattr(all_samples, "ACCEPT", np.inf)
@@ -70,6 +72,7 @@ def test_an_effect_for_which_all_samples_do_not_speak_is_noted_and_not_named(mon
     assert subjects[NoteCode.NOT_IN_ALL_SAMPLES] == "sensor_lag(voltage)"
 
 
+@pytest.mark.slow
 def test_every_sample_is_fitted_to_and_judged_by(lagging):
     assert lagging.final.fit.samples == SAMPLES
     assert lagging.selection.best.fit.samples == len(lagging.estimation.time) == SAMPLES * 2 // 3

@@ -38,6 +38,7 @@ def judged(data: Dataset):
     return diagnosis, [note for note in diagnosis.notes if note.code is NoteCode.EVEN_CLOCK]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "held"), slow_but(KINDS, ("chirp", False)))
 def test_stamps_that_are_off_are_left_out(kind, held):
     deviations = []

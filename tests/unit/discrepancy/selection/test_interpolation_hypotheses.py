@@ -59,6 +59,7 @@ def judged(data, effects):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("course", "held"), [("chirp", True), ("triangle", False)])
 def test_a_lag_is_found_where_a_model_without_it_takes_the_input_the_wrong_way(course, held):
     data = record(course, held)
@@ -72,6 +73,7 @@ def test_a_lag_is_found_where_a_model_without_it_takes_the_input_the_wrong_way(c
     )  # which lag is which is not to be told, how late both are is
 
 
+@pytest.mark.slow
 def test_what_is_given_stands():
     data = replace(record("chirp", True), linear=True)
     assert (

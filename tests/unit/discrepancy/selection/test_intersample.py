@@ -163,6 +163,7 @@ def test_what_the_model_lacks_is_not_taken_for_the_input(hidden):
     assert {choice.linear for choice in chosen.values()} == {False}
 
 
+@pytest.mark.slow
 def test_outliers_do_not_tell_what_an_input_does():
     """One sample in fifty is dozens of deviations off; what the others ask for is to be heard."""
     deviations = []

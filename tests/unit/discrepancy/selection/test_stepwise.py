@@ -146,6 +146,7 @@ def late_cell_record(seed, period=0.5, count=800, settled=400):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_cause_that_was_missed_at_first_is_named_alone_where_it_needs_no_other(monkeypatch, seed):
     """A second pair follows a delay closely, and what is left of it is less than a tenth."""

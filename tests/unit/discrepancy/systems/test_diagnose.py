@@ -74,6 +74,7 @@ def sources(member):
     }
 
 
+@pytest.mark.slow
 def test_a_record_of_the_system_itself_blames_nobody(tmp_path):
     diagnosis = watched(tmp_path)
     assert verdicts(diagnosis) == ALL_RIGHT
@@ -99,6 +100,7 @@ def saturating(tmp_path_factory):
     )
 
 
+@pytest.mark.slow
 def test_the_member_with_another_structure_is_named(saturating):
     assert verdicts(saturating) == ALL_RIGHT | {"actuator": "wrong"}
     assert saturating.wrong == ["actuator"]
@@ -108,6 +110,7 @@ def test_the_member_with_another_structure_is_named(saturating):
     assert "whatever its parameters" in describe_reasons(actuator)
 
 
+@pytest.mark.slow
 def test_the_fields_documented_of_a_system_are_those_written(saturating):
     named = replace(saturating.members[0], causes=["one"], alternatives=["another"])
     shown = replace(saturating, members=[named, *saturating.members[1:]])
@@ -205,6 +208,7 @@ def changes(diagnosis):
     }
 
 
+@pytest.mark.slow
 def test_the_limit_of_the_galvanostat(tmp_path):
     diagnosis = watched(
         tmp_path,
@@ -214,6 +218,7 @@ def test_the_limit_of_the_galvanostat(tmp_path):
     assert changes(diagnosis) == {"galvanostat": {"current_limit": pytest.approx(0.45, rel=0.002)}}
 
 
+@pytest.mark.slow
 def test_the_voltage_limit_of_the_estimator(tmp_path):
     diagnosis = watched(tmp_path, values={"estimator.initial_voltage_limit": 1.1})
     assert changes(diagnosis) == {

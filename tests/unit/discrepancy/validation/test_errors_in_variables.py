@@ -119,6 +119,7 @@ def test_noise_that_the_outputs_follow_is_an_input():
     assert NoteCode.INPUT_NOISE not in {note.code for note in diagnosis.notes}
 
 
+@pytest.mark.slow
 def test_what_is_there_is_named_through_noise_on_the_inputs():
     data = short_record("strain_saturation")
     random = np.random.default_rng(1)

@@ -60,6 +60,7 @@ def test_a_record_of_another_specimen_is_not_followed_and_no_model_is_consistent
     assert note.facts["errors"]["voltage"] == pytest.approx(expected, rel=0.4)
 
 
+@pytest.mark.slow
 def test_what_the_fitted_record_leaves_open_is_no_fault_where_it_matters():
     """A current that hardly moves leaves the resistances open by far more than the noise."""
     weak = measured(0, 0.0)
@@ -88,6 +89,7 @@ def test_what_a_record_has_for_itself_makes_up_for_what_is_uncertain():
     assert astray(diagnosed(other, several("a"), each=["ocv"]))
 
 
+@pytest.mark.slow
 def test_of_several_records_those_that_are_not_followed_are_told():
     records = several("abcdef", {**dict.fromkeys("abcde", 3.3), "f": 3.5})
     (note,) = astray(diagnose(Cell, records, [], TRUE, held=["ocv"]))

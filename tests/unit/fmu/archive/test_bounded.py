@@ -57,9 +57,10 @@ BOMB = (
     [
         (NESTED, "modelDescription.xml has elements in elements, more than 100 deep"),
         (BOMB, "modelDescription.xml has a document type declaration; it is not read"),
-        (
+        pytest.param(
             DESCRIPTION % ("<a/>" * 1_000_001),
             "modelDescription.xml has more than 1,000,000 elements",
+            marks=pytest.mark.slow,
         ),
         (DESCRIPTION % (" " * 2**26), "modelDescription.xml has 67109"),
         (DESCRIPTION % "<", "modelDescription.xml cannot be read"),
@@ -80,6 +81,7 @@ def test_many_entries_are_refused(tmp_path):
         check_fmu(path)
 
 
+@pytest.mark.slow
 def test_what_unpacks_to_more_than_a_gigabyte_is_refused(tmp_path):
     path = fmu(tmp_path)
     grown(path, "resources/zeros", 1025)

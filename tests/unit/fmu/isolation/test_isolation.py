@@ -95,7 +95,9 @@ def response(points):
     return 1.0 - np.exp(-TIME[:points])
 
 
-@pytest.mark.parametrize("name", ACTS)
+@pytest.mark.parametrize(
+    "name", slow_but(ACTS, *(name for name in ACTS if name != "takes_all_memory"))
+)
 def test_a_simulation(name, folder, nothing_left):
     where, _, told = ACTS[name]
     call = (str(build(name, folder)), {"u": 1.0})

@@ -58,6 +58,7 @@ def test_a_process_whose_function_fails_is_asked_again():
         assert len(pool._started) == 1
 
 
+@pytest.mark.slow
 def test_whoever_looks_at_a_worker_at_any_moment_sees_what_it_does(monkeypatch, tmp_path):
     """Looks without a pause: what a run is described by is there whenever the run goes on."""
     monkeypatch.setattr("orchestration.fmu.isolation.process._PERIOD", 1e-5)

@@ -167,6 +167,7 @@ def found(records):
     return [identified(record, nc=1, nd=1) for record in records]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("offset", "d1", "least"),
     slow_but(
@@ -188,6 +189,7 @@ def test_the_free_run_is_the_truth_within_a_percent(offset, d1, least):
     assert min(fits) >= 97.0
 
 
+@pytest.mark.slow
 def test_parameters_are_the_true_ones_within_three_percent_or_two_standard_errors(found):
     off = [
         (seed, p.name, p.value)
@@ -213,10 +215,12 @@ def scores(results, names):
     )
 
 
+@pytest.mark.slow
 def test_standard_errors_are_the_scatter(found):
     assert np.sqrt(np.mean(scores(found, BOX_JENKINS) ** 2)) == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.slow
 def test_standard_errors_of_output_error_models_allow_for_coloured_noise(records):
     results = [identified(record, output_error) for record in records]
     paths = [name for name in BOX_JENKINS if name[0] in "bf"]
@@ -226,6 +230,7 @@ def test_standard_errors_of_output_error_models_allow_for_coloured_noise(records
     )
 
 
+@pytest.mark.slow
 def test_residuals_are_white_and_those_of_output_error_models_are_not(records, found):
     assert sum(result.residual_tests().passed for result in found) >= 18
     result = identified(records[0], output_error).residual_tests()
@@ -251,6 +256,7 @@ def test_noise_model_agrees_with_statsmodels():
     assert result.model.noise_variance == pytest.approx(variance, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-7, 1e6])
 def test_units_do_not_matter(records, found, scale):
     data = input_output_data(
@@ -266,6 +272,7 @@ def test_units_do_not_matter(records, found, scale):
     )
 
 
+@pytest.mark.slow
 def test_large_offsets_do_not_matter(records, found):
     data = input_output_data(
         records[0].inputs + np.array([1e4, -300.0]), records[0].output + 1e5, 0.1

@@ -105,6 +105,7 @@ def test_what_does_not_excite_a_model_is_refused():
     assert box_jenkins(sine, 1, 1, 0, 0).parameter("f1_1").value == pytest.approx(-0.7, abs=0.05)
 
 
+@pytest.mark.slow
 def test_what_excites_weakly_is_told():
     slow = data(np.sign(np.sin(2 * np.pi * TIME / 500.0 + 0.1)))
     weak = [m for m in box_jenkins(slow, 4, 4, 0, 0).messages if "excites weakly" in m]

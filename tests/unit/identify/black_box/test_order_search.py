@@ -25,6 +25,7 @@ def search():
     return search_orders(*divided(), path_orders=(1, 2), noise_orders=(1, 2), nk=[1, 2])
 
 
+@pytest.mark.slow
 def test_the_smallest_model_that_holds_the_one_that_drew_the_data_is_chosen(search):
     """Its second path has two coefficients in the numerator, and so order two in this grid."""
     chosen = search.chosen
@@ -32,6 +33,7 @@ def test_the_smallest_model_that_holds_the_one_that_drew_the_data_is_chosen(sear
     assert chosen.validation_fit > max(row.validation_fit for row in search.best) - 0.5
 
 
+@pytest.mark.slow
 def test_all_combinations_are_there(search):
     counted = {
         s: sum(row.structure == s for row in search.rows)
@@ -41,10 +43,12 @@ def test_all_combinations_are_there(search):
     assert search.left_out == ()
 
 
+@pytest.mark.slow
 def test_rows_are_judged_by_the_same_samples(search):
     assert {len(row.identification.residual) for row in search.rows} == {1500 - 3}
 
 
+@pytest.mark.slow
 def test_figures_are_those_of_the_models(search):
     estimation, validation = divided()
     row = next(
@@ -60,6 +64,7 @@ def test_figures_are_those_of_the_models(search):
     assert row.bic == pytest.approx(np.log(v) + np.log(1497) * row.identification.count / 1497)
 
 
+@pytest.mark.slow
 def test_the_table_is_laid_out_like_table_3_2(search):
     lines = search.table().splitlines()
     head = (
@@ -90,6 +95,7 @@ def test_the_criterion_can_be_that_of_the_thesis():
     assert search.best[-1].aic == min(row.aic for row in bj)
 
 
+@pytest.mark.slow
 def test_free_runs_over_unseen_data_choose_among_structures(search):
     """The row is chosen by simulation even where another predicts one sample better."""
     by_criterion, other = search.best[0], search.best[2]

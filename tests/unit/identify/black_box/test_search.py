@@ -85,6 +85,7 @@ MISSED = [(fresh, 9004)]
 CASES = [*((of_the_study, seed) for seed in range(6)), *((fresh, seed) for seed in SEEDS)]
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(1200)  # 50 searches by differences over 6000 samples
 @pytest.mark.parametrize(
     ("draw", "seed"),
@@ -131,7 +132,7 @@ def offset_of_bic(found):
     return np.log(samples) / samples
 
 
-@pytest.mark.parametrize("seed", slow_but(SEEDS, SEEDS[0], SEEDS[2]))
+@pytest.mark.parametrize("seed", slow_but(SEEDS, SEEDS[2]))
 def test_no_loss_is_above_that_of_a_contained_model(seed):
     inputs, output, _ = fresh(seed)
     data = input_output_data(inputs[:, :1], output, 1.0)

@@ -70,6 +70,7 @@ def test_in_noise_it_predicts_as_the_kalman_filter_of_the_truth():
         assert result.model.noise_response(9) == pytest.approx(np.array(true), abs=0.15)
 
 
+@pytest.mark.slow
 def test_it_is_near_what_the_data_allow():
     """Use as many states as the innovations form of a Box-Jenkins system, paths and noise."""
     fits = []

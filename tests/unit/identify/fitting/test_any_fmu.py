@@ -189,6 +189,7 @@ def test_where_it_fails_itself_is_told_in_a_line(noisy):
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.slow
 def test_a_process_that_ends_is_told_in_a_line(lag):
     with FmuWithDifferences(lag, ["tau"], ["x"], workers=2) as fmu:
         fmu.run(SimulationInput(TIME, {"u": np.ones(101)}, {"tau": 1.0}))

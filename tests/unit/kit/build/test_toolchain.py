@@ -44,7 +44,7 @@ def test_without_a_compiler_the_message_says_what_to_install(target):
 
 @pytest.mark.usefixtures("no_compiler")
 def test_a_build_without_a_compiler_says_it_too():
-    with pytest.raises(UserError, match=r"pip install 'ppy-rig\[native\]'"):
+    with pytest.raises(UserError, match=r'pip install "ppy-rig\[native\]"'):
         build.build(Divider, "native")
 
 
@@ -105,6 +105,7 @@ def test_a_compiler_that_says_nothing_is_told_too(monkeypatch, source):
         compile_library([source], [], "linux64")
 
 
+@pytest.mark.slow
 @zig
 @pytest.mark.parametrize(
     ("target", "magic"),
@@ -162,6 +163,7 @@ def test_universal_libraries_hold_their_parts(sizes):
     ]
 
 
+@pytest.mark.slow
 @zig
 def test_darwin_library_is_universal(source, tmp_path):
     library = compile_library([source], [], "darwin64")

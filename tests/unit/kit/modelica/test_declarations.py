@@ -1,5 +1,7 @@
 """Claims: variables have type, causality and attributes; what an FMU computes has no start."""
 
+import pytest
+
 from fmus import component
 from fmus.kit.modelica.declarations import declarations, declared_identifiers
 from tests.support.kit_samples import Thermostat
@@ -25,6 +27,7 @@ def test_states_start_from_their_parameters():
     assert named("energy(").startswith('Real energy(start=energy_start, fixed=true, unit="J"')
 
 
+@pytest.mark.slow
 def test_of_what_is_computed_elsewhere_only_the_interface_is_there():
     lines = [l for l in declarations(Thermostat, states=False) if not l.startswith("parameter")]
     assert any(line.startswith("Interfaces.BooleanOutput on ") for line in lines)

@@ -16,6 +16,7 @@ from fmus.kit.build.toolchain import compile_library, host_platform
 from fmus.kit.modelica import class_name, package_files
 from tests.support.kit_samples import Thermostat
 from tests.support.modelica import parse_by_pymoca, write
+from tests.support.pace import slow_but
 
 C = Path(__file__).parents[3] / "support" / "c" / "modelica"
 CLASSES = [fmus.component("galvanostat"), fmus.component("foot"), Thermostat]
@@ -150,7 +151,7 @@ def test_what_fails_is_told_by_the_fmu(files, library):
     library.close_fmu(fmu)
 
 
-@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.name)
+@pytest.mark.parametrize("cls", slow_but(CLASSES, CLASSES[0], CLASSES[2]), ids=lambda cls: cls.name)
 def test_the_interface_is_that_of_the_model(cls, files):
     package = parse_by_pymoca(files).classes["PpyRig"]
     name = class_name(cls.name)

@@ -110,7 +110,7 @@ def test_bench_is_the_monolithic_solution_slack_and_saturation_included():
 def test_foot_under_four_currents_is_the_motion_of_its_points():
     system, feet, currents = (
         library.system("foot_gait"),
-        library.FEET,
+        ("an", "po", "do", "pl"),
         np.array([1.0, -0.6, 0.5, -0.8]),
     )
     flowed = [system.member(a).parameters["maxwell_elongation_start"] for a in feet]

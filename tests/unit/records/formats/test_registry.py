@@ -67,13 +67,14 @@ def test_an_absent_library_is_named_with_the_command_that_installs_it(
 
     def without(target, *arguments, **options):
         if target.split(".")[0] == module:
-            raise ImportError(target)
+            raise ModuleNotFoundError(target, name=target.partition(".")[0])
         return original(target, *arguments, **options)
 
     path = write(tmp_path, b"PAR1" if module == "pyarrow" else b"TDSm", name)
     monkeypatch.setattr(builtins, "__import__", without)
-    (tmp_path / f"{module}.py").write_text("raise ImportError")  # for a process that reads
+    absent = f"raise ModuleNotFoundError(name={module!r})"  # for a process that reads
+    (tmp_path / f"{module}.py").write_text(absent)
     monkeypatch.setenv(
         "PYTHONPATH", os.pathsep.join([str(tmp_path), str(Path(__file__).parents[4])])
     )
-    assert "pip install 'ppy-rig[records]'" in refusal(path)
+    assert 'pip install "ppy-rig[records]"' in refusal(path)

@@ -14,9 +14,9 @@ from nidaqmx.constants import TerminalConfiguration
 from nidaqmx.error_codes import DAQmxErrors
 
 from fmus.kit.errors import UserError
+from fmus.kit.registry import presets
 from orchestration.rig.backends.backend import Backend
 from orchestration.rig.backends.registry import device_names, open_backend
-from orchestration.rig.calibration import presets
 from tests.support.rig import daqmx
 
 ZERO = {"Dev1/ao0": 0.0, "Dev1/ao1": 0.0}

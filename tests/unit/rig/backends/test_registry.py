@@ -118,12 +118,12 @@ def test_a_library_that_is_not_installed_is_named(
 
     def without(name: str, *arguments: Any, **named: Any) -> Any:
         if name.partition(".")[0] == library:
-            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+            raise ModuleNotFoundError(f"No module named {library!r}", name=library)
         return real(name, *arguments, **named)
 
     monkeypatch.delitem(sys.modules, f"orchestration.rig.backends.{spec}", raising=False)
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(UserError, match=rf"^backend {spec}: .*pip install 'ppy-rig\[{extra}\]'$"):
+    with pytest.raises(UserError, match=rf'pip install "ppy-rig\[{extra}\]"$'):
         open_backend(spec, {})
 
 

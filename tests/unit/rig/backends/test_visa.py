@@ -11,9 +11,9 @@ import pytest
 import pyvisa
 
 from fmus.kit.errors import UserError
+from fmus.kit.registry import presets
 from orchestration.rig.backends.backend import Backend
 from orchestration.rig.backends.registry import device_names, open_backend
-from orchestration.rig.calibration import presets
 from tests.support import source
 
 LIBRARY = f"{source.ROOT / 'tests' / 'support' / 'rig' / 'instruments.yaml'}@sim"

@@ -100,6 +100,7 @@ def test_arrays_that_are_connected_whole_are_one_connection(system, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_connections_of_most_elements_take_no_longer_than_of_all(tmp_path):
     count = 20_000
     fmu = pack(

@@ -21,6 +21,7 @@ def widths(drawn, residual):
     return {o: float(np.sqrt(np.mean(e**2))) / drawn.deviation[o] for o, e in residual.items()}
 
 
+@pytest.mark.slow
 def test_a_free_course_lets_a_model_follow_where_its_own_run_tells_nothing(spring):
     drawn, diagnosis = spring
     base = diagnosis.selection.base
@@ -32,6 +33,7 @@ def test_a_free_course_lets_a_model_follow_where_its_own_run_tells_nothing(sprin
     assert widths(drawn, course.unexplained)["position"] < 1.5
 
 
+@pytest.mark.slow
 def test_a_course_is_what_the_plant_has_more(drag):
     drawn, diagnosis = drag
     base = diagnosis.selection.base

@@ -35,8 +35,8 @@ def test_without_platforms_it_has_all_that_pythonfmu_has():
 
 
 def test_without_pythonfmu_it_is_said_what_to_install(monkeypatch):
-    monkeypatch.setattr("fmus.kit.build.stock.archive.importlib.util.find_spec", lambda name: None)
-    with pytest.raises(UserError, match=r"pip install 'ppy-rig\[pythonfmu\]'"):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(UserError, match=r'pip install "ppy-rig\[pythonfmu\]"'):
         kit.build(component("ppy_actuator"), "pythonfmu")
 
 

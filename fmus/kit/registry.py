@@ -1,0 +1,405 @@
+"""Registry of packages of components, which installed distributions bring by entry points.
+
+A distribution names each of its packages in ``pyproject.toml``::
+
+    [project.entry-points."ppy_rig.components"]
+    tank = "tank_models:PACKAGE"
+
+The object is a `ComponentPackage`: data, in which ``module:name`` stands for what is imported when
+it is used. Packages are read once in a process. One that cannot be used is left out with a warning.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .errors import UserError, suggestion
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+    from .component import Component
+    from .effects import Effect
+
+GROUP = "ppy_rig.components"
+_OURS = "fmus"
+
+
+class RegistryWarning(UserWarning):
+    """A package of components was left out, and why."""
+
+
+@dataclass(frozen=True)
+class MemberDeclaration:
+    """A member of a system: a component with values of its own.
+
+    Attributes
+    ----------
+    component : str
+        Name of a component, of any package.
+    values : Mapping of str to float or str
+        Of parameters, and of inputs that stay at a value; in the units of the component.
+    effects : tuple of str
+        Ids of its effects that are added to it, innermost first.
+    model_name : str
+        Name of the component with these effects; needed if there are some.
+    """
+
+    component: str
+    values: Mapping[str, float | str] = field(default_factory=dict)
+    effects: tuple[str, ...] = ()
+    model_name: str = ""
+
+
+@dataclass(frozen=True)
+class SystemDeclaration:
+    """A system of components.
+
+    Attributes
+    ----------
+    name : str
+    summary : str
+        A sentence, which is the description of its SSP file.
+    members : Mapping of str to MemberDeclaration
+        By the name in the system, in the order in which they are stepped.
+    connections : tuple of str
+        Each as ``"member.output -> member.input"``.
+    inputs : Mapping of str to tuple of str
+        Inputs of members as ``"member.input"``, by the name of the input of the system.
+    outputs : tuple of str
+        Outputs of members as ``"member.output"``; the system has them by the name of the variable.
+    step, stop : float
+        Communication step and duration in s.
+    """
+
+    name: str
+    summary: str
+    members: Mapping[str, MemberDeclaration]
+    connections: tuple[str, ...]
+    inputs: Mapping[str, tuple[str, ...]]
+    outputs: tuple[str, ...]
+    step: float
+    stop: float
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Inputs that a rig can apply to a component.
+
+    Attributes
+    ----------
+    ranges : Mapping of str to tuple of float
+        Lowest and highest value of an input by its name, SI.
+    bandwidth : float
+        Highest frequency in Hz.
+    """
+
+    ranges: Mapping[str, tuple[float, float]]
+    bandwidth: float
+
+
+@dataclass(frozen=True)
+class StimulusDeclaration:
+    """Signals over time that an experiment can have as a kind of stimulus.
+
+    Attributes
+    ----------
+    summary : str
+        A sentence.
+    key : str
+        Key of the stimulus table whose value chooses one of the signals.
+    choices : tuple of str
+        Names of the signals.
+    unit : str
+        Of all of them.
+    signals : str
+        ``module:function`` of a function from times in s, an array of shape (n,), to a mapping from
+        names to arrays of shape (n,).
+    """
+
+    summary: str
+    key: str
+    choices: tuple[str, ...]
+    unit: str
+    signals: str
+
+
+@dataclass(frozen=True)
+class ComponentPackage:
+    """Components, and what belongs to them.
+
+    Attributes
+    ----------
+    components, proxies : Mapping of str to str
+        ``module:Class`` by the name of the component; proxies forward their signals to a rig and
+        need one to run.
+    default_model : str
+        The component that is meant where a command or a function is given no model.
+    excitations : Mapping of str to Excitation
+        By component.
+    declared_systems : tuple of SystemDeclaration
+    stimuli : Mapping of str to StimulusDeclaration
+        By the kind of stimulus.
+    experiment_folder, preset_folder : Path or None
+        Folders of experiments, and of calibrations of rigs: ``.toml`` files.
+    """
+
+    components: Mapping[str, str] = field(default_factory=dict)
+    proxies: Mapping[str, str] = field(default_factory=dict)
+    default_model: str = ""
+    excitations: Mapping[str, Excitation] = field(default_factory=dict)
+    declared_systems: tuple[SystemDeclaration, ...] = ()
+    stimuli: Mapping[str, StimulusDeclaration] = field(default_factory=dict)
+    experiment_folder: Path | None = None
+    preset_folder: Path | None = None
+
+    @property
+    def models(self) -> Mapping[str, str]:
+        """Components and proxies: ``module:Class`` by name."""
+        return {**self.components, **self.proxies}
+
+    @property
+    def systems(self) -> Mapping[str, SystemDeclaration]:
+        """Systems by name."""
+        return {system.name: system for system in self.declared_systems}
+
+    @property
+    def experiments(self) -> Mapping[str, Path]:
+        """Files of experiments by name."""
+        return _toml_files(self.experiment_folder)
+
+    @property
+    def presets(self) -> Mapping[str, Path]:
+        """Files of calibrations by name."""
+        return _toml_files(self.preset_folder)
+
+    def offered(self, name: str) -> Any:
+        """Return a component's class by its name: ``__getattr__`` of the module of the package.
+
+        The class is imported when it is first used, so that listing components imports none.
+        """
+        for place in self.models.values():
+            if place.endswith(f":{name}"):
+                return load(place)
+        raise AttributeError(f"no component class {name!r} in this package")
+
+
+_KINDS = {
+    "models": "component",
+    "systems": "system",
+    "stimuli": "kind of stimulus",
+    "experiments": "experiment",
+    "presets": "calibration",
+}
+"""Attribute of a package by which things have unique names -> their kind, for messages."""
+
+
+def _toml_files(folder: Path | None) -> dict[str, Path]:
+    return {path.stem: path for path in sorted(folder.glob("*.toml"))} if folder else {}
+
+
+# --- packages ------------------------------------------------------------------------------------
+
+
+@cache
+def packages() -> tuple[ComponentPackage, ...]:
+    """Return the packages that are installed.
+
+    Ours come first, and among them that of the default model, then those of others by the name of
+    their distribution.
+
+    Raises
+    ------
+    UserError
+        If there are none, not even ours: the installation is older than the source.
+    """
+    # a command that needs no component does not wait for it
+    from importlib.metadata import entry_points
+
+    loaded = [*_loaded(entry_points(group=GROUP))]
+    if not loaded:
+        raise UserError(
+            f"no package of components is installed (entry points {GROUP!r});"
+            " install ppy-rig again, a checkout by: pip install --no-deps -e ."
+        )
+    owners: dict[tuple[str, str], str] = {}
+    found = []
+    for entry, package in sorted(loaded, key=_place):
+        names = [(kind, name) for kind in _KINDS for name in getattr(package, kind)]
+        taken = next((one for one in names if one in owners), None)
+        if taken is None:
+            owners |= dict.fromkeys(names, entry.value)
+            found.append(package)
+        else:
+            kind, name = taken
+            _leave_out(entry, f"{owners[taken]} has a {_KINDS[kind]} {name!r} already")
+    return tuple(found)
+
+
+def _loaded(entries: Any) -> Iterator[tuple[EntryPoint, ComponentPackage]]:
+    """Yield entry points with the package that each gives."""
+    for entry in entries:
+        try:
+            package = entry.load()
+        except Exception as error:  # what the code of somebody else may raise
+            _leave_out(entry, f"{type(error).__name__}: {error}")
+            continue
+        if isinstance(package, ComponentPackage):
+            yield entry, package
+        else:
+            _leave_out(entry, f"it is no ComponentPackage but {type(package).__name__}")
+
+
+def _place(pair: tuple[EntryPoint, ComponentPackage]) -> tuple[bool, bool, str, str]:
+    entry, package = pair
+    is_ours = entry.module.partition(".")[0] == _OURS
+    return not is_ours, not package.default_model, _distribution(entry), entry.name
+
+
+def _distribution(entry: EntryPoint) -> str:
+    return entry.dist.name if entry.dist else ""
+
+
+def _leave_out(entry: EntryPoint, reason: str) -> None:
+    """Warn that a package is left out."""
+    text = f"components {entry.value} of {_distribution(entry)} are left out: {reason}"
+    warnings.warn(" ".join(text.split()), RegistryWarning, stacklevel=2)
+
+
+# --- what all packages have ----------------------------------------------------------------------
+
+
+@cache
+def _merged(kind: str) -> dict[str, Any]:
+    return {n: one for package in packages() for n, one in getattr(package, kind).items()}
+
+
+def components() -> dict[str, str]:
+    """Return ``module:Class`` of every component by name."""
+    return _merged("components")
+
+
+def proxies() -> dict[str, str]:
+    """Return ``module:Class`` of every proxy of a rig by name."""
+    return _merged("proxies")
+
+
+def systems() -> dict[str, SystemDeclaration]:
+    """Return every system by name."""
+    return _merged("systems")
+
+
+def stimuli() -> dict[str, StimulusDeclaration]:
+    """Return every kind of stimulus by name."""
+    return _merged("stimuli")
+
+
+def experiments() -> dict[str, Path]:
+    """Return the file of every experiment by name."""
+    return _merged("experiments")
+
+
+def presets() -> dict[str, Path]:
+    """Return the file of every calibration by name."""
+    return _merged("presets")
+
+
+@cache
+def models() -> dict[str, str]:
+    """Return ``module:Class`` of every component, then of every proxy, by name."""
+    return {**components(), **proxies()}
+
+
+def default_model() -> str:
+    """Return the name of the component that is meant where no model is named.
+
+    Raises
+    ------
+    UserError
+        If no package has one.
+    """
+    for package in packages():
+        if package.default_model:
+            return package.default_model
+    raise UserError("no model is named, and no installed package of components has a default")
+
+
+def excitation(name: str) -> Excitation | None:
+    """Return the inputs that a rig can apply to a component; None where that is not known."""
+    return _merged("excitations").get(name)
+
+
+# --- classes -------------------------------------------------------------------------------------
+
+
+def load(place: str) -> Any:
+    """Return the object that ``module:name`` stands for.
+
+    Raises
+    ------
+    UserError
+        If it cannot be imported.
+    """
+    module, _, name = place.partition(":")
+    try:
+        return getattr(import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise UserError(f"{place} cannot be imported: {error}") from error
+
+
+@cache
+def component(name: str) -> type[Component]:
+    """Load a component class by its FMU name.
+
+    Raises
+    ------
+    UserError
+        If there is none of that name, or it cannot be imported.
+    """
+    from .component import Component
+
+    known = models()
+    if name not in known:
+        raise UserError(f"no component named {name!r}{suggestion(name, known)}")
+    loaded = load(known[name])
+    if not (isinstance(loaded, type) and issubclass(loaded, Component) and loaded.name == name):
+        raise UserError(f"{known[name]} is no component with name = {name!r}")
+    return loaded
+
+
+def is_registered(cls: type[Component]) -> bool:
+    """Return whether a class is a registered component, without effects."""
+    return cls.name in models() and component(cls.name) is cls
+
+
+def effects(name: str) -> dict[str, type[Effect]]:
+    """Collect the effects of a component by id.
+
+    They are ``EFFECTS`` of its package's module ``effects``, if there is one.
+
+    Where a package has several components, an effect of a law that one of them has not is none of
+    its own.
+
+    Raises
+    ------
+    UserError
+        If there is no component of that name.
+    """
+    from importlib.util import find_spec
+
+    cls = component(name)
+    module = cls.__module__.rpartition(".")[0] + ".effects"
+    if module == ".effects" or not find_spec(module):
+        return {}
+    known: dict[str, type[Effect]] = import_module(module).EFFECTS
+    return {
+        id: effect
+        for id, effect in known.items()
+        if not effect.term.law or hasattr(cls, effect.term.law)
+    }
