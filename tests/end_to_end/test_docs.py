@@ -90,6 +90,7 @@ THE_READERS = {
     "tank.py",
     "test_tank.py",
 }  # files that a reader would write
+SCRIPTS = ("benchmarks", "studies", "tests")  # folders
 OTHER_PROGRAMS = {"python", "pip", "pytest", "git", "make", "pre-commit"}
 NUMBER = re.compile(r"(?<![\w-])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
@@ -334,7 +335,7 @@ def commands_of(text: str) -> list[str]:
 def known_options() -> dict[str, set[str]]:
     """Options by the words that call a command of ours, and by the folder of a script."""
     known = options(typer.main.get_command(cli.app))
-    for folder in ("benchmarks", "studies"):
+    for folder in SCRIPTS:
         sources = [path.read_text(encoding="utf-8") for path in (ROOT / folder).rglob("*.py")]
         known[folder] = {
             option for text in sources for option in re.findall(r'"(--[a-z-]+)"', text)
@@ -346,7 +347,7 @@ def allowed_options(line: str) -> set[str]:
     """With a command before it an option is one of that command, else of any."""
     known = known_options()
     program, *words = line.removeprefix(".venv/bin/").removeprefix("python -m ").split() or [""]
-    if (folder := program.split(".")[0]) in ("benchmarks", "studies"):
+    if (folder := program.split(".")[0]) in SCRIPTS:
         return known[folder]
     if program == "ppy":
         words = [word for word in words if not word.startswith("-")]
