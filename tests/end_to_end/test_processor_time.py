@@ -10,9 +10,9 @@ TESTS = """
     import subprocess, sys, threading, time
     import pytest
 
-    BURN = "import time\\nwhile time.process_time() < 0.08: pass"
+    BURN = "import time\\nwhile time.process_time() < 0.1: pass"
 
-    def burn(seconds=0.08):
+    def burn(seconds=0.1):
         end = time.process_time() + seconds
         while time.process_time() < end:
             pass
@@ -81,11 +81,11 @@ def test_a_fast_test_that_takes_long_fails(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(test_costs=TESTS)
     pytester.makepyfile(costly_module="from test_costs import burn\nburn()")
     pytester.makeini("[pytest]\nmarkers = slow")
-    run = pytester.inline_run("-p", "no:cacheprovider", plugins=[ProcessorTimeLimit(0.05)])
+    run = pytester.inline_run("-p", "no:cacheprovider", plugins=[ProcessorTimeLimit(0.04)])
     reports = run.getreports("pytest_runtest_logreport")
     failed = {r.nodeid.partition("::")[2]: r for r in reports if r.failed}
     assert failed.pop("test_burns_and_fails").when == "call", "it fails for its own reason alone"
     assert set(failed) == OVER
     for name, report in failed.items():
         assert f"::{name} took 0." in report.longrepr
-        assert report.longrepr.endswith("a fast test has 0.05 s: make it quicker, or mark it slow")
+        assert report.longrepr.endswith("a fast test has 0.04 s: make it quicker, or mark it slow")
