@@ -217,6 +217,21 @@ def test_a_public_workflow_calls_what_there_is(name: str) -> None:
     assert set(called) <= set(targets)
 
 
+def test_what_make_test_leaves_out_is_run_every_night() -> None:
+    """By the targets in the table of CONTRIBUTING.md."""
+    page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rows = page.split("| left out of `make test` | run by |\n|---|---|\n")[1].split("\n\n")[0]
+    wanted = {t for row in rows.splitlines() for t in re.findall(r"`make ([\w-]+)` ?[|,]", row)}
+    assert wanted == {"test-slow", "docs", "dist"}
+    workflow = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text(encoding="utf-8"))
+    assert workflow[True]["schedule"]  # YAML 1.1 reads `on` as true
+    nightly = [
+        job for job in workflow["jobs"].values() if job.get("if", "schedule").count("schedule")
+    ]
+    steps = [step.get("run", "") for job in nightly for step in job["steps"]]
+    assert wanted <= set(re.findall(r"^make ([\w-]+)$", "\n".join(steps), re.M))
+
+
 def test_a_release_is_made_of_a_tag_and_publishes_without_a_secret() -> None:
     text = (ROOT / ".github/workflows/release.yml").read_text(encoding="utf-8")
     workflow = yaml.safe_load(text)
