@@ -44,6 +44,7 @@ def run(tmp_path, *options):
     return json.loads(told.stdout), told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.05, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_damaged_files_are_read_or_refused(tmp_path, share):
     counts = {kind: max(1, round(share * count)) for kind, count in COUNTS.items()}

@@ -33,6 +33,7 @@ def bilinear(b0, b1, a, period=0.1):
     return r1, r2, -1 / pole / (r1 + r2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_table_3_1_by_another_route(number):
     theta, entries = TABLE[number - 1]

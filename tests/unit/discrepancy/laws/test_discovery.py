@@ -57,6 +57,7 @@ def test_a_curve_and_what_the_model_has_are_the_plants_law(drag, found_drag):
     assert whole[inner] == pytest.approx(truth[inner], abs=0.03 * np.abs(truth).max())
 
 
+@pytest.mark.slow
 @each
 def test_it_is_confirmed_by_what_no_fit_has_seen(plant, request):
     best = request.getfixturevalue(plant).corrections[0]

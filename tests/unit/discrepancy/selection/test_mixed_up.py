@@ -28,6 +28,7 @@ class TwiceShown(Motor):
         return self.acceleration()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("how", "code"),
     [

@@ -135,6 +135,7 @@ def test_gauss_seidel_has_the_smaller_error_of_two_moving_members_and_extrapolat
         assert (linear.errors[name] < 0.1 * jacobi.errors[name]).all(), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "method"),
     slow_but(
