@@ -132,7 +132,8 @@ def _of_shipped(model: str, words: Mapping[str, str]) -> dict[str, str]:
     folder = module is not None and module.submodule_search_locations is not None
     effects = f"fmus/{package}/effects" + ("" if folder else ".py")
     is_rig = package == registry.component(registry.default_model()).__module__.split(".")[1]
-    more = {**words, "package": package, "effects": effects}
+    listed = "" if is_rig else ", and in `EFFECTS`"
+    more = {**words, "package": package, "effects": effects, "listed": listed}
     tests = _filled("effect", "places_rig" if is_rig else "places_component", more).rstrip()
     return {
         "model": f'"{model}"',
