@@ -1,4 +1,4 @@
-"""The command ``ppy``: its commands, each loaded when it is called, and what a failure becomes."""
+"""The command ``ppy``: its commands, each loaded when it is called, and the handling of errors."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ class _Commands(TyperGroup):
         return group
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the commands by what they are for; the whole fits a terminal of 24 lines."""
+        """Write the commands grouped by task, within a terminal of 24 lines."""
         formatter.write(f"Usage: ppy [{_OPTIONS}] COMMAND ... (examples: --help)\n")
         width = max(map(len, names()))
         for title, group in _groups().items():
@@ -129,7 +129,7 @@ def _alone(words: str) -> Any:
 
 @cache
 def _groups() -> _Groups:
-    """Return our own commands, then those that installed packages bring, by what they are for.
+    """Return our own commands, then those of installed packages, grouped by task.
 
     A package of somebody else that cannot be loaded takes no other command with it, and none
     replaces a command of ours.
@@ -200,7 +200,7 @@ def start(
         ),
     ] = False,
 ) -> None:
-    """Do what options before the command ask for; print the help where there is no command."""
+    """Apply the options before the command; print the help where there is no command."""
     if quiet and verbose:
         raise UserError("--quiet and --verbose contradict each other")
     if quiet or verbose:
@@ -237,7 +237,7 @@ def main() -> None:
 
 
 def _end_aborted(cause: BaseException | None) -> NoReturn:
-    """End an interrupt, or what typer takes for one: an end of file, wherever it was met."""
+    """End an interrupt, or an end of file, which typer takes for one."""
     if not isinstance(cause, EOFError):
         end_interrupted()
     if is_of_import(cause):
@@ -246,13 +246,13 @@ def _end_aborted(cause: BaseException | None) -> NoReturn:
 
 
 def _is_expected(error: Exception) -> bool:
-    """Return True for an error about what the user gave."""
+    """Return True for an error in the user's input."""
     # a usage error is told by what it can do: its class moved between versions of typer
     return isinstance(error, UserError) or hasattr(error, "format_message")
 
 
 def _message(error: Exception) -> str:
-    """Return what the user is told of an error."""
+    """Return the message of an error for the user."""
     if isinstance(error, UserError):
         return str(error)
     if hasattr(error, "format_message"):
