@@ -119,7 +119,7 @@ navigation = {
         "docs/benchmarks",
         "benchmarks/README",
     ],
-    "docs/decisions/index": ["docs/decisions/0*"],
+    "docs/decisions/index": ["docs/decisions/0*", "docs/decisions/archive"],
     "docs/project": ["docs/architecture", "docs/errata", "CONTRIBUTING", "CHANGELOG"],
 }
 

@@ -102,7 +102,6 @@ EXAMPLES = {
         "ppy rig bridge --endpoint tcp://rig:5570 --credentials keys/rig-client.toml",
         "ppy rig bridge --port 5590 --endpoint tcp://rig:5570 --credentials key.toml",
     ),
-    "rig check": ("ppy rig check", "ppy rig check --beyond-limits"),
     "rig demo": ("ppy rig demo", "ppy rig demo --seed 2 --out another-rig"),
 }
 

@@ -24,7 +24,7 @@ from orchestration.discrepancy.final_model import (
 from orchestration.discrepancy.note import MIXED_UP, Note, NoteCode
 from orchestration.discrepancy.residuals import (
     ResidualAnalysis,
-    Structure,
+    ResidualTest,
     residual_notes,
     robust_power,
 )
@@ -116,7 +116,7 @@ class Diagnosis:
     structure_of_input_noise: frozenset[tuple[str, type]] = frozenset()
     confirmations: dict[str, Confirmation] = field(default_factory=dict)
 
-    def unexplained_structure(self, output: str) -> list[Structure]:
+    def unexplained_structure(self, output: str) -> list[ResidualTest]:
         """Return structure in the residual of an output that input noise does not make by itself.
 
         The most telling comes first.

@@ -369,7 +369,7 @@ STUDY = Study(
 
 Drawn by `python -m studies.judging.clean {options}`; `make clean-study` draws others.
 The generators share no code with the models, and whatever is named is false
-([decision 20](decisions/0020-an-independent-yardstick.md)).
+([decision 20](decisions/archive.md#20-a-yardstick-that-is-not-the-codes-own)).
 
 """,
 )

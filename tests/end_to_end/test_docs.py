@@ -16,7 +16,8 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +92,7 @@ THE_READERS = {
     "tank.py",
     "test_tank.py",
 }  # files that a reader would write
+SCRIPTS = ("benchmarks", "studies", "tests")  # folders
 OTHER_PROGRAMS = {"python", "pip", "pytest", "git", "make", "pre-commit"}
 NUMBER = re.compile(r"(?<![\w-])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
@@ -269,32 +271,48 @@ def test_the_rig_of_the_readme_is_in_the_loop(tmp_path: Path) -> None:
             raise
 
 
-@pytest.mark.parametrize("page", MARKDOWN, ids=str)
-def test_links_lead_somewhere(page: Path) -> None:
+def failures(check: Callable[[Path], Iterable[str]]) -> list[str]:
+    """Page and text of all that a check finds on any page."""
+    return [f"{page}: {text}" for page in MARKDOWN for text in check(page)]
+
+
+def dead_links(page: Path) -> Iterator[str]:
     text = (ROOT / page).read_text(encoding="utf-8")
     for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", text):
-        if "://" not in target:
-            assert (ROOT / page.parent / target).exists(), f"{page}: {target}"
+        if "://" not in target and not (ROOT / page.parent / target).exists():
+            yield target
+
+
+def test_links_lead_somewhere() -> None:
+    assert failures(dead_links) == []
 
 
 # --- names in prose and code
 # ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("page", MARKDOWN, ids=str)
-def test_modules_and_files_that_a_page_names_exist(page: Path) -> None:
+def unknown_names(page: Path) -> Iterator[str]:
     """Dotted names to the last attribute; paths from the root of the project, or, if a file of
     Python, to any depth.
     """
     text = (ROOT / page).read_text(encoding="utf-8")
     dotted = {name for name in DOTTED.findall(text) if not name.endswith((".md", ".py"))}
-    assert {name for name in dotted - ENTRY_POINTS if not source.exists(name)} == set()
+    yield from (name for name in dotted - ENTRY_POINTS if not source.exists(name))
     paths = {path.rstrip(".") for path in PATH.findall(text)}
-    assert {path for path in paths if not (ROOT / path).exists()} == set()
+    yield from (path for path in paths if not (ROOT / path).exists())
     known = [*source.modules().values(), *(ROOT / "examples").glob("*.py")]
-    ours = [f"/{p.relative_to(ROOT).as_posix()}" for p in known]
-    files = {name for name in PYTHON_FILE.findall(text) if name not in THE_READERS}
-    assert {name for name in files if not any(path.endswith(f"/{name}") for path in ours)} == set()
+    ours = {parent for p in known for parent in endings(p.relative_to(ROOT).as_posix())}
+    yield from set(PYTHON_FILE.findall(text)) - THE_READERS - ours
+
+
+def endings(path: str) -> Iterator[str]:
+    """A path, without its first folder, and so on down to its file."""
+    parts = path.split("/")
+    yield from ("/".join(parts[k:]) for k in range(len(parts)))
+
+
+def test_modules_and_files_that_a_page_names_exist() -> None:
+    assert failures(unknown_names) == []
 
 
 def options(command: Any) -> dict[str, set[str]]:
@@ -320,28 +338,42 @@ def commands_of(text: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("page", MARKDOWN, ids=str)
-def test_options_that_a_page_names_exist(page: Path) -> None:
-    """With a command before it an option is one of that command, else of any; other programs are
-    left alone.
-    """
+@cache
+def known_options() -> dict[str, set[str]]:
+    """Options by the words that call a command of ours, and by the folder of a script."""
     known = options(typer.main.get_command(cli.app))
-    for folder in ("benchmarks", "studies"):
+    for folder in SCRIPTS:
         sources = [path.read_text(encoding="utf-8") for path in (ROOT / folder).rglob("*.py")]
         known[folder] = {
             option for text in sources for option in re.findall(r'"(--[a-z-]+)"', text)
         }
+    return known
+
+
+def allowed_options(line: str) -> set[str]:
+    """With a command before it an option is one of that command, else of any."""
+    known = known_options()
+    program, *words = line.removeprefix(".venv/bin/").removeprefix("python -m ").split() or [""]
+    if (folder := program.split(".")[0]) in SCRIPTS:
+        return known[folder]
+    if program == "ppy":
+        words = [word for word in words if not word.startswith("-")]
+        command = next((c for n in (2, 1) if (c := " ".join(words[:n])) in known), "")
+        return known[""] | known[command]
+    return set.union(*known.values())
+
+
+def unknown_options(page: Path) -> Iterator[str]:
+    """Lines with an option that is not allowed; those of other programs are left alone."""
     for line in commands_of((ROOT / page).read_text(encoding="utf-8")):
         flags = set(re.findall(r"(?<![\w-])--[a-z][\w-]*", line))
-        program, *words = line.removeprefix(".venv/bin/").removeprefix("python -m ").split() or [""]
-        if program.split(".")[0] in ("benchmarks", "studies"):
-            assert flags <= known[program.split(".")[0]], f"{page}: {line}"
-        elif program == "ppy":
-            words = [word for word in words if not word.startswith("-")]
-            command = next((c for n in (2, 1) if (c := " ".join(words[:n])) in known), "")
-            assert flags <= known[""] | known[command], f"{page}: {line}"
-        elif program not in OTHER_PROGRAMS:
-            assert flags <= set.union(*known.values()), f"{page}: {line}"
+        program = line.removeprefix(".venv/bin/").removeprefix("python -m ").partition(" ")[0]
+        if flags and program not in OTHER_PROGRAMS and not flags <= allowed_options(line):
+            yield line
+
+
+def test_options_that_a_page_names_exist() -> None:
+    assert failures(unknown_options) == []
 
 
 def test_a_name_that_is_not_there_would_be_noticed() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import re
 import tomllib
+from collections.abc import Iterable
 from graphlib import CycleError, TopologicalSorter
 from itertools import chain
 from pathlib import Path
@@ -50,12 +51,20 @@ def named(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-@pytest.mark.parametrize("path", sorted(TESTS.rglob("*.py")), ids=named)
-def test_no_test_module_is_imported(path: Path) -> None:
+def test_no_test_module_is_imported() -> None:
     """What tests share is a helper's, so that a test can be renamed, moved and skipped by
     itself.
     """
-    assert [name for name in imports(path) if name.startswith("tests.") and ".test_" in name] == []
+    imported = {named(path): among_tests(imports(path)) for path in TESTS.rglob("*.py")}
+    assert {path: names for path, names in imported.items() if names} == {}
+
+
+def among_tests(names: Iterable[str]) -> list[str]:
+    return [name for name in names if name.startswith("tests.") and ".test_" in name]
+
+
+def test_an_import_of_a_test_module_is_seen() -> None:
+    assert among_tests(["tests.unit.test_a.f", "tests.support.pace"]) == ["tests.unit.test_a.f"]
 
 
 def test_every_module_is_in_a_folder() -> None:

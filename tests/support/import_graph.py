@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+from docs.draw_architecture import import_statements
+
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("fmus", "orchestration")
+_FOR_TYPES = re.compile(r"^( *)if TYPE_CHECKING:\n(?:\1 +.*\n?|\n)*", re.M)
 
 
 def module_graph(root: Path = ROOT) -> dict[str, set[str]]:
@@ -20,9 +24,9 @@ def module_graph(root: Path = ROOT) -> dict[str, set[str]]:
     files = {_dotted(path, root): path for top in PACKAGES for path in (root / top).rglob("*.py")}
     graph = {}
     for module, path in files.items():
-        tree = ast.parse(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
         package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-        named = {_defining(*pair, files) for pair in _named(tree, package)}
+        named = {_defining(*pair, files) for pair in _named(text, package)}
         graph[module] = named & files.keys() - {module}
     return graph
 
@@ -31,18 +35,16 @@ def _dotted(path: Path, root: Path) -> str:
     return ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
 
 
-def _named(node: ast.AST, package: str) -> Iterator[tuple[str, str]]:
-    """Yield module and name of every import below a node of the syntax tree."""
-    if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-        return
-    if isinstance(node, ast.Import):
-        yield from ((alias.name, "") for alias in node.names)
-    if isinstance(node, ast.ImportFrom):
-        above = package.split(".")[: len(package.split(".")) + 1 - node.level] if node.level else []
-        module = ".".join(filter(None, (*above, node.module)))
-        yield from ((module, alias.name) for alias in node.names)
-    for child in ast.iter_child_nodes(node):
-        yield from _named(child, package)
+def _named(text: str, package: str) -> Iterator[tuple[str, str]]:
+    """Yield module and name of every import in a source."""
+    for node in import_statements(_FOR_TYPES.sub("", text)):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, "") for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            parts = package.split(".")
+            above = parts[: len(parts) + 1 - node.level] if node.level else []
+            module = ".".join(filter(None, (*above, node.module)))
+            yield from ((module, alias.name) for alias in node.names)
 
 
 def _defining(module: str, name: str, files: dict[str, Path]) -> str:
@@ -59,5 +61,5 @@ def _offered(package: str, path: Path) -> dict[str, tuple[str, str]]:
     stub = path.with_suffix(".pyi")
     if path.name != "__init__.py" or not stub.exists():
         return {}
-    tree = ast.parse(stub.read_text(encoding="utf-8"))
-    return {name: (module, name) for module, name in _named(tree, package)}
+    text = stub.read_text(encoding="utf-8")
+    return {name: (module, name) for module, name in _named(text, package)}

@@ -779,17 +779,6 @@ class StatusCommand(ServerOptions, TimeoutOption, JsonOption, total=False):
     """Options of ``ppy rig status``."""
 
 
-class CheckRigCommand(ServerOptions, total=False):
-    """Options of ``ppy rig check``."""
-
-    beyond_limits: Annotated[
-        bool,
-        Option(
-            "Also send commands beyond each limit, which a right server refuses.", default=False
-        ),
-    ]
-
-
 class RecordingOptions(TypedDict, total=False):
     """The experiment that drives a rig, and the record of it."""
 

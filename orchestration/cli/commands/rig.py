@@ -12,7 +12,6 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import (
     AcknowledgeCommand,
     BridgeCommand,
-    CheckRigCommand,
     KeysCommand,
     RecordRigCommand,
     ServeCommand,
@@ -328,17 +327,3 @@ def bridge(options: BridgeCommand) -> None:
         carries = Bridge(remote, port, note)
         out.print(f"{local} is carried on to {remote.requests} (Ctrl-C ends it)")
         carries.run()
-
-
-@rig.command("check")
-@command(CheckRigCommand)
-def check(options: CheckRigCommand) -> None:
-    """Say rule by rule whether a server holds to the protocol, whoever wrote it.
-
-    Commands zero, stops the rig and releases it: only with an actuator that is switched off.
-    """
-    from orchestration.rig.conformance import check_server
-
-    verdicts = check_server(_server(options), options["beyond_limits"])
-    if any(verdict.holds is False for verdict in verdicts):
-        raise typer.Exit(1)

@@ -40,7 +40,12 @@ from orchestration.discrepancy.report.tables import (
     tried_effects,
 )
 from orchestration.discrepancy.report.wording import EXTENDED, NOMINAL, REFITTED
-from orchestration.discrepancy.residuals import ResidualAnalysis
+from orchestration.discrepancy.residuals import (
+    OperatingRegion,
+    ResidualAnalysis,
+    ResidualTest,
+    residual_tests,
+)
 from orchestration.discrepancy.validation import simulated_outputs
 from orchestration.identify import rms
 from orchestration.identify.uncertainty import Estimate
@@ -372,15 +377,13 @@ def _residual_findings(result: Result, output: str, analysis: ResidualAnalysis) 
     for kind, items in (("lines", analysis.lines), ("jumps", analysis.level_shifts)):
         if len(items) > _LISTED:
             texts.append(f"{len(items) - _LISTED} more {kind}.")
-    correlations = [c for c in analysis.correlations if c.significant][:_LISTED]
-    means = [m for m in analysis.means if m.significant][:_LISTED]
-    regions = [r for r in analysis.regions if r.significant][:_LISTED]
-    dependences = [
-        *map(wording.describe_correlation, correlations),
-        *map(wording.describe_mean, means),
-        *map(wording.describe_region, regions),
-    ]
-    return texts + [f"{text[:1].upper()}{text[1:]}." for text in dependences]
+    listed = [test for test in reversed(residual_tests()) if test.is_listed]
+    results: list[ResidualTest | OperatingRegion] = [*analysis.tests, *analysis.regions]
+    significant = [item for item in results if item.significant]
+    for of in (*listed, OperatingRegion):
+        of_kind = [item for item in significant if type(item) is of]
+        texts += [f"{capitalised(item.describe(output))}." for item in of_kind[:_LISTED]]
+    return texts
 
 
 def _add_residual_figures(

@@ -98,7 +98,7 @@ def _residuals(diagnosis: Diagnosis) -> dict[str, dict[str, Any]]:
         output: {
             "lines_hz": [line.frequency for line in analysis.lines],
             "level_shifts_s": [shift.time for shift in analysis.level_shifts],
-            "structure": [wording.describe_structure(item, output) for item in analysis.structure],
+            "structure": [item.describe(output) for item in analysis.structure],
         }
         for output, analysis in diagnosis.residuals.items()
     }

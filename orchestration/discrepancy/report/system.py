@@ -12,8 +12,6 @@ from rich.table import Table
 from rich.text import Text
 
 from orchestration.discrepancy.report.wording import (
-    describe_correlation,
-    describe_region,
     describe_worst_regions,
 )
 from orchestration.discrepancy.residuals import CrossCorrelation, OperatingRegion
@@ -94,7 +92,7 @@ def _format_fact(name: str, value: Any) -> Any:
     if name == "complete":
         return "" if value else " (the search for parameters was cut short)"
     if name == "most_telling":
-        return f"; {describe_dependence(value)}" if value else ""
+        return f"; {value.describe(value.output)}" if value else ""
     return value
 
 
@@ -104,13 +102,6 @@ def _describe_change(name: str, parameter: AdjustedParameter) -> str:
         return f"{changed} (not determined closely)"
     low, high = parameter.interval
     return f"{changed} ({low:.4g} to {high:.4g})"
-
-
-def describe_dependence(item: CrossCorrelation | OperatingRegion) -> str:
-    """Return which signal a residual depends on, or in which region it is larger."""
-    if isinstance(item, OperatingRegion):
-        return describe_region(item)
-    return describe_correlation(item)
 
 
 def describe_source(source: InputSource, linear: bool) -> str:
@@ -267,4 +258,4 @@ def _output_summary(member: MemberDiagnosis, output: str) -> dict[str, Any]:
 
 
 def _describe_significant(items: Sequence[CrossCorrelation | OperatingRegion]) -> list[str]:
-    return [describe_dependence(item) for item in items if item.significant][:_LISTED]
+    return [item.describe(item.output) for item in items if item.significant][:_LISTED]

@@ -17,12 +17,7 @@ from orchestration.discrepancy.note import MIXED_UP, Note, NoteCode
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report.sizes import NOT_DETERMINED, format_estimated, told_sizes
 from orchestration.discrepancy.residuals import (
-    ConditionalMean,
-    CrossCorrelation,
-    ExcessVariance,
     OperatingRegion,
-    RandomWalkTest,
-    Structure,
 )
 from orchestration.discrepancy.selection import ACCEPT, Step
 from orchestration.discrepancy.validation import Outcome
@@ -630,7 +625,7 @@ def _unexplained_findings(diagnosis: Diagnosis) -> list[str]:
         if shifts:
             findings.append(f"{shifts} {'jump' if shifts == 1 else 'jumps'} of {output}")
         for item in diagnosis.unexplained_structure(output)[:1]:
-            findings.append(describe_structure(item, output))
+            findings.append(item.describe(output))
     return findings
 
 
@@ -792,53 +787,6 @@ _FACT_FORMATS: dict[str, Callable[[Any], str]] = {
 }
 
 
-def describe_structure(item: Structure, output: str) -> str:
-    """Return in one line what kind of structure the residual of an output has."""
-    if isinstance(item, RandomWalkTest):
-        return f"{output} wanders slowly"
-    if isinstance(item, ExcessVariance):
-        return f"{output} is worse where an input steps"
-    if isinstance(item, ConditionalMean):
-        return describe_mean(item)
-    return describe_correlation(item)
-
-
-def describe_region(item: OperatingRegion) -> str:
-    """Return where a residual is larger than elsewhere."""
-    return f"{item.output} is {item.rms_ratio:.1f}× worse where {_describe_range(item)}"
-
-
-def describe_mean(item: ConditionalMean) -> str:
-    """Return where the mean of a residual is farthest from zero."""
-    return (
-        f"the residual of {item.output} is {item.bias:+.2f} of its RMS on average where"
-        f" {_describe_range(item)}"
-    )
-
-
-def _describe_range(item: OperatingRegion | ConditionalMean) -> str:
-    """Return a range of a signal in words."""
-    unit = "" if item.unit == "1" else f" {item.unit}"
-    low = f"{item.low:.3g}{unit}"
-    high = f"{item.high:.3g}{unit}"
-    if math.isfinite(item.low) and math.isfinite(item.high):
-        return f"{item.signal} is between {low} and {high}"
-    if math.isinf(item.high):
-        return f"{item.signal} is above {low}"
-    return f"{item.signal} is below {high}"
-
-
-def describe_correlation(item: CrossCorrelation) -> str:
-    """Return with which signal a residual correlates, how strongly and at which lag."""
-    when = "at once"
-    if item.lag:
-        when = f"{abs(item.lag):.3g} s {'later' if item.lag > 0 else 'earlier'}"
-    return (
-        f"{item.output} correlates with {item.signal}: {item.strength:+.2f} {when}"
-        f" (99 % band ±{item.band:.2f})"
-    )
-
-
 def describe_worst_regions(regions: Sequence[OperatingRegion]) -> list[str]:
     """Return the first significant region of every signal, in words.
 
@@ -851,7 +799,7 @@ def describe_worst_regions(regions: Sequence[OperatingRegion]) -> list[str]:
     for region in regions:
         if region.significant:
             first_by_signal.setdefault(region.signal, region)
-    return [describe_region(region) for region in first_by_signal.values()]
+    return [region.describe(region.output) for region in first_by_signal.values()]
 
 
 def why_not(

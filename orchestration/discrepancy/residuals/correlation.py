@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -21,7 +22,11 @@ from scipy.special import ndtr, ndtri
 from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.discrepancy.residuals.innovations import Innovations, normal_scores
 from orchestration.discrepancy.residuals.regressors import Regressor, RegressorKind
+from orchestration.discrepancy.residuals.residual_test import ALPHA, ResidualTest
 from orchestration.identify.noise import Noise, estimate_noise, segments
+
+if TYPE_CHECKING:
+    from orchestration.discrepancy.residuals.output_residual import OutputResidual
 
 LAGS = 25  # samples, either way
 FEWEST = 20  # samples that say something
@@ -35,7 +40,7 @@ _ANTICIPATING = (RegressorKind.RATE, RegressorKind.SPEED)
 
 
 @dataclass(frozen=True)
-class CrossCorrelation:
+class CrossCorrelation(ResidualTest):
     """Cross-correlation of the innovations of an output with a signal.
 
     Attributes
@@ -51,7 +56,11 @@ class CrossCorrelation:
         which the signal comes first, or together with the residual.
     p_value : float
         Of so strong a correlation at any such lag of any of the signals.
+    rms : float
+        Of the innovations that go with the signal; infinite where their size is not known.
     """
+
+    rank: ClassVar[int] = 4
 
     output: str
     signal: str
@@ -61,11 +70,35 @@ class CrossCorrelation:
     lag: float
     strength: float
     p_value: float
+    rms: float = np.inf
+
+    @classmethod
+    def of(cls, residual: OutputResidual) -> list[CrossCorrelation]:
+        """Return the correlations that are more than rounding leaves."""
+        cleaned = residual.cleaned
+        sized = [
+            replace(c, rms=abs(c.strength) * cleaned.noise.deviation) for c in residual.correlations
+        ]
+        return [c for c in sized if c.rms >= cleaned.rounding]
 
     @property
     def significant(self) -> bool:
         """True if it is more than chance among so many."""
         return self.p_value < SIGNIFICANCE
+
+    def is_structure(self, rounding: float) -> bool:
+        """Return True if it is structure; more than rounding leaves it is already."""
+        return self.p_value < ALPHA
+
+    def describe(self, output: str) -> str:
+        """Return with which signal a residual correlates, how strongly and at which lag."""
+        when = "at once"
+        if self.lag:
+            when = f"{abs(self.lag):.3g} s {'later' if self.lag > 0 else 'earlier'}"
+        return (
+            f"{output} correlates with {self.signal}: {self.strength:+.2f} {when}"
+            f" (99 % band ±{self.band:.2f})"
+        )
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from scipy.special import fdtrc, ndtri
 
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.residuals.innovations import Innovations
+from orchestration.discrepancy.residuals.residual_test import ResidualTest
 from orchestration.identify import ranks
 from orchestration.records.sampling import input_steps
+
+if TYPE_CHECKING:
+    from orchestration.discrepancy.residuals.output_residual import OutputResidual
 
 ALPHA = 1e-6  # probability in noise of one level
 _NOTABLE = 1.5  # ratio of variances
@@ -19,7 +24,7 @@ _FEW = 10  # samples with steps of an input that it takes to judge them
 
 
 @dataclass(frozen=True)
-class ExcessVariance:
+class ExcessVariance(ResidualTest):
     """Comparison of the size of innovations where an input steps with that elsewhere.
 
     Attributes
@@ -29,15 +34,46 @@ class ExcessVariance:
     p_value : float
         Of so much larger innovations there in noise, by a rank test; 1 where there are too few
         steps.
+    rms : float
+        Infinite.
     """
+
+    rank: ClassVar[int] = 2
+    is_listed: ClassVar[bool] = False
 
     ratio: float
     p_value: float
+    rms: float = np.inf  # the test allows for rounding itself
+
+    @classmethod
+    def of(cls, residual: OutputResidual) -> list[ExcessVariance]:
+        """Test a residual that is whitened as it is, and by its local level."""
+        return [_test(residual, [residual.whole.innovations, residual.levelled_innovations])]
+
+    @classmethod
+    def finds_structure(cls, residual: OutputResidual) -> bool:
+        """Return True if it is structure, whichever way innovations are made."""
+        # the local level takes long, and each way must show it
+        first = _test(residual, [residual.whole.innovations])
+        return first.significant and super().finds_structure(residual)
+
+    def describe(self, output: str) -> str:
+        """Return that the output is worse where an input steps."""
+        return f"{output} is worse where an input steps"
 
     @property
     def significant(self) -> bool:
         """True if it is beyond noise whose level jumps with the output, faster than is followed."""
         return self.p_value < ALPHA and self.ratio > _NOTABLE
+
+
+def _test(residual: OutputResidual, innovations: Sequence[Innovations]) -> ExcessVariance:
+    return excess_variance_at_input_steps(
+        innovations,
+        residual.data.inputs,
+        late=int(bool(residual.feedback)),
+        rounding=residual.cleaned.whitened_rounding,
+    )
 
 
 def excess_variance_at_input_steps(

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from math import isfinite, isinf
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +24,12 @@ from orchestration.discrepancy.residuals.correlation import (
 )
 from orchestration.discrepancy.residuals.innovations import Innovations, normal_scores
 from orchestration.discrepancy.residuals.regressors import Regressor, RegressorKind
+from orchestration.discrepancy.residuals.residual_test import ResidualTest
 from orchestration.identify import ranks
 from orchestration.identify.noise import Noise
+
+if TYPE_CHECKING:
+    from orchestration.discrepancy.residuals.output_residual import OutputResidual
 
 BINS = 8
 # probability in noise of one level of means as different; where the level jumps with the output,
@@ -76,9 +81,13 @@ class OperatingRegion:
         """True if the residual is larger there than by chance among so many ranges."""
         return self.p_value < SIGNIFICANCE
 
+    def describe(self, output: str) -> str:
+        """Return where the residual of an output is larger than elsewhere."""
+        return f"{output} is {self.rms_ratio:.1f}× worse where {_describe_range(self)}"
+
 
 @dataclass(frozen=True)
-class ConditionalMean:
+class ConditionalMean(ResidualTest):
     """The mean of a residual in the range of a signal in which it is furthest from zero.
 
     Attributes
@@ -94,7 +103,12 @@ class ConditionalMean:
         That mean over the RMS of the residual everywhere.
     p_value : float
         Of means so different in the ranges of any of the signals.
+    rms : float
+        Magnitude of the mean.
     """
+
+    rank: ClassVar[int] = 3
+    needs_even_samples: ClassVar[bool] = False
 
     output: str
     signal: str
@@ -104,11 +118,45 @@ class ConditionalMean:
     mean: float
     bias: float
     p_value: float
+    rms: float
+
+    @classmethod
+    def of(cls, residual: OutputResidual) -> list[ConditionalMean]:
+        """Return the means in the ranges of all signals, the most telling first."""
+        cleaned = residual.cleaned
+        return conditional_means(
+            residual.output,
+            cleaned.values,
+            cleaned.innovations,
+            cleaned.noise,
+            residual.signals,
+            feedback=bool(residual.feedback),
+            within=residual.data.within,
+        )
 
     @property
     def significant(self) -> bool:
         """True if it is beyond what noise of any level does."""
         return self.p_value < ALPHA_OF_MEANS
+
+    def describe(self, output: str) -> str:
+        """Return where the mean of the residual of an output is farthest from zero."""
+        return (
+            f"the residual of {output} is {self.bias:+.2f} of its RMS on average where"
+            f" {_describe_range(self)}"
+        )
+
+
+def _describe_range(item: OperatingRegion | ConditionalMean) -> str:
+    """Return a range of a signal in words."""
+    unit = "" if item.unit == "1" else f" {item.unit}"
+    low = f"{item.low:.3g}{unit}"
+    high = f"{item.high:.3g}{unit}"
+    if isfinite(item.low) and isfinite(item.high):
+        return f"{item.signal} is between {low} and {high}"
+    if isinf(item.high):
+        return f"{item.signal} is above {low}"
+    return f"{item.signal} is below {high}"
 
 
 class _Ranges(NamedTuple):
@@ -328,15 +376,17 @@ class _Means:
         sums = np.bincount(range_of, self._residual, minlength=ranges.ends.size)
         means = sums[kept] / samples[kept]
         k = int(np.argmax(np.abs(means)))
+        mean = float(means[k])
         return ConditionalMean(
             self._output,
             ranges.signal.name,
             float(ranges.ends[kept[k]]),
             float(ranges.ends[kept[k] + 1]),
             ranges.signal.unit,
-            mean=float(means[k]),
-            bias=float(means[k]) / self._rms,
+            mean=mean,
+            bias=mean / self._rms,
             p_value=min(1.0, tried * float(chdtrc(freedom, explained / self._variance))),
+            rms=abs(mean),
         )
 
 

@@ -9,7 +9,8 @@ absorbed of slow noise only lowers the likelihood ratio.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +18,11 @@ from scipy.optimize import nnls
 from scipy.special import chdtrc
 
 from fmus.kit.arrays import Array, Indices
+from orchestration.discrepancy.residuals.residual_test import ResidualTest
 
-# probability in noise; where a random walk is as large as the noise it is smaller by many orders of
-# magnitude
-ALPHA = 1e-4
+if TYPE_CHECKING:
+    from orchestration.discrepancy.residuals.output_residual import OutputResidual
+
 _COLOURS = (0.0, 0.3, 0.6, 0.8, 0.9, 0.95)  # lag-one correlations; the longest memory is 20 samples
 _INTEGRATIONS = (1, 2)
 # lowest frequencies that are looked at one by one; the others in groups, equally many in an octave
@@ -33,7 +35,7 @@ _CONVERGED = 1e-6  # fall of the cost that ends the passes
 
 
 @dataclass(frozen=True)
-class RandomWalkTest:
+class RandomWalkTest(ResidualTest):
     """A random walk in a residual, tested against noise of short memory.
 
     Attributes
@@ -48,15 +50,29 @@ class RandomWalkTest:
         The slow part, the best estimate of it (Wiener's filter).
     """
 
+    rank: ClassVar[int] = 1
+    is_listed: ClassVar[bool] = False
+
     ratio: float
     p_value: float
     rms: float
     trend: Array
 
-    @property
-    def significant(self) -> bool:
-        """True if there is one beyond doubt."""
-        return self.p_value < ALPHA
+    @classmethod
+    def of(cls, residual: OutputResidual) -> list[RandomWalkTest]:
+        """Return the most significant test of any run, its p-value Bonferroni's."""
+        cleaned = residual.cleaned
+        at = np.flatnonzero(cleaned.present)
+        runs = residual.data.runs
+        tests = [
+            random_walk_test(cleaned.bounded[(run.first <= at) & (at < run.last)]) for run in runs
+        ]
+        best = min(tests, key=lambda test: test.p_value)
+        return [replace(best, p_value=min(1.0, len(tests) * best.p_value))]
+
+    def describe(self, output: str) -> str:
+        """Return that the output wanders."""
+        return f"{output} wanders slowly"
 
 
 def random_walk_test(residual: Array) -> RandomWalkTest:

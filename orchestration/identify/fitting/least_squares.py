@@ -5,7 +5,7 @@ has it after a QR decomposition, as one row more than there are coordinates: its
 the products of residual and Jacobian alone.
 
 Sources: Branch, Coleman and Li, *SIAM Journal on Scientific Computing* 21 (1999); Bates and Watts,
-*Technometrics* 23 (1981); docs/decisions/0014-one-fit.md.
+*Technometrics* 23 (1981); docs/decisions/archive.md#14-one-fit-one-search.
 """
 
 from __future__ import annotations

@@ -105,7 +105,7 @@ def test_what_follows_from_a_diagnosis_has_its_place(results):
     experiment = DiscriminatingExperiment(
         stimuli, 600.0, 0.1, [ExpectedEvidence("left", "right", 42.0)], diagnosis.selection.base
     )
-    voltage = replace(diagnosis.residuals["voltage"], correlations=[seen, chance])
+    voltage = replace(diagnosis.residuals["voltage"], tests=[seen, chance])
     more = with_verdict(
         ambiguous, Verdict.AMBIGUOUS, residuals=diagnosis.residuals | {"voltage": voltage}
     )

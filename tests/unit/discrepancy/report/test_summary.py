@@ -62,7 +62,7 @@ def written(result):
         voltage,
         lines=[SpectralLine(0.8, 1e-3, 0.0)],
         level_shifts=[LevelShift(3.0, 1e-3, 0.0)],
-        input_steps=ExcessVariance(9.0, 0.0),
+        tests=[ExcessVariance(9.0, 0.0)],
     )
     late = step.chosen.candidate.with_effect(transport_delay(PpyActuator, "voltage"))
     correction = replace(step, chosen=replace(step.chosen, candidate=late))

@@ -12,7 +12,6 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from orchestration.discrepancy.residuals.analysis import rounding_error
 from tests.support.battery import analysed, found
 from tests.support.noises import (
     KINDS,
@@ -134,17 +133,3 @@ def test_a_loop_hides_no_structure():
     record = controlled(1, gaussian(), 2.0, 1)
     late = np.concatenate([np.zeros(5), record.input[:-5]])
     assert "CrossCorrelation" in found(analysed(record, 0.03 * late / late.std()))
-
-
-def test_the_error_of_rounding_is_within_its_bound():
-    """The mean error of a converter over all places of a signal within a step, seen directly."""
-    place = np.linspace(0.0, 1.0, 41)
-    for deviation in (0.1, 0.2, 0.3):
-        drawn = deviation * np.random.default_rng(1).standard_normal((200_000, 1))
-        errors = np.round(place + drawn) - place
-        largest = np.abs(errors.mean(axis=0)).max()
-        after = float(np.sqrt(deviation**2 + 1.0 / 12.0))
-        assert largest < 1.05 * rounding_error(1.0, after)
-    assert rounding_error(1.0, 0.0) == 0.5
-    assert rounding_error(0.0, 1.0) == 0.0
-    assert rounding_error(np.float64(1e-200), np.float64(1e200)) < 1e-270

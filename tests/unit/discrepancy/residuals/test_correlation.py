@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orchestration.discrepancy.report.wording import describe_correlation
 from orchestration.discrepancy.residuals.correlation import cross_correlations
 from orchestration.discrepancy.residuals.innovations import score_innovations
 from orchestration.discrepancy.residuals.regressors import Regressor
@@ -43,7 +42,7 @@ def test_a_correlation_is_found_at_its_lag(colour):
     assert best.significant
     alone = correlations(residual, [signals["square of charge"]])[0]
     assert alone.lag == pytest.approx(0.4, abs=0.11)
-    assert "later" in describe_correlation(alone)
+    assert "later" in alone.describe("y")
 
 
 @COLOURS
@@ -54,9 +53,7 @@ def test_the_sign_is_that_of_the_dependence_in_number_and_word(colour, sign):
     (only,) = correlations(residual, [charge])
     assert only.significant
     assert np.sign(only.strength) == sign
-    assert describe_correlation(only).startswith(
-        f"y correlates with charge: {'+' if sign > 0 else '-'}0."
-    )
+    assert only.describe("y").startswith(f"y correlates with charge: {'+' if sign > 0 else '-'}0.")
 
 
 def test_a_correlation_over_a_gap_uses_the_pairs_there_are():

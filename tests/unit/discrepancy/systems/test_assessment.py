@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orchestration.discrepancy.report.system import describe_dependence
 from orchestration.discrepancy.systems.adjustment import ParameterSearch
 from orchestration.discrepancy.systems.assessment import assess_outputs
 from orchestration.discrepancy.systems.cut import isolated_members
@@ -61,8 +60,10 @@ def test_what_is_added_in_proportion_to_an_input_correlates_with_it_in_number_an
     assert np.sign(correlations["u"].strength) == sign
     assert assessment.regression.significant
     assert sign * np.corrcoef(assessment.regression.fitted, fed)[0, 1] > 0.9
-    assert describe_dependence(correlations["u"]).startswith(
-        f"x correlates with u: {'+' if sign > 0 else '-'}0."
+    assert (
+        correlations["u"]
+        .describe("x")
+        .startswith(f"x correlates with u: {'+' if sign > 0 else '-'}0.")
     )
 
 

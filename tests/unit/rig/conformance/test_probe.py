@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from fmus.kit.errors import UserError
-from orchestration.rig.conformance.probe import ConformancePeer, Probe
 from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.operator import ask, stop
+from tests.support.rig.conformance.probe import ConformancePeer, Probe
 from tests.support.rig.small_rig import free_port
 
 pytestmark = pytest.mark.real_time

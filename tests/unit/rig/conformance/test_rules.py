@@ -7,10 +7,10 @@ from __future__ import annotations
 import pytest
 
 from orchestration.rig import access
-from orchestration.rig.conformance.probe import BrokenError, NotTriedError, Probe
-from orchestration.rig.conformance.rules import RULES
 from orchestration.rig.server import front, latch, request_handler, sockets
 from orchestration.rig.server.session import Session
+from tests.support.rig.conformance.probe import BrokenError, NotTriedError, Probe
+from tests.support.rig.conformance.rules import RULES
 
 pytestmark = pytest.mark.real_time
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from orchestration.rig.conformance.probe import BrokenError, NotTriedError, Probe
-from orchestration.rig.conformance.rules import RULES
 from orchestration.rig.endpoint import Endpoint
+from tests.support.rig.conformance.probe import BrokenError, NotTriedError, Probe
+from tests.support.rig.conformance.rules import RULES
 
 
 class RuleVerdict(NamedTuple):

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import zmq
 
 from fmus.rig_proxy import IDLE, LATCHED, RUNNING, SAFE, ProtocolError, decode, encode, protocol
-from orchestration.rig.conformance.probe import (
+from tests.support.rig.conformance.probe import (
     QUIET,
     BrokenError,
     ConformancePeer,

@@ -1,2 +1,0 @@
-from .check import RuleVerdict as RuleVerdict
-from .check import check_server as check_server
