@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from inspect import cleandoc
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn, TextIO
 
 import typer
 from typer.core import TyperGroup
@@ -244,13 +244,20 @@ def _warnings_in_a_line() -> Iterator[None]:
     """Tell of packages of components that are left out as of anything else; other warnings stay."""
     usual = warnings.showwarning
 
-    def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
-        if not issubclass(category, RegistryWarning):
-            usual(message, category, *place)
-            return
-        from orchestration.reporting.console import warn
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        if issubclass(category, RegistryWarning):
+            from orchestration.reporting.console import warn
 
-        warn(str(message))
+            warn(str(message))
+        else:
+            usual(message, category, filename, lineno, file, line)
 
     warnings.showwarning = show
     try:
