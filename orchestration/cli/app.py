@@ -6,17 +6,20 @@ import io
 import os
 import re
 import sys
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from inspect import cleandoc
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn, TextIO
 
 import typer
 from typer.core import TyperGroup
 
 from fmus.kit import UserError
 from fmus.kit.extras import optional
+from fmus.kit.registry import RegistryWarning
 from orchestration.cli.ending import INTERRUPTED, end_interrupted, end_unloadable, is_of_import
 from orchestration.cli.examples import epilog
 from orchestration.cli.real_time import IncompleteRecord
@@ -219,7 +222,7 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        with in_shell(), optional():
+        with in_shell(), optional(), _warnings_in_a_line():
             code = app(standalone_mode=False, prog_name="ppy")
         if code == INTERRUPTED:  # typer has taken the interrupt for itself
             raise KeyboardInterrupt
@@ -234,6 +237,33 @@ def main() -> None:
             raise
         _fail(_message(error), 1 if isinstance(error, IncompleteRecord) else 2)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+@contextmanager
+def _warnings_in_a_line() -> Iterator[None]:
+    """Tell of packages of components that are left out as of anything else; other warnings stay."""
+    usual = warnings.showwarning
+
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        if issubclass(category, RegistryWarning):
+            from orchestration.reporting.console import warn
+
+            warn(str(message))
+        else:
+            usual(message, category, filename, lineno, file, line)
+
+    warnings.showwarning = show
+    try:
+        yield
+    finally:
+        warnings.showwarning = usual
 
 
 def _end_aborted(cause: BaseException | None) -> NoReturn:

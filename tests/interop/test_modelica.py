@@ -163,6 +163,7 @@ def test_units_of_its_equations_fit(name, flat):
     assert compared > 5
 
 
+@pytest.mark.slow
 def test_a_unit_that_does_not_fit_is_seen(files):
     path = "PpyRig/PpyActuator.mo"
     wrong = files[path].replace(b'k1(unit="N/m"', b'k1(unit="N"')

@@ -21,6 +21,9 @@ from fmus.kit.build import toolchain
 
 LIMIT = 2.0  # s, on a machine that runs `_reference_loop` in `_REFERENCE` s
 _REFERENCE = 0.0135
+# Times of the limit at which a test fails: beside other work on shared cores the same test has been
+# seen to take half as much again, and a red suite must mean a fault.
+_MARGIN = 2.0
 
 
 class _Uncharged:
@@ -108,8 +111,8 @@ class ProcessorTimeLimit:
         taken = _charged() - self._begin
         self._passed &= not report.failed
         is_judged = self._passed and item.get_closest_marker("slow") is None
-        is_over = report.when == "teardown" and is_judged and taken > self._limit
-        if is_over and taken > self._limit * _slowness():
+        is_over = report.when == "teardown" and is_judged and taken > _MARGIN * self._limit
+        if is_over and taken > _MARGIN * self._limit * _slowness():
             report.outcome = "failed"
             report.longrepr = (
                 f"{item.nodeid} took {taken:.1f} s of processor time, fixtures included;"

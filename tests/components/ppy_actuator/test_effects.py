@@ -315,7 +315,7 @@ def test_parameter_sensitivities_are_finite_at_neutral(base):
         assert np.isfinite(f(0.0, *graph.point(charge=charge, current=0.5)).full()).all()
 
 
-STEP, STEPS = 0.1, 300
+STEP, STEPS = 0.1, 600
 TIME = STEP * np.arange(STEPS)
 CURRENT = 0.9 * np.where(np.arange(STEPS) % 50 < 25, 1.0, -1.0) + 0.2
 LOAD = np.where(np.arange(STEPS) % 200 < 120, 2.0, 0.0)

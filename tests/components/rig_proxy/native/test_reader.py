@@ -276,6 +276,7 @@ def strict(frame: bytes) -> dict[str, Any] | None:
 
 @often
 @given(message=MESSAGES, style=STYLES, edits=EDITS)
+@pytest.mark.slow
 def test_a_mutated_message_is_read_as_python_reads_it_or_not_at_all(reader, message, style, edits):
     frame = mutated(json.dumps(message, **style).encode("utf-8", "surrogatepass"), edits)
     found, wanted = read(reader, frame), strict(frame)
