@@ -53,14 +53,14 @@ def end_unloadable(error: EOFError) -> NoReturn:
 
 
 def is_of_import(error: EOFError) -> bool:
-    """Return True if Python's own import raised an error, not what reads a file or a worker."""
+    """Return True if Python's import raised an error, and not the reader of a file or a worker."""
     *_, (last, _) = walk_tb(error.__traceback__)
     return last.f_globals is vars(_bootstrap_external)
 
 
 @contextmanager
 def kept_in(folder: Path | None, flag: str, what: str) -> Iterator[None]:
-    """End an interrupt with words on what a journal has kept.
+    """End an interrupt with a line on the work that a journal has stored.
 
     Parameters
     ----------

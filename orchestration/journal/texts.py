@@ -12,7 +12,7 @@ Pair = tuple[int, str]  # row of a part, and a text about it
 
 
 class RowTexts:
-    """Texts about parts that are done, beside their numbers.
+    """Texts of finished parts, next to their numbers.
 
     Texts about parts that are not done are removed from the file, as is an unfinished last line.
 

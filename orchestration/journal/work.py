@@ -70,7 +70,7 @@ class WorkJournal:
             raise UserError(f"{folder}: is damaged ({error}); remove it to begin anew") from error
 
     def begin(self, mode: str) -> None:
-        """Begin or continue what is kept beside numbers; mode is ``w+`` or ``r+``."""
+        """Begin or continue the store of a journal's texts; mode is ``w+`` or ``r+``."""
 
     @property
     def parts(self) -> int:
@@ -128,7 +128,7 @@ def _array(path: Path, mode: str, shape: tuple[int, ...], kind: str) -> Array:
 
 
 def _refuse_other_work(folder: Path, kind: str, stored: Any, digests: Mapping[str, str]) -> None:
-    """Refuse a folder whose stored digests are of other work.
+    """Refuse a folder whose stored digests belong to other work.
 
     Raises
     ------

@@ -48,7 +48,7 @@ class _Client:
         self.flush(now)
 
     def flush(self, now: float) -> None:
-        """Carry on what waits, and drop what has waited for too long."""
+        """Send the messages that wait, and drop those that have waited for too long."""
         while self._waiting:
             since, frame = self._waiting[0]
             if now - since <= _LATEST:

@@ -1,4 +1,4 @@
-"""Calibration of a rig: a TOML file that says what the volts of every channel mean.
+"""Calibration of a rig: a TOML file with the meaning of every channel's volts.
 
 ``value = sign * (gain * volts + offset)`` in the unit of the channel, converted to SI; commands go
 the other way. Every factor has a date and a source.
@@ -371,7 +371,7 @@ def read_calibration(name_or_path: str) -> Calibration:
 def _check_inputs(
     inputs: dict[str, Channel], outputs: dict[str, Channel], limits: dict[str, Limit], path: Path
 ) -> None:
-    """Refuse an input that is an output, too, or whose safe value is beyond its limits."""
+    """Refuse an input that is also an output, or whose safe value is beyond its limits."""
     for name, channel in inputs.items():
         if name in outputs:
             raise UserError(
@@ -484,7 +484,7 @@ def _read_limits(
 
 
 def _command_limit(table: _LimitTable, channel: Channel, where: str) -> Limit:
-    """Return the limits of a command, which may not be beyond what its channel can do."""
+    """Return the limits of a command, which must lie within the range of its channel."""
     reach = channel.reachable()
     limit = _limit(table, channel, reach, where)
     room = _ROUNDING * (reach.max - reach.min)

@@ -22,7 +22,7 @@ RATES = (1000, 500, 300, 200, 100, 50, 30, 20, 10)  # Hz; what is said to hold i
 
 @dataclass(frozen=True)
 class ResponseTimes:
-    """The response times of a rig that was asked at even times.
+    """The response times of a rig to requests at regular intervals.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class ResponseTimes:
         return float(np.quantile(self.times, share, method="inverted_cdf"))
 
     def holds(self, step: float) -> bool:
-        """Return whether answers are there within a step, but for one in a thousand."""
+        """Return whether answers arrive within a step, but for one in a thousand."""
         return self.quantile(_SHARE) <= step
 
     @property

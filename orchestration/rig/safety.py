@@ -84,7 +84,7 @@ class CommandFilter:
 
 
 class SlewLimiter:
-    """Output stage that moves what is applied towards the commands no faster than their limits.
+    """Output stage that changes the applied values no faster than the limits of the commands.
 
     It lives as long as the device, so that no change of session is a way around it.
 
@@ -107,7 +107,7 @@ class SlewLimiter:
         self._time = now
 
     def towards(self, values: Sequence[float], now: float) -> tuple[float, ...]:
-        """Return what to apply.
+        """Return the values to apply.
 
         Parameters
         ----------
@@ -225,7 +225,7 @@ class MeasurementMonitor:
     def _signal_fault(
         self, name: str, unit: str, limit: Limit | None, value: float, now: float, begun: float
     ) -> str:
-        """Take note of a value, and describe what is wrong with it; empty if nothing is."""
+        """Store a value, and return its fault in words; empty if it has none."""
         before, since = self._last.get(name, (None, begun))
         if isfinite(value):
             self._last[name] = (value, now)

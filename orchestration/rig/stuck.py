@@ -19,7 +19,7 @@ _NOISY = (
 
 
 class StuckMonitor:
-    """Monitor of a rig's measured values and of what its device has.
+    """Monitor of a rig for measured values and device inputs that no longer change.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class StuckMonitor:
 
 
 class _Sensor:
-    """Record of what a sensor shows, and of what it was seen to follow.
+    """Record of a sensor's values, and of the inputs that it was seen to follow.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ class _Sensor:
         self._applied = applied
 
     def missed(self) -> frozenset[int]:
-        """Return the inputs that have moved without the value, which is out of its character.
+        """Return the inputs that changed while the value, against its past, did not.
 
         A noisy sensor never stays the same for long. Another one has followed some of these inputs
         before.
@@ -161,7 +161,7 @@ class _Sensor:
 
 
 class _Span:
-    """Between what the inputs were in some samples."""
+    """Smallest and largest value of the inputs over some samples."""
 
     def __init__(self) -> None:
         self.count = 0

@@ -398,7 +398,7 @@ class MeasuredOptions(
     PresetOption,
     total=False,
 ):
-    """A model, and the record that it is held against."""
+    """A model, and the record that it is compared with."""
 
 
 class RequiredPercentOption(TypedDict, total=False):
@@ -570,7 +570,7 @@ class JudgedOptions(TypedDict, total=False):
 
 
 class DiagnoseOutputs(TypedDict, total=False):
-    """The files that a diagnosis makes, beside figures and page."""
+    """The files that a diagnosis writes, apart from figures and page."""
 
     fmu: Annotated[
         Path | None,
@@ -629,7 +629,7 @@ class DiagnoseCommand(
 
 
 class LawsOutputs(TypedDict, total=False):
-    """The files that asked laws make, beside figures and page."""
+    """The files that a search of laws writes, apart from figures and page."""
 
     effect_out: Annotated[
         Path | None,
@@ -795,7 +795,7 @@ class RecordingOptions(TypedDict, total=False):
 
 
 class SamplingOptions(TypedDict, total=False):
-    """The rows of a record, and what the experiment is changed by."""
+    """The rows of a record, and changes of the experiment."""
 
     rate: Annotated[
         float | None,

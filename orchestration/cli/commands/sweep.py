@@ -114,7 +114,7 @@ def _check(out: Path | None, plot: Path | None) -> Callable[[Task, Design], None
 
 
 def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> None:
-    """Say what a sweep comes to, write it and draw it."""
+    """Print the summary of a sweep, write it and draw it."""
     from orchestration.reporting import console
     from orchestration.sweeps.curves import left_out as left_out_of_sweep
     from orchestration.sweeps.page import sweep_page
@@ -212,7 +212,7 @@ def _sweep_of_file(path: Path) -> Work:
 
 
 def _refuse_beside_file(context: typer.Context) -> None:
-    """Refuse options about what is run where a file says it."""
+    """Refuse options about the sweep where a file describes it."""
     allowed = {"context", *options_of(*_BESIDE_FILE)}
     for parameter in context.command.params:
         source = context.get_parameter_source(parameter.name or "")
@@ -221,7 +221,7 @@ def _refuse_beside_file(context: typer.Context) -> None:
 
 
 def ranges_of(over: Sequence[str]) -> dict[str, Any]:
-    """Return what each parameter goes through, by its name.
+    """Return the range of each parameter by its name.
 
     Parameters
     ----------
@@ -257,7 +257,7 @@ def _keep(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
 
 
 def _show(data: xarray.Dataset) -> None:
-    """Print what each number comes to over all cases, and how many failed."""
+    """Print the range of each number over all cases, and the number of cases that failed."""
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import note, out
     from orchestration.sweeps.page import case_count, extremes

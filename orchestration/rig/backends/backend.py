@@ -1,4 +1,4 @@
-"""Interface of a backend: what a rig must be able to do in order to be served."""
+"""Interface of a backend: the calls by which a rig is served."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Backend(ABC):
         """
 
     def read_back(self) -> Mapping[str, float]:
-        """Return what the device says that inputs have, where it can say.
+        """Return the inputs that the device reports to have, as far as it reports them.
 
         Returns
         -------
@@ -100,7 +100,7 @@ class Steppable(Backend):
 
     @abstractmethod
     def advance(self, step: float) -> None:
-        """Let time pass with the commands held.
+        """Let time pass under the present commands.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Drive of a rig through an experiment in real time, and the record of what it does.
+"""Drive of a rig through an experiment in real time, and the record of its outputs.
 
 A command takes effect when the rig next writes, and is measured when it next reads. So the value of
 an output that belongs to a command is the first that was measured after the server accepted it; an
@@ -56,7 +56,7 @@ class RecordedRun:
 
 @dataclass(frozen=True)
 class RecordingObserver:
-    """The one who follows a recording.
+    """Observer of a recording.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Calls of a backend, which may raise anything, and the check of what it says of itself."""
+"""Calls of a backend, which may raise any exception, and checks of its declarations."""
 
 from __future__ import annotations
 
@@ -213,7 +213,7 @@ def measure(backend: Backend, signals: BackendSignals) -> dict[str, float]:
 
 
 def read_back(backend: Backend, signals: BackendSignals) -> list[float]:
-    """Return what a backend says that its inputs have.
+    """Return the inputs that a backend reports to have.
 
     Parameters
     ----------

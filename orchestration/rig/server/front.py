@@ -301,7 +301,7 @@ def received_signals() -> Iterator[ReceivedSignals]:
 
 
 def _ready(settings: ServerSettings, sockets: Sockets, rig: Rig) -> str:
-    """Return a line about what is served, where, and what is allowed."""
+    """Return a line with the rig that is served, its addresses and its limits."""
     signals = rig.signals
     pace = "lockstep, no watchdog"
     if rig.watchdog:

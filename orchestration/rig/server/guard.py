@@ -74,7 +74,7 @@ def main(settings: ServerSettings, memory: Any, rescue: str, stands_by: bool) ->
 
 
 def fault_of(beat: Beat, command: Command, now: float, settings: ServerSettings) -> str:
-    """Describe what is wrong with a living device, by its last sign of life.
+    """Return the fault of a living device in words, by its last sign of life.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ class Guard:
         return trip is not None and trip.ended and trip.time > self._started
 
     def _look_at_ended_device(self) -> None:
-        """Take the place of a device that has ended, unless it left the rig in its safe state."""
+        """Take the place of a device that has ended, unless the rig is in its safe state."""
         trip = self._shared.trip.read()
         if trip is None or not self._is_final(trip):
             self._take_over(f"the device process has ended, exit status {self._device.exitcode}")

@@ -115,11 +115,11 @@ class Rig(Protocol):
         ...
 
     def troubles(self) -> list[str]:
-        """Return what made the rig go safe by itself since the last call, the newest last."""
+        """Return why the rig went safe by itself since the last call, the newest reason last."""
         ...
 
     def alarms(self) -> list[str]:
-        """Return what an operator has to know since the last call, though the rig goes on."""
+        """Return facts for the operator since the last call; the rig goes on."""
         ...
 
     def state(self) -> RigState:

@@ -83,7 +83,7 @@ class Sample(NamedTuple):
 
 
 class Trip(NamedTuple):
-    """A report of device or guard that it went to the safe state: why, and whether it was reached.
+    """A report of device or guard on going to the safe state: the reason, and whether it got there.
 
     `ended` says that the backend is closed.
     """
@@ -102,7 +102,7 @@ class Alarm(NamedTuple):
 
 
 class Watch(NamedTuple):
-    """A sign of life of the guard on duty, and what it is at, written by that guard.
+    """A sign of life of the guard on duty and its present action, written by that guard.
 
     `acknowledged` is how many acknowledgements it takes into account, `ending` whether all is to
     end.

@@ -1,4 +1,4 @@
-"""Socket that telemetry is published by, whatever its subscribers ask for."""
+"""Socket that publishes telemetry, with a limit of subscriptions."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class TelemetrySocket:
         return True
 
     def _are_too_many(self, socket: zmq.Socket[bytes]) -> bool:
-        """Return True if more topics were asked for than there may be."""
+        """Return True if there are more subscriptions than are allowed."""
         while self._topics <= _MOST_TOPICS:
             try:
                 socket.recv(zmq.NOBLOCK)

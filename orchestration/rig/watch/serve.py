@@ -96,7 +96,7 @@ class PageServer(ThreadingHTTPServer):
         return f"http://{LOOPBACK}:{self.port}/"
 
     def server_bind(self) -> None:
-        """Bind the port, without the look-up of this machine's name of the standard library."""
+        """Bind the port; the standard library would look up this machine's name first."""
         socketserver.TCPServer.server_bind(self)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
@@ -168,7 +168,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._send_json(HTTPStatus.OK, {**condition, "serial": serial})
 
     def _stream(self, query: str) -> None:
-        """Answer at once with what a page misses, so that no connection of a browser is held."""
+        """Answer at once with the items that a page lacks, so that no connection stays open."""
         after = re.fullmatch(r"after=(-1|\d{1,15})", query)
         if after is None:
             self._send(HTTPStatus.BAD_REQUEST, "text/plain", "write /stream?after=NUMBER")

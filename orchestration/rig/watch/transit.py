@@ -1,4 +1,4 @@
-"""Bound of how long a message of a rig's server was under way, without synchronised clocks."""
+"""Bound of the transit time of a message of a rig's server, without synchronised clocks."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class TransitBound:
         self._since = sent
 
     def transit_time(self, clock: float, received: float) -> float | None:
-        """Return how long a message was under way, at most.
+        """Return the longest possible transit time of a message.
 
         Parameters
         ----------
