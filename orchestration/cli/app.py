@@ -27,9 +27,9 @@ from orchestration.reporting import in_shell
 
 _LONGEST = 300  # characters of a name that are shown
 _MODULES = "orchestration.cli.commands"
-_ENTRY_POINTS = "ppy_rig.commands"  # group of what installed packages bring, as `_GROUPS` has it
+_ENTRY_POINTS = "ppy_rig.commands"  # group of the commands of installed packages, as in `_GROUPS`
 _Groups = Mapping[str, Mapping[str, tuple[str, str]]]
-# By what they are for: a line for ``ppy --help``, which has room for one at 80 columns, and the
+# By task: a line for ``ppy --help``, which has room for one at 80 columns, and the
 # function or group of commands in a module, which is named from `commands` on.
 _GROUPS: _Groups = {
     "Find out what is wrong": {
@@ -277,7 +277,7 @@ def _end_aborted(cause: BaseException | None) -> NoReturn:
 
 def _is_expected(error: Exception) -> bool:
     """Return True for an error in the user's input."""
-    # a usage error is told by what it can do: its class moved between versions of typer
+    # a usage error is recognised by its methods: its class moved between versions of typer
     return isinstance(error, UserError) or hasattr(error, "format_message")
 
 
@@ -290,7 +290,7 @@ def _message(error: Exception) -> str:
         hint = f"  (see {context.command_path} --help)" if context else ""
         return f"{error.format_message()}{hint}"
     if isinstance(error, OSError) and isinstance(error.filename, str):
-        name = error.filename  # and what the system says of this file
+        name = error.filename  # and the system's message about this file
         shown = name if len(name) < _LONGEST else f"{name[:_LONGEST]}..."
         return f"{shown}: {error.strerror}"
     from orchestration.fmu.model import faulty_place

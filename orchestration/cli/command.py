@@ -145,7 +145,7 @@ def _complete_effects(context: typer.Context, incomplete: str) -> list[str]:
     from fmus.kit import registry
     from orchestration.fmu.model import known_effects
 
-    # while an option lacks its value, what was named before is among the arguments that are not
+    # while an option lacks its value, earlier names are among the arguments that are not
     # sorted out yet
     words = [*context.args, *(context.params.get("names") or ()), context.params.get("model")]
     name = next((word for word in words if word in registry.models()), None)

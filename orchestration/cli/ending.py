@@ -59,7 +59,7 @@ def is_of_import(error: EOFError) -> bool:
 
 
 @contextmanager
-def kept_in(folder: Path | None, flag: str, what: str) -> Iterator[None]:
+def kept_in(folder: Path | None, flag: str, items: str) -> Iterator[None]:
     """End an interrupt with a line on the work that a journal has stored.
 
     Parameters
@@ -68,7 +68,7 @@ def kept_in(folder: Path | None, flag: str, what: str) -> Iterator[None]:
         Of the journal.
     flag : str
         Option without which there is none.
-    what : str
+    items : str
         Parts that it keeps.
     """
     try:
@@ -80,8 +80,8 @@ def kept_in(folder: Path | None, flag: str, what: str) -> Iterator[None]:
 
         done, whole = count_done(folder)
         if not done:
-            end_interrupted(f"none of the {what} was done")
+            end_interrupted(f"none of the {items} was done")
         end_interrupted(
-            f"{done:,} of {whole:,} {what} are kept in {folder}, and the same command goes on from"
+            f"{done:,} of {whole:,} {items} are kept in {folder}, and the same command goes on from"
             " there"
         )

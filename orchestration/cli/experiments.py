@@ -122,7 +122,7 @@ def _make(
                 isolation=isolation,
                 folder=folder,
             )
-    # no bar: what draws it is a thread, and takes its time when the next step should begin
+    # no bar: its thread would take time when the next step should begin
     err.print(
         f"running {name} in real time (FMUs that are not in the cache are built first)",
         soft_wrap=True,

@@ -89,9 +89,9 @@ def check_inputs(model: Model, signals: Collection[str], parameters: Collection[
     ----------
     model : Model
     signals : collection of str
-        What the record has.
+        Signals of the record.
     parameters : collection of str
-        What is set.
+        Names that are set.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def note_neutral(model: Model, parameters: Collection[str]) -> None:
     ----------
     model : Model
     parameters : collection of str
-        What is set.
+        Names that are set.
     """
     from fmus.kit.effects import effect_name, unstack
 

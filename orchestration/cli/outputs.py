@@ -35,7 +35,7 @@ class Outputs(NamedTuple):
     Attributes
     ----------
     reads : Mapping of str to Path or None
-        By what they are, as in ``this is the record itself``.
+        By role, as in ``this is the record itself``.
     writes : Mapping of str to Path or None
         By option; ``-`` is standard output.
     endings : Mapping of str to sequence of str

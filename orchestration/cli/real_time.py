@@ -38,7 +38,7 @@ def live_run(options: RealTimeOptions, out: Path | None) -> Live | None:
     ----------
     options : RealTimeOptions
     out : Path or None
-        The result; beside it goes the journal.
+        The result; the journal goes next to it.
 
     Raises
     ------

@@ -19,7 +19,7 @@ from orchestration.journal.folder import ABOUT, DONE, NUMBERS
 class WorkJournal:
     """Outcomes of all parts of some work, in a folder.
 
-    Arrays have their whole size from the start. What keeps more than numbers extends `begin`.
+    Arrays have their whole size from the start. A journal of more than numbers extends `begin`.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class WorkJournal:
     kind : str
         Name of the work, for messages.
     about : Mapping of str to str
-        Digests of what defines the work, by what that is.
+        Digests of the parts that define the work, by name.
     shape : tuple of int
         Parts n, and the shape of the numbers of each.
 
@@ -133,7 +133,7 @@ def _refuse_other_work(folder: Path, kind: str, stored: Any, digests: Mapping[st
     Raises
     ------
     ValueError
-        If what is stored cannot be understood: the journal is damaged.
+        If the stored data cannot be understood: the journal is damaged.
     UserError
         If it is of other work.
     """

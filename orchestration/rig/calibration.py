@@ -36,7 +36,7 @@ TERMINALS = ("default", "differential", "referenced", "non-referenced")
 # must not lose.
 units.registry()
 
-# ---- types of values; the description says what is allowed, and every refusal ends with it
+# ---- types of values; the description names the allowed values, and every refusal ends with it
 # --------------------------------------------------------------------------------------------------
 
 _TWO_NUMBERS = "[low, high] of two finite numbers is wanted, the lower one first"
@@ -176,7 +176,7 @@ class Instrument(TomlTable):
     error : str
         Query whose answer begins with 0 when nothing is wrong; empty if there is none.
     termination : str
-        What ends a message.
+        The end of a message.
     """
 
     resource: Text
@@ -202,9 +202,9 @@ class Channel:
     place : str
         Channel of a device, such as ``ai0``, or the name of an instrument.
     command : str
-        What is written to, or asked of, an instrument; empty for a channel of a device.
+        Command or query for an instrument; empty for a channel of a device.
     query : str
-        What asks an instrument for the command that it has; empty if it cannot say.
+        Query for the command that an instrument has; empty if it has no such query.
     terminal : str
         How an analog input is wired, one of `TERMINALS`.
     gain, offset : float

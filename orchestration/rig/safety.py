@@ -26,7 +26,7 @@ class CommandFilter:
     Parameters
     ----------
     inputs : Mapping of str to str
-        What can be commanded, and its unit.
+        Commanded signals and their units.
     limits : Mapping of str to Limit
         By signal; a signal without one has no limits.
 
@@ -181,7 +181,7 @@ class MeasurementMonitor:
     Parameters
     ----------
     outputs : Mapping of str to str
-        What is measured, and its unit.
+        Measured signals and their units.
     limits : Mapping of str to Limit
         By signal.
     patience : float
@@ -214,7 +214,7 @@ class MeasurementMonitor:
         """
         if self._begun is None:
             self._begun = now
-        # all of them, whatever the first is: each signal remembers its newest value
+        # all of them, even after a fault: each signal remembers its newest value
         faults = [
             self._signal_fault(name, unit, limit, values[name], now, self._begun)
             for name, unit, limit in self._signals

@@ -24,7 +24,7 @@ class StuckMonitor:
     Parameters
     ----------
     signals : pair of Mapping of str to str
-        What is commanded and what is measured, and their units.
+        Commanded and measured signals, and their units.
     limits : Mapping of str to Limit
         By signal.
     samples : int
@@ -54,14 +54,15 @@ class StuckMonitor:
         Parameters
         ----------
         applied, read_back : sequence of float
-            What each input was given, and what the device says it has; NaN where it does not.
+            Commanded value of each input, and the one that the device reports; NaN where it
+            reports none.
         measured : Mapping of str to float
             By output; NaN where there is none.
 
         Returns
         -------
         list of str
-            Sentences about what became an alarm with this sample.
+            Sentences about the alarms that begin with this sample.
         """
         if not self._samples:
             return []

@@ -49,7 +49,7 @@ class _Facts(NamedTuple):
     presets: Mapping[str, str] = {}
     made_from: str = ""
     laid_over: Sequence[str] = ()
-    effects: Mapping[type[Effect], str] = {}  # each with what it relaxes
+    effects: Mapping[type[Effect], str] = {}  # each with the assumption that it relaxes
 
 
 def _facts(name: str, effects: Sequence[str]) -> _Facts:
@@ -147,7 +147,7 @@ def _signal(signal: Signal) -> dict[str, Any]:
     from dataclasses import asdict
 
     known = asdict(signal) | {"start": signal.default}
-    del known["text"]  # what a text starts with is its start
+    del known["text"]  # a text begins with its start value
     return known
 
 

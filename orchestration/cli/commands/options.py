@@ -266,7 +266,7 @@ class RangesOption(TypedDict, total=False):
     over: Annotated[
         Sequence[str],
         Option(
-            "What a parameter, or an input that is held, goes through: R1=0.3..0.7:41,"
+            "Range of a parameter, or of an input that is held: R1=0.3..0.7:41,"
             " C=1e-3..1e-1:7 log, k1=6.3N/mm, 9N/mm; R1=0.3..0.7 for a design that chooses the"
             " values. Repeatable.",
             default=(),
@@ -477,12 +477,12 @@ class IdentifyCommand(
 
 
 class BesideOption(TypedDict, total=False):
-    """The model beside what was measured, if there is one."""
+    """The model whose response is shown with the measured one, if there is one."""
 
     model: Annotated[
         str | None,
         Option(
-            "Shown beside the record: a component (see ppy list), path/to/file.py:Class, an .fmu"
+            "Shown with the record: a component (see ppy list), path/to/file.py:Class, an .fmu"
             " file, or a system: its name or .ssp file.",
             metavar="MODEL",
             complete="component",
@@ -516,7 +516,7 @@ class FrequencyCommand(
 class OutputOption(TypedDict, total=False):
     """The column that a black-box model predicts."""
 
-    output: Annotated[str, Option("What is foretold.", default=REQUIRED, metavar="COLUMN")]
+    output: Annotated[str, Option("Column to predict.", default=REQUIRED, metavar="COLUMN")]
 
 
 class BlackBoxOutputs(TypedDict, total=False):
@@ -850,7 +850,7 @@ class KeysCommand(TypedDict, total=False):
     role: Annotated[
         str | None,
         Option(
-            "What that client may: watch (and stop), command, or acknowledge (all there is).",
+            "Permission of that client: watch (and stop), command, or acknowledge (all there is).",
             metavar="ROLE",
         ),
     ]

@@ -37,7 +37,7 @@ _DATASET = (".nc", ".zarr")
 _ZARR = ".zarr"
 _TOML = (".toml",)
 _RAN = {"fmu": "FMU", "compiled": "compiled"}
-# what is left to the command line where a file says what is run
+# options of the command line where a file describes the sweep
 _BESIDE_FILE = (
     RunnableArgument,
     SweepEngineOptions,
@@ -99,7 +99,7 @@ def _check_outputs(options: SweepCommand) -> None:
 
 
 def _check(out: Path | None, plot: Path | None) -> Callable[[Task, Design], None]:
-    """Return what refuses a sweep before it is run: what cannot be written or drawn then."""
+    """Return a check that refuses a sweep whose result could not be written or drawn."""
 
     def check(task: Task, cases: Design) -> None:
         from orchestration.sweeps.execution import check_memory
@@ -175,8 +175,8 @@ def _sweep_of_options(options: SweepCommand) -> Work:
 def _settings(model: Model, over: Container[str], options: SweepCommand) -> dict[str, Value]:
     """Return the values that a preset and settings give, in the model's units.
 
-    What is swept goes through its values whatever a preset has for it, except where the others are
-    held at what is given.
+    A parameter that is swept takes its values in place of a preset's, except where all others are
+    held at their given values.
     """
     from orchestration.api import values_of
     from orchestration.sweeps.sensitivity import one_at_a_time

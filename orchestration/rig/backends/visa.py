@@ -55,7 +55,7 @@ class Visa(Backend):
         self._manager: pyvisa.ResourceManager | None = None
         try:
             self._manager = pyvisa.ResourceManager(library)
-        except Exception as error:  # ValueError, OSError or its own: what is missing decides
+        except Exception as error:  # ValueError, OSError or its own, by the missing part
             raise UserError(
                 f"no VISA library: {_line(error)}; install one, or write library=@py"
             ) from error

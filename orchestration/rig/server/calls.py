@@ -39,12 +39,12 @@ def call(name: str, function: Callable[..., Result], *arguments: Any) -> Result:
     Returns
     -------
     object
-        What it returns.
+        Its result.
 
     Raises
     ------
     BackendError
-        In place of whatever it raises.
+        In place of any other exception.
     """
     try:
         return function(*arguments)
@@ -99,7 +99,7 @@ class BackendSignals:
         Units.
     limits : dict of str to Limit
     notes : list of str
-        Further remarks for whoever started the server.
+        Further remarks for the user who started the server.
     """
 
     inputs: dict[str, str]
@@ -122,7 +122,7 @@ class BackendSignals:
         Raises
         ------
         BackendError
-            If it is not what :class:`~orchestration.rig.backends.backend.Backend` promises.
+            If it breaks a promise of :class:`~orchestration.rig.backends.backend.Backend`.
         """
         inputs, outputs, limits = call(
             "the backend's description",

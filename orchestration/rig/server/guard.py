@@ -45,7 +45,7 @@ LONGEST_OPENING = 30.0  # s that a backend may take to open before it is held to
 ATTEMPTS = 5  # at the safe state, when the backend raises
 _PAUSE = 0.2  # s between two attempts
 _ORPHAN = 0.1  # of the watchdog time, that a device gets to go safe when its guard has ended
-_GRACE = 0.01  # s, at least: what the device gets beyond the watchdog time to go safe by itself
+_GRACE = 0.01  # s, at least, that the device has beyond the watchdog time to go safe by itself
 
 
 def main(settings: ServerSettings, memory: Any, rescue: str, stands_by: bool) -> None:
@@ -62,7 +62,7 @@ def main(settings: ServerSettings, memory: Any, rescue: str, stands_by: bool) ->
         Whether another guard is on duty, and this one waits until it fails.
     """
     detach()
-    with suppress(Exception):  # the device will say what is wrong with it
+    with suppress(Exception):  # the device will report its own fault
         backend_class(settings.backend)
     guard = Guard(settings, memory)
     if hasattr(signal, "SIGTERM"):
@@ -201,7 +201,7 @@ class Guard:
 
     def _look(self) -> None:
         """Check the device once, and take its place if it has failed."""
-        # before all else: an acknowledgement is of what was in the shared memory before it
+        # before all else: an acknowledgement refers to the shared memory as it was before
         command = self._command()
         trip = self._shared.trip.read()
         beat = self._shared.beat.read()

@@ -40,13 +40,13 @@ class Latch:
     name : str
         Of the present latch; empty while it is open.
     reason : str
-        Why it is closed, or what its opening waits for.
+        Why it is closed, or the condition for opening it.
     state : str
         ``stopping``, ``safe`` or ``not reached`` while it is closed.
     reached : float or None
         How long the safe state took from when the latch was closed, s.
     alarm : str
-        What an operator has to know until it is acknowledged.
+        Message for the operator until it is acknowledged.
     """
 
     def __init__(self, rig: Rig, log: EventLog, keeper: LatchKeeper) -> None:
@@ -103,7 +103,7 @@ class Latch:
         self._confirm()
 
     def _close(self, record: LatchRecord) -> None:
-        if not self.is_closed:  # else what is known of the safe state stays true
+        if not self.is_closed:  # else the known state of the rig stays true
             self.state = STOPPING
             self.reached = None
             self._closed = self._rig.clock()

@@ -41,7 +41,7 @@ _GUARDS = 3  # that may fail before the front gives up starting others
 # for worse than was seen
 _ROOM = 4.0
 _LONGEST_START = 5.0  # s that a process may take to show its first sign of life
-_SPARE = 2.0  # s, beyond what guard and device may take to end
+_SPARE = 2.0  # s, beyond the time that guard and device may take to end
 
 
 class RealTimeRig:

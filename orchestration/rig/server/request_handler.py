@@ -243,7 +243,7 @@ class RequestHandler:
             self._end_session("over")
         return self._status()
 
-    # -- what happens by itself
+    # -- events without a message
     # --------------------------------------------------------------------------------------
 
     def stop(self, reason: str, detail: str = "") -> None:
@@ -303,7 +303,7 @@ class RequestHandler:
         self._rig.go_safe()
         self._rests_since = monotonic()
 
-    # -- what is answered and published
+    # -- answers and telemetry
     # ----------------------------------------------------------------------------------------------
 
     def _constants(self) -> dict[str, Any]:

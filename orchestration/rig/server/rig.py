@@ -20,9 +20,9 @@ class RigState:
     number : int
         Counts the samples.
     applied : tuple of float or None
-        What each input has; zero in the safe state, None where nobody knows.
+        Value of each input; zero in the safe state, None where it is unknown.
     read_back : tuple of float or None
-        What the device says that each input has; None where it cannot say.
+        Value of each input as the device reports it; None where it does not.
     values : tuple of float or None
         The newest finite value of every output.
     taken : tuple of float

@@ -125,7 +125,7 @@ def prefer(priority: int | None, cpu: int | None) -> list[str]:
     Returns
     -------
     list of str
-        Lines about what could not be had, and why.
+        Lines about each setting that was refused, with the reason.
     """
     notes = []
     if priority is not None:

@@ -73,7 +73,7 @@ class Sockets:
         ROUTER, for clients.
     telemetry : TelemetrySocket
     operators : zmq.Socket
-        ROUTER, in a context of its own: whatever the others have to do, a stop does not wait.
+        ROUTER, in a context of its own, so that a stop waits for no other message.
     host : str
     port : int
         Of `requests`.

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import zmq
 
 # ZeroMQ keeps every topic that any peer asks for, in memory and in the time of each message.
-# Telemetry has none: whoever watches asks for the empty one, which counts once for all of them.
+# Telemetry has none: a viewer subscribes to the empty one, which counts once for all viewers.
 _MOST_TOPICS = 100
 
 

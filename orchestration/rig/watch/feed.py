@@ -1,7 +1,7 @@
 """Feed of the live page: recent samples and events of a rig, gathered from its telemetry.
 
-A :class:`Listener` receives what the rig's server publishes, and asks for its status a few times a
-second. A :class:`Feed` keeps it for pages that are opened, and says whether contact was lost.
+A :class:`Listener` receives the telemetry of the rig's server, and asks for its status a few times
+a second. A :class:`Feed` keeps it for pages that are opened, and says whether contact was lost.
 """
 
 from __future__ import annotations

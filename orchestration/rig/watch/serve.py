@@ -21,8 +21,8 @@ from fmus.kit import UserError
 from orchestration.rig.watch.feed import Feed
 
 LOOPBACK = "127.0.0.1"
-_PATIENCE = 5.0  # s that a browser may take to send its request, or to take what it is sent
-_LARGEST = 4096  # bytes of a request beside its head; they are read and ignored
+_PATIENCE = 5.0  # s that a browser may take to send its request, or to receive the answer
+_LARGEST = 4096  # bytes of the body of a request; they are read and ignored
 _WAITING = 128  # connections that wait to be taken, as when many tabs are opened at once
 _TYPES = {"css": "text/css", "js": "text/javascript"}
 _FILES = (
@@ -34,7 +34,7 @@ _FILES = (
     "stream.js",
     "worker.js",
 )
-# what a browser says made it send a request: the page itself, or its user; others say nothing
+# origins of a request by a browser's word: the page itself, or its user; others say nothing
 _SITES = (None, "same-origin", "none")
 _HEADERS = {
     "Cache-Control": "no-store",

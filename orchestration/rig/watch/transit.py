@@ -12,7 +12,7 @@ class TransitBound:
 
     An answer is stamped after its request was sent. So from ``sent - clock`` of a round trip, the
     earliest moment of any other stamp is known (Cristian, Probabilistic clock synchronization,
-    1989). The greatest of all round trips is the tightest; it is loosened by what clocks may drift.
+    1989). The greatest of all round trips is the tightest; it is loosened by the drift of clocks.
     """
 
     def __init__(self) -> None:
