@@ -78,7 +78,7 @@ class DiagnosedResults:
         self, name: str, seed: int = 1, outputs: Sequence[str] = ("voltage", "displacement")
     ) -> Record:
         columns = {n: n for n in ("current", "force", *outputs)}
-        return read_for(self._model, broken_off(self._folder / name, seed, columns, 120.0))
+        return read_for(self._model, broken_off(self._folder / name, seed, columns, 180.0))
 
     def _diagnosed(
         self, record: Record, effects: list[type[Effect]], holdout: Record | None = None
