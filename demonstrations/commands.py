@@ -6,6 +6,7 @@ No ``from __future__ import annotations``: the options are read from their class
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
+from fmus.kit.extras import require
 from orchestration.api.declaration import Option
 from orchestration.cli.command import command
 from orchestration.cli.options import JsonOption
@@ -13,6 +14,10 @@ from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_
 
 if TYPE_CHECKING:
     from demonstrations.thesis import Claim
+
+_THESIS = ("control", "matplotlib")
+_DEMO = (*_THESIS, "threadpoolctl")
+_RIG_DEMO = ("matplotlib", "psutil", "threadpoolctl", "zmq")
 
 
 class DemoCommand(TypedDict, total=False):
@@ -54,6 +59,7 @@ class RigDemoCommand(TypedDict, total=False):
 @command(DemoCommand)
 def demo(options: DemoCommand) -> None:
     """Do everything once: build, simulate, compare with an emulated rig, diagnose, report."""
+    require(*_DEMO)
     from demonstrations.demo import everything as work
 
     Outputs(folders={"--out": options["out"]}).check()
@@ -63,6 +69,7 @@ def demo(options: DemoCommand) -> None:
 @command(ThesisCommand)
 def thesis(options: ThesisCommand) -> None:
     """Recompute the thesis: every table and simulated figure, what holds, what does not and why."""
+    require(*_THESIS)
     from demonstrations.thesis import chapters, page
 
     out = options["out"]
@@ -99,6 +106,7 @@ def _as_json(claim: "Claim") -> dict[str, Any]:
 @command(RigDemoCommand)
 def rig_demo(options: RigDemoCommand) -> None:
     """Close the loop once, in real time, on an emulated rig in which an effect is hidden."""
+    require(*_RIG_DEMO)
     from demonstrations.demo import on_rig
 
     on_rig.run(options["out"], options["seed"])

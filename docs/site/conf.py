@@ -65,6 +65,7 @@ navigation = {
         "docs/how-to/frequency",
         "docs/how-to/laws",
         "docs/how-to/new-component",
+        "docs/how-to/own-components",
         "docs/how-to/sweeps",
         "docs/how-to/linearise",
         "docs/how-to/systems",

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import wraps
 from inspect import signature
+from types import ModuleType
 from typing import Any, ClassVar, ParamSpec, cast
 from zlib import crc32
 
@@ -219,6 +220,17 @@ def effect_name(effect: type[Effect]) -> str:
 def effects_by_name(*effects: type[Effect]) -> dict[str, type[Effect]]:
     """Return effects by their names, for a catalogue."""
     return {effect_name(effect): effect for effect in effects}
+
+
+def effects_in(*modules: ModuleType) -> dict[str, type[Effect]]:
+    """Return the effects that modules define by their names, in the order of their definition."""
+    defined = [
+        cast("type[Effect]", thing)
+        for module in modules
+        for thing in vars(module).values()
+        if isinstance(thing, EffectType) and thing.__module__ == module.__name__
+    ]
+    return effects_by_name(*(effect for effect in defined if effect.id))
 
 
 def _identifier(effect: type[Effect]) -> str:

@@ -52,9 +52,10 @@ PACKAGES: Mapping[str, Package] = {
 """Name that is imported -> what it belongs to."""
 
 
-def install_command(name: str) -> str:
-    """Return the command that installs a package of `PACKAGES`, with all that its task needs."""
-    return f'pip install "ppy-rig[{PACKAGES[name].extra}]"'
+def install_command(*names: str) -> str:
+    """Return the command that installs packages of `PACKAGES`, with all that their tasks need."""
+    extras = sorted({PACKAGES[name].extra for name in names})
+    return f'pip install "ppy-rig[{",".join(extras)}]"'
 
 
 def require(*names: str) -> None:
@@ -68,11 +69,11 @@ def require(*names: str) -> None:
     Raises
     ------
     UserError
-        If one is not installed.
+        If some are not installed; it says which.
     """
-    for name in names:
-        if importlib.util.find_spec(name) is None:
-            raise _missing(name)
+    absent = [name for name in names if importlib.util.find_spec(name) is None]
+    if absent:
+        raise _missing(*absent)
 
 
 @contextmanager
@@ -93,6 +94,7 @@ def optional() -> Iterator[None]:
         raise _missing(name) from error
 
 
-def _missing(name: str) -> UserError:
-    package = PACKAGES[name]
-    return UserError(f"{package.task} needs {package.distribution}: {install_command(name)}")
+def _missing(*names: str) -> UserError:
+    packages = [PACKAGES[name] for name in names]
+    needs = ", ".join(f"{package.task} needs {package.distribution}" for package in packages)
+    return UserError(f"{needs}: {install_command(*names)}")

@@ -349,8 +349,8 @@ def load(place: str) -> Any:
     module, _, name = place.partition(":")
     try:
         return getattr(import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise UserError(f"{place} cannot be imported: {error}") from error
+    except Exception as error:  # what the code of somebody else may raise
+        raise UserError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
 
 
 @cache

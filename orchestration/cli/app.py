@@ -1,4 +1,4 @@
-"""The command ``ppy``: its commands, each loaded when it is called, and what a failure becomes."""
+"""The command ``ppy``: its commands, each loaded when it is called, and the handling of errors."""
 
 from __future__ import annotations
 
@@ -6,17 +6,20 @@ import io
 import os
 import re
 import sys
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from inspect import cleandoc
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn, TextIO
 
 import typer
 from typer.core import TyperGroup
 
 from fmus.kit import UserError
 from fmus.kit.extras import optional
+from fmus.kit.registry import RegistryWarning
 from orchestration.cli.ending import INTERRUPTED, end_interrupted, end_unloadable, is_of_import
 from orchestration.cli.examples import epilog
 from orchestration.cli.real_time import IncompleteRecord
@@ -24,9 +27,9 @@ from orchestration.reporting import in_shell
 
 _LONGEST = 300  # characters of a name that are shown
 _MODULES = "orchestration.cli.commands"
-_ENTRY_POINTS = "ppy_rig.commands"  # group of what installed packages bring, as `_GROUPS` has it
+_ENTRY_POINTS = "ppy_rig.commands"  # group of the commands of installed packages, as in `_GROUPS`
 _Groups = Mapping[str, Mapping[str, tuple[str, str]]]
-# By what they are for: a line for ``ppy --help``, which has room for one at 80 columns, and the
+# By task: a line for ``ppy --help``, which has room for one at 80 columns, and the
 # function or group of commands in a module, which is named from `commands` on.
 _GROUPS: _Groups = {
     "Find out what is wrong": {
@@ -107,7 +110,7 @@ class _Commands(TyperGroup):
         return group
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the commands by what they are for; the whole fits a terminal of 24 lines."""
+        """Write the commands grouped by task, within a terminal of 24 lines."""
         formatter.write(f"Usage: ppy [{_OPTIONS}] COMMAND ... (examples: --help)\n")
         width = max(map(len, names()))
         for title, group in _groups().items():
@@ -129,7 +132,7 @@ def _alone(words: str) -> Any:
 
 @cache
 def _groups() -> _Groups:
-    """Return our own commands, then those that installed packages bring, by what they are for.
+    """Return our own commands, then those of installed packages, grouped by task.
 
     A package of somebody else that cannot be loaded takes no other command with it, and none
     replaces a command of ours.
@@ -200,7 +203,7 @@ def start(
         ),
     ] = False,
 ) -> None:
-    """Do what options before the command ask for; print the help where there is no command."""
+    """Apply the options before the command; print the help where there is no command."""
     if quiet and verbose:
         raise UserError("--quiet and --verbose contradict each other")
     if quiet or verbose:
@@ -219,7 +222,7 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        with in_shell(), optional():
+        with in_shell(), optional(), _warnings_in_a_line():
             code = app(standalone_mode=False, prog_name="ppy")
         if code == INTERRUPTED:  # typer has taken the interrupt for itself
             raise KeyboardInterrupt
@@ -236,8 +239,35 @@ def main() -> None:
     sys.exit(code if isinstance(code, int) else 0)
 
 
+@contextmanager
+def _warnings_in_a_line() -> Iterator[None]:
+    """Tell of packages of components that are left out as of anything else; other warnings stay."""
+    usual = warnings.showwarning
+
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        if issubclass(category, RegistryWarning):
+            from orchestration.reporting.console import warn
+
+            warn(str(message))
+        else:
+            usual(message, category, filename, lineno, file, line)
+
+    warnings.showwarning = show
+    try:
+        yield
+    finally:
+        warnings.showwarning = usual
+
+
 def _end_aborted(cause: BaseException | None) -> NoReturn:
-    """End an interrupt, or what typer takes for one: an end of file, wherever it was met."""
+    """End an interrupt, or an end of file, which typer takes for one."""
     if not isinstance(cause, EOFError):
         end_interrupted()
     if is_of_import(cause):
@@ -246,13 +276,13 @@ def _end_aborted(cause: BaseException | None) -> NoReturn:
 
 
 def _is_expected(error: Exception) -> bool:
-    """Return True for an error about what the user gave."""
-    # a usage error is told by what it can do: its class moved between versions of typer
+    """Return True for an error in the user's input."""
+    # a usage error is recognised by its methods: its class moved between versions of typer
     return isinstance(error, UserError) or hasattr(error, "format_message")
 
 
 def _message(error: Exception) -> str:
-    """Return what the user is told of an error."""
+    """Return the message of an error for the user."""
     if isinstance(error, UserError):
         return str(error)
     if hasattr(error, "format_message"):
@@ -260,7 +290,7 @@ def _message(error: Exception) -> str:
         hint = f"  (see {context.command_path} --help)" if context else ""
         return f"{error.format_message()}{hint}"
     if isinstance(error, OSError) and isinstance(error.filename, str):
-        name = error.filename  # and what the system says of this file
+        name = error.filename  # and the system's message about this file
         shown = name if len(name) < _LONGEST else f"{name[:_LONGEST]}..."
         return f"{shown}: {error.strerror}"
     from orchestration.fmu.model import faulty_place

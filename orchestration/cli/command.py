@@ -16,7 +16,7 @@ Body = Callable[..., None]
 
 
 def command(declared: type) -> Callable[[Body], Body]:
-    """Make a function of options into what typer makes a command of.
+    """Make a function of options into one of which typer makes a command.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def command(declared: type) -> Callable[[Body], Body]:
 
 
 def _with_default(option: Option) -> Option:
-    """Return an option whose default is a value: that of a model depends on what is installed."""
+    """Return an option whose default is a value: the default model depends on the installation."""
     return option._replace(default=option.default()) if callable(option.default) else option
 
 
@@ -66,7 +66,7 @@ _CONTEXT = Parameter("context", Parameter.POSITIONAL_OR_KEYWORD, annotation=type
 
 
 def _parameter(option: Option) -> Parameter:
-    """Return what typer reads an option from."""
+    """Return the parameter from which typer reads an option."""
     kind = option.type if option.form.typed is None else option.form.typed
     more: dict[str, Any] = {
         "help": option.help,
@@ -86,7 +86,7 @@ def _parameter(option: Option) -> Parameter:
 
 
 def _typed_default(option: Option) -> Any:
-    """Return the default as it is typed, which is what the help shows."""
+    """Return the default as a user types it, for the help."""
     if option.form.typed is None:
         return option.default
     if option.form.typed is bool:
@@ -145,7 +145,7 @@ def _complete_effects(context: typer.Context, incomplete: str) -> list[str]:
     from fmus.kit import registry
     from orchestration.fmu.model import known_effects
 
-    # while an option lacks its value, what was named before is among the arguments that are not
+    # while an option lacks its value, earlier names are among the arguments that are not
     # sorted out yet
     words = [*context.args, *(context.params.get("names") or ()), context.params.get("model")]
     name = next((word for word in words if word in registry.models()), None)

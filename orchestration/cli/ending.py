@@ -53,14 +53,14 @@ def end_unloadable(error: EOFError) -> NoReturn:
 
 
 def is_of_import(error: EOFError) -> bool:
-    """Return True if Python's own import raised an error, not what reads a file or a worker."""
+    """Return True if Python's import raised an error, and not the reader of a file or a worker."""
     *_, (last, _) = walk_tb(error.__traceback__)
     return last.f_globals is vars(_bootstrap_external)
 
 
 @contextmanager
-def kept_in(folder: Path | None, flag: str, what: str) -> Iterator[None]:
-    """End an interrupt with words on what a journal has kept.
+def kept_in(folder: Path | None, flag: str, items: str) -> Iterator[None]:
+    """End an interrupt with a line on the work that a journal has stored.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def kept_in(folder: Path | None, flag: str, what: str) -> Iterator[None]:
         Of the journal.
     flag : str
         Option without which there is none.
-    what : str
+    items : str
         Parts that it keeps.
     """
     try:
@@ -80,8 +80,8 @@ def kept_in(folder: Path | None, flag: str, what: str) -> Iterator[None]:
 
         done, whole = count_done(folder)
         if not done:
-            end_interrupted(f"none of the {what} was done")
+            end_interrupted(f"none of the {items} was done")
         end_interrupted(
-            f"{done:,} of {whole:,} {what} are kept in {folder}, and the same command goes on from"
+            f"{done:,} of {whole:,} {items} are kept in {folder}, and the same command goes on from"
             " there"
         )

@@ -29,7 +29,7 @@ def run_and_write(
     options: RunCommand | SimulateCommand,
     live: Live | None = None,
 ) -> ExperimentResult:
-    """Run an experiment; show the result, and write and draw it if that was asked for.
+    """Run an experiment; print the result, and write and draw it by the options.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def run_and_write(
 
 
 def refuse_part(data: xarray.Dataset, live: Live | None = None) -> None:
-    """Fail where a result is not the whole of what was to be run; it has been written.
+    """Fail where a result is incomplete; it has been written.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def _make(
                 isolation=isolation,
                 folder=folder,
             )
-    # no bar: what draws it is a thread, and takes its time when the next step should begin
+    # no bar: its thread would take time when the next step should begin
     err.print(
         f"running {name} in real time (FMUs that are not in the cache are built first)",
         soft_wrap=True,

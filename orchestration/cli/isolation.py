@@ -23,7 +23,7 @@ def limits(foreign: bool, options: IsolationOptions) -> Limits | None:
     Raises
     ------
     UserError
-        If limits are given for what is not isolated.
+        If limits are given for a run that is not isolated.
     """
     isolate = foreign if options["isolate"] is None else options["isolate"]
     given = given_limits(isolate, options)
@@ -36,7 +36,7 @@ def given_limits(isolate: bool | None, options: IsolationOptions) -> Limits:
     Raises
     ------
     UserError
-        If they are given for what is not isolated.
+        If they are given for a run that is not isolated.
     """
     from fmus.kit import UserError
     from orchestration.fmu.isolation import STEP_TIMEOUT, Limits

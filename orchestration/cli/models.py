@@ -1,4 +1,4 @@
-"""Models as commands open them: found, built if need be, with notes on what to know of them."""
+"""Models as commands open them: found, built if need be, with notes for the user."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class MeasuredModel(NamedTuple):
-    """A model, the record that it is held against, and the values of its parameters."""
+    """A model, the record that it is compared with, and the values of its parameters."""
 
     model: Model
     record: Record
@@ -24,7 +24,7 @@ class MeasuredModel(NamedTuple):
 
 
 def open_measured(options: MeasuredOptions, runtime: str | None = None) -> MeasuredModel:
-    """Open a model and a record of it; tell what was repaired, and which inputs nothing gives.
+    """Open a model and a record of it; print the repairs, and the inputs without a source.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def open_model(name: str, runtime: str | None = None, effects: Sequence[str] = (
 
 
 def build_model(declared: Model, runtime: str | None = None) -> Model:
-    """Build the FMU of a model that is declared, if it has none; tell what to know of it."""
+    """Build the FMU of a model that is declared, if it has none, and print notes on it."""
     from orchestration.fmu.model import built
     from orchestration.fmu.simulation import source_of
 
@@ -83,15 +83,15 @@ def build_model(declared: Model, runtime: str | None = None) -> Model:
 
 
 def check_inputs(model: Model, signals: Collection[str], parameters: Collection[str]) -> None:
-    """Refuse inputs that are given twice; tell which inputs no file and no setting gives.
+    """Refuse inputs that are given twice; print the inputs that neither file nor setting gives.
 
     Parameters
     ----------
     model : Model
     signals : collection of str
-        What the record has.
+        Signals of the record.
     parameters : collection of str
-        What is set.
+        Names that are set.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def check_inputs(model: Model, signals: Collection[str], parameters: Collection[
 
 
 def note_neutral(model: Model, parameters: Collection[str]) -> None:
-    """Tell which effects a fit starts without.
+    """Print the effects without which a fit starts.
 
     From the value that switches an effect off it may not get away.
 
@@ -119,7 +119,7 @@ def note_neutral(model: Model, parameters: Collection[str]) -> None:
     ----------
     model : Model
     parameters : collection of str
-        What is set.
+        Names that are set.
     """
     from fmus.kit.effects import effect_name, unstack
 

@@ -59,7 +59,7 @@ def platform_list(names: Sequence[str]) -> list[str] | None:
     return None if _ALL in names else [*names] or [host_platform()]
 
 
-# --- what several commands take ------------------------------------------------------------------
+# --- options of several commands ------------------------------------------------------------------
 
 _MODEL = "A component (see ppy list), path/to/file.py:Class, or an .fmu file."
 _RUNNABLE = (
@@ -236,7 +236,7 @@ class RealTimeOptions(TypedDict, total=False):
     missed: Annotated[
         str | None,
         Option(
-            "What a missed deadline does: warn (default) or stop.",
+            "Action on a missed deadline: warn (default) or stop.",
             metavar="WHAT",
             choices=("warn", "stop"),
         ),

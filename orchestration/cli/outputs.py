@@ -30,12 +30,12 @@ def typed_command() -> str:
 
 
 class Outputs(NamedTuple):
-    """Files that a command reads and those that it is asked to write.
+    """Files that a command reads, and those that its options name.
 
     Attributes
     ----------
     reads : Mapping of str to Path or None
-        By what they are, as in ``this is the record itself``.
+        By role, as in ``this is the record itself``.
     writes : Mapping of str to Path or None
         By option; ``-`` is standard output.
     endings : Mapping of str to sequence of str
@@ -95,7 +95,7 @@ def _exists(option: str, path: Path) -> bool:
 
 
 def _check_ending(option: str, path: Path, allowed: Sequence[str]) -> None:
-    """Refuse an ending that tells of another format, or of one whose package is not installed."""
+    """Refuse a file extension of another format, or of one whose package is not installed."""
     if allowed and path.suffix.lower() not in allowed:
         endings = (" or " if len(allowed) == 2 else ", ").join(allowed)
         raise UserError(
@@ -118,7 +118,7 @@ def _check_folder(folder: Path, path: Path) -> None:
 
 
 def part_of(out: Path | None) -> Path | None:
-    """Return the folder beside a result that keeps what is done until that is written, if any."""
+    """Return the folder that keeps the finished part of a result until that is written, if any."""
     if out is None or out == STANDARD_OUTPUT:
         return None
     return out.with_name(f"{out.name}.part")
@@ -137,7 +137,7 @@ def standard_output_for(path: Path | None) -> Iterator[None]:
 
 
 def write_json(path: Path | None, data: Any) -> None:
-    """Write results as JSON; what is no finite number becomes null.
+    """Write results as JSON; numbers that are not finite become null.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Panels of options in the help of a command: what each option is about.
+"""Panels of options in the help of a command, by the subject of an option.
 
 An option of one name is about the same in every command.
 """

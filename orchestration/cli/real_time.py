@@ -1,4 +1,4 @@
-"""Runs in real time: how they are asked for, their status line, and a record that is never lost."""
+"""Runs in real time: their options, their status line, and the rescue of their records."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def live_run(options: RealTimeOptions, out: Path | None) -> Live | None:
     ----------
     options : RealTimeOptions
     out : Path or None
-        The result; beside it goes the journal.
+        The result; the journal goes next to it.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def live_run(options: RealTimeOptions, out: Path | None) -> Live | None:
 def _admit(
     pace: RealTime, rigs: Sequence[RigEnd], step: float, lag: float | None = None
 ) -> RealTime:
-    """Measure what this machine holds with rigs, and return how a run keeps pace with them.
+    """Measure whether this machine keeps pace with rigs, and return the pace of a run with them.
 
     Parameters
     ----------
@@ -134,14 +134,14 @@ def status(moment: Moment) -> str:
 
 
 def _worst(moment: Moment, ending: str) -> float | None:
-    """Return the greatest value about links whose name ends so; None if there is none."""
+    """Return the greatest value of the signals of links with this ending; None if there is none."""
     values = [value for name, value in moment.link.items() if name.endswith(ending)]
     return max(values, default=None)
 
 
 @contextmanager
 def status_line(live: Live) -> Iterator[Live]:
-    """Have a run tell how it is doing while the context lasts.
+    """Show the progress of a run in one line while the context lasts.
 
     On a terminal in place, elsewhere in a line now and then.
 
@@ -232,7 +232,7 @@ def keep(data: xarray.Dataset, out: Path, live: Live) -> None:
 
 
 def _rescued(data: xarray.Dataset, out: Path, live: Live) -> str:
-    """Write a result among the temporary files; return where it is, or else what is left of it."""
+    """Write a result among the temporary files; return its path, or else why that failed."""
     from orchestration.experiment import results
 
     created = data.attrs["created"].replace(":", "")  # which a name on Windows cannot have

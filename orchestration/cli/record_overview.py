@@ -19,7 +19,7 @@ _RECORDS = (".csv", ".txt", ".dat", ".lvm", ".mpt", ".dta", ".tdms", ".mat", ".p
 
 
 def is_record(name: str) -> bool:
-    """Return whether a name is that of a record and not of a model."""
+    """Return whether a name is one of a record and not of a model."""
     from fmus.kit import registry
     from orchestration.fmu.model import names_class
 
@@ -69,7 +69,7 @@ def _as_json(proposal: Proposal | None) -> dict[str, Any]:
 
 
 def _show(overview: FileOverview) -> None:
-    """Print the clock, the columns, and what is noticed."""
+    """Print the clock, the columns, and the peculiarities of a record."""
     from rich.text import Text
 
     from orchestration.reporting import plain_table

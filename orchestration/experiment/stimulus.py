@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, Field, create_model
@@ -278,12 +280,18 @@ class _Declared(StimulusTable):
         return np.asarray(units.convert(values, declared.unit, place.unit, self.kind))
 
 
-def _declared_kind(kind: str, declared: registry.StimulusDeclaration) -> type[_Declared]:
-    """Return the table of a kind of stimulus that a package declares."""
-    keys: Any = {"kind": Literal[kind], declared.key: Literal[declared.choices]}
-    made = create_model(kind.title(), __base__=_Declared, __doc__=declared.summary, **keys)
-    made.declared = declared
-    return made
+def declared_kinds() -> Iterator[type[StimulusTable]]:
+    """Yield tables of the kinds of stimulus that packages of components declare."""
+    known = [get_args(kind.model_fields["kind"].annotation)[0] for kind in _OWN_KINDS]
+    for kind, declared in registry.stimuli().items():
+        if kind in known:
+            text = f"the kind of stimulus {kind!r} of a package is left out: there is one already"
+            warnings.warn(text, registry.RegistryWarning, stacklevel=2)
+            continue
+        keys: Any = {"kind": Literal[kind], declared.key: Literal[declared.choices]}
+        made = create_model(kind.title(), __base__=_Declared, __doc__=declared.summary, **keys)
+        made.declared = declared
+        yield made
 
 
 def _constant(given: Any) -> Any:
@@ -293,7 +301,7 @@ def _constant(given: Any) -> Any:
     return {"kind": "constant", "value": given}
 
 
-_OURS = (
+_OWN_KINDS = (
     ConstantSignal,
     Square,
     Sine,
@@ -306,8 +314,8 @@ _OURS = (
     FromFile,
 )
 KINDS: tuple[type[StimulusTable], ...] = (
-    *_OURS,
-    *(_declared_kind(kind, declared) for kind, declared in registry.stimuli().items()),
+    *_OWN_KINDS,
+    *declared_kinds(),
 )
 if TYPE_CHECKING:
     AnyStimulus = StimulusTable

@@ -4,6 +4,7 @@ from .archive import unpack as unpack
 from .exchange import ExchangeFmu as ExchangeFmu
 from .instance import Fmu as Fmu
 from .model import Model as Model
+from .model import find_class as find_class
 from .model import find_model as find_model
 from .signal import Signal as Signal
 from .signal import Value as Value

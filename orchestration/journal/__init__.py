@@ -1,4 +1,4 @@
-"""Journal of long work in a folder: what is done is kept, so that interrupted work goes on."""
+"""Journal of long work in a folder, from which interrupted work continues."""
 
 import lazy_loader
 

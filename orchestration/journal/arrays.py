@@ -21,7 +21,7 @@ def opened(path: Path, mode: Literal["r", "r+"], shape: tuple[int, ...], kind: s
     """
     if not path.exists():
         raise ValueError(f"{path.name} is missing")
-    array = np.lib.format.open_memmap(path, "r")  # r+ would fill what is cut short with zeros
+    array = np.lib.format.open_memmap(path, "r")  # r+ would fill a truncated file with zeros
     if array.shape != shape or array.dtype != np.dtype(kind):
         raise ValueError(f"{path.name} is of another shape")
     return np.lib.format.open_memmap(path, mode)

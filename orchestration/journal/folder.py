@@ -1,4 +1,4 @@
-"""The folder of a journal: one process works on it, and only what is its own is removed."""
+"""The folder of a journal: one process works in it, and only files of the journal are removed."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ Pair = tuple[int, str]  # row of a part, and a text about it
 
 
 class RowTexts:
-    """Texts about parts that are done, beside their numbers.
+    """Texts of finished parts, next to their numbers.
 
     Texts about parts that are not done are removed from the file, as is an unfinished last line.
 
@@ -59,10 +59,10 @@ class RowTexts:
     def _read(self, journal: WorkJournal) -> list[Pair]:
         text = self._path.read_text(encoding="utf-8") if self._path.exists() else ""
         lines = text[: text.rfind("\n") + 1].splitlines()
-        pairs = [(int(row), str(told)) for row, told in map(json.loads, lines)]
+        pairs = [(int(row), str(entry)) for row, entry in map(json.loads, lines)]
         if any(not 0 <= row < journal.parts for row, _ in pairs):
             raise ValueError(f"{self._path.name} is of another number of parts")
-        kept = [(row, told) for row, told in pairs if journal.is_done(row)]
+        kept = [(row, entry) for row, entry in pairs if journal.is_done(row)]
         whole = "".join(_lines(kept))
         if whole != text:
             files.write(self._path, whole.encode())

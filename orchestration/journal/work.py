@@ -19,7 +19,7 @@ from orchestration.journal.folder import ABOUT, DONE, NUMBERS
 class WorkJournal:
     """Outcomes of all parts of some work, in a folder.
 
-    Arrays have their whole size from the start. What keeps more than numbers extends `begin`.
+    Arrays have their whole size from the start. A journal of more than numbers extends `begin`.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class WorkJournal:
     kind : str
         Name of the work, for messages.
     about : Mapping of str to str
-        Digests of what defines the work, by what that is.
+        Digests of the parts that define the work, by name.
     shape : tuple of int
         Parts n, and the shape of the numbers of each.
 
@@ -70,7 +70,7 @@ class WorkJournal:
             raise UserError(f"{folder}: is damaged ({error}); remove it to begin anew") from error
 
     def begin(self, mode: str) -> None:
-        """Begin or continue what is kept beside numbers; mode is ``w+`` or ``r+``."""
+        """Begin or continue the store of a journal's texts; mode is ``w+`` or ``r+``."""
 
     @property
     def parts(self) -> int:
@@ -128,12 +128,12 @@ def _array(path: Path, mode: str, shape: tuple[int, ...], kind: str) -> Array:
 
 
 def _refuse_other_work(folder: Path, kind: str, stored: Any, digests: Mapping[str, str]) -> None:
-    """Refuse a folder whose stored digests are of other work.
+    """Refuse a folder whose stored digests belong to other work.
 
     Raises
     ------
     ValueError
-        If what is stored cannot be understood: the journal is damaged.
+        If the stored data cannot be understood: the journal is damaged.
     UserError
         If it is of other work.
     """

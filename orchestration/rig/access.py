@@ -1,7 +1,8 @@
-"""Access to the sockets of a rig: who may connect, and who sent a message (ZAP, ZeroMQ's RFC 27).
+"""Admission of peers to the sockets of a rig, and the key of a sender (ZAP, ZeroMQ's RFC 27).
 
-Every socket has a domain for which ZeroMQ asks, with keys or without: so it refuses whoever does
-not speak ZMTP 3, such as a browser, whose request it would take for a message of ZMTP 1 otherwise.
+Every socket has a domain for which ZeroMQ asks, with keys or without: so it refuses every peer that
+does not speak ZMTP 3, such as a browser, whose request it would take for a message of ZMTP 1
+otherwise.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from orchestration.rig.keys import ROLES, KeyHolder
 _DOMAIN = "rig"
 _HANDLER = "inproc://zeromq.zap.01"  # where ZeroMQ asks, in each of its contexts
 # ms that a peer has to say who it is; a handshake with keys takes some ten, on a slow network two
-# hundred, and whoever connects and says nothing holds a descriptor for as long
+# hundred, and a peer that connects and is silent holds a descriptor for as long
 HANDSHAKE = 500
 # ms between two questions to a peer whether it is there, and how long it may take to answer: a
 # connection that nobody is behind any more holds a descriptor for as long
@@ -91,7 +92,7 @@ def received(socket: zmq.Socket[bytes]) -> tuple[Peer, list[bytes]]:
 
 
 def _property(frame: zmq.Frame, name: str) -> str:
-    """Return what ZeroMQ knows of the sender of a frame; empty if it knows nothing."""
+    """Return a property that ZeroMQ has of the sender of a frame; empty if there is none."""
     try:
         return str(frame.get(name))
     except zmq.ZMQError:
@@ -116,7 +117,7 @@ def access_control(
     contexts: Sequence[zmq.Context[zmq.Socket[bytes]]],
     holders: Mapping[str, KeyHolder] | None = None,
 ) -> Iterator[None]:
-    """Answer ZeroMQ's questions whether a peer may connect, in a thread, while the context lasts.
+    """Answer ZeroMQ's requests for admission of peers, in a thread, while the context lasts.
 
     Parameters
     ----------

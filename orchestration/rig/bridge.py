@@ -3,7 +3,7 @@
 It is for proxies that cannot encrypt: plain ZeroMQ on this machine, CURVE beyond it.
 
 Every client here gets a connection of its own to the server, so that the server tells them apart as
-if they had connected to it. Nothing is stored: what cannot be carried on within a second is
+if they had connected to it. Nothing is stored: a message that cannot be sent within a second is
 dropped, because a command that is late is no command, and the client's own timeouts act.
 """
 
@@ -26,7 +26,7 @@ LOOPBACK = "127.0.0.1"
 _MOST_CLIENTS = 32
 _WAITING = 8  # frames of a client that are kept while its connection to the server comes about
 _LATEST = 1.0  # s; a frame that has waited for longer is dropped
-_SOON = 0.005  # s between two attempts to carry on what waits
+_SOON = 0.005  # s between two attempts to send waiting messages
 _TURN = 0.1  # s between two looks at whether anything has to be dropped or reported
 _SILENCE = 2.0  # s without telemetry after which the server is said to be silent
 _AT_ONCE = 100  # frames taken from one socket before the others have their turn
@@ -48,7 +48,7 @@ class _Client:
         self.flush(now)
 
     def flush(self, now: float) -> None:
-        """Carry on what waits, and drop what has waited for too long."""
+        """Send the messages that wait, and drop those that have waited for too long."""
         while self._waiting:
             since, frame = self._waiting[0]
             if now - since <= _LATEST:

@@ -1,4 +1,4 @@
-"""Calibration of a rig: a TOML file that says what the volts of every channel mean.
+"""Calibration of a rig: a TOML file with the meaning of every channel's volts.
 
 ``value = sign * (gain * volts + offset)`` in the unit of the channel, converted to SI; commands go
 the other way. Every factor has a date and a source.
@@ -36,7 +36,7 @@ TERMINALS = ("default", "differential", "referenced", "non-referenced")
 # must not lose.
 units.registry()
 
-# ---- types of values; the description says what is allowed, and every refusal ends with it
+# ---- types of values; the description names the allowed values, and every refusal ends with it
 # --------------------------------------------------------------------------------------------------
 
 _TWO_NUMBERS = "[low, high] of two finite numbers is wanted, the lower one first"
@@ -176,7 +176,7 @@ class Instrument(TomlTable):
     error : str
         Query whose answer begins with 0 when nothing is wrong; empty if there is none.
     termination : str
-        What ends a message.
+        The end of a message.
     """
 
     resource: Text
@@ -202,9 +202,9 @@ class Channel:
     place : str
         Channel of a device, such as ``ai0``, or the name of an instrument.
     command : str
-        What is written to, or asked of, an instrument; empty for a channel of a device.
+        Command or query for an instrument; empty for a channel of a device.
     query : str
-        What asks an instrument for the command that it has; empty if it cannot say.
+        Query for the command that an instrument has; empty if it has no such query.
     terminal : str
         How an analog input is wired, one of `TERMINALS`.
     gain, offset : float
@@ -371,7 +371,7 @@ def read_calibration(name_or_path: str) -> Calibration:
 def _check_inputs(
     inputs: dict[str, Channel], outputs: dict[str, Channel], limits: dict[str, Limit], path: Path
 ) -> None:
-    """Refuse an input that is an output, too, or whose safe value is beyond its limits."""
+    """Refuse an input that is also an output, or whose safe value is beyond its limits."""
     for name, channel in inputs.items():
         if name in outputs:
             raise UserError(
@@ -484,7 +484,7 @@ def _read_limits(
 
 
 def _command_limit(table: _LimitTable, channel: Channel, where: str) -> Limit:
-    """Return the limits of a command, which may not be beyond what its channel can do."""
+    """Return the limits of a command, which must lie within the range of its channel."""
     reach = channel.reachable()
     limit = _limit(table, channel, reach, where)
     room = _ROUNDING * (reach.max - reach.min)

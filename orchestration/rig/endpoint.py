@@ -19,7 +19,7 @@ from fmus.rig_proxy import (
 )
 
 _ADDRESS = re.compile(r"tcp://(?P<host>\[[0-9A-Fa-f:.%\w]+\]|[\w.*-]+):(?P<port>\d{1,5})")
-_LONGEST_QUEUE = 16  # messages: what a socket may hold for a peer that does not take them
+_LONGEST_QUEUE = 16  # messages that a socket may hold for a peer that does not take them
 # ms; a peer that is silent for three of them is taken for dead, and connected to anew
 _HEARTBEAT = 500
 HIGHEST_PORT = 65535 - OPERATOR  # of requests

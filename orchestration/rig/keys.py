@@ -22,7 +22,7 @@ CLIENT_FILE = "rig-client.toml"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
 _NAME_RULE = "has to be 1 to 40 letters, digits, - and _, and begin with none of -_"
 ROLES = ("watch", "command", "acknowledge")
-"""Roles of keys: each may do what those before it may. Everybody may stop."""
+"""Roles of keys: each has the permissions of those before it. Everybody may stop."""
 _FIRST_CLIENT = "first-client"
 
 

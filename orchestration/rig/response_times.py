@@ -15,14 +15,14 @@ from fmus.rig_proxy import LOCKSTEP, Link
 _LASTS = 1.0  # s, of the measurement at rates of 10 Hz and more
 _SLOWEST = 0.1  # s; at a longer step the machine is asked as often as this
 _OPENING = 2.0  # s for the first answer
-# one point in a thousand may be late, for a delay of a step is what a loop bears (by its sampling)
+# one point in a thousand may be late, for a loop tolerates a delay of one step (by its sampling)
 _SHARE = 0.999
-RATES = (1000, 500, 300, 200, 100, 50, 30, 20, 10)  # Hz; what is said to hold is one of them
+RATES = (1000, 500, 300, 200, 100, 50, 30, 20, 10)  # Hz; the answer is one of them
 
 
 @dataclass(frozen=True)
 class ResponseTimes:
-    """The response times of a rig that was asked at even times.
+    """The response times of a rig to requests at regular intervals.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class ResponseTimes:
         return float(np.quantile(self.times, share, method="inverted_cdf"))
 
     def holds(self, step: float) -> bool:
-        """Return whether answers are there within a step, but for one in a thousand."""
+        """Return whether answers arrive within a step, but for one in a thousand."""
         return self.quantile(_SHARE) <= step
 
     @property

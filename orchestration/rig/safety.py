@@ -26,7 +26,7 @@ class CommandFilter:
     Parameters
     ----------
     inputs : Mapping of str to str
-        What can be commanded, and its unit.
+        Commanded signals and their units.
     limits : Mapping of str to Limit
         By signal; a signal without one has no limits.
 
@@ -84,7 +84,7 @@ class CommandFilter:
 
 
 class SlewLimiter:
-    """Output stage that moves what is applied towards the commands no faster than their limits.
+    """Output stage that changes the applied values no faster than the limits of the commands.
 
     It lives as long as the device, so that no change of session is a way around it.
 
@@ -107,7 +107,7 @@ class SlewLimiter:
         self._time = now
 
     def towards(self, values: Sequence[float], now: float) -> tuple[float, ...]:
-        """Return what to apply.
+        """Return the values to apply.
 
         Parameters
         ----------
@@ -181,7 +181,7 @@ class MeasurementMonitor:
     Parameters
     ----------
     outputs : Mapping of str to str
-        What is measured, and its unit.
+        Measured signals and their units.
     limits : Mapping of str to Limit
         By signal.
     patience : float
@@ -214,7 +214,7 @@ class MeasurementMonitor:
         """
         if self._begun is None:
             self._begun = now
-        # all of them, whatever the first is: each signal remembers its newest value
+        # all of them, even after a fault: each signal remembers its newest value
         faults = [
             self._signal_fault(name, unit, limit, values[name], now, self._begun)
             for name, unit, limit in self._signals
@@ -225,7 +225,7 @@ class MeasurementMonitor:
     def _signal_fault(
         self, name: str, unit: str, limit: Limit | None, value: float, now: float, begun: float
     ) -> str:
-        """Take note of a value, and describe what is wrong with it; empty if nothing is."""
+        """Store a value, and return its fault in words; empty if it has none."""
         before, since = self._last.get(name, (None, begun))
         if isfinite(value):
             self._last[name] = (value, now)

@@ -19,12 +19,12 @@ _NOISY = (
 
 
 class StuckMonitor:
-    """Monitor of a rig's measured values and of what its device has.
+    """Monitor of a rig for measured values and device inputs that no longer change.
 
     Parameters
     ----------
     signals : pair of Mapping of str to str
-        What is commanded and what is measured, and their units.
+        Commanded and measured signals, and their units.
     limits : Mapping of str to Limit
         By signal.
     samples : int
@@ -54,14 +54,15 @@ class StuckMonitor:
         Parameters
         ----------
         applied, read_back : sequence of float
-            What each input was given, and what the device says it has; NaN where it does not.
+            Commanded value of each input, and the one that the device reports; NaN where it
+            reports none.
         measured : Mapping of str to float
             By output; NaN where there is none.
 
         Returns
         -------
         list of str
-            Sentences about what became an alarm with this sample.
+            Sentences about the alarms that begin with this sample.
         """
         if not self._samples:
             return []
@@ -96,7 +97,7 @@ class StuckMonitor:
 
 
 class _Sensor:
-    """Record of what a sensor shows, and of what it was seen to follow.
+    """Record of a sensor's values, and of the inputs that it was seen to follow.
 
     Parameters
     ----------
@@ -148,7 +149,7 @@ class _Sensor:
         self._applied = applied
 
     def missed(self) -> frozenset[int]:
-        """Return the inputs that have moved without the value, which is out of its character.
+        """Return the inputs that changed while the value, against its past, did not.
 
         A noisy sensor never stays the same for long. Another one has followed some of these inputs
         before.
@@ -161,7 +162,7 @@ class _Sensor:
 
 
 class _Span:
-    """Between what the inputs were in some samples."""
+    """Smallest and largest value of the inputs over some samples."""
 
     def __init__(self) -> None:
         self.count = 0

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from benchmarks.tables import Table, Topic
+from fmus.ppy_actuator.effects import EFFECTS
 from studies.clean import Case, draw
 from studies.hidden_laws import Answer, answers
 from studies.judging.clean import settings_of
@@ -26,7 +27,7 @@ _FORCE = "force, load, flow_force, maxwell_rate"
 _CURRENT = "current, supply_current, capacitor_current"
 # by the descriptions of the emulator, and in the laws of the effects of the catalogue. Where what
 # is hidden is no curve of one signal (play, a voltage that the law itself feeds), the signal that
-# comes nearest is right
+# comes nearest is right. Of others the law and the signal of the term are right
 RIG: dict[str, str] = {
     "double_layer": f"{_FILMS}, terminal_voltage + {_CURRENT} [lagged, leading]",
     "diffusion": f"{_FILMS}, terminal_voltage + {_CURRENT} [lagged, leading]",
@@ -58,8 +59,9 @@ RIG: dict[str, str] = {
 
 
 def right_of(name: str) -> frozenset[Answer]:
-    """Return the answers that are right of a variation of the rig."""
-    return answers(RIG[name])
+    """Return the answers that are right of a variation of the rig, those of its term by default."""
+    term = next(effect.term for effect in EFFECTS.values() if effect.id == name)
+    return answers(RIG.get(name, f"{term.law} * {term.signal}"))
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,8 @@ class RigCase:
 
 def rig_cases(seeds: int, first: int) -> list[RigCase]:
     """Return so many records of every variation of the rig."""
-    return [RigCase(name, first + k) for k in range(seeds) for name in RIG]
+    ids = dict.fromkeys(effect.id for effect in EFFECTS.values())
+    return [RigCase(name, first + k) for k in range(seeds) for name in ids]
 
 
 def judge_clean(case: Case) -> Row:

@@ -27,6 +27,7 @@ import typer
 from fmus.kit.build.toolchain import host_platform
 from orchestration.cli import app as cli
 from tests.support import source
+from tests.support.installed import OTHER_COMPONENTS, install
 from tests.support.rig.process import Server
 
 ROOT = source.ROOT
@@ -44,6 +45,7 @@ HEAVY = {
     "retune",
     "continuous-integration",
     "new-component",
+    "own-components",
     "other-tools",
 }
 PAGES = [
@@ -101,6 +103,11 @@ def run(command: list[str] | str, folder: Path) -> str:
         "PATH": os.pathsep.join([bin_folder, os.environ["PATH"]]),
         "COLUMNS": "120",
     }
+    if command == f"pip install ./{OTHER_COMPONENTS.name}":
+        install(OTHER_COMPONENTS, folder / "site")
+        return ""
+    if (folder / "site").is_dir():
+        environment["PYTHONPATH"] = str(folder / "site")
     done = subprocess.run(
         command,
         cwd=folder,

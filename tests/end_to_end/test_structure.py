@@ -24,7 +24,6 @@ WIDER = {
     "fmus.kit": 19,  # the language of components; the functions of laws count as one
     "fmus.kit.build": 27,
     "fmus.kit.symbolic": 19,
-    "fmus.ppy_actuator.effects": 27,
     "fmus.rig_proxy": 37,
     "orchestration": 22,
     "orchestration.api": 29,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Collection, Mapping
 from typing import Any
@@ -42,13 +43,16 @@ def check_described(package: str, effects: Mapping[str, type[Effect]]) -> None:
     page = f"fmus/{package}/README.md"
     readme = (ROOT / page).read_text(encoding="utf-8")
     numbered = re.findall(r"^(\d+)\. ", readme, re.M)
-    for name, effect in effects.items():
+    for before, (name, effect) in zip(["", *effects], effects.items(), strict=False):
         assert effect_name(effect) == name, f"{name}: list it by its id, with effects_by_name"
         assert str(effect.assumption) in numbered, (
             f"{name}: assumption = {effect.assumption!r}: write the number, of those in {page}"
         )
         row = f"| `{name}` | {effect.assumption} | `{effect.neutral}`"
-        assert row in readme, f"{name}: add a row to the table of effects in {page}: {row} | law |"
+        if row not in readme and os.environ.get("PPY_WRITE_DOCS"):
+            readme = _with_row(readme, before, f"{row} | {effect.term.law}: {effect.term.shape} |")
+            (ROOT / page).write_text(readme, encoding="utf-8")
+        assert row in readme, f"{name}: PPY_WRITE_DOCS=1 adds a row to {page}: {row} | law |"
         assumption = f"assumption {effect.assumption}"
         words = " ".join((effect.__doc__ or "").split())
         assert assumption in words, f"{name}: its docstring lacks 'Relaxes {assumption}, that ...'"
@@ -61,6 +65,12 @@ def check_described(package: str, effects: Mapping[str, type[Effect]]) -> None:
         for v in effect.declared.values():
             assert v.doc, f"{name}: {v.name} lacks doc="
             assert v.min <= getattr(v, "start", v.min) <= v.max, f"{name}: {v.name} is out of range"
+
+
+def _with_row(readme: str, before: str, row: str) -> str:
+    """Return a README with a row more in the table of effects, below that of another effect."""
+    (above,) = re.findall(rf"^\| `{re.escape(before)}` \| .*\n", readme, re.M)
+    return readme.replace(above, f"{above}{row}\n")
 
 
 class Listed(dict[str, Any]):

@@ -10,61 +10,10 @@ a qualifier.
 from __future__ import annotations
 
 from ...kit import Effect
-from ...kit.effects import effects_by_name
-from .ageing import CapacitanceFade, ResistanceGrowth, SelfHeating
-from .coupling import (
-    ChargeDependentStiffness,
-    ForceToVoltage,
-    QuadraticStrain,
-    SlowStrainSaturation,
-    StrainHysteresis,
-    StrainLag,
-    StrainSaturation,
-    TwoStageStrainLag,
-    UnequalStrain,
-)
-from .electrical import (
-    CapacitanceOverModulus,
-    ChargeDependentCapacitance,
-    Diffusion,
-    DoubleLayer,
-    EvenCapacitance,
-    NonlinearLeakage,
-)
-from .mechanical import (
-    AsymmetricCreep,
-    NonlinearStiffness,
-    SecondKelvin,
-    Slack,
-    SmoothSlack,
-    YieldThreshold,
-)
+from ...kit.effects import effects_in
+from . import ageing, coupling, electrical, mechanical
+from .coupling import StrainLag, StrainSaturation
 
-EFFECTS: dict[str, type[Effect]] = effects_by_name(
-    DoubleLayer,
-    Diffusion,
-    NonlinearLeakage,
-    ChargeDependentCapacitance,
-    CapacitanceOverModulus,
-    EvenCapacitance,
-    ResistanceGrowth,
-    CapacitanceFade,
-    SelfHeating,
-    ForceToVoltage,
-    QuadraticStrain,
-    UnequalStrain,
-    StrainSaturation,
-    SlowStrainSaturation,
-    StrainLag,
-    TwoStageStrainLag,
-    StrainHysteresis,
-    ChargeDependentStiffness,
-    SecondKelvin,
-    NonlinearStiffness,
-    AsymmetricCreep,
-    YieldThreshold,
-    Slack,
-    SmoothSlack,
-)
+EFFECTS: dict[str, type[Effect]] = effects_in(electrical, ageing, coupling, mechanical)
 
 __all__ = ["EFFECTS", "StrainLag", "StrainSaturation"]

@@ -35,7 +35,7 @@ def black_box(options: BlackBoxCommand) -> None:
 
 
 def _show(identified: BlackBox, options: BlackBoxCommand) -> None:
-    """Print the result, and write what was asked for."""
+    """Print the result, and write the files of the options."""
     from orchestration.identify.black_box.study import class_name
     from orchestration.reporting.console import note, wrote
     from orchestration.reporting.console import out as console

@@ -92,7 +92,7 @@ def _component(name: str, options: BuildCommand) -> type[Component]:
 def _check(
     planned: Sequence[_PlannedFmu], platforms: list[str] | None, options: BuildCommand
 ) -> None:
-    """Refuse, before any work is done, what cannot be built or written."""
+    """Refuse builds and files that are impossible, before any work is done."""
     from fmus.kit import build as kit
     from orchestration.cli.models import model_file
 

@@ -1,4 +1,4 @@
-"""``ppy check``: FMUs held against the static part of the contract."""
+"""``ppy check``: FMUs checked against the static part of the contract."""
 
 from __future__ import annotations
 

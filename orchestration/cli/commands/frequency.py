@@ -42,7 +42,7 @@ def frequency(options: FrequencyCommand) -> None:
 
 
 def _without_model(options: FrequencyCommand) -> FrequencyResponse:
-    """Estimate responses of columns alone; tell what was repaired."""
+    """Estimate responses of columns alone, and print the repairs of the record."""
     from orchestration.api import frequency_response
     from orchestration.reporting.console import tell_repairs
 
@@ -55,7 +55,7 @@ def _without_model(options: FrequencyCommand) -> FrequencyResponse:
 
 
 def _beside_model(options: FrequencyCommand) -> FrequencyResponse:
-    """Estimate responses of the model's signals, and simulate the model beside them."""
+    """Estimate responses of the model's signals, and simulate the model on the same inputs."""
     from orchestration.api import frequency_response
     from orchestration.cli.models import open_measured
     from orchestration.fmu.simulation import source_of
@@ -69,7 +69,7 @@ def _beside_model(options: FrequencyCommand) -> FrequencyResponse:
 
 
 def _show(found: FrequencyResponse, options: FrequencyCommand) -> None:
-    """Print the responses, and write what was asked for."""
+    """Print the responses, and write the files of the options."""
     from orchestration.reporting.console import out as console
     from orchestration.reporting.console import wrote
 

@@ -1,4 +1,4 @@
-"""``ppy info``: what one needs to know of a model, or of a record, to use it."""
+"""``ppy info``: the signals, parameters and limits of a model, or the columns of a record."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ class _Facts(NamedTuple):
     presets: Mapping[str, str] = {}
     made_from: str = ""
     laid_over: Sequence[str] = ()
-    effects: Mapping[type[Effect], str] = {}  # each with what it relaxes
+    effects: Mapping[type[Effect], str] = {}  # each with the assumption that it relaxes
 
 
 def _facts(name: str, effects: Sequence[str]) -> _Facts:
-    """Return what there is to know of a model: by its class, or else by its FMU's description."""
+    """Return the facts of a model: of its class, or else of its FMU's description."""
     from fmus.kit import registry
     from orchestration.fmu import find_model, read_description
     from orchestration.fmu.model import find_class, names_class
@@ -74,7 +74,7 @@ def _facts(name: str, effects: Sequence[str]) -> _Facts:
 
 
 def _of_class(name: str, cls: type[Component]) -> _Facts:
-    """Return what the class of a component declares."""
+    """Return the declarations of a component's class."""
     from fmus.kit.effects import effect_name, unstack
     from orchestration.fmu.model import known_effects
     from orchestration.fmu.signal import declared_signal
@@ -147,7 +147,7 @@ def _signal(signal: Signal) -> dict[str, Any]:
     from dataclasses import asdict
 
     known = asdict(signal) | {"start": signal.default}
-    del known["text"]  # what a text starts with is its start
+    del known["text"]  # a text begins with its start value
     return known
 
 

@@ -82,7 +82,7 @@ def _named(name: str, options: LineariseCommand) -> tuple[Any, dict[str, Any] | 
 
 
 def _show(linear: LinearModel, options: LineariseCommand) -> None:
-    """Print the result, and write what was asked for."""
+    """Print the result, and write the files of the options."""
     from orchestration.reporting.console import out, wrote
 
     for part in linear.overview():

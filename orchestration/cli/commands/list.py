@@ -10,12 +10,18 @@ from orchestration.cli.outputs import JSON, STANDARD_OUTPUT, Outputs, write_json
 @command(JsonOption)
 def list_components(options: JsonOption) -> None:
     """List the components."""
-    from fmus.kit import registry
+    from fmus.kit import UserError, registry
     from fmus.kit.declare import summary
+    from orchestration.reporting.console import warn
 
     path = options["json"]
     Outputs(writes={"--json": path}, endings={"--json": JSON}).check()
-    summaries = {name: summary(registry.component(name)) for name in registry.models()}
+    summaries = {}
+    for name in registry.models():
+        try:
+            summaries[name] = summary(registry.component(name))
+        except UserError as error:  # of a package of somebody else
+            warn(f"{name} is left out: {error}")
     width = max(map(len, summaries))
     for name, text in summaries.items():
         if path != STANDARD_OUTPUT:

@@ -114,10 +114,10 @@ def _of_model(options: NewCommand, words: Mapping[str, str]) -> dict[str, str]:
     if not names_class(model):
         return _of_shipped(model, words)
     file, _, cls = model.rpartition(":")
-    beside = Path(os.path.relpath(file, options["out"])).as_posix()
-    rows = _filled("effect", "places_file", {**words, "model_file": beside}).rstrip()
-    place = f"f\"{{FOLDER / '{beside}'}}:{cls}\""
-    return {"model": place, "model_name": f"{beside}:{cls}", "rows": rows}
+    relative = Path(os.path.relpath(file, options["out"])).as_posix()
+    rows = _filled("effect", "places_file", {**words, "model_file": relative}).rstrip()
+    place = f"f\"{{FOLDER / '{relative}'}}:{cls}\""
+    return {"model": place, "model_name": f"{relative}:{cls}", "rows": rows}
 
 
 def _of_shipped(model: str, words: Mapping[str, str]) -> dict[str, str]:
@@ -132,7 +132,8 @@ def _of_shipped(model: str, words: Mapping[str, str]) -> dict[str, str]:
     folder = module is not None and module.submodule_search_locations is not None
     effects = f"fmus/{package}/effects" + ("" if folder else ".py")
     is_rig = package == registry.component(registry.default_model()).__module__.split(".")[1]
-    more = {**words, "package": package, "effects": effects}
+    listed = "" if is_rig else ", and in `EFFECTS`"
+    more = {**words, "package": package, "effects": effects, "listed": listed}
     tests = _filled("effect", "places_rig" if is_rig else "places_component", more).rstrip()
     return {
         "model": f'"{model}"',

@@ -266,7 +266,7 @@ class RangesOption(TypedDict, total=False):
     over: Annotated[
         Sequence[str],
         Option(
-            "What a parameter, or an input that is held, goes through: R1=0.3..0.7:41,"
+            "Range of a parameter, or of an input that is held: R1=0.3..0.7:41,"
             " C=1e-3..1e-1:7 log, k1=6.3N/mm, 9N/mm; R1=0.3..0.7 for a design that chooses the"
             " values. Repeatable.",
             default=(),
@@ -398,7 +398,7 @@ class MeasuredOptions(
     PresetOption,
     total=False,
 ):
-    """A model, and the record that it is held against."""
+    """A model, and the record that it is compared with."""
 
 
 class RequiredPercentOption(TypedDict, total=False):
@@ -477,12 +477,12 @@ class IdentifyCommand(
 
 
 class BesideOption(TypedDict, total=False):
-    """The model beside what was measured, if there is one."""
+    """The model whose response is shown with the measured one, if there is one."""
 
     model: Annotated[
         str | None,
         Option(
-            "Shown beside the record: a component (see ppy list), path/to/file.py:Class, an .fmu"
+            "Shown with the record: a component (see ppy list), path/to/file.py:Class, an .fmu"
             " file, or a system: its name or .ssp file.",
             metavar="MODEL",
             complete="component",
@@ -516,7 +516,7 @@ class FrequencyCommand(
 class OutputOption(TypedDict, total=False):
     """The column that a black-box model predicts."""
 
-    output: Annotated[str, Option("What is foretold.", default=REQUIRED, metavar="COLUMN")]
+    output: Annotated[str, Option("Column to predict.", default=REQUIRED, metavar="COLUMN")]
 
 
 class BlackBoxOutputs(TypedDict, total=False):
@@ -570,7 +570,7 @@ class JudgedOptions(TypedDict, total=False):
 
 
 class DiagnoseOutputs(TypedDict, total=False):
-    """The files that a diagnosis makes, beside figures and page."""
+    """The files that a diagnosis writes, apart from figures and page."""
 
     fmu: Annotated[
         Path | None,
@@ -629,7 +629,7 @@ class DiagnoseCommand(
 
 
 class LawsOutputs(TypedDict, total=False):
-    """The files that asked laws make, beside figures and page."""
+    """The files that a search of laws writes, apart from figures and page."""
 
     effect_out: Annotated[
         Path | None,
@@ -795,7 +795,7 @@ class RecordingOptions(TypedDict, total=False):
 
 
 class SamplingOptions(TypedDict, total=False):
-    """The rows of a record, and what the experiment is changed by."""
+    """The rows of a record, and changes of the experiment."""
 
     rate: Annotated[
         float | None,
@@ -850,7 +850,7 @@ class KeysCommand(TypedDict, total=False):
     role: Annotated[
         str | None,
         Option(
-            "What that client may: watch (and stop), command, or acknowledge (all there is).",
+            "Permission of that client: watch (and stop), command, or acknowledge (all there is).",
             metavar="ROLE",
         ),
     ]

@@ -139,7 +139,7 @@ def record(options: RecordRigCommand) -> None:
 
 
 def _refuse_what_failed(data: xarray.Dataset, planned: RecordingPlan, out: Path, held: str) -> None:
-    """Fail where a record is not what was to be recorded.
+    """Fail where a record is incomplete.
 
     Raises
     ------

@@ -60,7 +60,7 @@ def _list() -> None:
 
 
 def _run(name: str, options: RunCommand, live: Live | None) -> tuple[xarray.Dataset, bool]:
-    """Run an experiment; return its result, and whether every bit is that of an earlier result."""
+    """Run an experiment; return its result, and whether it equals an earlier one to the bit."""
     from orchestration.experiment import read, results
     from orchestration.experiment.reading import files, is_result
     from orchestration.reporting import pictures
@@ -117,7 +117,7 @@ def _compare(data: xarray.Dataset, earlier: xarray.Dataset, name: str) -> Mappin
 def _as_json(
     data: xarray.Dataset, again: str | None, differences: Mapping[str, float] | None
 ) -> dict[str, Any]:
-    """Gather what was run and the extremes of every signal, in the unit beside them."""
+    """Gather the description of a run and the extremes of every signal, in its unit."""
     import json
 
     about = data.attrs

@@ -177,7 +177,7 @@ def _write_part(
     inputs: Mapping[str, Array],
     outputs: Mapping[str, Array],
 ) -> Path:
-    """Write what was computed of a run that ended early, beside where all of it was to be."""
+    """Write the part of a result that a run computed before it ended early."""
     part = out.with_name(f"{out.stem}.part{out.suffix}")
     _write(part, model, time, _until(time, inputs), outputs)
     return part

@@ -37,7 +37,7 @@ _DATASET = (".nc", ".zarr")
 _ZARR = ".zarr"
 _TOML = (".toml",)
 _RAN = {"fmu": "FMU", "compiled": "compiled"}
-# what is left to the command line where a file says what is run
+# options of the command line where a file describes the sweep
 _BESIDE_FILE = (
     RunnableArgument,
     SweepEngineOptions,
@@ -99,7 +99,7 @@ def _check_outputs(options: SweepCommand) -> None:
 
 
 def _check(out: Path | None, plot: Path | None) -> Callable[[Task, Design], None]:
-    """Return what refuses a sweep before it is run: what cannot be written or drawn then."""
+    """Return a check that refuses a sweep whose result could not be written or drawn."""
 
     def check(task: Task, cases: Design) -> None:
         from orchestration.sweeps.execution import check_memory
@@ -114,7 +114,7 @@ def _check(out: Path | None, plot: Path | None) -> Callable[[Task, Design], None
 
 
 def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> None:
-    """Say what a sweep comes to, write it and draw it."""
+    """Print the summary of a sweep, write it and draw it."""
     from orchestration.reporting import console
     from orchestration.sweeps.curves import left_out as left_out_of_sweep
     from orchestration.sweeps.page import sweep_page
@@ -175,8 +175,8 @@ def _sweep_of_options(options: SweepCommand) -> Work:
 def _settings(model: Model, over: Container[str], options: SweepCommand) -> dict[str, Value]:
     """Return the values that a preset and settings give, in the model's units.
 
-    What is swept goes through its values whatever a preset has for it, except where the others are
-    held at what is given.
+    A parameter that is swept takes its values in place of a preset's, except where all others are
+    held at their given values.
     """
     from orchestration.api import values_of
     from orchestration.sweeps.sensitivity import one_at_a_time
@@ -212,7 +212,7 @@ def _sweep_of_file(path: Path) -> Work:
 
 
 def _refuse_beside_file(context: typer.Context) -> None:
-    """Refuse options about what is run where a file says it."""
+    """Refuse options about the sweep where a file describes it."""
     allowed = {"context", *options_of(*_BESIDE_FILE)}
     for parameter in context.command.params:
         source = context.get_parameter_source(parameter.name or "")
@@ -221,7 +221,7 @@ def _refuse_beside_file(context: typer.Context) -> None:
 
 
 def ranges_of(over: Sequence[str]) -> dict[str, Any]:
-    """Return what each parameter goes through, by its name.
+    """Return the range of each parameter by its name.
 
     Parameters
     ----------
@@ -257,7 +257,7 @@ def _keep(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
 
 
 def _show(data: xarray.Dataset) -> None:
-    """Print what each number comes to over all cases, and how many failed."""
+    """Print the range of each number over all cases, and the number of cases that failed."""
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import note, out
     from orchestration.sweeps.page import case_count, extremes

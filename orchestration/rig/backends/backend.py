@@ -1,4 +1,4 @@
-"""Interface of a backend: what a rig must be able to do in order to be served."""
+"""Interface of a backend: the calls by which a rig is served."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ class Backend(ABC):
     A subclass in a file of its own can be served: ``ppy rig serve --backend file.py:Class``. It is
     made in the process that uses it, with the options of the command line as keyword arguments, all
     of them texts; once made it is open, and ready for any of the calls below. All values are SI.
-    Whatever a call raises, the rig goes to its safe state and the message is logged.
+    If a call raises any exception, the rig goes to its safe state and the message is logged.
 
     Attributes
     ----------
     inputs : Mapping of str to str
-        What can be commanded, and its unit.
+        Commanded signals and their units.
     outputs : Mapping of str to str
-        What is measured, and its unit.
+        Measured signals and their units.
     limits : Mapping of str to Limit
         Of commands and of measured values.
     """
@@ -74,7 +74,7 @@ class Backend(ABC):
         """
 
     def read_back(self) -> Mapping[str, float]:
-        """Return what the device says that inputs have, where it can say.
+        """Return the inputs that the device reports to have, as far as it reports them.
 
         Returns
         -------
@@ -100,7 +100,7 @@ class Steppable(Backend):
 
     @abstractmethod
     def advance(self, step: float) -> None:
-        """Let time pass with the commands held.
+        """Let time pass under the present commands.
 
         Parameters
         ----------

@@ -146,9 +146,8 @@ class NiDaqmx(Backend):
         try:
             self._watchdog_task = WatchdogTask(self._name, timeout=after)
             self._watchdog_task.cfg_watchdog_ao_expir_states(states)
-            self._watchdog_task.control(
-                TaskMode.TASK_VERIFY
-            )  # what the device cannot do, it says now
+            # a device without such a watchdog refuses it here
+            self._watchdog_task.control(TaskMode.TASK_VERIFY)
         except DaqError as error:
             self._close_watchdog()
             return (

@@ -94,7 +94,7 @@ def _called(
         return function(**options)
     except UserError as error:
         raise UserError(f"backend {spec}: {error}") from error
-    except Exception as error:  # whatever a backend of somebody else, or a driver, raises
+    except Exception as error:  # a backend of somebody else, or a driver, may raise anything
         raise UserError(
             f"backend {spec}: {failure}: {type(error).__name__}: {_line(error)}"
         ) from error

@@ -1,4 +1,4 @@
-"""Backend that plays back a record, whatever it is commanded."""
+"""Backend that plays back a record and ignores all commands."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Replay(Steppable):
         self._stepped = False
 
     def read(self) -> Mapping[str, float]:
-        """Return the row that is held at this time; NaN where the record has a hole.
+        """Return the row of the record that is valid at this time; NaN where the record has a gap.
 
         Returns
         -------

@@ -55,7 +55,7 @@ class Visa(Backend):
         self._manager: pyvisa.ResourceManager | None = None
         try:
             self._manager = pyvisa.ResourceManager(library)
-        except Exception as error:  # ValueError, OSError or its own: what is missing decides
+        except Exception as error:  # ValueError, OSError or its own, by the missing part
             raise UserError(
                 f"no VISA library: {_line(error)}; install one, or write library=@py"
             ) from error
@@ -109,7 +109,7 @@ class Visa(Backend):
         return {name: self._query(channel, channel.command) for name, channel in self._outs.items()}
 
     def read_back(self) -> Mapping[str, float]:
-        """Query every instrument that can say what it was commanded.
+        """Query every instrument that can report its command.
 
         Returns
         -------
@@ -135,7 +135,7 @@ class Visa(Backend):
         return channel.measured(volts)  # an overload, 9.9e37 in SCPI, is beyond any range
 
     def write(self, values: Mapping[str, float]) -> None:
-        """Send every command that has changed, and ask each instrument whether it took it.
+        """Send every command that has changed, and ask each instrument whether it was accepted.
 
         Raises
         ------
@@ -225,7 +225,7 @@ class Visa(Backend):
             raise UserError(f"{place}: no answer to {message}: {_line(error)}") from error
 
     def _check(self, place: str) -> None:
-        """Query an instrument for its errors until it has none left, and raise the first."""
+        """Query an instrument for its errors until its queue is empty, and raise the first."""
         query = self._calibration.instruments[place].error
         if not query:
             return

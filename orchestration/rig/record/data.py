@@ -48,8 +48,8 @@ def dataset(
     -------
     xarray.Dataset
         Inputs, outputs and the ages of outputs over time, with the attributes of results of ``ppy
-        run``, as far as there are any without a model. Complete is what has every value of every
-        row; ``gaps`` is the number of rows that do not.
+        run``, as far as there are any without a model. A record is complete if no row lacks a
+        value; ``gaps`` is the number of rows that do.
     """
     count = len(recorded.inputs)
     rows = np.hstack([recorded.inputs, recorded.outputs, recorded.ages])

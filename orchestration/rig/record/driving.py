@@ -1,4 +1,4 @@
-"""Drive of a rig through an experiment in real time, and the record of what it does.
+"""Drive of a rig through an experiment in real time, and the record of its outputs.
 
 A command takes effect when the rig next writes, and is measured when it next reads. So the value of
 an output that belongs to a command is the first that was measured after the server accepted it; an
@@ -56,7 +56,7 @@ class RecordedRun:
 
 @dataclass(frozen=True)
 class RecordingObserver:
-    """The one who follows a recording.
+    """Observer of a recording.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class RecordingObserver:
     trouble : callable
         Returns a remark for `look`.
     alarm : callable
-        Called with what an operator has to see to, at the beginning of every silence of the rig.
+        Called with a message for the operator, at the beginning of every silence of the rig.
     """
 
     add: Rows
@@ -183,7 +183,7 @@ class _Drive:
         self._interrupt = interrupt
         self._observer = observer
         self._commands = planned.values.tolist()
-        # the exchange after the last row fetches what was measured in the step of that row
+        # the exchange after the last row fetches the values measured in the step of that row
         exchanges = planned.time.size * planned.exchanges + 1
         self._points = (np.arange(exchanges) * planned.interval).tolist()
         self._pacer = Pacer(RealTime(lag=_NEVER, watch=self._watch), self._points, interrupt)

@@ -1,4 +1,4 @@
-"""Calls of a backend, which may raise anything, and the check of what it says of itself."""
+"""Calls of a backend, which may raise any exception, and checks of its declarations."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ def call(name: str, function: Callable[..., Result], *arguments: Any) -> Result:
     Returns
     -------
     object
-        What it returns.
+        Its result.
 
     Raises
     ------
     BackendError
-        In place of whatever it raises.
+        In place of any other exception.
     """
     try:
         return function(*arguments)
@@ -99,7 +99,7 @@ class BackendSignals:
         Units.
     limits : dict of str to Limit
     notes : list of str
-        Further remarks for whoever started the server.
+        Further remarks for the user who started the server.
     """
 
     inputs: dict[str, str]
@@ -122,7 +122,7 @@ class BackendSignals:
         Raises
         ------
         BackendError
-            If it is not what :class:`~orchestration.rig.backends.backend.Backend` promises.
+            If it breaks a promise of :class:`~orchestration.rig.backends.backend.Backend`.
         """
         inputs, outputs, limits = call(
             "the backend's description",
@@ -213,7 +213,7 @@ def measure(backend: Backend, signals: BackendSignals) -> dict[str, float]:
 
 
 def read_back(backend: Backend, signals: BackendSignals) -> list[float]:
-    """Return what a backend says that its inputs have.
+    """Return the inputs that a backend reports to have.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ from orchestration.rig.stuck import StuckMonitor
 
 # s: while the device waits for its deadline it looks this often whether it is to go safe or to end
 _LOOK = 0.01
-SLEEP = "sleep"  # besides calls of the backend, what the device may be doing
+SLEEP = "sleep"  # an activity of the device apart from calls of the backend
 ENDED = "ended"
 # s that the last calls of the backend may take if nobody remains to kill this process
 _LONGEST_END = 5.0
@@ -126,7 +126,7 @@ class Device:
         Parameters
         ----------
         notes : sequence of str
-            Further remarks for whoever started the server.
+            Further remarks for the user who started the server.
         """
         try:
             self._open(notes)

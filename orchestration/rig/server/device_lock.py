@@ -1,4 +1,4 @@
-"""Lock of a device: of all servers on a machine, whoever starts them, one has it.
+"""Lock of a device: of all servers of all users on a machine, one has it.
 
 The front has it, not the process that has the device open at the moment: when a device's process
 fails, the guard opens the device in its place. The operating system holds the lock, which therefore

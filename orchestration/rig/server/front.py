@@ -27,8 +27,8 @@ from orchestration.rig.server.scheduling import Collector
 from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.sockets import Sockets, opened
 
-_LONGEST_WAIT = 10  # ms for a message, before whatever else there is to do
-_AT_ONCE = 200  # messages of a socket that are taken before whatever else there is to do
+_LONGEST_WAIT = 10  # ms for a message, before other work
+_AT_ONCE = 200  # messages of a socket that are taken before other work
 _LONGEST_TURN = 0.005  # s that they get for it: an operator's stop waits no longer for clients
 _TELEMETRY = 1 / 30  # s between two samples that are published, at least
 _SILENCE = 0.2  # s between two messages of telemetry, at most
@@ -196,7 +196,7 @@ class EventLoop:
     def _newer_exchange(self, held: ReceivedMessage, arrived: ReceivedMessage) -> ReceivedMessage:
         """Return the newer of two exchanges; the other is dropped, or answered if it still counts.
 
-        Messages may overtake each other, so what arrived later may be the older one.
+        Messages may overtake each other, so the one that arrives later may be the older one.
         """
         overtaken = arrived.message["sequence"] <= held.message["sequence"]
         if overtaken and self._handler.supersedes(held.message, arrived.message):
@@ -301,7 +301,7 @@ def received_signals() -> Iterator[ReceivedSignals]:
 
 
 def _ready(settings: ServerSettings, sockets: Sockets, rig: Rig) -> str:
-    """Return a line about what is served, where, and what is allowed."""
+    """Return a line with the rig that is served, its addresses and its limits."""
     signals = rig.signals
     pace = "lockstep, no watchdog"
     if rig.watchdog:

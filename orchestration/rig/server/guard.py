@@ -45,7 +45,7 @@ LONGEST_OPENING = 30.0  # s that a backend may take to open before it is held to
 ATTEMPTS = 5  # at the safe state, when the backend raises
 _PAUSE = 0.2  # s between two attempts
 _ORPHAN = 0.1  # of the watchdog time, that a device gets to go safe when its guard has ended
-_GRACE = 0.01  # s, at least: what the device gets beyond the watchdog time to go safe by itself
+_GRACE = 0.01  # s, at least, that the device has beyond the watchdog time to go safe by itself
 
 
 def main(settings: ServerSettings, memory: Any, rescue: str, stands_by: bool) -> None:
@@ -62,7 +62,7 @@ def main(settings: ServerSettings, memory: Any, rescue: str, stands_by: bool) ->
         Whether another guard is on duty, and this one waits until it fails.
     """
     detach()
-    with suppress(Exception):  # the device will say what is wrong with it
+    with suppress(Exception):  # the device will report its own fault
         backend_class(settings.backend)
     guard = Guard(settings, memory)
     if hasattr(signal, "SIGTERM"):
@@ -74,7 +74,7 @@ def main(settings: ServerSettings, memory: Any, rescue: str, stands_by: bool) ->
 
 
 def fault_of(beat: Beat, command: Command, now: float, settings: ServerSettings) -> str:
-    """Describe what is wrong with a living device, by its last sign of life.
+    """Return the fault of a living device in words, by its last sign of life.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ class Guard:
 
     def _look(self) -> None:
         """Check the device once, and take its place if it has failed."""
-        # before all else: an acknowledgement is of what was in the shared memory before it
+        # before all else: an acknowledgement refers to the shared memory as it was before
         command = self._command()
         trip = self._shared.trip.read()
         beat = self._shared.beat.read()
@@ -233,7 +233,7 @@ class Guard:
         return trip is not None and trip.ended and trip.time > self._started
 
     def _look_at_ended_device(self) -> None:
-        """Take the place of a device that has ended, unless it left the rig in its safe state."""
+        """Take the place of a device that has ended, unless the rig is in its safe state."""
         trip = self._shared.trip.read()
         if trip is None or not self._is_final(trip):
             self._take_over(f"the device process has ended, exit status {self._device.exitcode}")

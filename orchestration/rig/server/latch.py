@@ -1,4 +1,4 @@
-"""Latch of the safe state: closed by whatever stops the rig, opened by who names it.
+"""Latch of the safe state: any stop or fault closes it, an acknowledgement that names it opens it.
 
 It says no more than is known: that the rig is on its way to the safe state, that it is confirmed to
 be there, or that this was not confirmed in time, which is an alarm until somebody acknowledges it.
@@ -40,13 +40,13 @@ class Latch:
     name : str
         Of the present latch; empty while it is open.
     reason : str
-        Why it is closed, or what its opening waits for.
+        Why it is closed, or the condition for opening it.
     state : str
         ``stopping``, ``safe`` or ``not reached`` while it is closed.
     reached : float or None
         How long the safe state took from when the latch was closed, s.
     alarm : str
-        What an operator has to know until it is acknowledged.
+        Message for the operator until it is acknowledged.
     """
 
     def __init__(self, rig: Rig, log: EventLog, keeper: LatchKeeper) -> None:
@@ -103,7 +103,7 @@ class Latch:
         self._confirm()
 
     def _close(self, record: LatchRecord) -> None:
-        if not self.is_closed:  # else what is known of the safe state stays true
+        if not self.is_closed:  # else the known state of the rig stays true
             self.state = STOPPING
             self.reached = None
             self._closed = self._rig.clock()
@@ -151,13 +151,13 @@ class Latch:
         return ""
 
     def raise_alarm(self, alarm: str) -> None:
-        """Note what an operator has to know until it is acknowledged, though the rig goes on."""
+        """Note a fact for the operator until it is acknowledged; the rig goes on."""
         self.alarm = " ".join(alarm.split())[:_LONGEST_REASON]
         self._log.tell(f"ALARM: {self.alarm}")
         self._keep()
 
     def supervise(self) -> None:
-        """Look whether the safe state is confirmed, and open what was acknowledged."""
+        """Check whether the safe state is confirmed, and open the latch that was acknowledged."""
         if not self.is_closed:
             return
         self._confirm()
@@ -196,7 +196,7 @@ class Latch:
         return f"{_SENTENCES[self.state]} since {self._since}: {self.reason}"[:_LONGEST_REASON]
 
     def fields(self) -> dict[str, Any]:
-        """Return what status and telemetry say of the latch."""
+        """Return the fields of the latch in status and telemetry."""
         return {
             "reason": self.reason,
             "latch": self.name,

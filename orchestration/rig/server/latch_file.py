@@ -1,6 +1,6 @@
 """File that keeps the latch of a device over a restart of its server, and over a loss of power.
 
-While a server has the device, its file says so. Whoever finds that it still does knows that the
+While a server has the device, its file says so. A server that finds it so knows that the
 server did not end in order, and so that nobody can say how it left the device.
 """
 
@@ -64,7 +64,7 @@ class LatchKeeper:
 class LatchFiles(LatchKeeper):
     """Keeper of the latch of a server's devices, in one file each.
 
-    A thread writes: whoever stops the rig does not wait for a disk. Until the latch is written the
+    A thread writes: a stop does not wait for a disk. Until the latch is written the
     file says that the server is not at its end, which latches the next one as well.
 
     Parameters

@@ -77,7 +77,7 @@ class LockstepRig:
         call("write()", self._backend.write, commands)
 
     def advance(self, step: float) -> None:
-        """Let time pass with the commands held, then read.
+        """Let time pass under the present commands, then read.
 
         Parameters
         ----------
@@ -154,7 +154,7 @@ class LockstepRig:
         return ""
 
     def troubles(self) -> list[str]:
-        """Return what failed or was beyond its limit since the last call."""
+        """Return the failures and limit violations since the last call."""
         troubles = self._troubles
         self._troubles = []
         return troubles

@@ -41,7 +41,7 @@ _GUARDS = 3  # that may fail before the front gives up starting others
 # for worse than was seen
 _ROOM = 4.0
 _LONGEST_START = 5.0  # s that a process may take to show its first sign of life
-_SPARE = 2.0  # s, beyond what guard and device may take to end
+_SPARE = 2.0  # s, beyond the time that guard and device may take to end
 
 
 class RealTimeRig:
@@ -199,12 +199,12 @@ class RealTimeRig:
         return "the device is being opened"
 
     def troubles(self) -> list[str]:
-        """Return what made the rig go safe by itself, or fail to, since the last call."""
+        """Return why the rig went safe by itself since the last call, or failed to."""
         reasons = self._news("device", self._shared.trip) + self._news("guard", self._shared.rescue)
         return reasons + self._look_after_guards()
 
     def alarms(self) -> list[str]:
-        """Return what an operator has to know since the last call, though the rig goes on."""
+        """Return facts for the operator since the last call; the rig goes on."""
         return self._news("alarm", self._shared.alarm)
 
     def _news(self, who: str, slot: Slot[Trip] | Slot[Alarm]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Request handler of the server: sessions and commands, and who may send which message.
+"""Request handler of the server: sessions, commands, and the permission to send a message.
 
 It gets and returns messages, and knows no socket.
 """
@@ -243,7 +243,7 @@ class RequestHandler:
             self._end_session("over")
         return self._status()
 
-    # -- what happens by itself
+    # -- events without a message
     # --------------------------------------------------------------------------------------
 
     def stop(self, reason: str, detail: str = "") -> None:
@@ -262,7 +262,7 @@ class RequestHandler:
         self._rig.beat()
 
     def supervise(self) -> None:
-        """Notice what the rig has done by itself, and what it has not done."""
+        """Handle the events that the rig caused itself, and those that did not come."""
         self._supervise()
         session = self._session
         if self._latch.is_closed or self._rig.mode == LOCKSTEP:
@@ -303,7 +303,7 @@ class RequestHandler:
         self._rig.go_safe()
         self._rests_since = monotonic()
 
-    # -- what is answered and published
+    # -- answers and telemetry
     # ----------------------------------------------------------------------------------------------
 
     def _constants(self) -> dict[str, Any]:

@@ -20,9 +20,9 @@ class RigState:
     number : int
         Counts the samples.
     applied : tuple of float or None
-        What each input has; zero in the safe state, None where nobody knows.
+        Value of each input; zero in the safe state, None where it is unknown.
     read_back : tuple of float or None
-        What the device says that each input has; None where it cannot say.
+        Value of each input as the device reports it; None where it does not.
     values : tuple of float or None
         The newest finite value of every output.
     taken : tuple of float
@@ -115,11 +115,11 @@ class Rig(Protocol):
         ...
 
     def troubles(self) -> list[str]:
-        """Return what made the rig go safe by itself since the last call, the newest last."""
+        """Return why the rig went safe by itself since the last call, the newest reason last."""
         ...
 
     def alarms(self) -> list[str]:
-        """Return what an operator has to know since the last call, though the rig goes on."""
+        """Return facts for the operator since the last call; the rig goes on."""
         ...
 
     def state(self) -> RigState:

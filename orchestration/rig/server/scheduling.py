@@ -72,7 +72,7 @@ class Suspension:
 
 
 def _boot_time_ahead() -> tuple[float, float]:
-    """Return between what the clock that never stands still is ahead of the other, s.
+    """Return bounds of the lead of the clock that runs during suspension over the monotonic one, s.
 
     The two are read one after the other, and the process may have to wait in between.
     """
@@ -125,7 +125,7 @@ def prefer(priority: int | None, cpu: int | None) -> list[str]:
     Returns
     -------
     list of str
-        Lines about what could not be had, and why.
+        Lines about each setting that was refused, with the reason.
     """
     notes = []
     if priority is not None:

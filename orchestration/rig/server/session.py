@@ -1,4 +1,4 @@
-"""Session of a client: who may command the rig, with which signals, and until when."""
+"""Session of a client: the permission to command a rig, its signals and its end."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Session:
         return self.sequence == 0 and now - self.begun > FIRST_COMMAND
 
     def may_be_taken_up(self, message: Mapping[str, Any], peer: bytes) -> bool:
-        """Return True if who connects is who has the session.
+        """Return True if a client that connects is the one that has the session.
 
         Its client may have missed the answer, and may connect anew on the connection that it has.
         """

@@ -102,7 +102,7 @@ class ServerSettings:
 
     @property
     def silence(self) -> float:
-        """Longest time without a sign of life of a process before it is held to hang, in s."""
+        """Longest time without a sign of life after which a process counts as hung, in s."""
         return _SHARE * self.watchdog
 
 

@@ -32,8 +32,9 @@ OPENING, SERVING, GONE, RESCUING, RETIRED = range(5)
 class Command(NamedTuple):
     """The newest command, written by the front.
 
-    `number` counts the commands. `acknowledged` counts acknowledgements: whoever tripped stays safe
-    until the next. `accepted` is when the newest command was accepted, `values` are packed.
+    `number` counts the commands. `acknowledged` counts acknowledgements: a process that tripped
+    stays safe until the next. `accepted` is when the newest command was accepted, `values` are
+    packed.
     """
 
     order: int = REST
@@ -53,9 +54,9 @@ class SignOfLife(NamedTuple):
 class Beat(NamedTuple):
     """A sign of life, written by the device before every call of the backend and before it sleeps.
 
-    `call` is what it is about to do, `opened` whether it has read the backend once, `safe` since
-    when the rig is in its safe state, 0 if it is not; `seen` is the number of the newest command
-    that it has read.
+    `call` is its next or present action, `opened` whether it has read the backend once, `safe`
+    since when the rig is in its safe state, 0 if it is not; `seen` is the number of the newest
+    command that it has read.
     """
 
     time: float
@@ -83,7 +84,7 @@ class Sample(NamedTuple):
 
 
 class Trip(NamedTuple):
-    """A report of device or guard that it went to the safe state: why, and whether it was reached.
+    """A report of device or guard on going to the safe state: the reason, and whether it got there.
 
     `ended` says that the backend is closed.
     """
@@ -102,7 +103,7 @@ class Alarm(NamedTuple):
 
 
 class Watch(NamedTuple):
-    """A sign of life of the guard on duty, and what it is at, written by that guard.
+    """A sign of life of the guard on duty and its present action, written by that guard.
 
     `acknowledged` is how many acknowledgements it takes into account, `ending` whether all is to
     end.

@@ -1,4 +1,4 @@
-"""The three sockets of a server: their addresses, who is let in, and what a peer may take."""
+"""The three sockets of a server: their addresses, the admission of peers, and limits per peer."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Sockets:
         ROUTER, for clients.
     telemetry : TelemetrySocket
     operators : zmq.Socket
-        ROUTER, in a context of its own: whatever the others have to do, a stop does not wait.
+        ROUTER, in a context of its own, so that a stop waits for no other message.
     host : str
     port : int
         Of `requests`.
@@ -90,7 +90,7 @@ class Sockets:
         self._handshakes = [Handshakes(each) for each in (self.requests, self.operators)]
 
     def endpoint(self, offset: int = 0) -> str:
-        """Return the address of the socket whose port is higher by `offset`."""
+        """Return the address of the socket at the first port plus `offset`."""
         return f"tcp://{self.host}:{self.port + offset}"
 
     def turned_away(self) -> int:
@@ -105,7 +105,7 @@ class Sockets:
 def opened(
     settings: ServerSettings, warn: Callable[[str], None] = lambda text: None
 ) -> Iterator[Sockets]:
-    """Bind the sockets, and close them at the end, whatever is still in them.
+    """Bind the sockets, and close them at the end with all messages in them.
 
     Parameters
     ----------

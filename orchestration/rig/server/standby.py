@@ -41,7 +41,7 @@ class Standby:
         return watch is None or watch.at == RETIRED
 
     def look(self) -> str:
-        """Look once, and show a sign of life.
+        """Check the guard on duty once, and show a sign of life.
 
         Returns
         -------
@@ -66,7 +66,7 @@ class Standby:
 
 
 def longest_silence(at: int, settings: ServerSettings) -> float:
-    """Return how long a guard on duty may show no sign of life before it is held to hang, s.
+    """Return the time in s after which a guard on duty without a sign of life counts as hung.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Socket that telemetry is published by, whatever its subscribers ask for."""
+"""Socket that publishes telemetry, with a limit of subscriptions."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 import zmq
 
 # ZeroMQ keeps every topic that any peer asks for, in memory and in the time of each message.
-# Telemetry has none: whoever watches asks for the empty one, which counts once for all of them.
+# Telemetry has none: a viewer subscribes to the empty one, which counts once for all viewers.
 _MOST_TOPICS = 100
 
 
@@ -66,7 +66,7 @@ class TelemetrySocket:
         return True
 
     def _are_too_many(self, socket: zmq.Socket[bytes]) -> bool:
-        """Return True if more topics were asked for than there may be."""
+        """Return True if there are more subscriptions than are allowed."""
         while self._topics <= _MOST_TOPICS:
             try:
                 socket.recv(zmq.NOBLOCK)

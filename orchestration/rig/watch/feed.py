@@ -1,7 +1,7 @@
 """Feed of the live page: recent samples and events of a rig, gathered from its telemetry.
 
-A :class:`Listener` receives what the rig's server publishes, and asks for its status a few times a
-second. A :class:`Feed` keeps it for pages that are opened, and says whether contact was lost.
+A :class:`Listener` receives the telemetry of the rig's server, and asks for its status a few times
+a second. A :class:`Feed` keeps it for pages that are opened, and says whether contact was lost.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class Feed:
         self._refused: dict[str, float] = {}
 
     def status(self, message: Mapping[str, Any], sent: float | None = None) -> None:
-        """Take a status of the server: what the rig is, and its state.
+        """Store a status of the server: the rig's description and its state.
 
         Parameters
         ----------
@@ -146,7 +146,7 @@ class Feed:
             return self._serial, self._condition
 
     def since(self, serial: int) -> Update:
-        """Return what a page needs that has all items up to a number.
+        """Return the items that a page needs after an item of a given number.
 
         Parameters
         ----------
@@ -182,13 +182,13 @@ class Feed:
         self._add(event)
 
     def _transit_time(self, clock: float, received: float) -> float | None:
-        """Return how long a sample was under way, at most, in s; None if nobody knows."""
+        """Return the longest possible transit time of a sample in s; None if it is unknown."""
         if self._rig.get("mode") == LOCKSTEP:
             return 0.0  # where the rig's time stands still meanwhile
         return self._transit.transit_time(clock, received)
 
     def _observe(self, message: Mapping[str, Any]) -> None:
-        """Take the rig's state, unless the message was overtaken on its way, and note a change."""
+        """Store the rig's state, unless a newer message overtook this one, and note a change."""
         if self._clock - _OVERTAKEN < message["clock"] < self._clock:
             return
         self._clock = message["clock"]

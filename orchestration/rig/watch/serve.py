@@ -21,8 +21,8 @@ from fmus.kit import UserError
 from orchestration.rig.watch.feed import Feed
 
 LOOPBACK = "127.0.0.1"
-_PATIENCE = 5.0  # s that a browser may take to send its request, or to take what it is sent
-_LARGEST = 4096  # bytes of a request beside its head; they are read and ignored
+_PATIENCE = 5.0  # s that a browser may take to send its request, or to receive the answer
+_LARGEST = 4096  # bytes of the body of a request; they are read and ignored
 _WAITING = 128  # connections that wait to be taken, as when many tabs are opened at once
 _TYPES = {"css": "text/css", "js": "text/javascript"}
 _FILES = (
@@ -34,7 +34,7 @@ _FILES = (
     "stream.js",
     "worker.js",
 )
-# what a browser says made it send a request: the page itself, or its user; others say nothing
+# origins of a request by a browser's word: the page itself, or its user; others say nothing
 _SITES = (None, "same-origin", "none")
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -96,7 +96,7 @@ class PageServer(ThreadingHTTPServer):
         return f"http://{LOOPBACK}:{self.port}/"
 
     def server_bind(self) -> None:
-        """Bind the port, without the look-up of this machine's name of the standard library."""
+        """Bind the port; the standard library would look up this machine's name first."""
         socketserver.TCPServer.server_bind(self)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
@@ -168,7 +168,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._send_json(HTTPStatus.OK, {**condition, "serial": serial})
 
     def _stream(self, query: str) -> None:
-        """Answer at once with what a page misses, so that no connection of a browser is held."""
+        """Answer at once with the items that a page lacks, so that no connection stays open."""
         after = re.fullmatch(r"after=(-1|\d{1,15})", query)
         if after is None:
             self._send(HTTPStatus.BAD_REQUEST, "text/plain", "write /stream?after=NUMBER")

@@ -1,4 +1,4 @@
-"""Bound of how long a message of a rig's server was under way, without synchronised clocks."""
+"""Bound of the transit time of a message of a rig's server, without synchronised clocks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class TransitBound:
 
     An answer is stamped after its request was sent. So from ``sent - clock`` of a round trip, the
     earliest moment of any other stamp is known (Cristian, Probabilistic clock synchronization,
-    1989). The greatest of all round trips is the tightest; it is loosened by what clocks may drift.
+    1989). The greatest of all round trips is the tightest; it is loosened by the drift of clocks.
     """
 
     def __init__(self) -> None:
@@ -36,7 +36,7 @@ class TransitBound:
         self._since = sent
 
     def transit_time(self, clock: float, received: float) -> float | None:
-        """Return how long a message was under way, at most.
+        """Return the longest possible transit time of a message.
 
         Parameters
         ----------

@@ -8,11 +8,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from fmus.kit.registry import ComponentPackage, RegistryWarning, StimulusDeclaration
 from orchestration.experiment.execution import run
 from orchestration.experiment.model import parse
+from orchestration.experiment.stimulus import declared_kinds
 from orchestration.records import write_record
 from tests.support.command import here, refused
 from tests.support.experiments import GOOD, good_experiment
+from tests.support.registered import registered
 
 
 @pytest.fixture
@@ -253,3 +256,10 @@ def test_multilevel_stays_as_long_as_dwell_says():
     switches = found.time.values[1:][np.diff(found.current.values) != 0]
     assert all(0.99 <= later - earlier <= 2.01 for earlier, later in pairwise(switches))
     assert len(switches) >= 4
+
+
+def test_a_package_cannot_replace_a_kind_that_there_is():
+    square = StimulusDeclaration("A square.", "side", ("left",), "m", "no_such_module:sides")
+    package = ComponentPackage(stimuli={"square": square})
+    with registered(tank=package), pytest.warns(RegistryWarning, match="'square' of a package"):
+        assert [kind.__name__ for kind in declared_kinds()] == ["Gait"]

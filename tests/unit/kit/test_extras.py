@@ -90,3 +90,13 @@ def test_a_task_is_refused_before_it_begins(monkeypatch: pytest.MonkeyPatch) -> 
     with pytest.raises(UserError) as caught:
         require("matplotlib")
     assert str(caught.value) == LINE
+
+
+def test_a_line_has_all_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name in PACKAGES else name)
+    with pytest.raises(UserError) as caught:
+        require("zmq", "psutil", "SALib")
+    assert str(caught.value) == (
+        "talking to a rig needs pyzmq, serving a rig needs psutil, computing Sobol indices needs"
+        ' SALib: pip install "ppy-rig[rig,sweeps]"'
+    )

@@ -73,8 +73,11 @@ def test_an_installation_without_entry_points_is_told(monkeypatch):
 @pytest.mark.parametrize(
     ("place", "message"),
     [
-        ("no_such_module:Tank", "no_such_module:Tank cannot be imported: No module named"),
-        ("fmus.foot.model:Tank", "fmus.foot.model:Tank cannot be imported: module"),
+        (
+            "no_such_module:Tank",
+            "no_such_module:Tank cannot be imported: ModuleNotFoundError: No",
+        ),
+        ("fmus.foot.model:Tank", "fmus.foot.model:Tank cannot be imported: AttributeError: module"),
         ("fmus.foot.model:Foot", "fmus.foot.model:Foot is no component with name = 'tank'"),
         ("fmus.foot.systems:ACTUATORS", "is no component with name = 'tank'"),
     ],

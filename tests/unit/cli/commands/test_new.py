@@ -87,8 +87,8 @@ def test_an_effect_of_a_shipped_component_passes_its_test_and_says_where_it_belo
     works(*asked, law, cwd=tmp_path)
     run_tests_of(tmp_path / "test_more_of_it.py")
     page = (tmp_path / "more_of_it.md").read_text()
-    places = re.findall(r"`((?:fmus|tests|studies)/[\w/.]+)`", page)
-    assert len(places) >= (8 if name == "ppy_actuator" else 4)
+    places = re.findall(r"`((?:fmus|tests|demonstrations)/[\w/.]+)`", page)
+    assert len(places) == (4 if name == "ppy_actuator" else 3)
     assert all((ROOT / place).exists() for place in places)
 
 

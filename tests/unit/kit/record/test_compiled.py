@@ -13,7 +13,8 @@ from fmus.kit.record import compiled as kit_compiled
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.sensitivity import with_sensitivities
 from fmus.kit.symbolic.tracing import trace
-from fmus.ppy_actuator.effects import DoubleLayer, ResistanceGrowth
+from fmus.ppy_actuator.effects.ageing import ResistanceGrowth
+from fmus.ppy_actuator.effects.electrical import DoubleLayer
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
 from orchestration.experiment.waveforms import multilevel, square_wave
 
