@@ -129,6 +129,7 @@ def test_in_real_time_it_keeps_pace_and_records_the_link(rig, tmp_path):
     assert len(rig.of_type("exchange")) >= data.time.size - 1
 
 
+@pytest.mark.slow
 @pytest.mark.real_time
 @pytest.mark.parametrize("rig", ["real-time"], indirect=True)
 def test_a_rig_that_falls_silent_ends_the_run_and_not_the_record(rig, tmp_path):
@@ -191,6 +192,7 @@ def held_up(rig: SmallRig, folder: Path, pauses: Sequence[float], beside: int, *
 
 
 @posix
+@pytest.mark.slow
 @pytest.mark.real_time
 @pytest.mark.parametrize("rig", ["real-time"], indirect=True)
 def test_on_a_busy_machine_the_run_is_refused_or_keeps_its_plant_within_limits(rig, tmp_path):
@@ -210,6 +212,7 @@ def test_on_a_busy_machine_the_run_is_refused_or_keeps_its_plant_within_limits(r
 
 
 @posix
+@pytest.mark.slow
 @pytest.mark.real_time
 @pytest.mark.parametrize("rig", ["real-time"], indirect=True)
 def test_a_pause_longer_than_promised_opens_the_loop_and_keeps_the_record(rig, tmp_path):
@@ -263,6 +266,7 @@ def test_the_loop_over_the_emulated_actuator_is_stable_at_a_millisecond_alone(
         assert settled(data, "proxy.tension") == pytest.approx(1.0, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.real_time
 @pytest.mark.parametrize("rig", ["real-time"], indirect=True)
 def test_a_rig_that_refuses_opens_the_loop(rig, tmp_path):

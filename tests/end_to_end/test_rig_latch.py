@@ -125,6 +125,7 @@ def test_a_stop_that_does_not_reach_the_device_is_an_alarm_and_no_success(tmp_pa
         assert status(server)["alarm"] == ""
 
 
+@pytest.mark.slow
 def test_of_two_servers_of_a_device_the_second_says_who_has_it(tmp_path):
     with Server(tmp_path) as first:
         first.wait_ready()
