@@ -94,6 +94,7 @@ def test_in_lockstep_it_needs_no_clock(rig, tmp_path):
     assert steps == pytest.approx(np.full(2000, 1e-3))
 
 
+@pytest.mark.slow
 @pytest.mark.real_time
 @pytest.mark.parametrize("rig", ["real-time"], indirect=True)
 def test_in_real_time_it_keeps_pace_and_records_the_link(rig, tmp_path):
