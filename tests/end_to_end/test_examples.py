@@ -167,7 +167,8 @@ def free_run_on_the_arrow(silverbox, samples, *effects):
     return float(np.sqrt(np.nanmean(residual**2))), found
 
 
-@pytest.mark.parametrize("samples", [8192, pytest.param(80_000, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("samples", [8192, 80_000])
 def test_silverbox_hardens(silverbox, samples):
     linear, _ = free_run_on_the_arrow(silverbox, samples)
     cubic, found = free_run_on_the_arrow(silverbox, samples, "cubic_stiffness")

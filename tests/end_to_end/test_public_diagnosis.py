@@ -57,6 +57,7 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+@pytest.mark.slow
 def test_a_stage_has_dry_and_asymmetric_friction(public_data, tmp_path):
     """The example makes the columns. Published: 3.11 % of the force are left, 4.08 % with an offset
     instead.
@@ -156,6 +157,7 @@ def test_a_melt_has_three_kelvin_elements(public_data, tmp_path, options):
     assert left < 0.95 * best[2]
 
 
+@pytest.mark.slow
 def test_where_it_started_is_not_known_it_is_fitted(public_data, tmp_path):
     path = public_data("creep_polyethylene_cm3.csv")
     figures, _, text = diagnosed(path, "creep.py:Creep", folder=tmp_path)
@@ -196,7 +198,7 @@ def duffing(values, time, force):
     return shown + values.get("position_offset", 0.0)
 
 
-@pytest.mark.slow  # `test_examples.py` has less of it in the fast ones
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [8192, 82_000])
 def test_a_circuit_hardens(public_data, tmp_path, samples):
     """Fitted to a stretch of the multisines, judged on the arrow."""

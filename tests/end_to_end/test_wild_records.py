@@ -62,7 +62,7 @@ DAMPER = Case("mr_damper.csv", "mr_damper.py:Damper", "", (*FRICTION, *RISING), 
 CASES = (
     pytest.param(PENDULUM, id="pendulum"),
     pytest.param(LISTED, id="pendulum_listed"),
-    pytest.param(HOUSE, id="house"),
+    pytest.param(HOUSE, id="house", marks=SLOW),
     pytest.param(HOOP, id="hoop", marks=SLOW),
     pytest.param(DAMPER, id="damper", marks=SLOW),
     pytest.param(DRONE, id="drone", marks=SLOW),
