@@ -162,6 +162,7 @@ def starved(folder, lag):
     return ppy.diagnose(record, lag, settings={"tau": TAU}, effects=asked, time=np.inf)
 
 
+@pytest.mark.slow
 def test_what_is_wrong_ahead_of_the_dynamics_is_named_there_where_it_is_asked_for(starved):
     assert starved.causes == ["input_saturation(u)"]
     assert starved.parameters["u_saturation"].value == pytest.approx(0.15, rel=0.03)

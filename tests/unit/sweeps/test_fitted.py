@@ -141,6 +141,7 @@ CALL = (
 )
 
 
+@pytest.mark.slow
 def test_bands_are_printed_written_and_drawn(folder):
     """``x(t) = u (1 - exp(-t / tau))`` falls with tau: its quantiles are those of tau, reversed."""
     said = works(*CALL, "--samples", 500, "--out", "b.nc", "--plot", "b.png", cwd=folder)
@@ -160,6 +161,7 @@ def test_bands_are_printed_written_and_drawn(folder):
     assert read["tau"].values == pytest.approx(fit.draws(500, seed=0)["tau"], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_seed_chooses_the_draws(folder):
     values = []
     for k, seed in enumerate((5, 5, 6)):
