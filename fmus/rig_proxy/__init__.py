@@ -1,12 +1,10 @@
 """The rig proxy: takes the place of a component and forwards its signals to the real rig."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..kit.registry import ComponentPackage
-from . import protocol
+from . import protocol, rigs
 from .credentials import ClientKeys, checked, key, read_client_keys, read_table
 from .protocol import (
     ENDPOINT,
@@ -75,13 +73,14 @@ PACKAGE = ComponentPackage(
         "rig_proxy_thesis_generator": "fmus.rig_proxy.model:RigProxyThesisGenerator",
     },
     declared_systems=(HIL_BENCH,),
+    rigs=rigs.RIGS,
     experiment_folder=Path(__file__).with_name("experiments"),
     preset_folder=Path(__file__).with_name("presets"),
 )
 
 
 def __getattr__(name: str) -> Any:
-    """Load what speaks to a rig when it is first used: ZeroMQ takes its time."""
+    """Import the link when one of its names is first used: ZeroMQ is slow to import."""
     if name not in ("Link", "LinkError", "describe_latch"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from . import link

@@ -1,4 +1,4 @@
-"""An FMU for model exchange: its laws evaluated at given states, for derivatives of these laws."""
+"""FMUs for model exchange: derivatives and outputs evaluated at given continuous states."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.fmu.instance import Fmu
 
-_MOST_EVENTS = 1000  # iterations until discrete states have settled
+_MOST_EVENTS = 1000  # event iterations at the start
 
 
 class ExchangeFmu(Fmu):
-    """One instance of an FMU for model exchange, started and held at a time.
+    """One instance of an FMU for model exchange in continuous-time mode.
 
     Attributes
     ----------
     samples : bool
-        Whether the FMU has events at times that it knows, so that something is sampled in it.
+        Whether the FMU has time events, as a sampled part has.
     """
 
     samples = False
@@ -36,7 +36,7 @@ class ExchangeFmu(Fmu):
                 modelIdentifier=self.description.modelExchange.modelIdentifier,
             )
         finally:
-            os.chdir(self._working_folder)  # where loading fails, fmpy leaves the process there
+            os.chdir(self._working_folder)  # fmpy changes it, also if loading fails
         self._slave.instantiate(callbacks=self._log.callbacks)
         self._setters = {}
 
@@ -47,11 +47,11 @@ class ExchangeFmu(Fmu):
 
     @property
     def rates(self) -> list[str]:
-        """Names of their derivatives."""
+        """Names of the state derivatives, in the order of the model structure."""
         return [unknown.variable.name for unknown in self.description.derivatives]
 
     def hold(self, time: float, states: Sequence[float]) -> None:
-        """Go to a time and to states, after the events at the start.
+        """Iterate the events at the start, then set the time and the continuous states.
 
         Parameters
         ----------
@@ -63,27 +63,28 @@ class ExchangeFmu(Fmu):
         Raises
         ------
         UserError
-            If the FMU refuses, or its discrete states do not settle.
+            If the FMU refuses, or its event iteration does not converge.
         """
         for _ in range(_MOST_EVENTS):
-            again, _, _, _, defined, _ = self._checked("events", self._slave.newDiscreteStates)
-            self.samples |= defined
-            if not again:
+            update = self._checked("events", self._slave.newDiscreteStates)
+            is_repetition_needed, _, _, _, has_time_event, _ = update
+            self.samples |= has_time_event
+            if not is_repetition_needed:
                 break
         else:
-            raise UserError(f"{self.path.name}: its discrete states do not settle at the start")
+            raise UserError(f"{self.path.name}: its event iteration does not converge at the start")
         self._checked("continuous time", self._slave.enterContinuousTimeMode)
         self._checked("time", self._slave.setTime, time)
         self.set_states(states)
 
     def start_states(self) -> list[float]:
-        """Return the states as they are."""
+        """Return the current continuous states."""
         return self._vector(self._slave.getContinuousStates).tolist()
 
     def set_states(self, states: Sequence[float]) -> None:
         """Set the continuous states; UserError if the FMU refuses."""
-        held = (ctypes.c_double * len(states))(*states)
-        self._checked("states", self._slave.setContinuousStates, held, len(states))
+        array = (ctypes.c_double * len(states))(*states)
+        self._checked("states", self._slave.setContinuousStates, array, len(states))
 
     def get_rates(self) -> Array:
         """Return the time derivatives of the states; UserError if the FMU refuses."""
@@ -91,6 +92,6 @@ class ExchangeFmu(Fmu):
 
     def _vector(self, get: object) -> Array:
         count = len(self.states)
-        held = (ctypes.c_double * count)()
-        self._checked("states and derivatives", get, held, count)  # type: ignore[arg-type]
-        return np.array(held[:])
+        array = (ctypes.c_double * count)()
+        self._checked("states and derivatives", get, array, count)  # type: ignore[arg-type]
+        return np.array(array[:])

@@ -1,4 +1,4 @@
-"""A notice printed if an FMU exits this process, which would otherwise look like success."""
+"""A notice that is printed if an FMU exits this process, whose exit status may mean success."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _open_fmus: Counter[str] = Counter()
 
 
 def note_opened(label: str) -> None:
-    """Watch for an exit of this process from now on, until the FMU is closed."""
-    # the exit of an isolated process is noticed by its parent
+    """Watch for an exit of this process until the FMU is closed."""
+    # the parent of an isolated process notices its exit
     if shared_progress.current is None and _start_watch():
         _open_fmus[label] += 1
         _update_notice()
@@ -41,15 +41,15 @@ def _update_notice() -> None:
 
 @functools.cache
 def _start_watch() -> bool:
-    """Install the watch once; false if there is no compiler for it."""
+    """Install the watch at the first call; return False if it cannot be compiled."""
     watch = load_exit_watch()
     if watch is None:
         return False
-    # the watch reads them after Python has ended and freed its objects
+    # the watch reads this memory after Python has freed its objects
     for memory in (_open_count, _notice):
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(memory))
     watch(ctypes.byref(_open_count), _notice)
-    atexit.register(_stop_watch)  # an exit by Python is not one by an FMU
+    atexit.register(_stop_watch)  # Python's own exit is no failure
     return True
 
 

@@ -1,7 +1,7 @@
 """One instance of a co-simulation FMU: opened, initialized, stepped, read, and closed.
 
-Every failure is reported in one readable line. FMI functions are called through ctypes without the
-bookkeeping of fmpy, which many thousands of steps would pay for at every call.
+Every failure is a UserError of one line. FMI functions are called through ctypes directly, because
+the overhead of fmpy at every call would slow down thousands of steps.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 
 class EndRequested(UserError):
-    """The error that an FMU makes no step because it asks to end the simulation."""
+    """The error that an FMU discards a step because it asks to end the simulation."""
 
 
 class ValueTransfer(NamedTuple):
-    """One call that moves all values of one type between an FMU and a row of numbers.
+    """A call that sets or gets all variables of one type from or into a row of numbers.
 
     Attributes
     ----------
@@ -43,8 +43,8 @@ class ValueTransfer(NamedTuple):
         Type of the variables.
     names : list of str
     row : slice or list of int
-        Places of the values in the row; a slice, where they are contiguous, takes a fifth of the
-        time.
+        Indices of the values in the row; a slice if they are contiguous, which takes a fifth of
+        the time.
     references, values : ctypes array
         Arguments of the call.
     """
@@ -58,8 +58,8 @@ class ValueTransfer(NamedTuple):
 
 
 def bind_function(library: Any, name: str, *arguments: Any) -> Callable[..., int]:
-    """Return an FMI function of a library, given the types of its arguments after the component."""
-    # a new object each time, so that its argument types are not shared
+    """Return an FMI function of a library, with the types of its arguments after the component."""
+    # indexing returns a new object, whose argument types are not shared
     function: Callable[..., int] = library[name]
     function.argtypes = [ctypes.c_void_p, *arguments]  # type: ignore[attr-defined]
     function.restype = ctypes.c_int  # type: ignore[attr-defined]
@@ -69,7 +69,7 @@ def bind_function(library: Any, name: str, *arguments: Any) -> Callable[..., int
 def prepare_transfers(
     library: Any, verb: str, names: Sequence[str], variables: Mapping[str, Any]
 ) -> list[ValueTransfer]:
-    """Prepare setting or getting variables, one call for each type among them.
+    """Prepare setting or getting variables, with one call for each type.
 
     Parameters
     ----------
@@ -93,22 +93,22 @@ def prepare_transfers(
         positions_of.setdefault(type_of(variables[name]), []).append(position)
     if "string" in positions_of:
         raise UserError(f"the variable {names[positions_of['string'][0]]} is text, not a number")
-    prepared = []
+    transfers = []
     for kind, positions in positions_of.items():
         count = len(positions)
-        own_names = [names[p] for p in positions]
-        references = (ctypes.c_uint * count)(*(variables[n].valueReference for n in own_names))
+        typed_names = [names[p] for p in positions]
+        references = (ctypes.c_uint * count)(*(variables[n].valueReference for n in typed_names))
         array = (ctypes.c_double if kind == "real" else ctypes.c_int) * count
         function = f"fmi2{verb}{kind.capitalize()}"
         call = bind_function(library, function, ctypes.c_uint * count, ctypes.c_size_t, array)
-        together = slice(positions[0], positions[0] + count)
-        row = together if positions == list(range(len(names))[together]) else positions
-        prepared.append(ValueTransfer(call, kind, own_names, row, references, array()))
-    return prepared
+        is_contiguous = positions[-1] - positions[0] == count - 1
+        row = slice(positions[0], positions[0] + count) if is_contiguous else positions
+        transfers.append(ValueTransfer(call, kind, typed_names, row, references, array()))
+    return transfers
 
 
 class Fmu:
-    """One instance of an FMU; a context manager that frees it and removes its unzipped folder.
+    """One instance of an FMU; a context manager that loads and frees it.
 
     Parameters
     ----------
@@ -119,13 +119,14 @@ class Fmu:
     name : str, optional
         Name of the instance; default that of the model.
     folder : str, optional
-        Folder to which the FMU is already unzipped, for several instances; it is not removed.
+        Folder of the unzipped FMU, shared by several instances and not removed; default a new
+        folder.
 
     Raises
     ------
     UserError
-        If it cannot be opened on this machine, refuses to start, or has no variable of a given
-        name.
+        If the FMU cannot be opened on this machine, refuses to start, or has no variable of a
+        given name.
 
     Attributes
     ----------
@@ -135,9 +136,9 @@ class Fmu:
     warnings : int
         Number of calls that returned a warning.
     corrupted : bool
-        Whether a call returned fatal: the instance must not be called again.
+        Whether a call returned fatal, after which the instance must not be called again.
     label : str
-        Its name in messages about several FMUs.
+        Name of the instance in messages about several FMUs.
     """
 
     def __init__(
@@ -163,7 +164,7 @@ class Fmu:
 
     @property
     def complaints(self) -> str:
-        """The last messages of the FMU and the number of its warnings; empty if there are none."""
+        """Number of warnings and the last messages of the FMU; empty without any."""
         last = self._log.last("no message" if self.warnings else "")
         return f"{self.warnings} calls ended with a warning ({last})" if self.warnings else last
 
@@ -206,10 +207,10 @@ class Fmu:
                 modelIdentifier=self.description.coSimulation.modelIdentifier,
             )
         finally:
-            # where loading fails, fmpy leaves the process in the unzipped folder
+            # fmpy changes it, also if loading fails
             os.chdir(self._working_folder)
         self._slave.instantiate(callbacks=self._log.callbacks)
-        # by parameter; making one takes ten times as long as setting a value
+        # by parameter; making a setter takes ten times as long as calling it
         self._setters: dict[str, Callable[[Array], None]] = {}
         step = bind_function(
             self._slave.dll, "fmi2DoStep", ctypes.c_double, ctypes.c_double, ctypes.c_int
@@ -252,7 +253,7 @@ class Fmu:
         self.exit_initialization()
 
     def enter_initialization(self, time: float = 0.0, stop: float | None = None) -> None:
-        """Do the first part of `start`; inputs and outputs can be exchanged before the second."""
+        """Set the parameters and enter initialization mode, in which values can be exchanged."""
         self._checked("setup", self._slave.setupExperiment, None, time, stop)
         for name, value in self.parameters.items():
             self._set_start_value(name, value)
@@ -273,7 +274,7 @@ class Fmu:
         self._setters[name](np.array([value]))
 
     def exit_initialization(self) -> None:
-        """Do the second part of `start`."""
+        """Exit initialization mode."""
         self._checked("initialization", self._slave.exitInitializationMode)
 
     # --- steps and states
@@ -284,12 +285,12 @@ class Fmu:
         Parameters
         ----------
         time, size : float
-            Its beginning and its length, in seconds.
+            Start and size of the step in seconds.
 
         Raises
         ------
         UserError
-            If the FMU fails or discards it, with the FMU's message.
+            If the FMU fails or discards the step, with the FMU's message.
         """
         status = self._do_step(self._slave.component, time, size, 1)
         if status > fmi2.fmi2Warning:
@@ -297,7 +298,7 @@ class Fmu:
         self.warnings += status
 
     def step_failed(self, time: float, status: int) -> UserError:
-        """Return the error for a status worse than a warning of a step from a time in s."""
+        """Return the error for a step from a time in s that returned discard, error or fatal."""
         if status != fmi2.fmi2Discard or not self.asks_to_end():
             return self.failed(f"step from {time:g} s", status)
         return EndRequested(
@@ -306,7 +307,7 @@ class Fmu:
         )
 
     def asks_to_end(self) -> bool:
-        """Return whether the FMU, which has discarded a step, asks to end the simulation."""
+        """Return whether the FMU discarded the last step to end the simulation."""
         terminated = ctypes.c_int()
         get_terminated = self.bound(
             "fmi2GetBooleanStatus", ctypes.c_int(fmi2.fmi2Terminated), ctypes.byref(terminated)
@@ -314,19 +315,19 @@ class Fmu:
         return get_terminated() <= fmi2.fmi2Warning and bool(terminated.value)
 
     def save(self) -> Any:
-        """Return a copy of the whole state, for `restore` any number of times, then `release`.
+        """Return a copy of the FMU state for `restore`, to be freed by `release`.
 
         Raises
         ------
         UserError
-            If the FMU cannot.
+            If the FMU cannot save its state.
         """
         if self.description.coSimulation.canGetAndSetFMUstate:
             return self._checked("saving the state", self._slave.getFMUstate)
         raise UserError(f"{self.path.name}: cannot save its state (canGetAndSetFMUstate is false)")
 
     def restore(self, state: Any) -> None:
-        """Go back to a saved state; UserError if the FMU refuses."""
+        """Set the FMU to a saved state; UserError if it refuses."""
         self._checked("restoring a state", self._slave.setFMUstate, state)
 
     def release(self, state: Any) -> None:
@@ -336,7 +337,7 @@ class Fmu:
     # --- values
 
     def variable(self, name: str) -> Any:
-        """Return the scalar variable of a name; UserError if there is none."""
+        """Return a scalar variable by its name; UserError if there is none."""
         if name not in self.variables:
             raise UserError(
                 f"{self.path.name}: no variable named {name!r}{suggestion(name, self.variables)}"
@@ -344,7 +345,7 @@ class Fmu:
         return self.variables[name]
 
     def writer(self, names: Sequence[str]) -> Callable[[Array], None]:
-        """Return a function that sets variables to a row of numbers, one for each name.
+        """Return a function that sets variables to a row of numbers.
 
         Parameters
         ----------
@@ -353,16 +354,16 @@ class Fmu:
         Returns
         -------
         callable
-            Takes an array of shape (n,); UserError if the FMU refuses, or a type cannot hold its
-            value.
+            Takes an array of shape (n,), a number for each name; UserError if the FMU refuses, or
+            a value is not of its variable's type.
         """
         transfers = self._transfers("Set", names)
 
         def write(row: Array) -> None:
-            for call, kind, own_names, places, references, values in transfers:
-                numbers = row[places].tolist()
+            for call, kind, typed_names, indices, references, values in transfers:
+                numbers = row[indices].tolist()
                 if kind != "real":
-                    for name, value in zip(own_names, numbers, strict=True):
+                    for name, value in zip(typed_names, numbers, strict=True):
                         check_type(kind, value, f"{self.path.name}: {name}")
                     numbers = [int(value) for value in numbers]
                 values[:] = numbers
@@ -374,7 +375,7 @@ class Fmu:
         return write
 
     def reader(self, names: Sequence[str]) -> Callable[[Array], None]:
-        """Return a function that fills a row of numbers with the values of variables.
+        """Return a function that reads variables into a row of numbers.
 
         Parameters
         ----------
@@ -383,27 +384,32 @@ class Fmu:
         Returns
         -------
         callable
-            Takes an array of shape (n,); UserError if the FMU refuses.
+            Takes an array of shape (n,) and fills it; UserError if the FMU refuses.
         """
         transfers = self._transfers("Get", names)
 
         def read(row: Array) -> None:
-            for call, _, _, places, references, values in transfers:
+            for call, _, _, indices, references, values in transfers:
                 status = call(self._slave.component, references, len(values), values)
                 if status > fmi2.fmi2Warning:
                     raise self.failed(f"reading {', '.join(names)}", status)
                 self.warnings += status
-                row[places] = values[:]
+                row[indices] = values[:]
 
         return read
 
     def directional_derivatives(self, unknowns: Sequence[str], knowns: Sequence[str]) -> Array:
-        """Return the partial derivatives that the FMU gives, shape (unknowns, knowns).
+        """Return the FMU's partial derivatives of unknowns by knowns (FMI 2.0, 2.1.9).
 
         Parameters
         ----------
         unknowns, knowns : sequence of str
             Real variables.
+
+        Returns
+        -------
+        ndarray, shape (unknowns, knowns)
+            In the FMU's units.
 
         Raises
         ------
@@ -424,7 +430,7 @@ class Fmu:
         return np.array(columns, dtype=float).reshape(len(knowns), len(rows)).T
 
     def slope_writer(self, names: Sequence[str]) -> Callable[[Array], None]:
-        """Return a function that sets the slopes of real inputs over the next step.
+        """Return a function that sets the time derivatives of real inputs for the next step.
 
         Parameters
         ----------
@@ -463,7 +469,7 @@ class Fmu:
         return write
 
     def _transfers(self, verb: str, names: Sequence[str]) -> list[ValueTransfer]:
-        """Prepare the calls that set or read variables, noted in the progress of the process."""
+        """Return calls that set or get variables and are noted in the progress of the process."""
         variables = {name: self.variable(name) for name in names}
         transfers = prepare_transfers(self._slave.dll, verb, names, variables)
         request = f"{'setting' if verb == 'Set' else 'reading'} {', '.join(names)}"
@@ -475,20 +481,20 @@ class Fmu:
     # --- calls and their failures
 
     def bound(self, function: str, *arguments: Any) -> partial[int]:
-        """Return a call of an FMI function of this instance with as little overhead as possible.
+        """Return an FMI function of this instance with its arguments bound, for fast calls.
 
         Parameters
         ----------
         function : str
             Name in the FMI standard.
         *arguments
-            All arguments but the component: ctypes objects of exactly the right types, whose values
-            are read anew at each call. Nothing is converted or checked.
+            Arguments after the component: ctypes objects of exactly the right types, whose values
+            are read at each call. They are neither converted nor checked.
 
         Returns
         -------
         functools.partial
-            Returns the FMI status, which `failed` puts into words.
+            Takes no arguments and returns the FMI status; see `failed`.
 
         Raises
         ------
@@ -496,7 +502,7 @@ class Fmu:
             If the FMU lacks the function.
         """
         try:
-            bound = self._slave.dll[function]  # a new object each time, without types to convert to
+            bound = self._slave.dll[function]  # a new object, whose argument types are not set
         except AttributeError as error:
             raise UserError(
                 f"{self.path.name}: its library lacks the function {function}"
@@ -505,7 +511,7 @@ class Fmu:
         return noting(call, self.label, function)
 
     def _checked(self, request: str, call: Callable[..., Any], *arguments: Any) -> Any:
-        """Call a function of fmpy and report its failure."""
+        """Call a function of fmpy; UserError with the request and the FMU's message if it fails."""
         try:
             with activity(f"{self.label}: {request}"):
                 result = call(*arguments)
@@ -517,12 +523,12 @@ class Fmu:
             raise UserError(f"{self.path.name}: {request} failed: {reason}") from error
 
     def failed(self, request: str, status: int, remark: str = "") -> UserError:
-        """Return the error for a status worse than a warning; note if it is fatal.
+        """Return the error for a status worse than a warning; a fatal one sets `corrupted`.
 
         Parameters
         ----------
         request : str
-            What the FMU was asked to do.
+            Description of the call in the message, such as ``setting current``.
         status : int
             The FMI status that it returned.
         remark : str

@@ -1,7 +1,7 @@
 """Log messages of FMUs, sorted by the instance that sent them.
 
-fmpy expands the variable arguments of FMI's logger in a proxy that knows one receiver for the whole
-process. Therefore there is one permanent receiver here, which tells instances apart by their
+fmpy expands the variable arguments of FMI's logger in a proxy that has one receiver for the whole
+process. Therefore one permanent receiver is registered here; it finds the log of an instance by its
 component environment.
 """
 
@@ -23,14 +23,14 @@ _MESSAGE_LENGTH = 1000  # characters
 
 
 class MessageLog:
-    """The last messages of one FMU instance: warnings and worse.
+    """The last messages of one FMU instance with a status of warning or worse.
 
     Attributes
     ----------
     messages : deque of str
-        Newest last, without control characters of a terminal.
+        Newest last, without control characters.
     callbacks : fmpy.fmi2.fmi2CallbackFunctions
-        To instantiate with; the FMU keeps a pointer to it.
+        Callbacks for the instantiation; the FMU keeps a pointer to them.
     """
 
     def __init__(self) -> None:
@@ -41,12 +41,12 @@ class MessageLog:
         self.callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
         self.callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
         self.callbacks.componentEnvironment = number
-        # fmpy's proxy passes messages on to one receiver, which may have been replaced since
+        # registers the receiver again: other code may have replaced it in fmpy's proxy
         addLoggerProxy(ctypes.byref(self.callbacks))
         _logs[number] = self
 
     def last(self, otherwise: str) -> str:
-        """Return the last messages in one line, or another text if there are none."""
+        """Return the last messages in one line, or `otherwise` without messages."""
         return "; ".join(self.messages) or otherwise
 
 

@@ -1,4 +1,4 @@
-"""The source of many runs of a model: one FMU, or a system of them."""
+"""Protocols of models for many runs, which are single FMUs and systems of FMUs."""
 
 from __future__ import annotations
 
@@ -49,22 +49,22 @@ class Source(Protocol):
 
     @property
     def guid(self) -> str:
-        """Identifier that no other source has."""
+        """Unique identifier."""
 
     @property
     def default_experiment(self) -> tuple[float, float | None, float | None]:
-        """Start time, stop time and step that it declares, s; None where it does not."""
+        """Declared start time, stop time and step in s; None for one that is not declared."""
 
     @property
     def nominal(self) -> dict[str, float]:
-        """Nominal values that are declared, by variable."""
+        """Declared nominal values by variable."""
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Files that it needs."""
+        """Files of the model."""
 
     def with_files(self, files: Sequence[Path]) -> Source:
-        """Return it with copies of its files."""
+        """Return the same source with other paths of its files, in the order of `files`."""
 
     def points(self, time: Array) -> Array:
         """Return the communication points (n,) of runs with outputs at `time` (n,), s."""

@@ -1,7 +1,7 @@
-"""The course of one FMU from communication point to communication point, stepped in Python.
+"""Stepping of one FMU in Python along a course computed in advance.
 
-The course, that is the times and inputs of all steps, is computed before the FMU is stepped. Where
-there is a C compiler, the stepping kernel follows it instead of Python.
+A course is the times and inputs of all steps. With a C compiler, the stepping kernel follows it
+instead of Python.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ class StepPart(NamedTuple):
     Attributes
     ----------
     begins, ends : ndarray, shape (n,)
-        In seconds.
+        Start and end times in seconds.
     rows : ndarray, shape (n, inputs), or None
-        Values to which inputs are set before it; None: they keep those of the point before.
+        Values to which inputs are set before the part; None keeps those of the point before.
     slopes : ndarray, shape (n, linear inputs), or None
-        Slopes of the inputs that an FMU interpolates, in its units per second.
+        Time derivatives of the inputs that the FMU interpolates, in its units per second.
     """
 
     begins: Array
@@ -47,7 +47,7 @@ class Course(NamedTuple):
     table : ndarray, shape (n, inputs)
         Values of the inputs at the points.
     linear : list of str
-        Inputs whose slopes are set.
+        Inputs whose time derivatives are set.
     parts : list of StepPart
     """
 
@@ -71,17 +71,17 @@ def plan_course(
     inputs : Mapping of str to ndarray, shape (n,)
         In the FMU's units.
     linear : collection of str
-        Inputs that go straight from point to point; the others are held.
+        Inputs that are interpolated linearly between points; the others are constant.
     parts : int
         Number of equal parts into which each step is divided.
 
     Returns
     -------
     Course
-        An FMU that can interpolate gets slopes of its linear inputs; any other gets their value at
-        the middle of each part.
+        With time derivatives of the linear inputs if the FMU can interpolate; else with their
+        values at the middle of each part.
     """
-    # the first point is where the instance starts: the step to it has no length
+    # the instance starts at the first point: the step to it has no length
     starts_and_end = np.concatenate([time[:1], time]).astype(float, copy=False)
     starts = starts_and_end[:-1]
     points = starts_and_end[1:]
@@ -91,8 +91,8 @@ def plan_course(
         table[:, k] = values
     is_linear = np.array([name in linear for name in names], dtype=bool)
     if not is_linear.any():
-        held_parts = [StepPart(begins, ends) for begins, ends in _divide(starts, points, parts)]
-        return Course(points, names, table, [], held_parts)
+        constant_parts = [StepPart(begins, ends) for begins, ends in _divide(starts, points, parts)]
+        return Course(points, names, table, [], constant_parts)
     interpolates = fmu.description.coSimulation.canInterpolateInputs
     with_slopes = [name for name in names if name in linear] if interpolates else []
     linear_parts = _divide_linear(starts, points, parts, table, is_linear, interpolates)
@@ -100,7 +100,7 @@ def plan_course(
 
 
 def _divide(starts: Array, points: Array, parts: int) -> list[tuple[Array, Array]]:
-    """Divide the steps from `starts` to `points` into equal parts; return their begins and ends."""
+    """Return start and end times of the equal parts of the steps from `starts` to `points`."""
     intervals = []
     begins = starts
     for part in range(1, parts + 1):
@@ -113,19 +113,19 @@ def _divide(starts: Array, points: Array, parts: int) -> list[tuple[Array, Array
 def _divide_linear(
     starts: Array, points: Array, parts: int, table: Array, is_linear: Array, interpolates: bool
 ) -> list[StepPart]:
-    """Divide steps into parts before which linear inputs are set.
+    """Return the equal parts of steps, with the inputs to set before each.
 
     Parameters
     ----------
     starts, points : ndarray, shape (n,)
-        Begins and ends of the steps in seconds.
+        Start and end times of the steps in seconds.
     parts : int
     table : ndarray, shape (n, inputs)
         Values of the inputs at the points.
     is_linear : ndarray of bool, shape (inputs,)
     interpolates : bool
-        Whether inputs are set to their value at the beginning of a part, with their slope; else to
-        their value at its middle.
+        Whether inputs are set to their value at the start of a part, with their time derivative;
+        else to their value at its middle.
     """
     before = np.concatenate([table[:1], table[:-1]])
     spans = points - starts
@@ -133,20 +133,20 @@ def _divide_linear(
     slopes = np.where(is_linear, table - before, 0.0) / spans[:, np.newaxis]
     step_parts = []
     for begins, ends in _divide(starts, points, parts):
-        after = begins - starts if interpolates else 0.5 * (begins + ends) - starts
-        rows = before + slopes * after[:, np.newaxis]
+        times = begins if interpolates else 0.5 * (begins + ends)
+        rows = before + slopes * (times - starts)[:, np.newaxis]
         set_slopes = np.ascontiguousarray(slopes[:, is_linear]) if interpolates else None
         step_parts.append(StepPart(begins, ends, rows, set_slopes))
     return step_parts
 
 
 class StepFailed(UserError):
-    """The error that a call of an FMU on its course has failed.
+    """The error of a failed call of an FMU along its course.
 
     Attributes
     ----------
     point : int
-        Number of communication points that were complete.
+        Number of completed communication points.
     """
 
     def __init__(self, message: str, point: int):
@@ -169,13 +169,13 @@ def follow_course(
     fmu : Fmu
     course : Course
     outputs : sequence of str
-        Variables that are read at every point, after its inputs are set.
+        Variables to read at every point, after its inputs are set.
     result : ndarray, shape (n, outputs)
-        Receives the outputs.
+        Array to fill with the outputs.
     progress : callable
-        Called with the number of a point that was reached, ...
+        Function that is called with the index of a point.
     every : int
-        ... at every so many points.
+        Number of points from one call of `progress` to the next.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Measured records: any file of a rig becomes clean arrays in SI units, every repair reported.
+"""Measured records: from any file of a rig to clean arrays in SI units, with a report of repairs.
 
-Every flaw of a file is either repaired, and then stands as one line in `Record.repairs`, or refused
-with file, row and reason. Nothing is silently truncated or guessed.
+Every flaw of a file is either repaired and listed in `Record.repairs`, or the file is refused with
+row and reason. Nothing is silently truncated or guessed.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Arrays in one column of a table, all elements in a cell, as tools for FMI 3.0 write them."""
+"""Array signals of FMI 3.0 tools, which write all elements of an array into one cell."""
 
 from __future__ import annotations
 
@@ -12,22 +12,23 @@ from orchestration.records.tables import Column, Table
 
 
 def split_arrays(table: Table, signals: Collection[str]) -> Table:
-    """Give the elements of arrays columns of their own: ``u[1]`` and ``u[2]`` to ``u`` of ``1 2``.
+    """Split a column of arrays into one per element: ``u`` of ``1 2`` into ``u[1]`` and ``u[2]``.
 
     Parameters
     ----------
     table : Table
     signals : collection of str
-        Names that are known; those of elements in row-major order.
+        Names of the model's signals; elements of an array in row-major order.
 
     Returns
     -------
     Table
+        With the other columns as they are.
 
     Raises
     ------
     UserError
-        If a cell has not as many words as the array has elements.
+        If the number of values in a cell is not the number of elements of the array.
     """
     columns: list[Column] = []
     for column in table.columns:
@@ -40,7 +41,7 @@ def split_arrays(table: Table, signals: Collection[str]) -> Table:
 
 
 def _has_several(column: Column) -> bool:
-    """Return whether a cell holds several values; a header ``u[1]`` may have the unit 1."""
+    """Return whether a cell has several values; else ``[1]`` in a header may be the unit 1."""
     if isinstance(column.cells, np.ndarray):
         return False
     return any(len(cell.split()) > 1 for cell in column.cells)

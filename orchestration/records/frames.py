@@ -1,4 +1,4 @@
-"""Records from Python's own tables: a DataFrame, or arrays by name."""
+"""Tables in Python: a DataFrame, or arrays by name."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ Arrays = Frame | Mapping[str, Any]
 
 
 def table_of(data: Arrays) -> Table:
-    """Make a table of a DataFrame or of arrays.
+    """Return a table with the columns of a DataFrame or with arrays.
 
     Parameters
     ----------
     data : DataFrame or Mapping of str to array_like, shape (n,)
-        Names are ``name [unit]``, or in any other form that a file's header may have. The index of
-        a DataFrame is the time if it has dates or durations, or is called so.
+        Names are ``name [unit]``, or have any other form of a file's header. The index of a
+        DataFrame becomes a column if it has dates or durations, or a name of its own.
 
     Returns
     -------
     Table
-        Its path is a name for messages: that of the file it would be, ``data_1`` and so on.
+        Its path is a name for messages, ``data_1`` and so on.
 
     Raises
     ------
@@ -49,43 +49,38 @@ def table_of(data: Arrays) -> Table:
         If a column is not one-dimensional, or lengths differ, or there are no rows.
     """
     path = Path(f"data_{next(_numbers)}")
-    named = _of_frame(data) if isinstance(data, Frame) else dict(data)
+    arrays = _frame_columns(data) if isinstance(data, Frame) else data
     columns = []
-    for title, values in named.items():
+    for title, values in arrays.items():
         array = _array(values)
         if array.ndim != 1:
             raise refuse(path, f"column '{title}' has shape {array.shape} (allowed: (n,))")
         name, unit = read_header_cell(str(title))
         if array.dtype.kind in "mM":
-            unit = "s"  # what `as_numbers` makes of them
+            unit = "s"  # `as_numbers` turns them into seconds
         columns.append(Column(name, unit, as_numbers(array), str(title)))
     lengths = {column.title: len(column.cells) for column in columns}
-    if len(set(lengths.values())) > 1:
-        first, other = _unequal(lengths)
-        raise refuse(
-            path,
-            f"column '{other}' has {lengths[other]} values, '{first}' has {lengths[first]}; columns"
-            " of one record have equal length",
-        )
-    rows = next(iter(lengths.values()), 0)
+    first = next(iter(lengths), "")
+    rows = lengths.get(first, 0)
+    for other, length in lengths.items():
+        if length != rows:
+            raise refuse(
+                path,
+                f"column '{other}' has {length} values, '{first}' has {rows}; columns of one record"
+                " have equal length",
+            )
     if not rows:
         raise refuse(path, "there are no rows")
     return Table(path, columns, np.arange(1, rows + 1))
 
 
-def _unequal(lengths: Mapping[str, int]) -> tuple[str, str]:
-    first = next(iter(lengths))
-    return first, next(name for name, length in lengths.items() if length != lengths[first])
-
-
-def _of_frame(frame: Frame) -> dict[str, Any]:
-    """Return the columns of a DataFrame by name, and its index if that is the time."""
-    given: Any = frame
+def _frame_columns(frame: Any) -> dict[str, Any]:
+    """Return the columns of a DataFrame by name, with its index if that may be the time."""
     names = [str(name) for name in frame.columns]
     repeated = next((name for name in names if names.count(name) > 1), None)
     if repeated is not None:
         raise UserError(f"DataFrame: several columns are called '{repeated}'; rename them")
-    columns = {name: given.iloc[:, k] for k, name in enumerate(names)}
+    columns = {name: frame.iloc[:, k] for k, name in enumerate(names)}
     index = frame.index
     kind = getattr(index.dtype, "kind", "O")
     if kind in "mM" or (index.name is not None and str(index.name) not in columns):
@@ -95,7 +90,7 @@ def _of_frame(frame: Frame) -> dict[str, Any]:
 
 
 def _array(values: Any) -> np.ndarray:
-    """Return values as NumPy has them: instants in UTC, missing numbers as NaN."""
+    """Return a NumPy array of values, with instants in UTC and NaN for missing numbers."""
     dtype = getattr(values, "dtype", None)
     if getattr(dtype, "tz", None) is not None:
         return np.asarray(values.dt.tz_convert(None).to_numpy())

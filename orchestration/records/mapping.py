@@ -7,22 +7,28 @@ from fmus.kit.errors import UserError, suggestion
 from orchestration.records.proposal import propose
 from orchestration.records.record import Repair, refuse
 from orchestration.records.tables import INDEX, Column, Table, split_header_cell
-from orchestration.records.times import TIME, find_time, holds_instants, joined, other_half
+from orchestration.records.times import (
+    TIME,
+    complementary_column,
+    find_time,
+    holds_instants,
+    merge_date_and_time,
+)
 from orchestration.reporting import option
 
 
 @dataclass(frozen=True)
 class Match:
-    """A column and the signal it is.
+    """A column of a file and its signal.
 
     Parameters
     ----------
     column : Column
         The column of the file.
     signal : str
-        The model's name, or ``"time"``.
+        Name in the model, or ``"time"``.
     unit : str or None
-        The unit the user says the column is in; None: take the file's.
+        Unit of the column as the user states it; None for the unit in the file.
     """
 
     column: Column
@@ -41,12 +47,12 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        File column to signal, the unit still behind it: ``{"strain": "displacement[m]"}``.
+        Signal, with its unit if stated, by file column: ``{"strain": "displacement[m]"}``.
 
     Raises
     ------
     UserError
-        If an entry has not that form, or a column or a signal occurs twice.
+        If an entry does not have that form, or a column or a signal occurs twice.
     """
     mapping: dict[str, str] = {}
     for entry in entries:
@@ -70,35 +76,35 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
     return mapping
 
 
-def _find_column(table: Table, name: str, why: str) -> Column:
-    """Find a column by its name, or by its whole header cell ``name [unit]``."""
-    called = [
+def _find_column(table: Table, name: str, entry: str) -> Column:
+    """Return the column of a name or a header cell ``name [unit]``; raise if it is not unique."""
+    matches = [
         column
         for column in table.columns
         if name in (column.name, column.title, f"{column.name} [{column.unit}]")
     ]
-    if len(called) > 1:
-        raise refuse(table.path, f"{len(called)} columns are called '{name}'; rename them")
-    if not called:
+    if len(matches) > 1:
+        raise refuse(table.path, f"{len(matches)} columns are called '{name}'; rename them")
+    if not matches:
         raise refuse(
-            table.path, f"{why}: there is no column '{name}'{suggestion(name, table.names())}"
+            table.path, f"{entry}: there is no column '{name}'{suggestion(name, table.names())}"
         )
-    return called[0]
+    return matches[0]
 
 
 def match_columns(
     table: Table, signals: Mapping[str, str], mapping: Mapping[str, str], required: Collection[str]
 ) -> list[Match]:
-    """Decide which column is which signal; time comes first.
+    """Match columns to the time and to the signals of a model.
 
     Parameters
     ----------
     table : Table
-        The file's columns; takes a line for what is ignored.
+        Columns of the file; a repair is added for those that are ignored.
     signals : mapping of str to str
         The model's signals and their units.
     mapping : mapping of str to str
-        The user's renaming, as `parse_mapping` gives it.
+        Signal by column as the user states it, see `parse_mapping`.
     required : collection of str
         Signals that must be there.
 
@@ -110,24 +116,25 @@ def match_columns(
     Raises
     ------
     UserError
-        If a mapped column, a required signal, the time or every signal is absent, or a name occurs
-        twice.
+        If a mapped column, a required signal, the time or every signal is missing, or a name is not
+        unique.
     """
     matches = _mapped(table, signals, mapping)
-    taken = [match.column for match in matches.values()]
-    if len({id(column) for column in taken}) != len(taken):
+    matched = [match.column for match in matches.values()]
+    if len({id(column) for column in matched}) != len(matched):
         raise refuse(table.path, f"{option('mapping')} gives one column to two signals")
     if TIME not in matches:
-        matches[TIME] = Match(find_time(table, signals, _free(table, taken)), TIME, None)
-    taken.append(matches[TIME].column)
-    _complete_time(table, matches, taken)
+        matches[TIME] = Match(find_time(table, signals, _unmatched(table, matched)), TIME, None)
+    matched.append(matches[TIME].column)
+    _complete_time(table, matches, matched)
     for signal in signals:
         if signal not in matches:
-            _match_name(table, signal, matches, taken)
-    _match_members(table, signals, matches, taken)
-    ignored = [column.name for column in _free(table, taken)]
-    absent = [signal for signal in signals if signal not in matches]
-    advice = _advice(table, _free(table, taken), {signal: signals[signal] for signal in absent})
+            _match_name(table, signal, matches, matched)
+    _match_members(table, signals, matches, matched)
+    unmatched = _unmatched(table, matched)
+    ignored = [column.name for column in unmatched]
+    missing = {signal: unit for signal, unit in signals.items() if signal not in matches}
+    advice = _advice(table, unmatched, missing)
     for signal in required:
         if signal not in matches:
             raise refuse(
@@ -142,80 +149,88 @@ def match_columns(
             f" ({', '.join(signals)}){advice}",
         )
     if ignored:
-        hints = [f"'{name}'{suggestion(name, absent, few=0)}" for name in ignored]
+        hints = [f"'{name}'{suggestion(name, missing, few=0)}" for name in ignored]
         table.repairs.append(
             Repair("ignored columns", f"not signals of the model, so ignored: {', '.join(hints)}")
         )
     return [matches[TIME], *(matches[signal] for signal in signals if signal in matches)]
 
 
-def _advice(table: Table, free: Sequence[Column], absent: Mapping[str, str]) -> str:
-    """Return the mapping that probably gives a model what it lacks, or that one is needed."""
-    columns = {table.map_name(column): (column.unit or "", "") for column in free}
-    likely = propose(columns, absent).mapping
-    if likely:
-        return f"; probably: {option('mapping', likely)}"
+def _advice(table: Table, unmatched: Sequence[Column], missing: Mapping[str, str]) -> str:
+    """Return the end of a message with the option that probably maps the missing signals."""
+    columns = {table.map_name(column): (column.unit or "", "") for column in unmatched}
+    proposal = propose(columns, missing).mapping
+    if proposal:
+        return f"; probably: {option('mapping', proposal)}"
     return f"; say which column it is: {option('mapping', {'column': 'signal'})}"
 
 
 def _mapped(
     table: Table, signals: Mapping[str, str], mapping: Mapping[str, str]
 ) -> dict[str, Match]:
-    """Match the columns that the user has renamed."""
+    """Return the matches that the user states, by signal."""
     matches: dict[str, Match] = {}
     for name, target in mapping.items():
         signal, unit = (target, None) if target in signals else split_header_cell(target)
-        given_as = option("mapping", {name: target})
+        entry = option("mapping", {name: target})
         if signal != TIME and signal not in signals:
             raise UserError(
-                f"{given_as}: the model has no signal '{signal}'{suggestion(signal, signals)}"
+                f"{entry}: the model has no signal '{signal}'{suggestion(signal, signals)}"
             )
         if signal in matches:
-            raise UserError(f"{given_as}: signal '{signal}' is mapped twice")
-        matches[signal] = Match(_find_column(table, name, given_as), signal, unit)
+            raise UserError(f"{entry}: signal '{signal}' is mapped twice")
+        matches[signal] = Match(_find_column(table, name, entry), signal, unit)
     return matches
 
 
-def _free(table: Table, taken: list[Column]) -> list[Column]:
-    """Columns that are no signal yet."""
-    return [column for column in table.columns if not any(column is other for other in taken)]
+def _unmatched(table: Table, matched: list[Column]) -> list[Column]:
+    """Return the columns that are not matched yet."""
+    return [column for column in table.columns if not any(column is other for other in matched)]
 
 
-def _complete_time(table: Table, matches: dict[str, Match], taken: list[Column]) -> None:
-    """Join the time of day to the date, where they are in two columns."""
+def _complete_time(table: Table, matches: dict[str, Match], matched: list[Column]) -> None:
+    """Merge date and time of day in `matches`, where they are in two columns."""
     time = matches[TIME]
-    other = other_half(time.column, _free(table, taken)) if holds_instants(time.column) else None
+    if not holds_instants(time.column):
+        return
+    other = complementary_column(time.column, _unmatched(table, matched))
     if other is not None:
-        taken.append(other)
-        matches[TIME] = Match(joined(table, time.column, other), TIME, time.unit)
+        matched.append(other)
+        matches[TIME] = replace(time, column=merge_date_and_time(table, time.column, other))
 
 
-def _match_name(table: Table, signal: str, matches: dict[str, Match], taken: list[Column]) -> None:
-    """Take the column that has the name of a signal, of an element of an array with its index."""
-    free = [column for column in _free(table, taken) if signal in (column.name, column.title)]
-    if len(free) > 1:
+def _match_name(
+    table: Table, signal: str, matches: dict[str, Match], matched: list[Column]
+) -> None:
+    """Match the column that has the name of a signal, including the index of an array element."""
+    columns = [
+        column for column in _unmatched(table, matched) if signal in (column.name, column.title)
+    ]
+    if len(columns) > 1:
         raise refuse(
-            table.path, f"{len(free)} columns are called '{signal}'; rename them, or keep one"
+            table.path, f"{len(columns)} columns are called '{signal}'; rename them, or keep one"
         )
-    if free:
-        (column,) = free
-        taken.append(column)
-        is_index = column.name != signal and INDEX.search(signal) is not None
-        own = replace(column, name=signal, unit=None) if is_index else column
-        matches[signal] = Match(own, signal, None)
+    if columns:
+        column = columns[0]
+        matched.append(column)
+        if column.name != signal and INDEX.search(signal):  # the index was read as a unit
+            column = replace(column, name=signal, unit=None)
+        matches[signal] = Match(column, signal, None)
 
 
 def _match_members(
-    table: Table, signals: Iterable[str], matches: dict[str, Match], taken: list[Column]
+    table: Table, signals: Iterable[str], matches: dict[str, Match], matched: list[Column]
 ) -> None:
-    """Take the column ``member.signal`` for a signal without one, as systems' results name it."""
+    """Match ``member.signal``, a name in results of systems, to a signal without a column."""
     for signal in signals:
-        free = [column for column in _free(table, taken) if column.name.endswith(f".{signal}")]
-        if signal not in matches and len(free) == 1:
-            matches[signal] = Match(free[0], signal, None)
-            taken.append(free[0])
+        columns = [
+            column for column in _unmatched(table, matched) if column.name.endswith(f".{signal}")
+        ]
+        if signal not in matches and len(columns) == 1:
+            column = columns[0]
+            matches[signal] = Match(column, signal, None)
+            matched.append(column)
             message = (
-                f"column '{free[0].name}' is read as {signal}: the only one of a member of this"
-                " name"
+                f"column '{column.name}' is read as {signal}: the only one of a member of this name"
             )
             table.repairs.append(Repair("member", message))

@@ -19,14 +19,14 @@ from orchestration.records.sampling import Samples, evenly_sampled, repair_clock
 from orchestration.records.tables import Column, Table, is_unit, numbers, plain_unit
 from orchestration.records.times import (
     TIME,
+    complementary_column,
     find_time,
     first_text,
     holds_instants,
-    joined,
-    other_half,
+    merge_date_and_time,
 )
 
-_SHORTEST_WORD = 3  # letters of a column's name that is a unit, such as Amps
+_SHORTEST_WORD = 3  # letters of a name that is read as a unit, such as Amps
 
 
 @dataclass(frozen=True)
@@ -36,19 +36,19 @@ class ColumnOverview:
     Attributes
     ----------
     name : str
-        What ``--map`` calls it.
+        Name for ``--map``.
     unit : str
-        Empty where the file has none.
+        Empty where the file states none.
     guess : str
-        Unit that its name suggests where the file states none; empty if it suggests none.
+        Unit that the name suggests where the file states none; empty if it suggests none.
     content : str
         ``numbers``, ``dates``, ``text`` or ``nothing``.
     smallest, largest : float
-        In the unit of the file; NaN of what has no numbers.
+        In the unit of the file; NaN without numbers.
     missing : int
         Cells without a value.
     example : str
-        The first cell that has one, of dates and text.
+        The first cell that is not empty, of dates and text; else empty.
     """
 
     name: str
@@ -95,7 +95,7 @@ class FileOverview:
     clock : ClockOverview or None
         None where the time cannot be used; `notes` say why.
     notes : list of str
-        What was repaired or noticed, gaps among it.
+        Repairs and notices, such as gaps.
     """
 
     path: Path
@@ -105,19 +105,23 @@ class FileOverview:
     notes: list[str]
 
     def proposal(self, signals: Mapping[str, str]) -> Proposal:
-        """Return which columns are probably which signals of a model.
+        """Return the probable mapping of columns to signals of a model.
 
         Parameters
         ----------
         signals : Mapping of str to str
-            Unit of each.
+            Unit by signal.
+
+        Returns
+        -------
+        Proposal
         """
         time = self.clock.column if self.clock else ""
         usable = [c for c in self.columns if c.content == "numbers" and c.name != time]
         return propose({c.name: (c.unit, c.guess) for c in usable}, signals)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all of it, ready for JSON; None for numbers that are none."""
+        """Return a dictionary for JSON, with None for NaN."""
         return {
             "file": str(self.path),
             "rows": self.rows,
@@ -128,11 +132,12 @@ class FileOverview:
 
 
 def _finite(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values with None for NaN, which alone differs from itself."""
     return {k: None if v != v else v for k, v in values.items()}
 
 
 def read_overview(path: str | Path) -> FileOverview:
-    """Read a file and describe it.
+    """Return an overview of a file: its columns, their units and its clock.
 
     Parameters
     ----------
@@ -145,7 +150,7 @@ def read_overview(path: str | Path) -> FileOverview:
     Raises
     ------
     UserError
-        If it is of no known form. What is wrong with its clock is among the notes.
+        If it is of no known format. A clock that cannot be used is reported in `notes`.
     """
     table = read_table(Path(path))
     clock = None
@@ -155,14 +160,14 @@ def read_overview(path: str | Path) -> FileOverview:
     except UserError as error:
         refusal = [str(error).removeprefix(f"{table.path}: ")]
     notes = [*(repair.message for repair in table.repairs), *refusal]
-    columns = [_described(table, column) for column in table.columns]
+    columns = [_column_overview(table, column) for column in table.columns]
     return FileOverview(table.path, table.rows.size, columns, clock, notes)
 
 
 def _clock(table: Table) -> ClockOverview:
     column = find_time(table, (), table.columns)
-    other = other_half(column, table.columns) if holds_instants(column) else None
-    whole = joined(table, column, other) if other else column
+    other = complementary_column(column, table.columns) if holds_instants(column) else None
+    whole = merge_date_and_time(table, column, other) if other else column
     time = time_in_seconds(table, Match(whole, TIME, None))
     samples = Samples(table.path, time, {}, table.rows, table.repairs)
     repair_clock(samples)
@@ -177,7 +182,7 @@ def _clock(table: Table) -> ClockOverview:
     )
 
 
-def _described(table: Table, column: Column) -> ColumnOverview:
+def _column_overview(table: Table, column: Column) -> ColumnOverview:
     content, values = _content(table, column)
     known = values[np.isfinite(values)]
     return ColumnOverview(
@@ -193,7 +198,7 @@ def _described(table: Table, column: Column) -> ColumnOverview:
 
 
 def _content(table: Table, column: Column) -> tuple[str, Array]:
-    """Return the kind of a column's cells, and its numbers if it has them."""
+    """Return the content of a column, see `ColumnOverview`, and its numbers if it has any."""
     none = np.zeros(0)
     if holds_instants(column):
         return "dates", none
@@ -211,7 +216,7 @@ def _missing(column: Column, values: Array, content: str) -> int:
 
 
 def _guessed_unit(name: str) -> str:
-    """Return the unit that a name is, as ``Amps``, or ends in, as ``I_mA``; else nothing."""
+    """Return the unit that a name is (``Amps``) or ends in (``I_mA``); else an empty text."""
     if len(name) >= _SHORTEST_WORD and is_unit(name):
         return plain_unit(name) or ""
     stem, _, last = name.rpartition("_")

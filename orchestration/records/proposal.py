@@ -1,4 +1,4 @@
-"""Proposal of columns for the signals of a model: by words that people use, and by units."""
+"""Proposal of columns for the signals of a model, by usual words for quantities and by units."""
 
 from __future__ import annotations
 
@@ -33,27 +33,27 @@ _WORDS = [
     stress sigma
     """.strip().splitlines()
 ]
-"""Words of one quantity; single letters count only beside a unit that fits."""
+"""Words for each quantity; a single letter counts only if the unit is of the same dimension."""
 
 _SAME_NAME = 4.0
 _SAME_QUANTITY = 2.0
-_SIMILAR = 0.7  # ratio of alike letters
-_COMPOUND = 5  # letters of a word that may be part of another one, as in Klemmenspannung
+_SIMILAR = 0.7  # least ratio of matching letters, see `difflib.SequenceMatcher.ratio`
+_COMPOUND = 5  # letters of a word that also counts within another one, as in Klemmenspannung
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """Which columns are probably which signals.
+    """Probable mapping of columns to signals.
 
     Attributes
     ----------
     mapping : dict of str to str
-        Column to signal, with the unit where only the column's name suggests it; those that need no
-        ``--map`` are left out.
+        Signal by column, with the unit if only the column's name suggests it; without pairs that
+        need no ``--map``.
     matched : dict of str to str
-        Signal to column, of all that are found.
+        Column by signal, for all pairs.
     open : dict of str to list of str
-        Signals that are not found, and the columns that may be each.
+        Candidate columns of each signal that is not matched.
     """
 
     mapping: dict[str, str]
@@ -61,20 +61,20 @@ class Proposal:
     open: dict[str, list[str]]
 
     def options(self) -> str:
-        """Return the options for a shell."""
+        """Return the ``--map`` options for a shell."""
         entries = [f"{column}={target}" for column, target in self.mapping.items()]
         return shlex.join(word for entry in entries for word in (flag("mapping"), entry))
 
 
 def propose(columns: Mapping[str, tuple[str, str]], signals: Mapping[str, str]) -> Proposal:
-    """Propose a column for every signal, the clearest pairs first.
+    """Propose a column for every signal, the pairs of the greatest score first.
 
     Parameters
     ----------
     columns : Mapping of str to tuple of str
-        By name: the unit that the file states, and the one that the name suggests; may be empty.
+        By name: the unit in the file, and the unit that the name suggests; each may be empty.
     signals : Mapping of str to str
-        Unit of each signal of the model.
+        Unit by signal of the model.
 
     Returns
     -------
@@ -87,11 +87,9 @@ def propose(columns: Mapping[str, tuple[str, str]], signals: Mapping[str, str]) 
         for name in columns
     }
     matched: dict[str, str] = {}
-    while True:
-        pair = _clearest(scores, matched)
-        if pair is None:
-            break
-        matched[pair[0]] = pair[1]
+    while pair := _clearest(scores, matched):
+        signal, name = pair
+        matched[signal] = name
     guesses = {name: guess for name, (stated, guess) in columns.items() if guess and not stated}
     suggested = {name: f"[{guess}]" for name, guess in guesses.items()}
     mapping = {
@@ -99,9 +97,9 @@ def propose(columns: Mapping[str, tuple[str, str]], signals: Mapping[str, str]) 
         for signal, name in matched.items()
         if name != signal or name in suggested
     }
-    free = [name for name in columns if name not in matched.values()]
+    unmatched = [name for name in columns if name not in matched.values()]
     missing = {
-        signal: [name for name in free if scores[signal, name] > 0.0 or not units[name]]
+        signal: [name for name in unmatched if scores[signal, name] > 0.0 or not units[name]]
         for signal in signals
         if signal not in matched
     }
@@ -111,17 +109,19 @@ def propose(columns: Mapping[str, tuple[str, str]], signals: Mapping[str, str]) 
 def _clearest(
     scores: Mapping[tuple[str, str], float], matched: Mapping[str, str]
 ) -> tuple[str, str] | None:
-    """Return the pair of the greatest score that no other column or signal shares."""
-    left = {
+    """Return the pair of the greatest score without an equal rival for its signal or its column."""
+    candidates = {
         (signal, name): score
         for (signal, name), score in scores.items()
         if score > 0.0 and signal not in matched and name not in matched.values()
     }
-    for pair, score in sorted(left.items(), key=lambda item: -item[1]):
+    for pair, score in sorted(candidates.items(), key=lambda item: -item[1]):
         rivals = [
             other
-            for other, theirs in left.items()
-            if other != pair and theirs >= score and (other[0] == pair[0] or other[1] == pair[1])
+            for other, other_score in candidates.items()
+            if other != pair
+            and other_score >= score
+            and (other[0] == pair[0] or other[1] == pair[1])
         ]
         if not rivals:
             return pair
@@ -129,7 +129,7 @@ def _clearest(
 
 
 def _score(column: str, unit: str, signal: str, expected: str) -> float:
-    """Return how well a column suits a signal; 0 if not at all."""
+    """Return the score of a column for a signal; 0 if units or names do not match."""
     fits = bool(unit) and _alike(unit, expected)
     if unit and not fits:
         return 0.0
@@ -137,7 +137,8 @@ def _score(column: str, unit: str, signal: str, expected: str) -> float:
     score = 1.0 if fits else 0.0
     if column.casefold() == signal.casefold():
         return score + _SAME_NAME
-    if _mean_the_same(words, _words(signal, True)):
+    others = _words(signal, True)
+    if any(_name(words, quantity) and _name(others, quantity) for quantity in _WORDS):
         return score + _SAME_QUANTITY
     ratio = SequenceMatcher(None, column.casefold(), signal.casefold()).ratio()
     return score + (ratio if ratio >= _SIMILAR else 0.0)
@@ -151,17 +152,13 @@ def _alike(unit: str, other: str) -> bool:
 
 
 def _words(name: str, with_letters: bool) -> set[str]:
-    """Return the words of a name; single letters are words only beside a unit that fits."""
+    """Return the words in a name, with or without single letters."""
     words = re.findall(r"[^\W\d_]+", name.casefold())
     return {word for word in words if with_letters or len(word) > 1}
 
 
-def _mean_the_same(words: set[str], others: set[str]) -> bool:
-    return any(_name(words, quantity) and _name(others, quantity) for quantity in _WORDS)
-
-
 def _name(words: set[str], quantity: set[str]) -> bool:
-    """Return whether words name a quantity, by themselves or within a compound."""
+    """Return whether one of the words is a word for a quantity, or a compound with one."""
     return any(
         word == known or (len(known) >= _COMPOUND and known in word)
         for word in words

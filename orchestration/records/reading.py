@@ -1,4 +1,4 @@
-"""From a file to a record: read, match, convert, repair, notice."""
+"""Reading of records: columns are matched to signals, converted, repaired and checked."""
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -13,7 +13,7 @@ from orchestration.records.formats import read_table
 from orchestration.records.frames import Arrays, table_of
 from orchestration.records.mapping import TIME, Match, match_columns
 from orchestration.records.record import Record, Repair, refuse
-from orchestration.records.runs import divided_at_restarts, divided_by, run_marks
+from orchestration.records.runs import divide_at_restarts, divide_by_label, run_labels
 from orchestration.records.sampling import (
     Samples,
     mask_infinite,
@@ -40,21 +40,21 @@ def read_record(
     Parameters
     ----------
     path : str, Path, DataFrame or Mapping of str to array_like, shape (n,)
-        CSV, Parquet, LabVIEW TDMS or text, or MATLAB file; its content decides which. Or the
+        CSV, Parquet, LabVIEW TDMS or text, or MATLAB file, recognised by its content; or the
         columns themselves, see `orchestration.records.frames.table_of`.
     signals : mapping of str to str
         The model's signals and the SI unit of each, as pint understands it: ``{"current": "A"}``.
     mapping : mapping of str to str, optional
-        File column to signal, with the unit the column shall be read in if not the file's:
-        ``{"strain": "displacement[m]"}``. The target ``time`` names the time column.
+        Signal by file column, with a unit that replaces the one in the file if given:
+        ``{"strain": "displacement[m]"}``. The signal ``time`` names the time column.
     required : collection of str
-        Signals that must be there.
+        Signals that must be in the file.
     inputs : collection of str
-        Which signals drive the model: their short holes are interpolated and long ones refused. A
-        hole in any other signal stays NaN.
+        Inputs of the model: their short holes are interpolated and long ones refused. Holes in
+        other signals stay NaN.
     jumps : bool
-        Whether rows of one time are a jump, as in prescribed inputs, of which the last counts; the
-        mean is taken of values that were measured at one time.
+        True if rows of equal time are a jump, as in prescribed inputs: the last one is used. False
+        if they are repeated measurements: their mean is used.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def read_record(
     Raises
     ------
     UserError
-        If the file cannot be used: file, row, reason.
+        If the file cannot be used; the message has file, row and reason.
     """
     samples = _samples(_table(path, signals, required, inputs), signals, mapping or {}, required)
     return _record(samples, signals, required, inputs, jumps=jumps)
@@ -73,16 +73,20 @@ def read_record(
 def read_columns(
     path: str | Path | Arrays, names: Collection[str], inputs: Collection[str] = ()
 ) -> Record:
-    """Read columns under their own names and in their own units, where no model has any.
+    """Read columns of a file without a model, by their names and in their units.
 
     Parameters
     ----------
     path : str, Path, DataFrame or Mapping of str to array_like, shape (n,)
         See :func:`read_record`.
     names : collection of str
-        Columns.
+        Names of the columns.
     inputs : collection of str
-        Which of them drive, see :func:`read_record`.
+        Inputs among them, see :func:`read_record`.
+
+    Returns
+    -------
+    Record
 
     Raises
     ------
@@ -109,19 +113,19 @@ def read_runs(
     inputs: Collection[str] = (),
     column: str | None = None,
 ) -> list[Record]:
-    """Read a file that may hold several runs, each a record of its own.
+    """Read a file of one or several runs, each of which becomes a record.
 
     Parameters
     ----------
     path, signals, mapping, required, inputs
         See :func:`read_record`.
     column : str, optional
-        The column that tells the runs apart. Without it a new one begins where the clock restarts.
+        Column with the label of the run. Without it a run begins where the clock restarts.
 
     Returns
     -------
     list of Record
-        In the order of the file, with their labels; one without a label where there is one run.
+        In the order of the file, with their labels; a single run has none.
 
     Raises
     ------
@@ -129,13 +133,13 @@ def read_runs(
         If the file or a run in it cannot be used.
     """
     table = _table(path, signals, required, inputs)
-    marks = None
+    labels = None
     if column is not None:
-        marks = run_marks(table, column, mapping or {})
+        labels = run_labels(table, column, mapping or {})
         table.columns = [c for c in table.columns if c.name != column]
     samples = _samples(table, signals, mapping or {}, required)
-    parts = divided_at_restarts(samples) if marks is None else divided_by(samples, marks)
-    return [_record(part, signals, required, inputs, label) for label, part in parts]
+    runs = divide_at_restarts(samples) if labels is None else divide_by_label(samples, labels)
+    return [_record(run, signals, required, inputs, label) for label, run in runs]
 
 
 def _table(
@@ -144,6 +148,7 @@ def _table(
     required: Collection[str],
     inputs: Collection[str],
 ) -> Table:
+    """Return the table of a file; raise if `required` or `inputs` are not signals of the model."""
     for name in (*required, *inputs):
         if name not in signals:
             raise UserError(f"'{name}' is not a signal of the model; it has: {', '.join(signals)}")
@@ -157,7 +162,7 @@ def _read(path: str | Path | Arrays) -> Table:
 def _samples(
     table: Table, signals: Mapping[str, str], mapping: Mapping[str, str], required: Collection[str]
 ) -> Samples:
-    """Read the columns of the signals, as the file has them, in the model's units."""
+    """Return the samples of the signals in the units of the model, before any repair."""
     matches = match_columns(table, signals, mapping, required)
     values = {
         match.signal: time_in_seconds(table, match)
@@ -169,15 +174,15 @@ def _samples(
 
 
 def time_in_seconds(table: Table, match: Match) -> np.ndarray:
-    """Give the time in seconds; dates and times of day count from the first row."""
+    """Return the time in seconds; dates and times of day are counted from the first row."""
     if not holds_instants(match.column):
         return _column_in_unit(table, match, "s")
     if match.unit is not None and match.unit not in FORMS:
         raise refuse(
             table.path,
-            f"column '{match.column.name}' has dates or times of day, and no number in"
-            f" {match.unit}: {option('mapping', {match.column.name: 'time'})} reads them; in"
-            f" brackets only their form can stand, {', '.join(FORMS)}",
+            f"column '{match.column.name}' has dates or times of day, not numbers in"
+            f" {match.unit}: {option('mapping', {match.column.name: 'time'})} reads them"
+            f" (allowed in brackets: {', '.join(FORMS)})",
         )
     return seconds(table, match.column, match.unit or "")
 
@@ -191,20 +196,19 @@ def _record(
     *,
     jumps: bool = False,
 ) -> Record:
-    """Repair what can be repaired of one run, and refuse or notice what cannot."""
-    # absurd values near the largest double overflow in differences; they are the file's, and no
-    # reason for a traceback
+    """Repair the samples of one run, and return its record with a list of the repairs."""
+    # differences of values near the largest double overflow, which is no reason for a traceback
     with np.errstate(over="ignore", invalid="ignore"):
         mask_infinite(samples)
         repair_clock(samples, jumps)
         repair_holes(samples, inputs, required)
-        declared = {name: signals[name] for name in samples.values}
-        notice_channels(samples, declared, inputs)
-    return Record(samples.time, samples.values, declared, samples.path, samples.repairs, label)
+        signal_units = {name: signals[name] for name in samples.values}
+        notice_channels(samples, signal_units, inputs)
+    return Record(samples.time, samples.values, signal_units, samples.path, samples.repairs, label)
 
 
 def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
-    """Give a column's values in the model's unit."""
+    """Return the values of a column in a unit; without a unit in the file this one is assumed."""
     column = match.column
     stated = match.unit or column.unit
     if stated is None:
@@ -216,7 +220,7 @@ def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
     elif match.unit is not None and column.unit is not None and match.unit != column.unit:
         message = (
             f"column '{column.name}' [{column.unit}] read as {match.signal} in {match.unit}, as"
-            " asked"
+            " stated"
         )
         table.repairs.append(Repair("unit replaced", message))
     return _convert(table.path, column.name, numbers(table, column), stated, unit, match.signal)
@@ -225,7 +229,7 @@ def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
 def _convert(
     path: Path, column: str, values: Array, unit: str, expected: str, signal: str
 ) -> Array:
-    """Convert a column's values from the file's unit to the model's.
+    """Convert the values of a column from the unit in the file to that of the model.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A record as read from a file, with the lines that report what was repaired or noticed."""
+"""A measured record, with a report of repairs and notices."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ REPAIRING_KINDS = frozenset(
         "unit replaced",
     }
 )
-"""Kinds of `Repair` that changed, dropped or reinterpreted data; all others state a fact."""
+"""Kinds of `Repair` that changed, dropped or reinterpreted data; all others are notices."""
 _LONGEST = 1000  # characters of a message
 
 
 @dataclass(frozen=True)
 class Repair:
-    """One thing that was repaired in, or noticed about, a file.
+    """A repair of a file, or a notice about it.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Repair:
     message : str
         One line for the user.
     rows : tuple of int
-        The rows concerned: line numbers of a text file, data rows (from 1) of a binary file.
+        Rows that it concerns: line numbers of a text file, data rows (from 1) of a binary file.
         For a gap, the row after it.
     """
 
@@ -67,15 +67,15 @@ class Record(Displayable):
     time : ndarray, shape (n,)
         Seconds, strictly increasing.
     signals : dict of str to ndarray, shape (n,)
-        Values in the unit the model declares; NaN where an output has no valid sample.
+        Values in the units of the model; NaN where an output has no valid sample.
     units : dict of str to str
-        Unit of every signal, as the model declares it.
+        Unit by signal, as the model declares it.
     source : Path
         The file.
     repairs : list of Repair
-        What was repaired or noticed, in the order it happened.
+        Repairs and notices in the order of reading.
     label : str
-        Of the run that it is, where the file holds several.
+        Label of the run, if the file has several; else empty.
     """
 
     time: Array
@@ -95,32 +95,37 @@ class Record(Displayable):
 
     @property
     def _extent(self) -> str:
-        """The file with its samples and its duration."""
+        """File, number of samples and duration, in a line."""
         seconds = float(self.time[-1] - self.time[0]) if self.time.size else 0.0
-        which = f", run {self.label}" if self.label else ""
-        return f"{self.source.name}{which}: {self.time.size} samples over {seconds:.6g} s"
+        run = f", run {self.label}" if self.label else ""
+        return f"{self.source.name}{run}: {self.time.size} samples over {seconds:.6g} s"
 
     @property
     def _repair_lines(self) -> list[str]:
         return [f"{'repaired' if r.changed_data else 'noted'}: {r.message}" for r in self.repairs]
 
     def overview(self) -> Iterator[RenderableType]:
-        """Yield what a notebook shows: the extent, a table of the signals, what was repaired."""
+        """Yield the display in a notebook: the extent, a table of the signals, and the repairs."""
         from orchestration.reporting import plain_table
 
         columns = ("smallest", "largest", "missing")
         table = plain_table(None, "signal", "unit", *columns, right=columns)
         for name, values in self.signals.items():
-            known = values[np.isfinite(values)]
-            ends = [f"{end(known):.6g}" if known.size else "" for end in (np.min, np.max)]
-            missing = f"{values.size - known.size}"
-            table.add_row(name, self.units[name], *ends, missing)
+            finite = values[np.isfinite(values)]
+            smallest = f"{finite.min():.6g}" if finite.size else ""
+            largest = f"{finite.max():.6g}" if finite.size else ""
+            missing = f"{values.size - finite.size}"
+            table.add_row(name, self.units[name], smallest, largest, missing)
         yield self._extent
         yield table
         yield from self._repair_lines
 
     def to_frame(self) -> pandas.DataFrame:
-        """Return the signals as a table over time.
+        """Return the signals as a DataFrame with the time in seconds as index.
+
+        Returns
+        -------
+        pandas.DataFrame
 
         Raises
         ------
@@ -133,14 +138,14 @@ class Record(Displayable):
 
 
 def list_rows(rows: Iterable[int], limit: int = 5) -> str:
-    """List row numbers for a message: all if few, else the first `limit` and their number.
+    """Return row numbers for a message: all, or the first `limit` and the number of the others.
 
     Parameters
     ----------
     rows : iterable of int
         Row numbers.
     limit : int
-        How many to spell out.
+        Most row numbers in the list.
 
     Returns
     -------
@@ -156,7 +161,7 @@ def list_rows(rows: Iterable[int], limit: int = 5) -> str:
 
 
 def refuse(path: Path, message: str) -> UserError:
-    """Make the error for a file that cannot be used (the caller raises it).
+    """Return the error for a file that cannot be used, to be raised by the caller.
 
     Parameters
     ----------
@@ -168,8 +173,8 @@ def refuse(path: Path, message: str) -> UserError:
     Returns
     -------
     UserError
-        Its text starts with the file, and is a line: what parsers of others say may hold pieces of
-        the file.
+        One line that starts with the file. Messages of other libraries, which may quote the file,
+        lose unprintable characters and everything beyond 1000 characters.
     """
     line = " ".join("".join(c if c.isprintable() else " " for c in message).split())
     return UserError(f"{path}: {line if len(line) <= _LONGEST else line[:_LONGEST] + '...'}")

@@ -1,4 +1,4 @@
-"""Writing a record in the CSV form that is read: as a whole, or row by row while it is made."""
+"""Writing of records as CSV: as a whole, or row by row during a measurement."""
 
 import csv
 import io
@@ -15,16 +15,20 @@ from fmus.kit import UserError, files
 from orchestration.records.tables import INDEX
 from orchestration.reporting import BackgroundWriter
 
-_EVERY = 2.0  # s between two pieces of a journal
+_EVERY = 2.0  # s between two writes of a journal
 
 
 def header(units: Mapping[str, str]) -> list[str]:
-    """Cells ``name [unit]`` of time and of signals.
+    """Return the header cells ``name [unit]`` of time and signals.
 
     Parameters
     ----------
     units : mapping of str to str
-        By signal.
+        Unit by signal.
+
+    Returns
+    -------
+    list of str
 
     Raises
     ------
@@ -47,21 +51,20 @@ def header(units: Mapping[str, str]) -> list[str]:
 def write_record(
     path: str | Path, time: ArrayLike, signals: Mapping[str, ArrayLike], units: Mapping[str, str]
 ) -> None:
-    """Write a record as CSV: a header ``name [unit]``, time in seconds first, one row per sample.
+    """Write a record as CSV: a header ``name [unit]``, time in seconds first, a row per sample.
 
-    Every number is written with the fewest digits that read back as the same double. NaN becomes an
-    empty cell.
+    Numbers have the fewest digits that read back as the same double. NaN becomes an empty cell.
 
     Parameters
     ----------
     path : str or Path
-        The file; one that exists is replaced, whole or not at all.
+        An existing file is replaced, either whole or not at all.
     time : array_like, shape (n,)
         Seconds, finite and strictly increasing.
     signals : mapping of str to array_like, shape (n,)
-        Values.
+        Values by signal.
     units : mapping of str to str
-        Unit of every signal.
+        Unit by signal.
 
     Raises
     ------
@@ -91,26 +94,26 @@ def write_record(
 
 
 def _cell(value: float) -> str:
-    """Return the fewest digits that read back as the same double; nothing of NaN."""
+    """Return the shortest text that reads back as the same double; an empty text for NaN."""
     return "" if math.isnan(value) else repr(value)
 
 
 class Journal:
-    """A record as CSV, a row at a time, which survives a process that is killed.
+    """A record that is written as CSV row by row, so that it survives the end of the process.
 
-    Every two seconds what has come together goes to the disk.
+    New rows go to the disk every two seconds.
 
     Parameters
     ----------
     path : Path
-        A file that is not there yet.
+        A file that does not exist yet.
     units : Mapping of str to str
-        Of the signals, in the order of the values.
+        Unit by signal, in the order of the values.
 
     Raises
     ------
     UserError
-        If the file is there, or cannot be made.
+        If the file exists, or cannot be made.
     """
 
     def __init__(self, path: Path, units: Mapping[str, str]):
@@ -119,7 +122,7 @@ class Journal:
             self._file = path.open("xb", buffering=0)
         except FileExistsError:
             raise UserError(
-                f"{path} is there: what a run recorded that was killed; read it (ppy compare takes"
+                f"{path} exists: the record of a run that was killed; read it (ppy compare accepts"
                 " it), then remove it"
             ) from None
         except OSError as error:
@@ -131,19 +134,19 @@ class Journal:
 
     @property
     def error(self) -> str:
-        """Why nothing is written any more; empty if all is well."""
+        """Message of the error that stopped the writing; empty without one."""
         error = self._writer.error
         return "" if error is None else f"cannot write {self.path}: {error.strerror}"
 
     def add(self, time: float, values: Sequence[float]) -> None:
-        """Add a row: time in s, and a value of each signal."""
+        """Add a row of the time in s and a value of each signal."""
         self._is_empty = False
         self._rows.append(",".join(map(_cell, (time, *values))))
         if monotonic() - self._since > _EVERY:
             self._pass_on()
 
     def close(self) -> None:
-        """Write what there is; the file stays, unless there was no row."""
+        """Write the last rows and close the file; a file without rows is removed."""
         self._pass_on()
         if self._writer.close():
             self._file.close()

@@ -1,4 +1,4 @@
-"""A writer with a thread of its own, so that nobody waits for a disk or a terminal."""
+"""Writing in a background thread, so that callers do not wait for a disk or a terminal."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Callable
 from queue import SimpleQueue
 from threading import Thread
 
-_PATIENCE = 5.0  # s for what is still to be written in the end
+_CLOSE_TIMEOUT = 5.0  # s to write the rest of the queue
 
 
 class BackgroundWriter:
-    """Writes what it is given, in order.
+    """A writer that queues contents and writes them in order in a background thread.
 
     Parameters
     ----------
@@ -20,34 +20,34 @@ class BackgroundWriter:
     Attributes
     ----------
     error : OSError or None
-        Why writing has ended; what comes after it is dropped.
+        The error that stopped the writing; later contents are dropped.
     """
 
     def __init__(self, write: Callable[[bytes], object]):
         self.error: OSError | None = None
         self._write = write
-        self._waiting: SimpleQueue[bytes | None] = SimpleQueue()
+        self._queue: SimpleQueue[bytes | None] = SimpleQueue()
         self._thread = Thread(target=self._run, name="background writer", daemon=True)
         self._thread.start()
 
     @property
     def is_behind(self) -> bool:
-        """Return whether something that was given has not been begun."""
-        return not self._waiting.empty()
+        """True while contents wait in the queue."""
+        return not self._queue.empty()
 
     def put(self, content: bytes) -> None:
-        """Have something written; returns at once."""
+        """Queue contents to be written, and return at once."""
         if self.error is None:
-            self._waiting.put(content)
+            self._queue.put(content)
 
     def close(self) -> bool:
-        """Wait, not for ever, until everything is written; return whether it is."""
-        self._waiting.put(None)
-        self._thread.join(_PATIENCE)
+        """Wait a few seconds for the queue; return whether all of it was written."""
+        self._queue.put(None)
+        self._thread.join(_CLOSE_TIMEOUT)
         return self.error is None and not self._thread.is_alive()
 
     def _run(self) -> None:
-        while (content := self._waiting.get()) is not None:
+        while (content := self._queue.get()) is not None:
             try:
                 if self.error is None:
                     self._write(content)

@@ -1,6 +1,6 @@
-"""The terminal as all commands use it: results, remarks by verbosity, tables, progress.
+"""Terminal output of all commands: results, remarks by verbosity, tables and progress.
 
-What would be printed is a text, too, for ``str()`` of a result and for notebooks.
+`plain_text` renders the same output as text, for ``str()`` of a result and for notebooks.
 """
 
 from __future__ import annotations
@@ -35,86 +35,89 @@ _WIDTH = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
 out = Console(highlight=False, markup=False, emoji=False, soft_wrap=True, width=_WIDTH)
 err = Console(stderr=True, highlight=False, markup=False, emoji=False)
 TEXT_WIDTH = 120  # columns of tables in a text
-_EVERY = 4.0  # seconds between two lines of progress where there is no terminal
-_FIRST = 4  # of the parts of a step are told at once
+_INTERVAL = 4.0  # s between two lines of progress without a terminal
+_FIRST_PARTS = 4  # parts of a step that are printed without waiting for the interval
 _verbose = False
 
 
 @contextmanager
 def verbosity(quiet: bool = False, verbose: bool = False) -> Iterator[None]:
-    """Say less or more while the context lasts.
+    """Set how much is printed while the context lasts.
 
     Parameters
     ----------
     quiet : bool
-        Only results, on standard output; no remarks, warnings and progress. Errors are not told
-        through here.
+        Print results only, on standard output, without remarks, warnings and progress. Errors are
+        printed elsewhere, in any case.
     verbose : bool
-        Also what is used and made, and how long every step took.
+        Print details too, such as files used and the duration of every step.
     """
     global _verbose
-    before, (err.quiet, _verbose) = (err.quiet, _verbose), (quiet, verbose)
+    previous = (err.quiet, _verbose)
+    err.quiet = quiet
+    _verbose = verbose
     try:
         yield
     finally:
-        err.quiet, _verbose = before
+        err.quiet, _verbose = previous
 
 
 @contextmanager
 def results_withheld() -> Iterator[None]:
-    """Print no results while the context lasts: something else has standard output for itself."""
-    before, out.quiet = out.quiet, True
+    """Print no results while the context lasts, as standard output is for something else."""
+    previous = out.quiet
+    out.quiet = True
     try:
         yield
     finally:
-        out.quiet = before
+        out.quiet = previous
 
 
 def wrote(path: Path, remark: str = "") -> None:
-    """Tell that a file was written, and what is to be known of it."""
+    """Print that a file was written, with a remark on it."""
     if not err.quiet:
         out.print(f"wrote {path}" + (f" ({remark})" if remark else ""))
 
 
 def warn(text: str) -> None:
-    """Tell what may spoil a result."""
+    """Print a warning of something that may make a result wrong."""
     err.print(f"warning: {text}", soft_wrap=True)
 
 
 def alarm(text: str) -> None:
-    """Tell what an operator has to see to at once, also where remarks are not wanted."""
+    """Print an alarm for an operator who must act at once, even in quiet mode."""
     with verbosity():
         err.print(f"ALARM: {text}", soft_wrap=True, style="bold red")
 
 
 def note(text: str) -> None:
-    """Tell what is worth knowing."""
+    """Print a remark."""
     err.print(f"noted: {text}", soft_wrap=True)
 
 
 def detail(text: str) -> None:
-    """Tell what only a user who asked for more wants to know."""
+    """Print a detail in verbose mode only."""
     if _verbose:
         err.print(text, soft_wrap=True, style="dim")
 
 
 def tell_repairs(repairs: Sequence[object]) -> None:
-    """Tell what was repaired or noticed in a record."""
+    """Print the repairs of a record and remarks on it, a line each."""
     for repair in repairs:
         word = "repaired" if getattr(repair, "changed_data", False) else "noted"
         err.print(f"{word}: {getattr(repair, 'message', repair)}", soft_wrap=True, style="dim")
 
 
 def plain_table(title: str | None, *columns: str, right: Collection[str] = ()) -> Table:
-    """Make a plain table.
+    """Make an empty table without borders.
 
     Parameters
     ----------
     title : str or None
     *columns : str
-        The first one holds names; where there is little room, the others wrap.
+        Headings; the first column is for names and does not wrap.
     right : collection of str
-        Columns of numbers.
+        Headings of columns that are aligned to the right, such as numbers.
     """
     table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
     for k, column in enumerate(columns):
@@ -123,7 +126,7 @@ def plain_table(title: str | None, *columns: str, right: Collection[str] = ()) -
 
 
 def plain_text(renderable: RenderableType) -> str:
-    """Return what would be printed, without colours, wherever this is: a notebook too."""
+    """Return the text that a console would print, without colours."""
     text = io.StringIO()
     plain = Console(
         file=text,
@@ -133,21 +136,22 @@ def plain_text(renderable: RenderableType) -> str:
         emoji=False,
         soft_wrap=True,
         force_terminal=False,
-        force_jupyter=False,  # where it would print, and leave the text empty
+        force_jupyter=False,  # in a notebook rich would print, and leave the text empty
     )
     plain.print(renderable)
     return "\n".join(line.rstrip() for line in text.getvalue().rstrip("\n").split("\n"))
 
 
 class Tell:
-    """Says what is being done, and how far it is.
+    """A report of the current step and its progress.
 
-    On a terminal a bar. Elsewhere a line for every step; of its parts the first few, and then one
-    every few seconds.
+    It is a bar on a terminal. Elsewhere a line is printed for every step, for its first few parts,
+    and then every few seconds.
 
     Parameters
     ----------
     bar : rich.progress.Progress or None
+        The bar; None without a terminal.
     """
 
     def __init__(self, bar: Progress | None):
@@ -156,87 +160,90 @@ class Tell:
         self._text = ""
         self._part = 0
         self._whole = 0
-        # parts and time at the first report of the step: a sweep may take up what was done before
-        self._first: tuple[int, float] | None = None
-        self._lines = 0  # of the step so far
-        self._timer = Timer(0.0, self._say)  # for the next one
-        # when the step, its present part and the latest line began
-        self._began = self._since = self._said = monotonic()
+        # parts and time at the first report of the step: a continued sweep begins with parts done
+        self._first_report: tuple[int, float] | None = None
+        self._lines = 0  # printed lines of the step
+        self._timer = Timer(0.0, self._print_progress)  # of the next line
+        self._step_start = self._part_start = self._last_line = monotonic()  # s
 
     def __call__(self, text: str) -> None:
         """Begin a step."""
         self.finish()
         self._text = text
         self._part = self._whole = 0
-        self._first = None
+        self._first_report = None
         self._lines = 0
-        self._began = self._since = self._said = monotonic()
+        self._step_start = self._part_start = self._last_line = monotonic()
         if self._bar is not None and self._task is not None:
             self._bar.reset(self._task, description=text, total=None)
         else:
             err.print(text, soft_wrap=True)
 
     def done(self, part: int, whole: int, text: str = "") -> None:
-        """So much of the step is done.
+        """Report how many parts of the step are done.
 
         Parameters
         ----------
         part, whole : int
+            Number of parts done, and of all parts.
         text : str
-            What comes next, where the parts have names.
+            Name of the next part; empty if the parts have no names.
         """
         self._part, self._whole = part, whole
-        if self._first is None:
-            self._first = (part, monotonic())
+        if self._first_report is None:
+            self._first_report = (part, monotonic())
         if text:
-            self._tell_time()
-            self._text, self._since = text, monotonic()
+            self._print_duration()
+            self._text = text
+            self._part_start = monotonic()
         if self._bar is not None and self._task is not None:
             self._bar.update(self._task, completed=part, total=whole, description=self._text)
-        elif text and (self._lines < _FIRST or _verbose):
-            self._say()
+        elif text and (self._lines < _FIRST_PARTS or _verbose):
+            self._print_progress()
         elif not self._timer.is_alive():
-            self._timer = Timer(self._said + _EVERY - monotonic(), self._say)
+            delay = self._last_line + _INTERVAL - monotonic()
+            self._timer = Timer(delay, self._print_progress)
             self._timer.daemon = True
             self._timer.start()
 
     def finish(self) -> None:
-        """End what was begun."""
+        """End the current step."""
         self._timer.cancel()
-        self._tell_time()
+        self._print_duration()
         self._text = ""
 
-    def _say(self) -> None:
-        """Write how far the step is, and how long the rest takes at the rate so far."""
+    def _print_progress(self) -> None:
+        """Print the parts done and the remaining time, estimated from the rate so far."""
         if not self._text:  # the step ended while the timer ran out
             return
         now = monotonic()
         remaining = ""
-        first, since = self._first or (0, self._began)
-        if self._part == first:  # nothing since: the pace is that before it
-            first, since = 0, self._began
+        first, start = self._first_report or (0, self._step_start)
+        if self._part == first:  # no part since the first report: take the rate before it
+            first = 0
+            start = self._step_start
         if self._part:
-            pace = (now - since) / (self._part - first)
-            seconds = round(pace * (self._whole - self._part))
+            seconds_per_part = (now - start) / (self._part - first)
+            seconds = round(seconds_per_part * (self._whole - self._part))
             remaining = f", {timedelta(seconds=seconds)} left" if seconds else ""
         err.print(f"{self._text} ({self._part:,} of {self._whole:,}{remaining})", soft_wrap=True)
-        self._said = now
+        self._last_line = now
         self._lines += 1
 
-    def _tell_time(self) -> None:
+    def _print_duration(self) -> None:
         if self._text:
-            detail(f"{self._text}: took {monotonic() - self._since:.2f} s")
+            detail(f"{self._text}: took {monotonic() - self._part_start:.2f} s")
 
 
 class _Count(ProgressColumn):
-    """Count of parts that are done: ``7 of 28``."""
+    """Column with the number of parts done: ``7 of 28``."""
 
     def render(self, task: Task) -> Text:
         return Text("" if task.total is None else f"{task.completed:,.0f} of {task.total:,.0f}")
 
 
 class _Rate(ProgressColumn):
-    """Rate of parts that are done in a second, where they are many."""
+    """Column with the parts done per second, empty below one."""
 
     def render(self, task: Task) -> Text:
         return Text(
@@ -247,7 +254,7 @@ class _Rate(ProgressColumn):
 
 @contextmanager
 def progress() -> Iterator[Tell]:
-    """Show on standard error what is being done, how far it is and how long it will take."""
+    """Show the current step, its progress and its remaining time on standard error."""
     if not err.is_terminal or err.quiet:
         tell = Tell(None)
         try:

@@ -1,6 +1,7 @@
-"""Datasets of xarray that are results: with a picture of their own, in a notebook and by ``plot``.
+"""Results that are datasets of xarray with a picture of their own.
 
-What xarray makes of such a dataset, such as a part of it, is one again.
+A notebook shows the picture, and ``plot()`` returns it. Operations of xarray keep the class, so
+that a part of such a dataset has the picture too.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Plots(DatasetPlotAccessor):
-    """Pictures of a dataset: its own when it is called, and those of xarray by name."""
+    """Plots of a dataset: its own picture when called, those of xarray as methods."""
 
     __slots__ = ("_draw",)
 
@@ -31,7 +32,7 @@ class Plots(DatasetPlotAccessor):
         self._draw = draw
 
     def __call__(self, path: str | Path | None = None) -> Figure:  # type: ignore[override]
-        """Draw the result, and write the picture where a path is given; see `Displayable.plot`."""
+        """Draw the result, and write the picture if a path is given; see `Displayable.plot`."""
         return pictures.also_saved(self._draw(), path)
 
 
@@ -56,7 +57,7 @@ class ResultDataset(xarray.Dataset):
 
     @property
     def plot(self) -> Plots:  # type: ignore[override]
-        """Draw the result: ``plot()``, ``plot("file.png")``; ``plot.scatter`` is xarray's."""
+        """Plots of the result: ``plot()`` draws its picture, ``plot.scatter`` is of xarray."""
         return Plots(self, self.draw)
 
     def _repr_html_(self) -> str:
@@ -65,6 +66,6 @@ class ResultDataset(xarray.Dataset):
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
         try:
             figure = self.draw()
-        except Exception:  # what was calculated from a result may lack what its picture needs
+        except Exception:  # a part of a result may lack variables that its picture needs
             figure = None
         return bundle(super()._repr_html_(), figure)

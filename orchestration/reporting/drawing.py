@@ -1,8 +1,8 @@
 """Pictures and pages of results, by their type.
 
-A result is a value and does not know how it is shown: the modules ``picture`` and ``page`` beside
-the one that defines its class register functions for it. They are loaded when a result of that
-class is first shown, as most commands show none.
+A result is a value that does not draw itself: functions for its class are registered by the modules
+``picture`` and ``page`` of the package that defines the class. They are loaded when a result of the
+class is first shown, because most commands show none.
 """
 
 from __future__ import annotations
@@ -51,19 +51,33 @@ def make_page(result: object, command: str = "") -> Page:
     ----------
     result : object
     command : str
-        That made the result, to be repeated.
+        The command that made the result, for the section on reproduction.
 
     Raises
     ------
     UserError
-        If there is no page of such a result.
+        If results of this type have no page.
     """
     page: Page = registered(make_page, type(result), "page")(result, command)
     return page
 
 
 def registered(functions: Any, kind: type, module: str) -> Callable[..., Any]:
-    """Return the function for a type, registered by a module beside one of its classes."""
+    """Return the function registered for a type.
+
+    Parameters
+    ----------
+    functions : callable
+        A function of `functools.singledispatch`.
+    kind : type
+    module : str
+        Name of the module that registers it, in the package of the type or of one of its bases.
+
+    Raises
+    ------
+    UserError
+        If no function is registered.
+    """
     for cls in kind.__mro__:
         package = cls.__module__.rpartition(".")[0]
         if package and find_spec(f"{package}.{module}"):

@@ -1,7 +1,7 @@
-"""A figure that a notebook shows by itself.
+"""A figure that a notebook shows without pyplot.
 
-Jupyter shows figures of matplotlib only where pyplot was imported, which holds a figure of its own
-for every one that is drawn. Apart from this module nothing needs matplotlib to be loaded.
+Jupyter shows figures of matplotlib only after pyplot was imported, which keeps a reference to every
+figure. Only this module imports matplotlib when it is loaded.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ class ShownFigure(Figure):
 
 
 def rendered(figure: Figure, kind: str) -> bytes:
-    """Return a figure as a picture of a format that matplotlib knows."""
+    """Return a figure as the bytes of a picture in a format of matplotlib, such as ``png``."""
     figure.align_ylabels()
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format=kind)
-    return drawn.getvalue()
+    file = io.BytesIO()
+    figure.savefig(file, format=kind)
+    return file.getvalue()

@@ -1,6 +1,6 @@
-"""Results in a notebook: tables and a picture as HTML, the picture as PNG, the text as ever.
+"""Display of results in a notebook: tables and picture as HTML, the picture as PNG too.
 
-What makes these is loaded when it is needed: results are defined in modules that commands load.
+Modules that draw and format are imported inside functions, because commands import this one.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-_LONGEST = 100  # characters of a result in a line
+_LONGEST = 100  # characters of a ``repr``
 
 
 class Displayable:
-    """A result: a text when it is printed, tables and a picture in a notebook."""
+    """A result that prints as text, and shows tables and a picture in a notebook."""
 
     __slots__ = ()
 
@@ -46,7 +46,7 @@ class Displayable:
         return draw(self)
 
     def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw the result, and write the picture where a path is given.
+        """Draw the result, and write the picture if a path is given.
 
         Parameters
         ----------
@@ -56,7 +56,7 @@ class Displayable:
         Returns
         -------
         matplotlib.figure.Figure
-            That of `draw`, which shows itself in a notebook.
+            The figure of `draw`, which a notebook shows.
 
         Raises
         ------
@@ -76,7 +76,7 @@ class Displayable:
         return str(self._repr_mimebundle_()["text/html"])
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
-        """Return the forms that a notebook chooses from; the picture is drawn once for all."""
+        """Return the result by MIME type, with one drawing for HTML and PNG."""
         try:
             figure = self.draw()
         except UserError:  # there is nothing to draw
@@ -85,23 +85,23 @@ class Displayable:
 
 
 def bundle(html: str, figure: Figure | None) -> dict[str, Any]:
-    """Return HTML with a figure below it, and the figure by itself, as notebooks keep them."""
+    """Return HTML with a figure below it, and the figure as PNG in base64, by MIME type."""
     if figure is None:
         return {"text/html": html}
     from orchestration.reporting.figure import rendered
 
-    drawn = base64.b64encode(rendered(figure, "png")).decode()
-    image = f'<img style="max-width:100%" alt="" src="data:image/png;base64,{drawn}">'
-    return {"text/html": f"{html}\n{image}", "image/png": drawn}
+    png = base64.b64encode(rendered(figure, "png")).decode()
+    image = f'<img style="max-width:100%" alt="" src="data:image/png;base64,{png}">'
+    return {"text/html": f"{html}\n{image}", "image/png": png}
 
 
 def html_of(parts: Iterable[RenderableType]) -> str:
-    """Return what would be printed as HTML: a paragraph for a text, a table for a table."""
+    """Return printed parts as HTML: texts as paragraphs, tables as tables."""
     return "\n".join(filter(None, map(_html, parts)))
 
 
 def one_line(text: str) -> str:
-    """Return a description as a ``repr``: in brackets and a line, cut where it is too long."""
+    """Return a description as a ``repr``: one line in angle brackets, cut at 100 characters."""
     line = " ".join(text.split())
     return f"<{line}>" if len(line) <= _LONGEST else f"<{line[: _LONGEST - 3]}...>"
 
@@ -119,7 +119,7 @@ def _html(part: RenderableType) -> str:
 
 
 def _table(table: Table) -> str:
-    """Return a table with its title above it; numbers stand to the right."""
+    """Return a table as HTML, with its title above it and its columns aligned as in the table."""
     from orchestration.reporting.html import SCROLLED
 
     columns = [(column, f' style="text-align:{column.justify}"') for column in table.columns]
@@ -130,14 +130,14 @@ def _table(table: Table) -> str:
     body = "".join(f"<tr>{''.join(row)}</tr>" for row in zip(*cells, strict=True))
     title = f"<p><b>{_escaped(table.title)}</b></p>" if table.title else ""
     return (
-        # within reach of the keyboard, which scrolls what is wider than the page
+        # focusable, so that the keyboard scrolls a table wider than the page
         f'{title}<div tabindex="0" style="overflow-x:auto;{SCROLLED}"><table cellpadding="5">'
         f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )
 
 
 def _escaped(content: RenderableType) -> str:
-    """Return a text of rich, or of Python, as HTML."""
+    """Return a text of Python or of rich, escaped for HTML."""
     from orchestration.reporting.html import escaped
 
     return escaped(str(content))

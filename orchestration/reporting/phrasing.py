@@ -1,8 +1,8 @@
-"""Options as who reads of them writes them: in a shell, or in Python.
+"""Names of options in messages: as flags for the shell, or as keyword arguments for Python.
 
-A message that names an option is made with `option`: ``--map U=voltage`` where the command line
-runs, ``mapping={'U': 'voltage'}`` where somebody has imported the package. Python names an option
-as its keyword argument is called; here is which flags are called otherwise.
+Messages name options through `option`, which returns ``--map U=voltage`` on the command line and
+``mapping={'U': 'voltage'}`` in Python. Options have the names of their keyword arguments; `FLAGS`
+lists the flags that differ from them.
 """
 
 from __future__ import annotations
@@ -19,41 +19,42 @@ FLAGS = {
     "path_orders": "--orders",
     "folder": "--out",
 }
-_METHODS = {"fmu": "fmu", "effect_out": "effect"}  # of a result, which are options in a shell
+# options of the shell that are methods of a result in Python
+_METHODS = {"fmu": "fmu", "effect_out": "effect"}
 _shell = False
 
 
 @contextmanager
 def in_shell() -> Iterator[None]:
-    """Name options as a shell has them while the context lasts."""
+    """Name options by their flags while the context lasts."""
     global _shell
-    before, _shell = _shell, True
+    previous = _shell
+    _shell = True
     try:
         yield
     finally:
-        _shell = before
+        _shell = previous
 
 
 def flag(name: str) -> str:
-    """Return how an option is called on the command line."""
+    """Return the flag of an option on the command line."""
     return FLAGS.get(name, f"--{name.replace('_', '-')}")
 
 
 def option(name: str, value: Any = None) -> str:
-    """Return an option, with a value if there is one, as it is written.
+    """Return an option, with its value if given, as users type it.
 
     Parameters
     ----------
     name : str
-        As Python has it.
+        Name of the keyword argument in Python.
     value : object, optional
-        A text, a number, a switch, a list of names, or a dictionary of pairs.
+        A text, number, truth value, list of names, or dictionary.
     """
     if _shell:
         return _flag_with(name, value)
-    if name in _METHODS:
-        return f"{_METHODS[name]}({'' if value is None else repr(value)})"
-    return f"{name}={'' if value is None else repr(value)}"
+    text = "" if value is None else repr(value)
+    return f"{_METHODS[name]}({text})" if name in _METHODS else f"{name}={text}"
 
 
 def _flag_with(name: str, value: Any) -> str:
@@ -62,7 +63,8 @@ def _flag_with(name: str, value: Any) -> str:
     if value is False:
         return flag(f"no_{name}")
     if isinstance(value, Mapping):
-        pairs = (f"{key}={one}" for key, one in value.items())
-        return " ".join(f"{flag(name)} {shlex.quote(pair)}" for pair in pairs)
-    text = ",".join(map(str, value)) or "none" if isinstance(value, list | tuple) else str(value)
+        return " ".join(f"{flag(name)} {shlex.quote(f'{key}={v}')}" for key, v in value.items())
+    text = str(value)
+    if isinstance(value, list | tuple):
+        text = ",".join(map(str, value)) or "none"
     return f"{flag(name)} {shlex.quote(text)}"

@@ -1,8 +1,9 @@
-"""Pictures: one look for every plot, with units on every axis."""
+"""Figures of matplotlib in one style, with units on every axis, and their files."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
@@ -21,9 +22,9 @@ if TYPE_CHECKING:
 
 FORMATS = (".png", ".svg", ".pdf")
 MEASURED, MODEL, FITTED = "#8a97a3", "#0b6aa2", "#d1495b"
-_LINE = 26  # characters that go beside a panel of the usual height
-_ROUNDING = 1e-12  # of a value: less than that is no course
-_BESIDE_TRUTH = 0.1  # of an axis from false to true, below and above
+_LABEL_WIDTH = 26  # characters along the height of a panel
+_ROUNDING = 1e-12  # relative variation below which a line is drawn as constant
+_BOOLEAN_MARGIN = 0.1  # space below false and above true
 _STYLE = {
     "axes.grid": True,
     "grid.color": "#e3e8ec",
@@ -47,73 +48,84 @@ def panels(
     count : int
     title : str
     below : str
-        What the horizontal axis is called.
+        Title of the horizontal axis, with the unit.
     height : float
-        Of a panel, inches.
+        Height of a panel in inches.
     shared : bool
-        Whether there is one horizontal axis for all.
+        Whether all panels share one horizontal axis.
+
+    Returns
+    -------
+    figure : ShownFigure
+    axes : list of matplotlib.axes.Axes
+        From above to below.
     """
-    with optional():
-        import matplotlib.style
-
-        from orchestration.reporting.figure import ShownFigure
-
-    with matplotlib.style.context(_STYLE):
-        figure = ShownFigure(figsize=(9, 1.0 + height * count), layout="constrained")
+    with _new_figure(title, 9.0, 1.0 + height * count) as figure:
         axes = figure.subplots(count, 1, sharex=shared, squeeze=False)
-    _entitle(figure, title)
     axes[-1, 0].set_xlabel(below)
     return figure, list(axes.flat)
 
 
 def mosaic(rows: Sequence[Sequence[str]], title: str) -> tuple[ShownFigure, dict[str, Axes]]:
-    """Make a figure of panels that are arranged by their names.
+    """Make a figure of panels arranged in a grid of their names.
 
     Parameters
     ----------
     rows : sequence of sequences of str
-        Names from left to right; a panel reaches over all places that have its name.
+        Names from left to right; a panel covers all cells that have its name.
     title : str
+
+    Returns
+    -------
+    figure : ShownFigure
+    axes : dict of str to matplotlib.axes.Axes
+        By name.
     """
+    cells: Any = [list(row) for row in rows]
+    with _new_figure(title, 10.0, 0.6 + 2.1 * len(rows)) as figure:
+        axes: dict[str, Axes] = figure.subplot_mosaic(cells)
+    return figure, axes
+
+
+@contextmanager
+def _new_figure(title: str, width: float, height: float) -> Iterator[ShownFigure]:
+    """Yield an empty figure of a size in inches, in the style of its axes, and add the title."""
     with optional():
         import matplotlib.style
 
         from orchestration.reporting.figure import ShownFigure
 
     with matplotlib.style.context(_STYLE):
-        figure = ShownFigure(figsize=(10, 0.6 + 2.1 * len(rows)), layout="constrained")
-        places: Any = [list(row) for row in rows]
-        axes: dict[str, Axes] = figure.subplot_mosaic(places)
-    _entitle(figure, title)
-    return figure, axes
-
-
-def _entitle(figure: Figure, title: str) -> None:
-    # a file name may hold bytes that no font can draw
+        figure = ShownFigure(figsize=(width, height), layout="constrained")
+        yield figure
+    # a file name may contain bytes that are no text
     text = plain(title.encode(errors="backslashreplace").decode())
     figure.suptitle(text, x=0.01, ha="left", fontweight="bold")
 
 
 def plain(text: str) -> str:
-    """Return a text of the user's as it is drawn to the letter, where $ begins a formula."""
+    """Return a text that matplotlib draws literally, with $ escaped, which begins a formula."""
     return text.replace("$", r"\$")
 
 
 def label(axis: Axes, name: str, unit: str) -> None:
-    """Name the vertical axis with its unit, in lines that a panel has room for."""
-    lines = [line for part in name.splitlines() for line in wrap(part.replace("_", " "), _LINE)]
+    """Label the vertical axis with a name, wrapped to the height of a panel, and its unit."""
+    lines = [
+        line for part in name.splitlines() for line in wrap(part.replace("_", " "), _LABEL_WIDTH)
+    ]
     text = plain("\n".join(lines))
     axis.set_ylabel(text if unit == "1" else f"{text}\n[{unit}]")
 
 
 def fit_values(axis: Axes, boolean: bool = False) -> None:
-    """Fit the vertical axis to lines that do not vary, whose rounding is not to look like noise.
+    """Set the range of the vertical axis for lines that are constant or boolean.
 
-    Of values of truth it goes from false to true.
+    The axis of a constant is so wide that its rounding errors are not visible; that of a boolean
+    reaches from false to true.
     """
     low, high = axis.dataLim.intervaly
     if boolean:
-        axis.set_ylim(-_BESIDE_TRUTH, 1.0 + _BESIDE_TRUTH)
+        axis.set_ylim(-_BOOLEAN_MARGIN, 1.0 + _BOOLEAN_MARGIN)
         axis.set_yticks([0.0, 1.0], ["false", "true"])
     elif 0.0 <= high - low <= _ROUNDING * max(abs(low), abs(high)):
         room = 0.5 * abs(low) or 0.5
@@ -121,14 +133,14 @@ def fit_values(axis: Axes, boolean: bool = False) -> None:
 
 
 def logarithmic(axes: list[Axes], time: Array) -> None:
-    """Make the time axis logarithmic for records sampled that way, such as creep tests."""
+    """Make the time axis logarithmic if the sampling is, as in creep tests."""
     steps = np.diff(time)
     if len(steps) and steps.max() > 1000.0 * steps.min():
         axes[-1].set_xscale("log")
 
 
 def logarithmic_values(axis: Axes) -> None:
-    """Make the vertical axis logarithmic, with its values written out."""
+    """Make the vertical axis logarithmic, with ticks as plain numbers in place of powers of ten."""
     from matplotlib.ticker import LogFormatter
 
     axis.set_yscale("log")
@@ -137,19 +149,19 @@ def logarithmic_values(axis: Axes) -> None:
 
 
 def whole_numbers(axis: Axes) -> None:
-    """Mark the horizontal axis at whole numbers only, at as many as it has room for."""
+    """Place the ticks of the horizontal axis at whole numbers only."""
     from matplotlib.ticker import MaxNLocator
 
     axis.xaxis.set_major_locator(MaxNLocator("auto", integer=True))
 
 
 def picture_format(path: Path) -> str:
-    """Tell the format from the file's ending.
+    """Return the format of a picture by its file's ending, without the dot.
 
     Raises
     ------
     UserError
-        If it is none of those that are drawn.
+        If the ending is not in `FORMATS`.
     """
     ending = path.suffix.lower()
     if ending not in FORMATS:
@@ -161,19 +173,19 @@ def picture_format(path: Path) -> str:
 
 
 def also_saved(figure: Figure, path: str | Path | None) -> Figure:
-    """Return the figure, which is written as by `save` where a path is given."""
+    """Return the figure, after writing it with `save` if a path is given."""
     if path is not None:
         save(figure, Path(path))
     return figure
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write the figure, in the format of the file's ending, whole or not at all.
+    """Write the figure in the format of the file's ending; a failure leaves no partial file.
 
     Raises
     ------
     UserError
-        If it cannot be written, or the ending is no picture format.
+        If the file cannot be written, or its ending is not in `FORMATS`.
     """
     from orchestration.reporting.figure import rendered
 

@@ -138,6 +138,7 @@ def long_runs(fmu) -> Callable[[str, int], tuple[np.ndarray, Signals, dict[str, 
     return get
 
 
+@pytest.mark.slow
 @actuators_only
 @each_count
 def test_builds_agree_over_many_steps_of_mixed_sizes(long_runs, name, count):

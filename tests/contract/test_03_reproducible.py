@@ -52,6 +52,7 @@ def variant(folder, name, factor):
     return module.Variant
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("runtime", "names"),
     slow_but(

@@ -58,6 +58,7 @@ def together(
     return trails, sorted(set(sys.modules) - modules), [p for p in sys.path if p not in paths]
 
 
+@pytest.mark.slow
 @each_front_end
 def test_two_instances_run_as_each_alone(archive, subject):
     runs = [(str(archive), 1, {}), (str(archive), 2, dict(subject.parameters))]

@@ -247,6 +247,7 @@ def beside(first: Path, second: Path) -> list[bytes]:
             return results
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "second"), [("ppy_actuator", "galvanostat"), ("degradation_estimator", "Sampler")]
 )
@@ -289,6 +290,7 @@ def printed(archive: Path) -> None:
             one.doStep(0.0, 0.1)
 
 
+@pytest.mark.slow
 def test_a_bug_in_a_law_is_fatal_and_told_with_its_per_cents(tmp_path):
     archive = tmp_path / "broken.fmu"
     archive.write_bytes(

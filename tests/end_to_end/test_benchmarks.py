@@ -65,6 +65,7 @@ def test_masters_are_not_timed_where_their_positions_differ() -> None:
         systems.check_agreement({systems.OURS: 1.0, systems.ECOS: 1.001})
 
 
+@pytest.mark.slow
 def test_the_size_of_the_product_is_the_sum_of_its_rooms() -> None:
     (table,) = command.TOPICS["size"].measure().tables
     *rooms, whole = table.rows

@@ -105,6 +105,7 @@ def test_examples_of_a_server(rig, tmp_path, command):
     run_at(rig, command, tmp_path)
 
 
+@pytest.mark.slow
 def test_keys_are_made(tmp_path):
     run("rig keys", tmp_path)
     assert (tmp_path / "keys" / "rig-server.toml").exists()

@@ -54,6 +54,7 @@ def pid(folder: Path) -> Path:
     return folder / "fmu" / "native" / "pid.fmu"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "printed"),
     [
@@ -92,15 +93,18 @@ def test_an_fmu_is_checked(core: dict[str, str], folder: Path, pid: Path) -> Non
     assert "no errors" in works("check", pid, cwd=folder, environment=core)
 
 
+@pytest.mark.slow
 def test_a_system_is_checked(core: dict[str, str], folder: Path, stand: Path) -> None:
     works("system", "check", stand, cwd=folder, environment=core)
 
 
+@pytest.mark.slow
 def test_a_system_is_run(core: dict[str, str], folder: Path, stand: Path) -> None:
     arguments = ("run", stand, "--set", "duration=1s", "--out", "run.nc", "--no-isolate")
     assert "wrote run.nc" in works(*arguments, cwd=folder, environment=core)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "extra"),
     [
@@ -160,6 +164,7 @@ def test_what_needs_an_extra_says_which(
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("backend", "extra"), [("nidaqmx", "nidaqmx"), ("visa", "visa")])
 def test_a_rig_without_the_library_of_its_devices(
     tmp_path: Path, folder: Path, backend: str, extra: str
@@ -173,6 +178,7 @@ def test_a_rig_without_the_library_of_its_devices(
     assert done.stderr.splitlines()[-1].endswith(f': pip install "ppy-rig[{extra}]"')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("call", "extra"),
     [

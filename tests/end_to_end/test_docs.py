@@ -187,6 +187,7 @@ def numbers(line: str) -> list[float]:
     return [float(text) for text in NUMBER.findall(line)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES)
 def test_every_block_of_a_page_runs(page: str, tmp_path: Path) -> None:
     contents = (ROOT / page).read_text(encoding="utf-8")

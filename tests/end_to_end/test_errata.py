@@ -43,6 +43,7 @@ def test_the_page_is_what_the_computations_give() -> None:
     assert chapters.errata_page() == PAGE, "run python -m demonstrations.thesis.chapters"
 
 
+@pytest.mark.slow
 def test_rows_are_numbered_without_gaps() -> None:
     rows = chapters.errata()
     assert NUMBERS == [e.number for e in rows] == list(range(1, len(rows) + 1))

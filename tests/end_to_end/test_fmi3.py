@@ -78,6 +78,7 @@ def test_a_sweep_runs_every_case(tmp_path):
                 np.testing.assert_allclose(case["y[2]_last"], x[1], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_parameters_are_identified(tmp_path):
     random = np.random.default_rng(3)
     record = write(tmp_path / "r.csv", lagged(1.7, 0.35) + random.normal(0.0, 0.01, TIME.size))

@@ -89,6 +89,7 @@ def test_every_system_with_laws_is_swept():
     assert {case.system for case in CASES} == set(library.NAMES) - {"hil_bench"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case",
     [case if case in FIRST else pytest.param(case, marks=pytest.mark.slow) for case in CASES],
@@ -107,6 +108,7 @@ def test_sweep_and_linear_model_agree_up_to_a_tenth_of_the_sampling_rate(case):
         agree(measured[output], model.response(frequencies, case.input, output))
 
 
+@pytest.mark.slow
 def test_a_loop_that_is_cut_answers_a_sweep_as_its_transfer_function_says():
     # the foot hangs on an actuator, whose tension answers the length that the foot gives it
     system = library.system("foot_gait")

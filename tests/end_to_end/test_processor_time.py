@@ -77,6 +77,7 @@ OVER = {
 }
 
 
+@pytest.mark.slow
 def test_a_fast_test_that_takes_long_fails(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(test_costs=TESTS)
     pytester.makepyfile(costly_module="from test_costs import burn\nburn()")

@@ -49,6 +49,7 @@ def run(program: Path, port: int) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=30)
 
 
+@pytest.mark.slow
 def test_it_commands_and_stops_our_server(client, tmp_path):
     with Server(tmp_path) as server:
         port = int(server.wait_ready().rpartition(":")[2])

@@ -122,6 +122,7 @@ def least(time, strain, elements):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [

@@ -35,6 +35,7 @@ def run(record, public_data, folder):
     return json.loads((folder / "figures.json").read_text(encoding="utf-8")), done
 
 
+@pytest.mark.slow
 def test_creep_of_a_polyethylene_melt(public_data, tmp_path):
     """Burgers parameters of a foreign material; at 10 N the compliances are those at 10 Pa, so the
     units carry over.
@@ -69,6 +70,7 @@ def on_the_page():
     return float(found[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("age", "least"), [("before", on_the_page()), ("after", 90.0)])
 def test_a_supercapacitor(public_data, tmp_path, age, least):
     """The cell before ageing is the page's command; after it is the same with the other file."""

@@ -51,6 +51,7 @@ def messages(latch: str, session: str) -> list[bytes]:
     ]
 
 
+@pytest.mark.slow
 def test_a_page_and_peers_of_other_protocols_reach_nothing(tmp_path):
     with Server(tmp_path) as server:
         remote = read_endpoint(server.wait_ready())
@@ -135,6 +136,7 @@ def published(remote):
         return json.loads(watcher.recv())
 
 
+@pytest.mark.slow
 def test_a_key_is_for_what_its_role_says_and_the_log_says_whose_it_was(tmp_path, keys):
     with Server(tmp_path, "Logged", "--keys", keys["server"]) as server:
         endpoint = server.wait_ready()

@@ -46,6 +46,7 @@ LIKE_OTHERS = {
 pytestmark = [posix, pytest.mark.timeout(60), pytest.mark.real_time]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "fault",
     [
@@ -68,6 +69,7 @@ def test_there_are_enough_kinds() -> None:
     assert len({kind.kind for kind in KINDS}) == len(KINDS) >= 40
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("combination", "seed"),
     [*(pytest.param(each, 1, id=str(each)) for each in COMBINATIONS), *DRAWN],

@@ -26,6 +26,7 @@ def status(server):
     return ask(read_endpoint(server.endpoint), "status")
 
 
+@pytest.mark.slow
 def test_a_stop_holds_over_a_restart_until_it_is_acknowledged(tmp_path):
     with Server(tmp_path) as server:
         remote = read_endpoint(server.wait_ready())
@@ -52,6 +53,7 @@ def test_a_stop_holds_over_a_restart_until_it_is_acknowledged(tmp_path):
         assert status(server)["state"] == "idle"
 
 
+@pytest.mark.slow
 @posix
 def test_a_server_that_was_killed_as_a_whole_leaves_the_next_one_latched(tmp_path):
     with Server(tmp_path) as server, Driver(server.wait_ready()) as driver:
@@ -98,6 +100,7 @@ def test_ppy_rig_stop_waits_until_it_is_safe_and_says_how_long_that_took(tmp_pat
         )
 
 
+@pytest.mark.slow
 def test_a_stop_that_does_not_reach_the_device_is_an_alarm_and_no_success(tmp_path):
     options = {"trigger": tmp_path / "trigger", "where": "safe", "how": "raise"}
     with Server(tmp_path, "Faulty", options=options) as server:
@@ -152,6 +155,7 @@ def test_a_folder_for_the_latch_that_cannot_be_used_is_told_before_the_device_is
     assert server.calls() == []
 
 
+@pytest.mark.slow
 def test_a_backend_that_cannot_be_opened_leaves_no_latch(tmp_path):
     (tmp_path / "trigger").touch()
     options = {"trigger": tmp_path / "trigger", "where": "open", "how": "raise"}

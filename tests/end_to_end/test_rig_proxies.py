@@ -51,6 +51,7 @@ def wait_for(remote: Endpoint, state: str) -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.slow
 def test_a_second_proxy_is_refused_and_the_first_goes_on(fmu, runtime, server):
     with (
         instance(fmu("rig_proxy", runtime)) as one,
@@ -67,6 +68,7 @@ def test_a_second_proxy_is_refused_and_the_first_goes_on(fmu, runtime, server):
         assert one.get("link_state") == [CONNECTED]
 
 
+@pytest.mark.slow
 def test_a_first_command_may_come_later_than_the_watchdog(fmu, runtime, server):
     with instance(fmu("rig_proxy", runtime)) as one:
         connected(one, server.endpoint)
@@ -75,6 +77,7 @@ def test_a_first_command_may_come_later_than_the_watchdog(fmu, runtime, server):
         assert one.get("link_state") == [CONNECTED]
 
 
+@pytest.mark.slow
 def test_after_a_stop_and_its_acknowledgement_nothing_comes_back(fmu, runtime, server):
     """However often the proxy is stepped, and whatever it holds."""
     remote = read_endpoint(server.endpoint)

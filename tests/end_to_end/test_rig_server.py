@@ -40,6 +40,7 @@ def test_the_ready_line_says_where_what_and_what_is_allowed(tmp_path):
     assert len([text for text in server.lines if "ready" in text]) == 1
 
 
+@pytest.mark.slow
 def test_telemetry_is_published_one_port_higher_at_most_thirty_times_a_second(tmp_path):
     with Server(tmp_path, "Logged", "--rate", 200) as server, zmq.Context() as context:
         host, _, port = server.wait_ready().rpartition(":")
@@ -61,6 +62,7 @@ def test_telemetry_is_published_one_port_higher_at_most_thirty_times_a_second(tm
     )  # on a busy machine
 
 
+@pytest.mark.slow
 def test_samples_are_taken_at_the_rate_and_their_age_is_below_a_period(tmp_path):
     with Server(tmp_path, "Logged", "--rate", 100) as server:
         server.wait_ready()
@@ -174,6 +176,7 @@ def test_the_emulated_rig_in_lockstep_answers_as_it_does_when_it_is_stepped_dire
         link.close()
 
 
+@pytest.mark.slow
 def test_the_emulated_rig_in_real_time_is_served_at_a_hundred_hertz(tmp_path):
     # the driver is a thread of this process: on a busy machine it may be late by the usual watchdog
     late = ["--watchdog", 2.0]

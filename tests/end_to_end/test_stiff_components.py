@@ -266,6 +266,7 @@ def test_a_changed_parameter_of_a_stiff_component_is_found(name):
     assert not budget.notes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     slow_but(["galvanostat", "voice_coil_dma", "degradation_estimator", "foot"], "voice_coil_dma"),

@@ -70,6 +70,7 @@ CASES = (
 TOO_FAR = {DRONE}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_what_others_models_lack_is_named_and_gains_on_unseen_data(public_data, case):
     file, cls = case.model.split(":")

@@ -153,6 +153,7 @@ def crash() -> None:
     os.kill(os.getpid(), signal.SIGSEGV)
 
 
+@pytest.mark.slow
 def test_a_process_returns_a_result_or_a_return_code():
     assert hosts.in_subprocess(twice, 21) == (0, 42)
     assert "counting" in hosts.finish_in_subprocess("tests.interop.test_hosts:twice", 1).output

@@ -174,12 +174,14 @@ def test_a_unit_that_does_not_fit_is_seen(files):
     assert found[0].startswith("creep: ")  # creep + force / k1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", COMPONENTS)
 def test_rumoca_simulates_it_as_its_fmu_moves(name, folder):
     cls = fmus.component(name)
     assert_agree(by_fmpy(cls, name), by_rumoca(cls, name, folder))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", slow_but(CONTINUOUS, "ppy_actuator"))
 def test_what_pymoca_gives_casadi_moves_as_its_fmu(name, files):
     cls = fmus.component(name)

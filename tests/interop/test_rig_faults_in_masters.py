@@ -29,6 +29,7 @@ CONNECTED, _, STALE, LOST = range(4)
 AT_ONCE = 3  # steps, in which a stop is heard of at the latest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "master", "runtime"),
     slow_but(
@@ -74,6 +75,7 @@ def test_no_old_value_looks_fresh(tmp_path, fault, master, runtime):
     assert last.charge_age > (MAX_AGE if fault == "late" else (AFTER - 2) * STEP)
 
 
+@pytest.mark.slow
 def test_the_page_has_a_row_of_every_case(tmp_path):
     seen = observe("fmpy", "native", "dead", tmp_path)
     written = page([("dead", "fmpy", "native", seen)])

@@ -96,6 +96,7 @@ def of_the_standard(folder: Path) -> set[str]:
     return set(re.findall(r"^#define (fmi2\w+)\s+fmi2FullName", common + rest, re.M))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("which", "name"),
     slow_but(
@@ -146,6 +147,7 @@ def test_headers_of_the_first_edition_do_as_well(sources, compiler):
     compiled(compiler, folder, level="-O0")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("which", "pair"),
     slow_but(

@@ -123,6 +123,7 @@ def close(found, wanted, tolerance=1e-9):
     assert np.abs(found - wanted).max() <= tolerance * np.abs(wanted).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "runtime"),
     slow_but(

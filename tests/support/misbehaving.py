@@ -48,11 +48,11 @@ ACTS = {
     "changes_the_folder": (STEP, 'if (chdir("/")) abort()', ""),
     "prints_much": (STEP, "if (time < 1.05) print_much()", ""),
     "closes_every_file": (STEP, "close_from(0)", "process ended"),
-    "closes_files_and_hangs": (STEP, "(close_from(3), rest())", "could not be heard any more"),
+    "closes_files_and_hangs": (STEP, "(close_from(3), rest())", "did not answer any more"),
     "becomes_another_program": (
         STEP,
         'execl("/bin/sleep", "sleep", "300", NULL)',
-        "could not be heard any more",
+        "did not answer any more",
     ),
     "leaves_a_process": (STEP, "if (time < 1.05) leave_process()", ""),
     "leaves_a_process_and_aborts": (STEP, "(leave_process(), abort())", "SIGABRT"),
@@ -60,7 +60,7 @@ ACTS = {
     "writes_to_every_file": (
         STEP,
         "if (time < 1.05) write_everywhere()",
-        "could not be heard any more",
+        "did not answer any more",
     ),
     "returns_no_status": (STEP, "return -1", "(status -1)"),
     "sends_orders_to_the_terminal": (STEP, "return order(c)", "(error): [2J and more"),

@@ -21,9 +21,6 @@ from fmus.kit.build import toolchain
 
 LIMIT = 2.0  # s, on a machine that runs `_reference_loop` in `_REFERENCE` s
 _REFERENCE = 0.0135
-# Times of the limit at which a test fails: beside other work on shared cores the same test has been
-# seen to take half as much again, and a red suite must mean a fault.
-_MARGIN = 1.5
 
 
 class _Uncharged:
@@ -124,9 +121,8 @@ class ProcessorTimeLimit:
         self._passed &= not report.failed
         is_judged = self._passed and item.get_closest_marker("slow") is None
         taken = self._end - self._begin
-        allowed = _MARGIN * self._limit
-        is_over = report.when == "teardown" and is_judged and taken > allowed
-        if is_over and taken > allowed * _slowness():
+        is_over = report.when == "teardown" and is_judged and taken > self._limit
+        if is_over and taken > self._limit * _slowness():
             report.outcome = "failed"
             report.longrepr = (
                 f"{item.nodeid} took {taken:.1f} s of processor time, fixtures included;"

@@ -1,4 +1,4 @@
-"""The archive of an FMU: opened within bounds, its model description read, and unpacked."""
+"""Archives of FMUs: opening within bounds, reading the model description, and unpacking."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from orchestration.fmu.wrapping import DeclaredVariable, Translation, translate,
 _DESCRIPTION = "modelDescription.xml"
 _SYSTEM = "SystemStructure.ssd"
 _VARIABLES = "ModelVariables"
-_CHUNK = 2**20  # bytes that are read at once
+_CHUNK = 2**20  # bytes read at once
 
 
 class Archive:
@@ -40,18 +40,18 @@ class Archive:
     Raises
     ------
     UserError
-        If the file is missing, no zip archive, no FMU, neither of FMI 2.0 nor 3.0, or beyond the
-        bounds.
+        If the file is missing, no zip archive, no FMU of FMI 2.0 or 3.0, or beyond the bounds of
+        `orchestration.fmu.archive.bounded`.
 
     Attributes
     ----------
     path : Path
     names : list of str
-        Its files, without folders.
+        Names of its files, without folders.
     description : Element
-        Root of ``modelDescription.xml``, as it is in the archive.
+        Root of ``modelDescription.xml``.
     version : {2, 3}
-        Of FMI.
+        Major version of FMI.
     """
 
     def __init__(self, path: Path):
@@ -101,12 +101,12 @@ class Archive:
 
     @property
     def as_fmi2(self) -> Element:
-        """The model description in terms of FMI 2.0; UserError if it makes no sense."""
+        """The model description, translated to FMI 2.0 if need be; UserError if it is invalid."""
         return self.description if self.version == 2 else self._translation.root
 
     @property
     def declared(self) -> dict[str, DeclaredVariable]:
-        """Variables of FMI 3.0 by name; of an FMU of FMI 2.0 nothing."""
+        """Variables of FMI 3.0 by name; empty for an FMU of FMI 2.0."""
         return {} if self.version == 2 else self._translation.declared
 
     @property
@@ -124,12 +124,12 @@ class Archive:
 
     @property
     def platforms(self) -> list[str]:
-        """Names of the folders in ``binaries/`` that are not empty."""
+        """Names of the folders in ``binaries/`` that contain files, sorted."""
         paths = [name.split("/") for name in self.names]
         return sorted({parts[1] for parts in paths if parts[0] == "binaries" and len(parts) > 2})
 
     def read(self, name: str) -> bytes | None:
-        """Return the contents of a file; None if it is damaged, or too large to be read at once."""
+        """Return the contents of a file; None if it is damaged or larger than `FILE`."""
         try:
             return self._zip.read(name) if self._zip.getinfo(name).file_size <= FILE else None
         except UNREADABLE:
@@ -150,7 +150,7 @@ class Archive:
         return self._zip.infolist()
 
     def interfaces(self) -> list[Element]:
-        """Return the elements ``CoSimulation`` and ``ModelExchange``, as far as they exist."""
+        """Return the existing elements among ``CoSimulation`` and ``ModelExchange``."""
         return [
             element
             for element in self.description
@@ -158,7 +158,7 @@ class Archive:
         ]
 
     def check_interfaces(self) -> None:
-        """Refuse an FMU that offers nothing that can be run here; UserError says what it offers."""
+        """Raise UserError if an element is missing that a run needs, or one is not supported."""
         where = f"{self.path}: {_DESCRIPTION}"
         token = "guid" if self.description.get("fmiVersion") == "2.0" else "instantiationToken"
         if not self.description.get(token):
@@ -186,7 +186,7 @@ class Archive:
 
 
 def read_description(path: Path) -> Any:
-    """Read the model description of an FMU that is to be run.
+    """Read the model description of an FMU for co-simulation.
 
     Parameters
     ----------
@@ -199,12 +199,12 @@ def read_description(path: Path) -> Any:
     Raises
     ------
     UserError
-        If the file is missing, no zip, no FMU, not FMI 2.0 for co-simulation, or an element is
-        missing.
+        If the file is missing, no zip archive, no FMU of FMI 2.0 or 3.0 for co-simulation, or an
+        element is missing.
     """
     import fmpy
 
-    with Archive(path) as archive:  # the outer form only: `ppy check` judges what is in it
+    with Archive(path) as archive:  # without validation, which is the task of `ppy check`
         archive.check_interfaces()
         source = str(path) if archive.version == 2 else _packed(archive.as_fmi2)
     try:
@@ -217,7 +217,7 @@ def read_description(path: Path) -> Any:
 
 
 def _packed(description: Element) -> io.BytesIO:
-    """Return an archive with a model description, in memory."""
+    """Return an archive in memory that contains a model description only."""
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
         archive.writestr(_DESCRIPTION, ElementTree.tostring(description))
@@ -228,7 +228,7 @@ def _packed(description: Element) -> io.BytesIO:
 def unpack(path: Path) -> str:
     """Unzip an FMU, without sources and documentation, into a new folder of `scratch`.
 
-    One of FMI 3.0 is wrapped, so that its library is one of FMI 2.0.
+    The library of an FMU of FMI 3.0 is wrapped by one of FMI 2.0.
 
     Returns
     -------
@@ -238,7 +238,7 @@ def unpack(path: Path) -> str:
     Raises
     ------
     UserError
-        If it has no binary for this machine, or cannot be unzipped.
+        If the FMU has no binary for this machine or cannot be unzipped.
     """
     import fmpy
 
@@ -263,7 +263,7 @@ def unpack(path: Path) -> str:
 
 
 def _is_needed(name: str, platform: str) -> bool:
-    """Return whether an entry is needed to run the FMU: making files takes longer than loading."""
+    """Return whether an entry is needed at run time; unpacking all takes longer than loading."""
     top, _, inside = name.partition("/")
     if top == "binaries":
         return inside.startswith(f"{platform}/")
@@ -271,5 +271,5 @@ def _is_needed(name: str, platform: str) -> bool:
 
 
 def first_line(error: Exception) -> str:
-    """Return the first line of the text of an error, or its type if it has no text."""
+    """Return the first line of an error's text, or the name of its type without a text."""
     return (str(error).strip().splitlines() or [type(error).__name__])[0]

@@ -1,4 +1,4 @@
-"""Reading of untrusted archives and XML within bounds of size, checked before they take memory."""
+"""Reading of untrusted archives and XML within bounds that are checked before reading."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from fmus.kit import UserError
 
 ENTRIES = 20_000  # files and folders in an archive
 UNPACKED = 2**30  # bytes that an archive may unpack to; ours are below a megabyte
-FILE = 2**28  # bytes of one file that is read at once
+FILE = 2**28  # bytes of a file that is read at once
 TEXT = 2**26  # bytes of an XML file
 ELEMENTS = 1_000_000  # of an XML file
 DEPTH = 100  # of elements in an XML file
-# the errors of zipfile for damaged, encrypted or strangely compressed members
+# errors of zipfile for damaged, encrypted or unsupported members
 UNREADABLE = (
     zipfile.BadZipFile,
     zlib.error,
@@ -35,14 +35,18 @@ def open_zip(path: Path, label: str, otherwise: str) -> zipfile.ZipFile:
     ----------
     path : Path
     label : str
-        Its name in messages.
+        Name of the archive in messages.
     otherwise : str
-        The message for a file that is no zip archive.
+        Message for a file that is no zip archive.
+
+    Returns
+    -------
+    zipfile.ZipFile
 
     Raises
     ------
     UserError
-        If it is no zip archive, or beyond a bound.
+        If the file is no zip archive, or has more than `ENTRIES` entries or `UNPACKED` bytes.
     """
     try:
         opened = zipfile.ZipFile(path)
@@ -59,26 +63,25 @@ def open_zip(path: Path, label: str, otherwise: str) -> zipfile.ZipFile:
 
 
 def check_size(label: str, name: str, size: int, most: int = FILE) -> None:
-    """Refuse a file that is too large to be read at once.
+    """Raise UserError if a file is too large to be read at once.
 
     Parameters
     ----------
     label, name : str
         Names of the archive and the file in messages.
     size, most : int
-        Its size and the largest one that is read, in bytes.
+        Size of the file and the largest size allowed, in bytes.
 
     Raises
     ------
     UserError
-        If it is too large.
     """
     if size > most:
         raise UserError(f"{label}: {name} has {size} bytes; at most {most} are read")
 
 
 def parse_xml(contents: bytes, label: str, name: str) -> ElementTree.Element:
-    """Parse XML.
+    """Parse an XML file within bounds of size, number of elements and depth.
 
     Parameters
     ----------
@@ -86,10 +89,15 @@ def parse_xml(contents: bytes, label: str, name: str) -> ElementTree.Element:
     label, name : str
         Names of the archive and the file in messages.
 
+    Returns
+    -------
+    xml.etree.ElementTree.Element
+        The root element.
+
     Raises
     ------
     UserError
-        If it is not well-formed, declares a document type, or is beyond a bound.
+        If the XML is not well-formed, declares a document type, or is beyond a bound.
     """
     where = f"{label}: {name}"
     check_size(label, name, len(contents), TEXT)
@@ -105,7 +113,7 @@ def parse_xml(contents: bytes, label: str, name: str) -> ElementTree.Element:
 
 
 class _BoundedBuilder(ElementTree.TreeBuilder):
-    """A builder of XML trees that refuses trees that are too deep or too large."""
+    """A builder of XML trees that raises UserError for a tree that is too deep or too large."""
 
     def __init__(self, where: str):
         super().__init__()
@@ -117,7 +125,7 @@ class _BoundedBuilder(ElementTree.TreeBuilder):
         self._depth += 1
         self._count += 1
         if self._depth > DEPTH:
-            raise UserError(f"{self._where} has elements in elements, more than {DEPTH} deep")
+            raise UserError(f"{self._where} nests elements more than {DEPTH} deep")
         if self._count > ELEMENTS:
             raise UserError(f"{self._where} has more than {ELEMENTS:,} elements")
         return super().start(tag, attributes)
@@ -127,5 +135,5 @@ class _BoundedBuilder(ElementTree.TreeBuilder):
         return super().end(tag)
 
     def doctype(self, name: str, public: str | None, system: str | None) -> NoReturn:
-        """Refuse entities: they can grow without bound, and neither FMI nor SSP uses them."""
+        """Raise UserError: entities can grow without bound, and neither FMI nor SSP uses them."""
         raise UserError(f"{self._where} has a document type declaration; it is not read")

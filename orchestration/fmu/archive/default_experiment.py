@@ -1,4 +1,4 @@
-"""The default experiment that a model description declares, and what is wrong with it."""
+"""Faults of the default experiment in a model description."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from xml.etree.ElementTree import Element
 
 _ELEMENT = "DefaultExperiment"
-_LONGEST = 40  # characters of a value that are shown
+_LONGEST = 40  # characters of a value in a message
 
 
 def experiment_faults(description: Element) -> Iterator[str]:
-    """Find attributes whose value no simulation can use.
+    """Yield a message for each attribute that is no finite number or negative where it must not be.
 
-    A stop time or a step of 0, which tools write that have none, is as good as none.
+    A stop time or step of 0 is allowed, because some tools write it for an undefined one.
 
     Parameters
     ----------
@@ -23,13 +23,16 @@ def experiment_faults(description: Element) -> Iterator[str]:
     Yields
     ------
     str
-        Attribute, value, and what is allowed.
+        Attribute, value, and the allowed values.
     """
     experiment = description.find(_ELEMENT)
-    for name, text in () if experiment is None else experiment.items():
-        least, bound = (-math.inf, "") if name == "startTime" else (0.0, " of 0 or more")
+    if experiment is None:
+        return
+    for name, text in experiment.items():
         value = _number(text)
-        if not math.isfinite(value) or value < least:
+        may_be_negative = name == "startTime"
+        if not math.isfinite(value) or (value < 0.0 and not may_be_negative):
+            bound = "" if may_be_negative else " of 0 or more"
             yield f"{_ELEMENT}: {name} {text[:_LONGEST]!a} is not a finite number{bound}"
 
 

@@ -1,4 +1,4 @@
-"""The static part of the FMU contract, checked on any FMU without running it."""
+"""Check of any FMU against the static part of the FMU contract, without running it."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def check_fmu(path: Path) -> Findings:
     Returns
     -------
     Findings
-        A list of Finding: errors first, then warnings, then notes; in each by line of the contract.
+        Errors first, then warnings, then notes, each by line of the contract.
 
     Raises
     ------
     UserError
-        If the file is missing, no zip archive, no FMU, or neither of FMI 2.0 nor 3.0.
+        If the file is missing, no zip archive, or no FMU of FMI 2.0 or 3.0.
     """
     with Archive(Path(path)) as archive:
         findings = [

@@ -1,4 +1,4 @@
-"""Checks of the archive of an FMU: paths, integrity, identity, documentation, and sources."""
+"""Checks of the archive of an FMU: paths, integrity, identity, documentation and sources."""
 
 from __future__ import annotations
 
@@ -11,25 +11,26 @@ from collections.abc import Iterator
 from pathlib import PurePosixPath
 
 from orchestration.fmu.archive import Archive
-from orchestration.fmu.check.build_description import check_build_description
+from orchestration.fmu.check.build_description import check_build_description, has_sources
 from orchestration.fmu.check.finding import Finding, listed
 from orchestration.fmu.check.standards import STANDARDS
 
 
 def check_archive(archive: Archive) -> Iterator[Finding]:
-    """Check paths, integrity, identity, documentation, licences and sources.
+    """Check paths, integrity, identity, documentation, licence and sources of an FMU.
 
     Yields
     ------
     Finding
     """
-    yield from _form(archive)
+    yield from _entries(archive)
     yield from _identity(archive)
     yield from _documents(archive)
     yield from _sources(archive)
 
 
-def _form(archive: Archive) -> Iterator[Finding]:
+def _entries(archive: Archive) -> Iterator[Finding]:
+    """Check the paths, compression, permissions and integrity of all entries."""
     seen: set[str] = set()
     for entry in archive.entries():
         name = entry.orig_filename
@@ -45,7 +46,7 @@ def _form(archive: Archive) -> Iterator[Finding]:
             yield Finding(
                 10,
                 "warning",
-                f"{name!r} is compressed by a method many hosts lack; deflate is for all",
+                f"{name!r} is compressed by a method that many hosts lack; use deflate",
             )
         mode = entry.external_attr >> 16
         if stat.S_ISLNK(mode):
@@ -57,6 +58,7 @@ def _form(archive: Archive) -> Iterator[Finding]:
 
 
 def _identity(archive: Archive) -> Iterator[Finding]:
+    """Check that the GUID and all times depend on the contents alone."""
     attribute = STANDARDS[archive.version].token
     word = attribute.replace("guid", "GUID")
     guid = archive.description.get(attribute, "")
@@ -72,17 +74,17 @@ def _identity(archive: Archive) -> Iterator[Finding]:
             f"the {word} {guid} is made {origin}, not from the contents: no two builds agree",
         )
     times = sorted({entry.date_time for entry in archive.entries()})
-    made = archive.description.get("generationDateAndTime", "")
-    if made and _same_day(made, times[-1]):
+    generation = archive.description.get("generationDateAndTime", "")
+    if generation and _is_same_day(generation, times[-1]):
         yield Finding(
             3,
             "warning",
-            f"generationDateAndTime is {made}, when the archive was packed: no two builds are the"
-            " same bytes",
+            f"generationDateAndTime is {generation}, when the archive was packed: no two builds are"
+            " the same bytes",
         )
     if len(times) > 1:
-        first = _show_time(times[0])
-        last = _show_time(times[-1])
+        first = _format_time(times[0])
+        last = _format_time(times[-1])
         yield Finding(
             3,
             "warning",
@@ -90,15 +92,12 @@ def _identity(archive: Archive) -> Iterator[Finding]:
         )
 
 
-def _show_time(time: tuple[int, ...]) -> str:
+def _format_time(time: tuple[int, ...]) -> str:
     return "{:04}-{:02}-{:02} {:02}:{:02}:{:02}".format(*time)
 
 
-def _same_day(date: str, newest_entry: tuple[int, ...]) -> bool:
-    """Return whether two dates are at most a day apart, as those of one moment in time zones are.
-
-    Then the first was taken from the clock when the FMU was packed.
-    """
+def _is_same_day(date: str, newest_entry: tuple[int, ...]) -> bool:
+    """Return whether two dates are at most a day apart, the most by which time zones differ."""
     try:
         day = datetime.date.fromisoformat(date.strip()[:10])
         return abs((day - datetime.date(*newest_entry[:3])).days) <= 1
@@ -107,6 +106,7 @@ def _same_day(date: str, newest_entry: tuple[int, ...]) -> bool:
 
 
 def _documents(archive: Archive) -> Iterator[Finding]:
+    """Check documentation, icon, licence, reference result and external dependencies."""
     names = set(archive.names)
     if not names & {"documentation/index.html", "documentation/_main.html"}:
         yield Finding(10, "warning", "no documentation (documentation/index.html)")
@@ -122,23 +122,24 @@ def _documents(archive: Archive) -> Iterator[Finding]:
         "documentation/externalDependencies.txt",
         "documentation/externalDependencies.html",
     }
-    needed = any(
+    needs_tool = any(
         element.get("needsExecutionTool") in ("true", "1") for element in archive.interfaces()
     )
-    if needed and not documents:
+    if needs_tool and not documents:
         yield Finding(
             10,
             "warning",
-            "needsExecutionTool is true, but documentation/externalDependencies.txt does not say"
-            " which",
+            "needsExecutionTool is true, but there is no documentation/externalDependencies.txt"
+            " that names the tool",
         )
-    if documents and not needed:
+    if documents and not needs_tool:
         yield Finding(
             10, "warning", f"needsExecutionTool is false, but there is {sorted(documents)[0]}"
         )
 
 
 def _sources(archive: Archive) -> Iterator[Finding]:
+    """Check that the listed source files exist, and that existing ones are listed."""
     if archive.version == 3:
         yield from check_build_description(archive)
         return
@@ -151,11 +152,8 @@ def _sources(archive: Archive) -> Iterator[Finding]:
                 "error",
                 f"{element.tag}: source files listed but not in sources/: {listed(absent)}",
             )
-    has_sources = any(
-        name.startswith("sources/") and name.endswith((".c", ".cpp")) for name in archive.names
-    )
     lists_sources = any(element.find("SourceFiles") is not None for element in archive.interfaces())
-    if has_sources and not lists_sources:
+    if has_sources(archive) and not lists_sources:
         yield Finding(
             10, "warning", "there are sources/, but SourceFiles lists none: nobody can compile them"
         )

@@ -1,4 +1,4 @@
-"""Checks of the binaries of an FMU: platform, exported FMI functions, and required libraries."""
+"""Checks of an FMU's binaries: platform, exported FMI functions and required libraries."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from orchestration.fmu.check.finding import Finding, listed
 from orchestration.fmu.check.shared_library import Library, LibraryError, read_library
 from orchestration.fmu.check.standards import STANDARDS, Platform, Standard
 
-# Libraries that every system of a platform has. Those of the first group are not reported.
+# Libraries of every system of a platform. Those of `_LIBC` and `_WINDOWS` are not reported.
 _LIBC = {"libc.so.6", "libm.so.6"}
 _GLIBC = {
     "libdl.so.2",
@@ -40,7 +40,7 @@ _WINDOWS = {
 
 
 def check_binaries(archive: Archive) -> Iterator[Finding]:
-    """Check the folder ``binaries/``.
+    """Check the binaries of all platforms.
 
     Yields
     ------
@@ -101,9 +101,9 @@ def _binary(
     ----------
     archive : Archive
     name : str
-        Of its file.
+        Name of its file.
     platform : Platform
-        That of its folder.
+        Platform of its folder.
     standard : Standard
     required : set of str
         Functions that it must export.
@@ -123,15 +123,15 @@ def _binary(
         yield Finding(
             10, "error", f"{name} is for {', '.join(library.machines)}, expected {platform.machine}"
         )
-    lacking = sorted(required - library.exports)
-    if lacking:
+    missing = sorted(required - library.exports)
+    if missing:
         yield Finding(
             4,
             "error",
-            f"{name} lacks {len(lacking)} functions of FMI {standard.version}: {listed(lacking)}",
+            f"{name} lacks {len(missing)} functions of FMI {standard.version}: {listed(missing)}",
         )
-    inside = {entry.rsplit("/", 1)[-1] for entry in archive.names}
-    yield from _needs(name, library, inside)
+    files = {entry.rsplit("/", 1)[-1] for entry in archive.names}
+    yield from _required_libraries(name, library, files)
     if library.format == "ELF":
         others = sorted(
             symbol for symbol in library.exports if not symbol.startswith(standard.prefix)
@@ -145,15 +145,15 @@ def _binary(
             )
 
 
-def _needs(name: str, library: Library, inside: set[str]) -> Iterator[Finding]:
-    """Report the libraries and symbols that a binary needs besides those of every system.
+def _required_libraries(name: str, library: Library, files: set[str]) -> Iterator[Finding]:
+    """Report required libraries and symbols that not every system has.
 
     Parameters
     ----------
     name : str
-        Of the binary.
+        Name of the binary.
     library : Library
-    inside : set of str
+    files : set of str
         Names of the files in the archive, without their folders.
     """
     usual = []
@@ -162,7 +162,7 @@ def _needs(name: str, library: Library, inside: set[str]) -> Iterator[Finding]:
         if library.format == "ELF" and needed in _GLIBC:
             usual.append(needed)
         elif not _is_basic(needed, library.format):
-            in_archive = needed.rsplit("/", 1)[-1] in inside
+            in_archive = needed.rsplit("/", 1)[-1] in files
             unusual.append(needed + (" (which is in the archive)" if in_archive else ""))
     if usual:
         yield Finding(10, "note", f"{name} needs {listed(usual)} besides the C library")
@@ -172,7 +172,7 @@ def _needs(name: str, library: Library, inside: set[str]) -> Iterator[Finding]:
             "warning",
             f"{name} needs libraries that are not part of the system: {listed(unusual)}",
         )
-    # All symbols of the usual libraries carry a version: one without is from none of them.
+    # all symbols of these libraries have versions: one without a version is in none of them
     if library.unsupplied and set(library.needs) <= _VERSIONED:
         yield Finding(
             4,
@@ -183,7 +183,7 @@ def _needs(name: str, library: Library, inside: set[str]) -> Iterator[Finding]:
 
 
 def _is_basic(needed: str, binary_format: str) -> bool:
-    """Return whether every system of a format has a library, so that it is not reported."""
+    """Return whether every system of a binary format has a library, so that it is not reported."""
     if binary_format == "ELF":
         return needed in _LIBC
     if binary_format == "PE":

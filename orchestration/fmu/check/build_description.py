@@ -1,4 +1,4 @@
-"""Checks of ``sources/buildDescription.xml``, which tells how sources of FMI 3.0 are compiled."""
+"""Checks of ``sources/buildDescription.xml``, the build description of sources of FMI 3.0."""
 
 from __future__ import annotations
 
@@ -11,19 +11,24 @@ from orchestration.fmu.check.finding import Finding, listed
 _FILE = "sources/buildDescription.xml"
 
 
-def check_build_description(archive: Archive) -> Iterator[Finding]:
-    """Check that it lists the sources that are there, for the interfaces that are there.
+def has_sources(archive: Archive) -> bool:
+    """Return whether an FMU contains source files in C or C++."""
+    return any(
+        name.startswith("sources/") and name.endswith((".c", ".cpp")) for name in archive.names
+    )
 
-    Its form is checked with the model description.
+
+def check_build_description(archive: Archive) -> Iterator[Finding]:
+    """Check that the listed source files exist, and that every interface has a build.
+
+    The schema of the file is checked with that of the model description.
 
     Yields
     ------
     Finding
     """
     if _FILE not in archive.names:
-        if any(
-            name.startswith("sources/") and name.endswith((".c", ".cpp")) for name in archive.names
-        ):
+        if has_sources(archive):
             yield Finding(
                 10, "warning", f"there are sources/, but no {_FILE}: nobody can compile them"
             )
@@ -40,7 +45,7 @@ def check_build_description(archive: Archive) -> Iterator[Finding]:
     absent = [name for name in files if f"sources/{name}" not in archive.names]
     if absent:
         yield Finding(10, "error", f"{_FILE}: files listed but not in sources/: {listed(absent)}")
-    built = {node.get("modelIdentifier", "") for node in root.iterfind("BuildConfiguration")}
-    interfaces = {node.get("modelIdentifier", "") for node in archive.interfaces()}
-    if interfaces - built:
-        yield Finding(10, "error", f"{_FILE}: nothing builds {listed(sorted(interfaces - built))}")
+    builds = {node.get("modelIdentifier", "") for node in root.iterfind("BuildConfiguration")}
+    missing = {node.get("modelIdentifier", "") for node in archive.interfaces()} - builds
+    if missing:
+        yield Finding(10, "error", f"{_FILE}: nothing builds {listed(sorted(missing))}")

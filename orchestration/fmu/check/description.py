@@ -24,7 +24,7 @@ _NAMES_IN_FMI_3 = {
 
 
 def check_description(archive: Archive) -> Iterator[Finding]:
-    """Check the model description; one of FMI 3.0 is looked at in terms of FMI 2.0.
+    """Check the model description, after its translation to FMI 2.0 if it is of FMI 3.0.
 
     Yields
     ------
@@ -37,30 +37,31 @@ def check_description(archive: Archive) -> Iterator[Finding]:
     except UserError as error:
         yield Finding(1, "error", str(error).removeprefix(f"{archive.path}: "))
         return
-    own_names = _NAMES_IN_FMI_3 if archive.version == 3 else {}
-    yield from _structure(root, own_names)
+    original_names = _NAMES_IN_FMI_3 if archive.version == 3 else {}
+    yield from _structure(root, original_names)
     yield from _units(root)
     yield from _descriptions(root)
     yield from _ranges(root)
-    yield from _capabilities(root, own_names)
+    yield from _capabilities(root, original_names)
     if archive.version == 3:
-        yield from _beyond_fmi2(archive.description)
+        yield from _ignored_parts(archive.description)
 
 
 def _fmpy_problems(archive: Archive) -> Iterator[str]:
+    """Yield the problems that fmpy finds, without those that are none."""
     from fmpy.validation import validate_fmu
 
     aliases = {node.get("name", "") for node in archive.description.iter("Alias")}
     for problem in validate_fmu(str(archive.path)):
         line = " ".join(str(problem).split())
-        if line.isdecimal():  # the key of a KeyError of fmpy
+        if line.isdecimal():  # the text of a KeyError
             line = f"ModelStructure: no variable has the value reference {line}"
-        if not _is_of_aliases(line, aliases):
+        if not _concerns_aliases(line, aliases):
             yield line
 
 
-def _is_of_aliases(problem: str, aliases: Set[str]) -> bool:
-    """Return whether fmpy misses aliases among initial unknowns, where they have no place."""
+def _concerns_aliases(problem: str, aliases: Set[str]) -> bool:
+    """Return whether fmpy only misses aliases among the initial unknowns, where none belong."""
     sets = [set(names.split(", ")) for names in re.findall(r"{ ?(.*?) ?}", problem)]
     if "InitialUnknowns" not in problem or len(sets) != 2:
         return False
@@ -68,8 +69,8 @@ def _is_of_aliases(problem: str, aliases: Set[str]) -> bool:
     return expected - aliases == actual
 
 
-def _beyond_fmi2(root: Element) -> Iterator[Finding]:
-    """Note the parts of an FMU of FMI 3.0 that this program ignores."""
+def _ignored_parts(root: Element) -> Iterator[Finding]:
+    """Report the parts of an FMU of FMI 3.0 that this program ignores."""
     variables = root.findall("ModelVariables/*")
     groups = {
         "clocks, which keep it from being run here": "Clock",
@@ -85,9 +86,9 @@ def _beyond_fmi2(root: Element) -> Iterator[Finding]:
 
 
 def _variables(root: Element) -> Iterator[tuple[Element, Element, dict[str, str]]]:
-    """Yield every variable, its type element, and the attributes of its type.
+    """Yield every variable, its type element, and that element's attributes.
 
-    The attributes of the declared type are included where the variable does not have its own.
+    Attributes of the declared type are included unless the variable has its own.
     """
     declared_attributes = {
         node.get("name", ""): dict(node[0].attrib)
@@ -101,30 +102,31 @@ def _variables(root: Element) -> Iterator[tuple[Element, Element, dict[str, str]
             yield variable, node, declared | dict(node.attrib)
 
 
-def _structure(root: Element, own_names: Mapping[str, str]) -> Iterator[Finding]:
+def _structure(root: Element, original_names: Mapping[str, str]) -> Iterator[Finding]:
+    """Report unknowns of the model structure without declared dependencies."""
     names = [
         variable.get("name", "") for variable in root.iterfind("ModelVariables/ScalarVariable")
     ]
     for section in ("Outputs", "Derivatives", "InitialUnknowns"):
-        unstated = [
+        without_dependencies = [
             _name_of(unknown, names)
             for unknown in root.iterfind(f"ModelStructure/{section}/Unknown")
             if unknown.get("dependencies") is None
         ]
-        if unstated:
+        if without_dependencies:
             yield Finding(
                 1,
                 "warning",
-                f"ModelStructure/{own_names.get(section, section)}: no dependencies, so hosts must"
-                f" assume all, for {listed(unstated)}",
+                f"ModelStructure/{original_names.get(section, section)}: no dependencies, so hosts"
+                f" must assume all, for {listed(without_dependencies)}",
             )
 
 
 def _name_of(unknown: Element, names: list[str]) -> str:
     """Return the name of the variable that an element ``Unknown`` refers to by its index."""
     index = unknown.get("index", "")
-    inside = index.isdecimal() and 1 <= int(index) <= len(names)
-    return names[int(index) - 1] if inside else f"(index {index})"
+    exists = index.isdecimal() and 1 <= int(index) <= len(names)
+    return names[int(index) - 1] if exists else f"(index {index})"
 
 
 # --- units
@@ -146,7 +148,7 @@ def _units(root: Element) -> Iterator[Finding]:
 
 
 def _is_time(variable: Element) -> bool:
-    """Return whether a variable is the independent one, which FMI 3.0 asks every FMU to have."""
+    """Return whether a variable is the independent one, which FMI 3.0 requires in every FMU."""
     return variable.get("causality") == "independent"
 
 
@@ -169,14 +171,14 @@ def _unit(unit: Element) -> Iterator[Finding]:
 
 
 def _conversion(node: Element, label: str) -> Iterator[Finding]:
-    """Check the factor and the offset of a unit."""
+    """Check the factor and the offset of a unit, named `label` in messages."""
     factor = _number(node, "factor", 1.0)
     offset = _number(node, "offset", 0.0)
     if factor is None or factor == 0.0 or not math.isfinite(factor):
         yield Finding(
             2,
             "error",
-            f"{label}: factor={node.get('factor')!r}, expected a finite number but 0",
+            f"{label}: factor={node.get('factor')!r}, expected a finite number other than 0",
         )
     if offset is None or not math.isfinite(offset):
         yield Finding(
@@ -187,7 +189,7 @@ def _conversion(node: Element, label: str) -> Iterator[Finding]:
 def _number(
     node: Element | Mapping[str, str], attribute: str, default: float | None = None
 ) -> float | None:
-    """Return the value of an attribute; None if it is no number."""
+    """Return the value of an attribute, or `default` if it is missing; None if it is no number."""
     text = node.get(attribute)
     if text is None:
         return default
@@ -213,6 +215,7 @@ def _descriptions(root: Element) -> Iterator[Finding]:
 
 
 def _ranges(root: Element) -> Iterator[Finding]:
+    """Check ranges, start values and nominal values; report parameters without a range."""
     unlimited = []
     for variable, node, attributes in _variables(root):
         name = variable.get("name", "")
@@ -249,7 +252,7 @@ def _start_value(
 # --- capabilities
 
 
-def _capabilities(root: Element, own_names: Mapping[str, str]) -> Iterator[Finding]:
+def _capabilities(root: Element, original_names: Mapping[str, str]) -> Iterator[Finding]:
     interface = root.find("CoSimulation")
     if interface is None:
         yield Finding(1, "error", "not for co-simulation: there is no element CoSimulation")
@@ -257,7 +260,7 @@ def _capabilities(root: Element, own_names: Mapping[str, str]) -> Iterator[Findi
     identifier = interface.get("modelIdentifier", "")
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", identifier):
         yield Finding(1, "error", f"modelIdentifier {identifier!r} is no identifier of C")
-    yield from _flags(interface, own_names)
+    yield from _flags(interface, original_names)
     if root.find("LogCategories") is None:
         yield Finding(4, "note", "no LogCategories are declared: hosts cannot choose messages")
     for fault in experiment_faults(root):
@@ -268,15 +271,15 @@ def _capabilities(root: Element, own_names: Mapping[str, str]) -> Iterator[Findi
         )
 
 
-def _flags(interface: Element, own_names: Mapping[str, str]) -> Iterator[Finding]:
+def _flags(interface: Element, original_names: Mapping[str, str]) -> Iterator[Finding]:
     """Check the capability flags of co-simulation.
 
     Parameters
     ----------
     interface : Element
-        In terms of FMI 2.0.
-    own_names : Mapping of str to str
-        Names that its attributes have in the archive.
+        Element ``CoSimulation`` of FMI 2.0.
+    original_names : Mapping of str to str
+        Names of its attributes in the archive, if they differ.
     """
 
     def can(name: str) -> bool:
@@ -284,9 +287,9 @@ def _flags(interface: Element, own_names: Mapping[str, str]) -> Iterator[Finding
 
     for name in ("canGetAndSetFMUstate", "canSerializeFMUstate"):
         if not can(name):
-            own = own_names.get(name, name)
+            flag = original_names.get(name, name)
             yield Finding(
-                5, "warning", f"{own} is false: hosts cannot repeat a step or store the state"
+                5, "warning", f"{flag} is false: hosts cannot repeat a step or store the state"
             )
     if can("canBeInstantiatedOnlyOncePerProcess"):
         yield Finding(
@@ -302,4 +305,4 @@ def _flags(interface: Element, own_names: Mapping[str, str]) -> Iterator[Finding
         )
     name = "providesDirectionalDerivative"
     if not can("needsExecutionTool") and not can(name):
-        yield Finding(11, "note", f"{own_names.get(name, name)} is false")
+        yield Finding(11, "note", f"{original_names.get(name, name)} is false")

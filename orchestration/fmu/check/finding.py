@@ -1,4 +1,4 @@
-"""Findings: what a check of an FMU reports."""
+"""Findings of the check of an FMU, and their presentation."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class Finding:
     Attributes
     ----------
     line : int
-        Line of the FMU contract that it is about, 1 to 11.
+        Line of the FMU contract to which it refers, 1 to 11.
     severity : {"error", "warning", "note"}
-        An error breaks FMI or keeps hosts from loading the FMU; a warning breaks the contract
-        only; a note is worth knowing.
+        An error violates FMI or keeps hosts from loading the FMU; a warning violates the contract
+        only; a note is a remark.
     message : str
-        The fault, its place, and what is expected instead, in one line.
+        The fault, its place and the expected value, in one line.
     """
 
     line: int
@@ -38,11 +38,11 @@ class Finding:
 
 
 class Findings(Displayable, list[Finding]):
-    """The findings about an FMU: a list, which prints as a table.
+    """The findings of the check of an FMU: a list that prints as a table.
 
-    Each has ``line`` (of the FMU contract, 1 to 11), ``severity`` (an ``error`` breaks FMI or
-    keeps hosts from loading the FMU, a ``warning`` breaks the contract only, a ``note`` is worth
-    knowing) and ``message``.
+    Each has ``line`` (of the FMU contract, 1 to 11), ``severity`` (an ``error`` violates FMI or
+    keeps hosts from loading the FMU, a ``warning`` violates the contract only, a ``note`` is a
+    remark) and ``message``.
     """
 
     def __repr__(self) -> str:
@@ -50,12 +50,12 @@ class Findings(Displayable, list[Finding]):
 
     @property
     def _counts(self) -> str:
-        """Number of findings of each severity."""
-        listed = [finding.severity for finding in self]
-        return ", ".join(f"{listed.count(severity)} {severity}s" for severity in SEVERITIES)
+        """Number of findings of each severity, as text."""
+        all_severities = [finding.severity for finding in self]
+        return ", ".join(f"{all_severities.count(name)} {name}s" for name in SEVERITIES)
 
     def overview(self) -> Iterator[RenderableType]:
-        """Yield how many there are, and a table of them."""
+        """Yield the numbers of findings by severity, and a table of the findings."""
         yield self._counts
         if self:
             table = plain_table(None, "line", "severity", "message")
@@ -78,7 +78,7 @@ class Findings(Displayable, list[Finding]):
 
 
 def listed(names: Iterable[str]) -> str:
-    """Return names in one line; of many only the first few."""
+    """Return names in one line, the first eight and the number of the others."""
     names = list(names)
     more = len(names) - _MOST_LISTED
     return ", ".join(names[:_MOST_LISTED]) + (f" and {more} more" if more > 0 else "")

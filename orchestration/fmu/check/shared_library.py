@@ -1,8 +1,8 @@
-"""Reading of shared libraries of any platform: format, processors, exports, and needed libraries.
+"""Reading of shared libraries: format, processors, exports and required libraries.
 
-ELF (Linux), PE (Windows) and Mach-O (macOS, thin or universal) are read as far as needed to tell
-whether a host can load an FMU's binary. The layouts are those of ``elf.h``, of Microsoft's PE
-specification and of ``mach-o/loader.h``.
+Headers of ELF (Linux), PE (Windows) and Mach-O (macOS, thin or universal) are read, from which it
+follows whether a host can load an FMU's binary. The layouts are those of ``elf.h``, of Microsoft's
+PE specification and of ``mach-o/loader.h``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 
 class LibraryError(ValueError):
-    """The error for bytes that are no shared library, or a damaged one."""
+    """The error for bytes that are no shared library or a damaged one."""
 
 
 @dataclass(frozen=True)
@@ -25,16 +25,15 @@ class Library:
     ----------
     format : {"ELF", "PE", "Mach-O"}
     machines : tuple of str
-        Processors it runs on: ``x86``, ``x86_64``, ``arm64``, or a number in hexadecimal; several
-        if it is universal.
+        Processors that it runs on: ``x86``, ``x86_64``, ``arm64``, or the code of another one in
+        hexadecimal; several for a universal library.
     needs : tuple of str
         Names of the libraries that the loader must find.
     exports : frozenset of str
-        Functions and data that it exports for every processor; C names, without the underscore of
-        macOS.
+        Functions and data that it exports for every processor; names in C, without the underscore
+        of macOS.
     unsupplied : tuple of str
-        ELF only: strong symbols that it needs from no particular library. The process that loads it
-        must happen to have them.
+        For ELF, undefined strong symbols without a version, which the loading process must define.
     """
 
     format: str
@@ -59,8 +58,8 @@ def read_library(contents: bytes) -> Library:
     Raises
     ------
     LibraryError
-        If the format is unknown, it is a program or an object file, or its tables point outside of
-        it.
+        If the format is unknown, the file is a program or an object file, or a table in it points
+        outside of it.
     """
     readers = {
         b"\x7fELF": _elf,
@@ -81,14 +80,14 @@ def read_library(contents: bytes) -> Library:
 
 
 def _text(contents: bytes, offset: int) -> str:
-    """Return the text at an offset, up to its closing zero; ValueError when there is none."""
+    """Return the zero-terminated text at an offset; ValueError if there is none."""
     if not 0 <= offset < len(contents):
         raise ValueError(offset)
     return contents[offset : contents.index(b"\0", offset)].decode("utf-8", "replace")
 
 
 def _rows(contents: bytes, layout: str, offset: int, size: int) -> Iterator[tuple[int, ...]]:
-    """Yield the rows of a table of ``size`` bytes; struct.error when it is not within the file."""
+    """Yield the rows of a table of `size` bytes; struct.error if it exceeds the file."""
     if offset < 0 or size < 0 or offset + size > len(contents):
         raise struct.error
     width = struct.calcsize(layout)
@@ -96,7 +95,7 @@ def _rows(contents: bytes, layout: str, offset: int, size: int) -> Iterator[tupl
 
 
 class _Section(NamedTuple):
-    """A part of a file, and the addresses to which it is loaded."""
+    """A part of a file that is loaded at `address`."""
 
     address: int
     size: int
@@ -104,7 +103,7 @@ class _Section(NamedTuple):
 
 
 def _file_offset(sections: Sequence[_Section], address: int) -> int:
-    """Return the place in the file of an address in memory; ValueError when there is none."""
+    """Return the offset in the file of an address in memory; ValueError if there is none."""
     for section in sections:
         if section.address <= address < section.address + section.size:
             return address - section.address + section.offset
@@ -128,7 +127,7 @@ _VERSIONS = 0x6FFFFFF0
 # bindings of symbols
 _GLOBAL = 1
 _WEAK = 2
-_NO_VERSION = 1  # largest version that is none
+_NO_VERSION = 1  # largest version index that means no version: local or global
 
 
 class _ElfSymbol(NamedTuple):
@@ -151,11 +150,11 @@ class _ElfFile:
         return struct.unpack_from(self._order + layout, self.contents, offset)
 
     def rows(self, layout: str, offset: int, size: int) -> Iterator[tuple[int, ...]]:
-        """Yield the rows of a table of ``size`` bytes."""
+        """Yield the rows of a table of `size` bytes in the byte order of the file."""
         return _rows(self.contents, self._order + layout, offset, size)
 
     def segments(self) -> tuple[list[_Section], list[tuple[int, ...]]]:
-        """Return the segments that are loaded, and the table for dynamic loading."""
+        """Return the loaded segments, and the tags and values of the table for dynamic loading."""
         table_offset = self.unpack(self._word, 32 if self.is_64_bit else 28)[0]
         width, count = self.unpack("HH", 54 if self.is_64_bit else 42)
         loaded = []
@@ -173,9 +172,9 @@ class _ElfFile:
         return loaded, dynamic
 
     def symbol_count(self, hash_offsets: Mapping[int, int]) -> int:
-        """Return the number of dynamic symbols, which only the hash tables tell."""
+        """Return the number of dynamic symbols, from one of the hash tables."""
         if _SYSV_HASH in hash_offsets:
-            return self.unpack("II", hash_offsets[_SYSV_HASH])[1]
+            return self.unpack("II", hash_offsets[_SYSV_HASH])[1]  # one chain for each symbol
         offset = hash_offsets[_GNU_HASH]
         bucket_count, first, bloom, _ = self.unpack("IIII", offset)
         buckets = offset + 16 + bloom * (8 if self.is_64_bit else 4)
@@ -183,12 +182,12 @@ class _ElfFile:
         if last < first:
             return first
         chains = buckets + 4 * bucket_count
-        while not self.unpack("I", chains + 4 * (last - first))[0] & 1:
+        while not self.unpack("I", chains + 4 * (last - first))[0] & 1:  # set at the end of a chain
             last += 1
         return last + 1
 
     def symbols(self, offset: int, count: int) -> Iterator[_ElfSymbol]:
-        """Yield the rows of the table of dynamic symbols."""
+        """Yield the first `count` rows of the table of dynamic symbols."""
         layout = "IBBHQQ" if self.is_64_bit else "IIIBBH"
         size = count * struct.calcsize(self._order + layout)
         for row in self.rows(layout, offset, size):
@@ -237,7 +236,7 @@ def _elf(contents: bytes) -> Library:
 
 
 def _dynamic_entries(dynamic: Sequence[tuple[int, ...]]) -> tuple[list[int], dict[int, int]]:
-    """Return the offsets of the names of needed libraries, and the other entries by their tag."""
+    """Return the name offsets of required libraries, and the other entries by tag."""
     needed = []
     tables = {}
     for tag, value in dynamic:
@@ -280,7 +279,7 @@ def _pe(contents: bytes) -> Library:
 
 
 def _pe_exports(contents: bytes, sections: Sequence[_Section], entry: int) -> Iterator[str]:
-    """Yield the names in the table of exports to which an entry of the directories leads."""
+    """Yield the names in the export table to which a directory entry points."""
     address = struct.unpack_from("<I", contents, entry)[0]
     if not address:
         return
@@ -293,7 +292,7 @@ def _pe_exports(contents: bytes, sections: Sequence[_Section], entry: int) -> It
 
 
 def _pe_imports(contents: bytes, sections: Sequence[_Section], entry: int) -> Iterator[str]:
-    """Yield the names of libraries to which an entry of the directories leads."""
+    """Yield the names of libraries in the import table to which a directory entry points."""
     address = struct.unpack_from("<I", contents, entry)[0]
     if not address:
         return
@@ -354,7 +353,7 @@ def _mach(contents: bytes) -> Library:
 
 
 def _mach_exports(contents: bytes, offset: int, is_64_bit: bool) -> Iterator[str]:
-    """Yield the exported names in the table of symbols that a command describes."""
+    """Yield the exported names in the symbol table of a load command at an offset."""
     symbols, count, strings, _ = struct.unpack_from("<IIII", contents, offset)
     layout = "<IBBHQ" if is_64_bit else "<IBBHI"
     for name, flags, *_ in _rows(contents, layout, symbols, count * struct.calcsize(layout)):

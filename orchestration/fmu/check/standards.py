@@ -1,4 +1,4 @@
-"""Demands on an FMU's archive and binaries, by the version of FMI."""
+"""Requirements on an FMU's archive and binaries by the version of FMI."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import NamedTuple
 
 
 class Platform(NamedTuple):
-    """A platform that binaries are for.
+    """A platform of binaries.
 
     Attributes
     ----------
     format : {"ELF", "PE", "Mach-O"}
     machine : str
-        The processor as `read_library` names it; empty for one that it does not know.
+        Name of the processor in `read_library`; empty for one that it does not know.
     extension : str
-        Of shared libraries.
+        File extension of shared libraries, with the dot.
     """
 
     format: str
@@ -27,7 +27,7 @@ class Platform(NamedTuple):
 
 @dataclass(frozen=True)
 class Standard:
-    """The names of a version of FMI.
+    """Functions, platforms and file names of a version of FMI.
 
     Attributes
     ----------
@@ -35,12 +35,13 @@ class Standard:
     functions : Mapping of str to str
         Functions that a binary must export, by interface, without their prefix.
     prefix : str
+        Prefix of the functions, such as ``fmi2``.
     expected : tuple of str
-        Platforms that users of an FMU are likely to have.
+        Common platforms, without one of which there is a note.
     token : str
-        Attribute that tells an FMU from others.
+        Attribute of the model description that identifies the FMU.
     icons : frozenset of str
-        Files of which one is its icon.
+        Allowed names of the icon.
     """
 
     version: str
@@ -51,17 +52,16 @@ class Standard:
     icons: frozenset[str]
 
     def required_functions(self, interface: str) -> set[str]:
-        """Return the functions that an interface needs."""
+        """Return the names of the functions that a binary must export for an interface."""
         return {self.prefix + name for name in self.functions[interface].split()}
 
     def platform(self, folder: str) -> Platform | None:
-        """Return the platform of a folder in ``binaries/``; None if it is none."""
+        """Return the platform of a folder in ``binaries/``; None if it is not in the standard."""
         if self.version == "2.0" and folder in _PLATFORMS:
             return _PLATFORMS[folder]
-        # a platform tuple of FMI 3.0, as FMI 2.0.4 has it for other processors
+        # a platform tuple of FMI 3.0, which FMI 2.0.4 uses for other processors
         match = _TUPLE.fullmatch(folder)
-        known = match is not None and (self.version == "3.0" or folder == "aarch64-linux")
-        if match is None or not known:
+        if match is None or (self.version == "2.0" and folder != "aarch64-linux"):
             return None
         file_format, extension = _SYSTEMS[match["system"]]
         return Platform(file_format, _MACHINES.get(match["machine"], ""), extension)

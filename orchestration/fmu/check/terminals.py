@@ -1,4 +1,4 @@
-"""Checks of ``terminalsAndIcons/terminalsAndIcons.xml``: its form, variables and icons."""
+"""Checks of ``terminalsAndIcons/terminalsAndIcons.xml``: schema, variables and icons."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _REFERENCES = ("variableName", "inStreamVariableName", "outStreamVariableName")
 
 
 def check_terminals(archive: Archive) -> Iterator[Finding]:
-    """Check terminals and icons of FMI 3.0.
+    """Check the terminals and icons of an FMU of FMI 3.0.
 
     Yields
     ------
@@ -32,7 +32,7 @@ def check_terminals(archive: Archive) -> Iterator[Finding]:
         return
     for problem in _schema_problems(contents):
         yield Finding(1, "error", f"{_FILE}: {problem}")
-    yield from _members(archive, root)
+    yield from _references(archive, root)
     icons = {node.get("iconBaseName", "") for node in root.iter("TerminalGraphicalRepresentation")}
     absent = [name for name in sorted(icons) if f"{_FOLDER}/{name}.png" not in archive.names]
     if absent:
@@ -49,12 +49,12 @@ def _schema_problems(contents: bytes) -> list[str]:
     return [f"{entry.message} (line {entry.line})" for entry in schema.error_log]
 
 
-def _members(archive: Archive, root: Element) -> Iterator[Finding]:
-    """Check that the variables of terminals exist, and that names of terminals are unique."""
+def _references(archive: Archive, root: Element) -> Iterator[Finding]:
+    """Check that variables of terminals exist, and that names of terminals are unique."""
     variables = {node.get("name") for node in archive.description.iterfind("ModelVariables/*")}
     variables |= {node.get("name") for node in archive.description.iter("Alias")}
-    used = [text for node in root.iter() for text in map(node.get, _REFERENCES) if text is not None]
-    unknown = [name for name in dict.fromkeys(used) if name not in variables]
+    used = [node.get(attribute) for node in root.iter() for attribute in _REFERENCES]
+    unknown = [name for name in dict.fromkeys(used) if name is not None and name not in variables]
     if unknown:
         yield Finding(1, "error", f"{_FILE}: there are no variables {listed(unknown)}")
     for parent in root.iter():

@@ -1,8 +1,8 @@
-"""Running FMUs in a separate process, so that whatever they do to it is reported in one line.
+"""Running FMUs in a separate process, so that a crash or a hang of one is reported in one line.
 
-A whole simulation, run or part of a sweep is executed there, so nothing crosses between processes
-at a step. The current call and the progress are kept in shared memory that outlives the process,
-together with what was computed.
+A whole simulation, run or part of a sweep is executed in the process, so that steps need no
+communication. Shared memory that outlives the process contains the current call, the progress and
+the results.
 """
 
 import lazy_loader

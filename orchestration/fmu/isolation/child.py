@@ -1,4 +1,4 @@
-"""The main program of an isolated process: it calls the functions it receives, one by one."""
+"""Main program of an isolated process, which calls the functions that it receives one by one."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _GRACE = 5.0  # s that a call may go on after the parent process has gone
 
 
 def main() -> None:
-    """Serve until standard input ends.
+    """Call the functions received on standard input until it ends.
 
-    The command line arguments are the folder and the limit of memory in bytes.
+    Command line arguments are the folder and the memory limit in bytes, 0 for none.
     """
     folder = Path(sys.argv[1])
     memory = int(sys.argv[2])
     requests, replies = _take_standard_streams()
-    # whatever the handler was in the process that started this one
+    # the parent may ignore the signal, which a child inherits
     signal.signal(signal.SIGINT, signal.default_int_handler)
     _limit_memory(memory)
     tempfile.tempdir = str(folder)
@@ -42,11 +42,11 @@ def main() -> None:
                 return
             _serve(request, replies)
         except KeyboardInterrupt:
-            continue  # it came after the last call had ended
+            continue  # Ctrl-C after the end of the last call
 
 
 def _take_standard_streams() -> tuple[BinaryIO, BinaryIO]:
-    """Reserve the standard streams for messages: FMUs print to standard error and read nothing."""
+    """Return copies of the standard streams; FMUs read nothing and print to standard error."""
     requests = os.fdopen(os.dup(0), "rb")
     replies = os.fdopen(os.dup(1), "wb")
     nothing = os.open(os.devnull, os.O_RDONLY)
@@ -56,7 +56,7 @@ def _take_standard_streams() -> tuple[BinaryIO, BinaryIO]:
 
 
 def _limit_memory(memory: int) -> None:
-    with suppress(ImportError, ValueError, OSError):  # not on every platform
+    with suppress(ImportError, ValueError, OSError):  # not supported on every platform
         import resource
 
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -65,6 +65,7 @@ def _limit_memory(memory: int) -> None:
 
 
 def _listen(requests: BinaryIO, queue: SimpleQueue[Any]) -> None:
+    """Queue requests, raise Ctrl-C when one says so, and exit after the end of the stream."""
     while (request := receive(requests)) is not None:
         if request == "interrupt":
             signal.raise_signal(signal.SIGINT)
@@ -76,7 +77,7 @@ def _listen(requests: BinaryIO, queue: SimpleQueue[Any]) -> None:
 
 
 def _serve(request: Any, replies: BinaryIO) -> None:
-    """Call a function and send its result; calls of its callbacks are sent as they are made."""
+    """Call a function, send the calls of its callbacks, and then its result."""
     function, arguments, callback_names = request
 
     def sender(name: str) -> Any:

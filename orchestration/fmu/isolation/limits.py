@@ -21,8 +21,8 @@ class Limits:
     step_timeout : float
         Seconds that one call of an FMU, such as a step, may take.
     memory : float, optional
-        Bytes that the process may take, where the platform has such a limit (Linux); infinite for
-        no limit; default what the machine has.
+        Bytes that the process may take, on platforms with such a limit (Linux); infinite for no
+        limit; default the memory of the machine.
     """
 
     step_timeout: float = STEP_TIMEOUT
@@ -30,7 +30,7 @@ class Limits:
 
     @property
     def bytes(self) -> int:
-        """The limit of memory in bytes; 0 for no limit."""
+        """The memory limit in bytes; 0 for no limit."""
         if self.memory is not None:
             return int(self.memory) if isfinite(self.memory) else 0
         try:
@@ -45,12 +45,12 @@ _foreign: ContextVar[Limits | None] = ContextVar("limits of foreign FMUs", defau
 
 @contextmanager
 def isolating(limits: Limits | None) -> Iterator[None]:
-    """Isolate foreign FMUs wherever many runs of them are made, within this context.
+    """Set the limits that `limits_of` returns for foreign FMUs while the context lasts.
 
     Parameters
     ----------
     limits : Limits or None
-        Limits of each process; None: do not isolate.
+        Limits of each process; None for no isolation.
     """
     token = _foreign.set(limits)
     try:
@@ -60,18 +60,23 @@ def isolating(limits: Limits | None) -> Iterator[None]:
 
 
 def limits_of(foreign: bool) -> Limits | None:
-    """Return the limits of :func:`isolating` for a foreign FMU; None for a component of ours."""
+    """Return the limits set by :func:`isolating` for a foreign FMU; None for one of ours."""
     return _foreign.get() if foreign else None
 
 
-def isolation(asked: bool | Limits) -> Limits | None:
-    """Return limits as a caller in Python requests them.
+def isolation(isolate: bool | Limits) -> Limits | None:
+    """Return the limits for the argument `isolate` of functions in Python.
 
     Parameters
     ----------
-    asked : bool or Limits
+    isolate : bool or Limits
         True for the default limits, False for no isolation.
+
+    Returns
+    -------
+    Limits or None
+        None for no isolation.
     """
-    if isinstance(asked, Limits):
-        return asked
-    return Limits() if asked else None
+    if isinstance(isolate, Limits):
+        return isolate
+    return Limits() if isolate else None

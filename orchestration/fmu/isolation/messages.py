@@ -1,6 +1,6 @@
-"""Sending Python objects over a byte stream, each preceded by a mark and its length.
+"""Sending of Python objects over a byte stream, each after a mark and its length.
 
-FMUs may print to the same stream; they do not write the mark by accident.
+FMUs may print to the same stream, but will not write the mark by accident.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _CHUNK = 2**20  # bytes read at once
 
 
 def send(stream: IO[bytes], message: Any) -> None:
-    """Send an object.
+    """Send an object that can be pickled.
 
     Raises
     ------
@@ -28,7 +28,7 @@ def send(stream: IO[bytes], message: Any) -> None:
 
 
 def receive(stream: IO[bytes] | FileIO) -> Any:
-    """Wait for the next object; None at the end of the stream, or if it holds anything else."""
+    """Return the next object; None at the end of the stream or if it contains other data."""
     try:
         head = _read(stream, len(_MARK) + _LENGTH_SIZE)
         size = int.from_bytes(head[len(_MARK) :], "little") if head.startswith(_MARK) else 0
@@ -39,11 +39,11 @@ def receive(stream: IO[bytes] | FileIO) -> Any:
 
 
 def _read(stream: IO[bytes] | FileIO, size: int) -> bytes:
-    """Read that many bytes, fewer only at the end; an unbuffered stream returns some at a time."""
+    """Return the next `size` bytes, fewer at the end; an unbuffered stream needs several reads."""
     data = bytearray()
     while len(data) < size:
-        more = stream.read(min(size - len(data), _CHUNK))
-        if not more:
+        chunk = stream.read(min(size - len(data), _CHUNK))
+        if not chunk:
             break
-        data += more
+        data += chunk
     return bytes(data)

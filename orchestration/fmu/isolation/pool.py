@@ -1,4 +1,4 @@
-"""A pool of isolated processes that work in parallel; one that ends does not end the others."""
+"""Pools of isolated processes that work in parallel; a crash of one leaves the others alive."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from orchestration.fmu.isolation.process import Ended, Process
 
 
 class Pool:
-    """Processes that are started, and started again, when they are needed; a context manager.
+    """A pool of processes, which are started on demand and replaced after a crash.
+
+    It is a context manager that ends the processes.
 
     Parameters
     ----------
@@ -22,9 +24,9 @@ class Pool:
     count : int
         Largest number of processes.
     begin : callable
-        A function of a module, called in each process before anything else.
+        Function of a module that is called first in each process.
     *arguments
-        Arguments of `begin`: paths and numbers.
+        Arguments of `begin`, which can be pickled.
     """
 
     def __init__(self, limits: Limits, count: int, begin: Callable[..., None], *arguments: Any):
@@ -39,7 +41,7 @@ class Pool:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *error: Any) -> None:
-        if kind is not None:  # nobody waits for the calls that are in progress
+        if kind is not None:  # results of calls in progress are not needed
             for process in [*self._started]:
                 process.kill()
         self._threads.shutdown(cancel_futures=True)
@@ -50,12 +52,12 @@ class Pool:
                 return
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Let one of the processes call a function.
+        """Call a function in one of the processes, when one is free.
 
         Returns
         -------
         Future
-            Of what the function returns; it fails with `Ended` if the process ends.
+            The result of the function; it raises `Ended` if the process ends.
         """
         return self._threads.submit(self._call, function, arguments)
 
@@ -67,7 +69,7 @@ class Pool:
         try:
             return process.call(function, *arguments)
         finally:
-            if process.busy:  # its next answer would be that of this call
+            if process.busy:  # its next answer would be that of the failed call
                 process.__exit__(Ended, None, None)
             else:
                 self._idle.put(process)
@@ -80,7 +82,9 @@ class Pool:
             process.call(self._begin, *self._arguments)
         except BaseException as error:
             process.__exit__(type(error), error, None)
-            if isinstance(error, Ended) and retry:  # something else may have ended it
+            if (
+                isinstance(error, Ended) and retry
+            ):  # the cause may be outside, such as a lack of memory
                 return self._start(retry=False)
             if isinstance(error, Ended):
                 raise UserError(f"{error.state.doing or 'to begin'}: {error.reason}") from error

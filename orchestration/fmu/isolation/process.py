@@ -1,4 +1,4 @@
-"""An isolated process seen from its parent: called, watched, and ended if it does not answer."""
+"""Isolated processes from the view of their parent, which calls, watches and kills them."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from orchestration.fmu.kernel import load_stepper
 if TYPE_CHECKING:
     from io import FileIO
 
-_PERIOD = 0.1  # s between two looks at the progress
-_GRACE = 2.0  # s that a call may go on after Ctrl-C, and a process after its last answer
-# share of the allowed memory; a process that ends with more of it very likely wanted too much
+_PERIOD = 0.1  # s between two checks of the progress
+_GRACE = 2.0  # s that a call may take after Ctrl-C, and a process to end after its last answer
+# share of the memory limit; a process that ends above it very likely exceeded the limit
 _MUCH_MEMORY = 0.8
 
 
 class Ended(Exception):
-    """The error that an isolated process has ended, by itself or because its parent ended it.
+    """The error that an isolated process has ended by itself or was killed by its parent.
 
     Attributes
     ----------
     reason : str
-        How it ended, in words.
+        Description of its end.
     state : ProgressState
         Its last progress.
     interrupted : bool
-        Whether it ended because of Ctrl-C.
+        Whether Ctrl-C was the cause.
     """
 
     def __init__(self, reason: str, state: ProgressState, interrupted: bool = False):
@@ -50,7 +50,7 @@ class Ended(Exception):
 
 
 class Process:
-    """A fresh interpreter in which functions are called one after the other; a context manager.
+    """A new Python interpreter that calls functions one by one; a context manager.
 
     Parameters
     ----------
@@ -59,9 +59,9 @@ class Process:
     Attributes
     ----------
     progress : SharedProgress
-        Readable also after the process has ended.
+        Progress of the process, which can be read after its end too.
     busy : bool
-        Whether an answer is due: a call has not returned, or the process ended during one.
+        Whether a call has not returned, also because the process ended.
     """
 
     def __init__(self, limits: Limits):
@@ -75,7 +75,7 @@ class Process:
         folder = self._resources.enter_context(scratch.folder("fmu"))
         self.progress = SharedProgress(folder)
         self.progress.clear()
-        # compiled here if need be: a compiler may take more memory than an FMU is allowed
+        # compiled here, because a compiler may need more memory than the limit
         load_stepper()
         program = (
             f"import sys; sys.path[:] = {sys.path!r}; from orchestration.fmu.isolation.child import"
@@ -88,7 +88,7 @@ class Process:
             start_new_session=True,
         )
         buffered: Any = self._process.stdout
-        # a buffer has a lock, which a reader that never returns would hold for good
+        # without a buffer, whose lock a reader that never returns would keep
         self._stream: FileIO = buffered.detach()
         self._answers: SimpleQueue[Any] = SimpleQueue()
         self._reader = threading.Thread(target=self._listen, daemon=True)
@@ -108,13 +108,13 @@ class Process:
         process.wait()
         self._closed = True
         self._reader.join(_PERIOD)
-        if not self._reader.is_alive():  # else a process in another session holds the other end
+        if not self._reader.is_alive():  # a process in another session may keep the pipe open
             self._stream.close()
         self._resources.close()
 
     def kill(self) -> None:
-        """End the process at once, and those that were started in it."""
-        if self._closed:  # its number may belong to another process by now
+        """Kill the process and all processes of its group."""
+        if self._closed:  # another process may have its id by now
             return
         if sys.platform == "win32":
             self._process.kill()
@@ -123,7 +123,7 @@ class Process:
             os.killpg(self._process.pid, signal.SIGKILL)
 
     def _listen(self) -> None:
-        # FMUs may write anything to any file, and then no message can be read any more
+        # an FMU may write to the pipe or close it, after which no message can be read
         with suppress(Exception):
             while (answer := receive(self._stream)) is not None:
                 self._answers.put(answer)
@@ -135,36 +135,36 @@ class Process:
         *arguments: Any,
         callbacks: dict[str, Callable[..., None]] | None = None,
     ) -> Any:
-        """Call a function in the process.
+        """Call a function in the process and return its result.
 
         Parameters
         ----------
         function : callable
-            A function of a module.
+            Function of a module.
         *arguments
             Objects that can be pickled.
         callbacks : dict of str to callable, optional
-            Keyword arguments that are called in this process when the function calls them.
+            Keyword arguments of the function, whose calls are executed in this process.
 
         Returns
         -------
-        Any
-            What the function returns.
+        object
+            Result of the function.
 
         Raises
         ------
         Exception
             Any that the function raises, such as UserError.
         KeyboardInterrupt
-            After Ctrl-C, if the function ends with that.
+            If the function ends because of Ctrl-C.
         Ended
-            If the process ends, a call of an FMU takes too long, or does not react to Ctrl-C.
+            If the process ends, or a call of an FMU takes too long or does not react to Ctrl-C.
         """
         self.busy = True
         self._send((function, arguments, list(callbacks or {})))
         watch = _Watch(self, self._limits.step_timeout)
         while True:
-            # Ctrl-C may arrive anywhere in here, not only while an answer is awaited
+            # Ctrl-C may arrive anywhere here, not only while waiting for an answer
             try:
                 answer = self._next_answer(watch)
                 if answer is not None and answer[0] == "callback":
@@ -178,7 +178,7 @@ class Process:
                 self._send("interrupt")
                 continue
             if answer is None:
-                raise self._ended(watch.interrupted)
+                raise Ended(self._describe_end(), self.progress.state(), watch.interrupted)
             self.busy = False
             kind, content = answer
             if kind == "result":
@@ -188,13 +188,13 @@ class Process:
             raise content
 
     def _next_answer(self, watch: _Watch) -> Any:
-        """Return what the process sends next; None if it has ended and sent nothing more."""
+        """Return the next message of the process; None if it has ended without one."""
         while True:
-            over = self._process.poll() is not None  # before the look at what it has sent
+            has_ended = self._process.poll() is not None  # read before the queue of its messages
             try:
                 return self._answers.get(timeout=_PERIOD)
             except Empty:
-                if over:  # and a process that it has started holds the other end
+                if has_ended:  # while a child process of it keeps the pipe open
                     return None
                 watch.look()
                 self._look_at_memory()
@@ -202,19 +202,15 @@ class Process:
     def _send(self, message: Any) -> None:
         stream = self._process.stdin
         assert stream is not None
-        with suppress(OSError):  # where its answer is awaited, its end is noticed
+        with suppress(OSError):  # its end is noticed while waiting for its answer
             send(stream, message)
 
     def end(self, reason: str, interrupted: bool = False) -> Ended:
-        """Kill the process, and return the error to raise."""
+        """Kill the process and return the error to raise."""
         state = self.progress.state()
         self.kill()
         self._process.wait()
         return Ended(reason, state, interrupted)
-
-    def _ended(self, interrupted: bool) -> Ended:
-        """Return the error for a process that has ended by itself."""
-        return Ended(self._describe_end(), self.progress.state(), interrupted)
 
     def _look_at_memory(self) -> None:
         with suppress(OSError, ValueError, IndexError):  # where there is no /proc
@@ -222,11 +218,12 @@ class Process:
             self._largest_memory = max(self._largest_memory, 4096 * pages)
 
     def _describe_end(self) -> str:
+        """Return a description of the end of the process, which has ended by itself."""
         try:
             status = self._process.wait(_GRACE)
         except subprocess.TimeoutExpired:
             self.kill()
-            return "its process could not be heard any more, and was ended"
+            return "its process did not answer any more and was ended"
         if status < 0:
             with suppress(ValueError):
                 name = signal.Signals(-status).name
@@ -234,16 +231,16 @@ class Process:
         return f"its process ended (exit status {status}{self._memory_remark()})"
 
     def _memory_remark(self) -> str:
-        """Return the end of "its process ended": that it was near its limit of memory, if so."""
+        """Return the end of a message about memory, if the process was near its memory limit."""
         allowed = self._limits.bytes
         if not allowed or self._largest_memory < _MUCH_MEMORY * allowed:
             return ""
-        taken = self._largest_memory / 1e9
-        return f", with {taken:.2g} GB of memory, and {allowed / 1e9:.2g} GB are allowed"
+        used = self._largest_memory / 1e9
+        return f", with {used:.2g} GB of memory, and {allowed / 1e9:.2g} GB are allowed"
 
 
 class _Watch:
-    """The watch over one call: it ends the process if an FMU is stuck or does not react to Ctrl-C.
+    """Watch over one call, which kills the process if an FMU hangs or ignores Ctrl-C.
 
     Parameters
     ----------
@@ -254,28 +251,28 @@ class _Watch:
     Attributes
     ----------
     interrupted_at : float
-        Time of Ctrl-C on the monotonic clock in s; 0 before it was pressed.
+        Time of Ctrl-C on the monotonic clock in s; 0 before Ctrl-C.
     """
 
     def __init__(self, process: Process, step_timeout: float):
         self._process = process
         self._step_timeout = step_timeout
         self._state: ProgressState | None = None
-        self._since = time.monotonic()  # when the progress was last seen to change
+        self._since = time.monotonic()  # time of the last change of the progress
         self.interrupted_at = 0.0
 
     @property
     def interrupted(self) -> bool:
-        """True after Ctrl-C was pressed."""
+        """True after Ctrl-C."""
         return self.interrupted_at > 0.0
 
     def look(self) -> None:
-        """Compare the progress with that of the last look.
+        """Compare the progress with that of the last check.
 
         Raises
         ------
         Ended
-            If the call has taken too long since, or has gone on too long after Ctrl-C.
+            If the progress has not changed for too long, or the call lasts too long after Ctrl-C.
         """
         now = time.monotonic()
         state = self._process.progress.state()
@@ -285,6 +282,4 @@ class _Watch:
         elif now - self._since > self._step_timeout:
             raise self._process.end(f"no answer within {self._step_timeout:g} s") from None
         if self.interrupted and now - self.interrupted_at > _GRACE:
-            raise self._process.end(
-                "interrupted, for it did not answer", interrupted=True
-            ) from None
+            raise self._process.end("interrupted; it did not answer", interrupted=True) from None

@@ -1,4 +1,4 @@
-"""The progress of a process, in shared memory that outlives it: current FMU call, points, rows."""
+"""Progress of a process in shared memory that outlives it: current call of an FMU and point."""
 
 from __future__ import annotations
 
@@ -48,15 +48,15 @@ class ProgressState(NamedTuple):
     doing : str
         The current call of an FMU; empty if there is none.
     point : int
-        The next communication point of the run, also of a run that is over.
+        The next communication point of the current run, or the last one of a finished run.
     row : int
-        Number of rows that the kernel has kept and that were not taken yet.
+        Number of rows that the kernel has copied and Python has not read yet.
     beat : tuple of int
-        Different whenever a call was begun or ended since the last snapshot.
+        Counters that differ after any begin or end of a call since the last snapshot.
     listed : bool
-        Whether the call is an operation of the kernel, which is the same at every point.
+        Whether the call is an operation of the kernel, executed at every point.
     step : bool
-        Whether that operation is a step to the point.
+        Whether this operation is a step to the point.
     """
 
     doing: str
@@ -67,14 +67,14 @@ class ProgressState(NamedTuple):
     step: bool = False
 
     def words(self, time: Sequence[float] | Array, otherwise: str) -> str:
-        """Describe the current call and its time.
+        """Return a description of the current call with its time.
 
         Parameters
         ----------
         time : sequence of float, shape (n,)
             Communication points in s.
         otherwise : str
-            The description if there is no current call.
+            Description if there is no current call.
         """
         if not self.listed or not 0 <= self.point < len(time):
             return self.doing or otherwise
@@ -101,13 +101,13 @@ class SharedProgress:
         with path.open("r+b") as file:
             self._memory = mmap.mmap(file.fileno(), size)
         if hasattr(mmap, "MADV_DONTFORK"):
-            # else a copy of the process that an FMU makes would write to this memory too
+            # else a fork of the process, which an FMU may make, would write to this memory too
             self._memory.madvise(mmap.MADV_DONTFORK)
         self._head = _Head.from_buffer(self._memory)
         self._runs = (Progress * _SLOTS).from_buffer(self._memory, ctypes.sizeof(_Head))
         self._used_slots: set[int] = set()
 
-    # ---- written by the process itself
+    # ---- written by the process
 
     def clear(self) -> None:
         """Note that no call and no run is in progress."""
@@ -128,12 +128,12 @@ class SharedProgress:
         self._head.beat += 1
 
     def allocate_run(self, legend: list[tuple[str, bool]]) -> Progress:
-        """Return shared memory for a run of the kernel; private memory if all slots are in use.
+        """Return shared memory for a run of the kernel, or private memory if all slots are in use.
 
         Parameters
         ----------
         legend : list of (str, bool)
-            For each operation of the run: what is asked of which FMU, and whether it is a step.
+            For each operation of the run, its description and whether it is a step.
         """
         free = next((k for k in range(_SLOTS) if k not in self._used_slots), None)
         if free is None:
@@ -143,7 +143,7 @@ class SharedProgress:
         return self._runs[free]
 
     def release_run(self, run: Progress) -> None:
-        """Let another run use the memory of this one."""
+        """Free the memory of a run for other runs."""
         self._used_slots.discard(self._slot(run))
 
     def begin_run(self, run: Progress) -> None:
@@ -157,28 +157,29 @@ class SharedProgress:
         self._head.slot = _NO_SLOT
 
     def _slot(self, run: Progress) -> int:
+        """Return the index of a run's shared memory; `_NO_SLOT` for private memory."""
         offset = ctypes.addressof(run) - ctypes.addressof(self._runs)
         size = ctypes.sizeof(Progress)
         return offset // size if 0 <= offset < _SLOTS * size else _NO_SLOT
 
     def describe_rows(self, description: Any) -> None:
-        """Save a description of the rows for the process that reads them."""
+        """Save a description of the rows, such as the names of columns, for the reading process."""
         files.write(self.folder / _DESCRIPTION, pickle.dumps(description))
 
     def allocate_rows(self, shape: tuple[int, int], name: str = _ROWS) -> Array:
-        """Return an array in a file of that name; see the function of the same name."""
-        if 0 in shape:  # nothing can be mapped
+        """Return an array in a file of the folder; see the function of the same name."""
+        if 0 in shape:  # an empty file cannot be mapped
             return np.empty(shape)
         path = self.folder / name
         array: Array = np.lib.format.open_memmap(path, "w+", np.dtype("f8"), shape)
         return array
 
-    # ---- read by the process that started it
+    # ---- read by its parent
 
     def state(self) -> ProgressState:
-        """Return a snapshot of the process, which goes on meanwhile.
+        """Return a snapshot of the progress while the process runs.
 
-        The FMU may have overwritten the memory, so no number in it is relied upon.
+        All numbers are checked, because the FMU may have overwritten the memory.
         """
         head = self._head
         call = head.text[: max(0, head.length)].decode(errors="replace")
@@ -198,9 +199,9 @@ class SharedProgress:
         )
 
     def _operation(self, slot: int, position: int) -> tuple[str, bool]:
-        """Return what the run's operation asks of which FMU, and whether it is a step.
+        """Return the description of a run's operation and whether it is a step.
 
-        A run in Python has no operations: its calls are noted one by one.
+        The description is empty for a run in Python, whose calls are noted one by one.
         """
         try:
             legend = pickle.loads((self.folder / f"{_LEGEND}{slot}").read_bytes())
@@ -208,8 +209,8 @@ class SharedProgress:
             legend = [("an FMU", False)]
         if not legend:
             return "", False
-        operation, step = legend[max(0, min(position, len(legend) - 1))]
-        return operation, step
+        operation, is_step = legend[max(0, min(position, len(legend) - 1))]
+        return operation, is_step
 
     def rows_description(self) -> Any:
         """Return the saved description of the rows; None if there is none or it is damaged."""
@@ -218,23 +219,23 @@ class SharedProgress:
         return None
 
     def read_rows(self, count: int, name: str = _ROWS) -> Array | None:
-        """Return the first rows; None if there are none or fewer, or they are damaged."""
+        """Return the first `count` rows; None if `count` is 0, or they are missing or damaged."""
         with suppress(OSError, ValueError):
             rows = np.array(np.load(self.folder / name))
             return rows[:count] if 0 < count <= len(rows) else None
         return None
 
 
-current: SharedProgress | None = None  # of this process, if another process has started it
+current: SharedProgress | None = None  # of this process, if it is isolated
 
 
 def allocate_rows(shape: tuple[int, int], name: str = _ROWS) -> Array:
-    """Return an array that is filled row by row and outlives this process if it is isolated.
+    """Return an array to be filled with results, which outlives an isolated process.
 
     Raises
     ------
     UserError
-        If there is no room for it.
+        If there is no space for it on the disk.
     """
     if current is None:
         return np.empty(shape)
@@ -246,8 +247,8 @@ def allocate_rows(shape: tuple[int, int], name: str = _ROWS) -> Array:
         ) from error
 
 
-class activity:  # a generator would take as long as some of the calls
-    """A context that shows other processes what an FMU is asked to do."""
+class activity:  # a generator would take as long as some calls of an FMU
+    """A context that describes the current call of an FMU in the shared progress."""
 
     __slots__ = ("_description",)
 
@@ -259,13 +260,15 @@ class activity:  # a generator would take as long as some of the calls
             current.begin_call(self._description.encode())
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
-        if current is not None and kind is None:  # else the next call is noted anyway
+        if (
+            current is not None and kind is None
+        ):  # after an error the description remains until the next call
             current.end_call()
 
 
 @contextmanager
 def tracked_run() -> Iterator[Progress]:
-    """Make visible to other processes how far a run in Python is, by the point that it sets."""
+    """Yield a progress in shared memory, whose point a run in Python sets."""
     shared = current
     if shared is None:
         yield Progress()
@@ -281,23 +284,22 @@ def tracked_run() -> Iterator[Progress]:
 
 
 def describe_rows(description: Any) -> None:
-    """Save a description of the rows for the process that reads them, if there is one."""
+    """Save a description of the rows for the parent process, if this process is isolated."""
     if current is not None:
         current.describe_rows(description)
 
 
 class _NotedCall(partial[int]):
-    """A call of an FMI function that other processes can see while it lasts."""
+    """A call of an FMI function that is described in the shared progress while it lasts."""
 
     progress: SharedProgress
-    # encoded in advance: resetting an FMU takes a dozen calls and must not take as long as a run
-    description: bytes
-    is_step: bool  # whether the time is added to the description at every call
+    description: bytes  # encoded in advance, which saves time at every call
+    is_step: bool  # whether the time is added to the description
 
     def __call__(self, /, *more: Any, **options: Any) -> int:
         description = self.description
         if self.is_step:
-            _, time, *_ = *self.args, *more  # as fmi2DoStep has them: component, time, step, ...
+            _, time, *_ = *self.args, *more  # arguments of fmi2DoStep: component, time, step, ...
             seconds = f"{getattr(time, 'value', time):g}".encode()
             description = b"%s from %s s" % (description, seconds)
         self.progress.begin_call(description)
@@ -307,16 +309,16 @@ class _NotedCall(partial[int]):
 
 
 def noting(call: Callable[..., int], label: str, request: str) -> Any:
-    """Return a call of an FMI function that is noted in the shared progress, if there is one.
+    """Return a call of an FMI function that is also described in the shared progress.
 
     Parameters
     ----------
     call : callable
-        Returns the FMI status.
+        Function that returns the FMI status.
     label : str
-        The name of the FMU.
+        Name of the FMU.
     request : str
-        What the FMU is asked to do.
+        Description of the call; ``step`` for a step, to which the time is added.
 
     Returns
     -------

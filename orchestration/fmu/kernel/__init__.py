@@ -1,8 +1,8 @@
-"""The stepping kernel: operations listed in Python and carried out by ``kernel.c`` at every point.
+"""The stepping kernel: operations listed in Python and executed by ``kernel.c`` at every point.
 
-Python takes over for what is rare: failures, progress, Ctrl-C, and what the kernel does not know.
-Without a C compiler there is no kernel, and Python carries out the same operations in the same
-order.
+It returns to Python for rare events: failures, progress, Ctrl-C, and operations that only Python
+can execute. Without a C compiler there is no kernel, and Python executes the same operations in the
+same order.
 """
 
 import lazy_loader

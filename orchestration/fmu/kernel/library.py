@@ -1,4 +1,4 @@
-"""The shared library of the stepping kernel, compiled once on a machine, and its structures."""
+"""The shared library of the stepping kernel, which is compiled and cached, and its structures."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Progress(ctypes.Structure):
 
 @functools.cache
 def _kernel() -> Any:
-    """Load the kernel, compiling it if it is not in the cache; None if that is not possible."""
+    """Return the kernel, compiled if it is not in the cache; None without a C compiler."""
     source = (Path(__file__).parent / _SOURCE).read_bytes()
     try:
         return load_library(cached_library({_SOURCE: source}, _SOURCE, toolchain.host_platform()))
@@ -95,13 +95,13 @@ def _kernel() -> Any:
 
 @functools.cache
 def load_stepper() -> Callable[[Any, int], int] | None:
-    """Return the function of the kernel that carries out a program.
+    """Return the function of the kernel that executes a program.
 
     Returns
     -------
     callable or None
-        Takes a reference to a `Progress` and the point to stop before; returns the reason for which
-        it returned. None without a kernel: Python can do the same.
+        Takes a reference to a `Progress` and the point to stop before; returns the reason for
+        stopping. None without a C compiler, where Python steps instead.
     """
     function = getattr(_kernel(), "ppy_run", None)
     if function is not None:
@@ -111,13 +111,13 @@ def load_stepper() -> Callable[[Any, int], int] | None:
 
 
 def load_exit_watch() -> Callable[[Any, Any], None] | None:
-    """Return the function that makes an exit of the process a failure while a count is above zero.
+    """Return the function that turns an exit of the process into a failure while FMUs are open.
 
     Returns
     -------
     callable or None
-        Takes a reference to the count, and the message to print at the exit; both must stay in
-        memory. None without a kernel.
+        Takes a reference to the number of open FMUs, and the message to print at the exit; both
+        must stay in memory. None without a C compiler.
     """
     function = getattr(_kernel(), "ppy_watch_exit", None)
     if function is not None:

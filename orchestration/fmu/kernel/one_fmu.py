@@ -1,4 +1,4 @@
-"""Steps of one FMU along its course, carried out by the kernel."""
+"""Stepping of one FMU along its course in the kernel."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ from orchestration.fmu.stepping import Course, StepFailed, StepPart
 
 
 class PreparedRun:
-    """The program for an instance along a course, to be executed any number of times.
+    """A kernel program that steps an instance along a course, for any number of runs.
 
     Parameters
     ----------
     fmu : Fmu
-        Its instance must stay the same.
+        The instance, which must not be replaced.
     course : Course
     outputs : sequence of str
     result : ndarray, shape (n, outputs)
-        The outputs of the last run; during a run the reals stand first.
+        Array for the outputs of each run; during a run the real outputs are in the first columns.
     pulse : Pulse, optional
-        A pulse that several runs share.
+        A running pulse that several runs share; default one for each run.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class PreparedRun:
         failures = _TransferFailures(fmu, course.time, course.inputs, course.table, at_point=True)
         _add_setting(program, fmu, course.inputs, course.table, failures.setting)
         _add_transfers(program, fmu, "Get", outputs, result, failures.reading(outputs))
-        program.hold(course)  # the program points to its times
+        program.hold(course)  # the program points to the times of its parts
         columns = _reals_first(fmu, outputs)
         self._order = None if columns == sorted(columns) else np.argsort(columns)
         self._execution = Execution(program, skipped=before_first_point, pulse=pulse)
@@ -70,21 +70,21 @@ class PreparedRun:
         every: int = 0,
         longest: float = np.inf,
     ) -> None:
-        """Execute the program with the instance in the state after its initialization.
+        """Execute the program on the instance, which has just been initialized.
 
         Parameters
         ----------
         progress : callable
-            Called with the number of a point that was reached, ...
+            Function that is called with the index of a point.
         every : int
-            ... at every so many points; 0 for never.
+            Number of points from one call of `progress` to the next; 0 for no calls.
         longest : float
-            Seconds that the run may take.
+            Largest duration of the run in seconds.
 
         Raises
         ------
         StepFailed
-            If a call fails, or the run takes longer.
+            If a call fails or the run takes longer.
         """
         points = len(self._result)
         execution = self._execution
@@ -104,7 +104,7 @@ class PreparedRun:
                     self._result[:] = self._result[:, self._order]
 
     def _advance(self, until: int, end: float) -> None:
-        while not self._execution.advance(until):  # in between, Python hears Ctrl-C
+        while not self._execution.advance(until):  # the pulse lets Python handle Ctrl-C
             if monotonic() > end:
                 raise UserError(
                     f"{self._fmu.path.name}: takes too long from"
@@ -123,20 +123,20 @@ def follow_course(
 ) -> None:
     """Step a started instance along its course in the kernel.
 
-    The parameters, errors and results, bit by bit, are those of
-    :func:`orchestration.fmu.stepping.follow_course`.
+    Parameters, errors and results are those of :func:`orchestration.fmu.stepping.follow_course`, to
+    the last bit.
     """
     describe_rows([outputs[k] for k in _reals_first(fmu, outputs)])
     PreparedRun(fmu, course, outputs, result).run(progress, every)
 
 
 def _reals_first(fmu: Fmu, names: Sequence[str]) -> list[int]:
-    """Return indices of variables with the reals first, which one call moves without a copy."""
+    """Return indices of variables with the reals first, so that one call transfers all reals."""
     return sorted(range(len(names)), key=lambda k: type_of(fmu.variable(names[k])) != "real")
 
 
 def _add_part(program: Program, fmu: Fmu, course: Course, part: StepPart) -> None:
-    """Add setting the inputs before a part of a step, and the part."""
+    """Add a part of a step, after setting the inputs for it."""
     if part.rows is not None:
         failures = _TransferFailures(fmu, part.begins, course.inputs, part.rows, at_point=False)
         _add_setting(program, fmu, course.inputs, part.rows, failures.setting)
@@ -161,6 +161,7 @@ def _add_part(program: Program, fmu: Fmu, course: Course, part: StepPart) -> Non
 def _add_setting(
     program: Program, fmu: Fmu, names: Sequence[str], table: Array, handler: Handler
 ) -> None:
+    """Add setting inputs to the values of a table, whose columns are in the order of the names."""
     columns = _reals_first(fmu, names)
     ordered = table if columns == sorted(columns) else np.ascontiguousarray(table[:, columns])
     program.hold(ordered)
@@ -170,10 +171,10 @@ def _add_setting(
 def _add_transfers(
     program: Program, fmu: Fmu, verb: str, names: Sequence[str], table: Array, handler: Handler
 ) -> None:
-    """Add one call for each type among variables.
+    """Add setting or getting variables, with one call for each type.
 
-    The table has the columns of reals first, so that one call moves them all without a copy; the
-    values of other types are picked from their columns.
+    The table has the columns of reals first, so that one call transfers them without a copy; values
+    of other types are copied from or to their columns.
     """
     columns = _reals_first(fmu, names)
     positions_of: dict[str, list[int]] = {}  # by type, in the order of the calls
@@ -199,12 +200,12 @@ class _TransferFailures:
     ----------
     fmu : Fmu
     time : ndarray, shape (n,)
-        Times of the rows in s.
+        Times of the rows of the table in s.
     inputs : sequence of str
     table : ndarray, shape (n, inputs)
         Values of the inputs.
     at_point : bool
-        Whether the message tells the time.
+        Whether the message contains the time.
     """
 
     def __init__(self, fmu: Fmu, time: Array, inputs: Sequence[str], table: Array, at_point: bool):
@@ -217,7 +218,7 @@ class _TransferFailures:
     def setting(self, returned: KernelReturn) -> None:
         """Raise the error of setting inputs.
 
-        A value that its type cannot hold is set again in Python, which names it.
+        Values that are not of their type are set again in Python, whose error names the variable.
         """
         try:
             if returned.reason == library.NOT_OF_TYPE:
@@ -229,11 +230,11 @@ class _TransferFailures:
     def reading(self, outputs: Sequence[str]) -> Handler:
         """Return a handler that raises the error of reading these outputs."""
 
-        def failed(returned: KernelReturn) -> None:
+        def raise_error(returned: KernelReturn) -> None:
             error = self._fmu.failed(f"reading {', '.join(outputs)}", returned.status)
             self._raise(error, returned)
 
-        return failed
+        return raise_error
 
     def _raise(self, error: UserError, returned: KernelReturn) -> NoReturn:
         if not self._at_point:

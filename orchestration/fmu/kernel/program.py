@@ -1,4 +1,4 @@
-"""Programs of the stepping kernel, put together from calls of FMUs, and their execution."""
+"""Programs of the stepping kernel, which consist of calls of FMUs, and their execution."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ class KernelReturn(NamedTuple):
     ----------
     reason : int
         One of the reasons in `library`: a call failed, a value is not finite or not of its type, or
-        Python has to do something.
+        an operation is a call of Python.
     status : int
-        The FMI status of a call that failed.
+        The FMI status of a failed call.
     which : int
-        Index of the value, if it is about one value.
+        Index of the value that is not finite or not of its type.
     point : int
-        The communication point.
+        Index of the communication point.
     """
 
     reason: int
@@ -54,18 +54,18 @@ class KernelReturn(NamedTuple):
     point: int
 
 
-Handler = Callable[[KernelReturn], object]  # raises, unless the run is to go on
+Handler = Callable[[KernelReturn], object]  # raises an error, or lets the run continue
 
 
 class Values(NamedTuple):
-    """Numbers in memory; those of the next point follow after `stride` numbers.
+    """Numbers in memory; those of the next point are `stride` numbers further.
 
     Attributes
     ----------
     address : int
         Address of the first number.
     stride : int
-        Numbers from point to point; 0: the same memory at every point.
+        Distance from point to point in numbers; 0 for the same memory at every point.
     """
 
     address: int
@@ -73,11 +73,11 @@ class Values(NamedTuple):
 
     @classmethod
     def in_rows(cls, array: Array) -> Values:
-        """Return the rows of an array, which must be contiguous and stay in memory."""
+        """Return the rows of an array, which must be contiguous and be kept in memory."""
         return cls(array.ctypes.data, array.strides[0] // DOUBLE)
 
     def shifted(self, count: int) -> Values:
-        """Return the values that begin `count` numbers later."""
+        """Return the values that start `count` numbers later."""
         return Values(self.address + DOUBLE * count, self.stride)
 
 
@@ -89,7 +89,7 @@ class Program:
     ----------
     operations : list of Operation
     handlers : list of callable
-        For each operation, what to do when the kernel returns from it.
+        For each operation, the function that is called when the kernel returns from it.
     owners : sequence of str
         Names of the FMUs.
     """
@@ -97,7 +97,7 @@ class Program:
     operations: list[Operation] = field(default_factory=list)
     handlers: list[Handler] = field(default_factory=list)
     owners: Sequence[str] = ()
-    _held: list[object] = field(default_factory=list, init=False)  # memory that operations point to
+    _memory: list[object] = field(default_factory=list, init=False)  # of operations
 
     def add_step(
         self,
@@ -114,14 +114,15 @@ class Program:
         Parameters
         ----------
         call : functools.partial
-            Its function ``fmi2DoStep``.
+            The bound function ``fmi2DoStep``.
         begins, ends : Values
-            Start and end time in s.
+            Start and end times in s.
         handler : callable
+            Raises the error of a failure.
         owner : int
-            Number of the FMU.
+            Index of the FMU.
         final : bool
-            Whether no earlier state will be restored.
+            Argument noSetFMUStatePriorToCurrentPoint: whether no earlier state will be restored.
         """
         self._add(
             handler,
@@ -144,7 +145,7 @@ class Program:
         *,
         owner: int = 0,
     ) -> None:
-        """Add setting or getting contiguous reals, or setting the slopes of inputs."""
+        """Add setting or getting contiguous reals, or setting the time derivatives of inputs."""
         orders = self._address((ctypes.c_int * len(references))(*[1] * len(references)))
         self._add(
             handler,
@@ -169,7 +170,7 @@ class Program:
         *,
         owner: int = 0,
     ) -> None:
-        """Add setting or getting integers or booleans, at given places among the values."""
+        """Add setting or getting integers or booleans, at given indices among the values."""
         count = len(references)
         self._add(
             handler,
@@ -185,31 +186,31 @@ class Program:
         )
 
     def add_links(self, kind: int, links: Sequence[ValueLink], handler: Handler) -> None:
-        """Add copying values to inputs, if there are any."""
+        """Add copying linked values to inputs, if there are any links."""
         if links:
             memory = (ValueLink * len(links))(*links)
             self._add(handler, kind, count=len(links), links=self._address(memory))
 
     def add_row_copy(self, source: int, count: int, rows: Array) -> None:
         """Add copying `count` numbers from an address into the next row of an array."""
-        self._held.append(rows)
+        self._memory.append(rows)
         self._add(_cannot_fail, library.KEEP, count=count, values=rows.ctypes.data, ends=source)
 
     def add_python_call(self, handler: Handler) -> None:
-        """Add something that Python does."""
+        """Add an operation that is a call of the handler."""
         self._add(handler, library.CALL)
 
     def add_timer_start(self) -> None:
-        """Add starting the timer."""
+        """Add a start of the timer."""
         self._add(_cannot_fail, library.BEGIN)
 
     def add_time_spent(self, owner: int) -> None:
-        """Add counting the time since the timer was last started or read as that of an FMU."""
+        """Add counting the time since the last start or reading of the timer for an FMU."""
         self._add(_cannot_fail, library.SPENT, owner=owner)
 
     def hold(self, memory: object) -> None:
-        """Keep memory that operations use, such as an array, from being freed."""
-        self._held.append(memory)
+        """Keep an object, such as an array, whose memory operations use."""
+        self._memory.append(memory)
 
     def _add(
         self,
@@ -219,10 +220,11 @@ class Program:
         owner: int = 0,
         **fields: int,
     ) -> None:
+        """Append an operation with its handler, and with the FMI function that it calls."""
         operation = Operation(kind=kind, owner=owner, **fields)
         if call is not None:
             function: Any = call.func
-            self._held.append(call)
+            self._memory.append(call)
             operation.function = ctypes.cast(function, ctypes.c_void_p).value
             operation.component = call.args[0].value
         self.operations.append(operation)
@@ -232,17 +234,17 @@ class Program:
         return self._address((ctypes.c_uint * len(references))(*references))
 
     def _address(self, memory: Any) -> int:
-        """Return the address of memory, which is kept from being freed."""
-        self._held.append(memory)
+        """Return the address of an object of ctypes, and keep the object."""
+        self._memory.append(memory)
         return ctypes.addressof(memory)
 
     def legend(self) -> list[tuple[str, bool]]:
-        """Describe the operations for the shared progress.
+        """Return descriptions of the operations for the shared progress.
 
         Returns
         -------
         list of (str, bool)
-            For each operation what is asked of which FMU, empty if of none, and whether it is a
+            For each operation, the FMU and its call, empty without a call, and whether it is a
             step.
         """
         return [
@@ -257,20 +259,20 @@ class Program:
 
 
 def _cannot_fail(returned: KernelReturn) -> None:
-    """Handle the return from an operation that never returns to Python."""
-    raise RuntimeError(f"the stepping kernel came back for nothing: {returned}")
+    """Raise the error of a return from an operation that never returns to Python."""
+    raise RuntimeError(f"the stepping kernel returned without reason: {returned}")
 
 
 class Pulse:
-    """A thread that makes the kernel return regularly, so that Ctrl-C is heard; a context manager.
+    """A thread that interrupts the kernel regularly, so that Python handles Ctrl-C.
 
-    A clock that the kernel itself looked at would cost as much as a step of a small FMU, and the
-    number of steps between two looks would be a guess. Starting a thread takes as long as a
-    thousand small steps, so runs that follow each other share one.
+    It is a context manager. The kernel does not read a clock itself, because that takes as long as
+    a step of a small FMU. Starting a thread takes as long as a thousand small steps, so that
+    consecutive runs share one.
     """
 
     def __init__(self) -> None:
-        self._over = Event()
+        self._stop = Event()
         self._run: Progress | None = None
         self._thread = Thread(target=self._beat, name="kernel pulse", daemon=True)
 
@@ -279,12 +281,12 @@ class Pulse:
         return self
 
     def __exit__(self, *error: Any) -> None:
-        self._over.set()
+        self._stop.set()
         self._thread.join()
 
     @contextmanager
     def interrupting(self, progress: Progress) -> Iterator[None]:
-        """Interrupt this run and no other; one more interruption after its end does no harm."""
+        """Interrupt a run regularly while the context lasts."""
         self._run = progress
         try:
             yield
@@ -292,14 +294,14 @@ class Pulse:
             self._run = None
 
     def _beat(self) -> None:
-        while not self._over.wait(PULSE_PERIOD):
+        while not self._stop.wait(PULSE_PERIOD):
             run = self._run
             if run is not None:
                 run.interrupted = 1
 
 
 class Execution:
-    """The execution of a program by the kernel; a context manager, for it needs a pulse.
+    """The execution of a program by the kernel; a context manager that runs a pulse.
 
     Parameters
     ----------
@@ -307,16 +309,16 @@ class Execution:
     owners : int
         Number of FMUs for which warnings and time are counted.
     first : int
-        The first communication point.
+        Index of the first communication point.
     skipped : int
-        Operations that are left out at the first point.
+        Number of operations to skip at the first point.
     pulse : Pulse, optional
-        A running pulse; default one of its own.
+        A running pulse; default a new one.
 
     Attributes
     ----------
     seconds, warnings : ndarray, shape (owners,)
-        Time in s and number of calls that returned a warning, by FMU.
+        Time in s and number of warnings by FMU.
     """
 
     def __init__(
@@ -374,21 +376,21 @@ class Execution:
 
     @property
     def point(self) -> int:
-        """The next communication point; all before it are complete."""
+        """Index of the next communication point; all before it are complete."""
         return self._progress.point
 
     @property
     def within_point(self) -> bool:
-        """True if some operations of that point were carried out."""
+        """True if some operations of the next point were executed."""
         return self._progress.position > 0
 
     @property
     def row_count(self) -> int:
-        """Number of rows that were copied since `rewind_rows`."""
+        """Number of rows copied since `rewind_rows`."""
         return self._progress.row
 
     def restart(self) -> None:
-        """Go back to the first point, with all counts at zero."""
+        """Return to the first point and set all counts to zero."""
         progress = self._progress
         progress.point, progress.position = self._start
         progress.row = progress.interrupted = 0
@@ -396,21 +398,21 @@ class Execution:
         self.warnings[:] = 0
 
     def rewind_rows(self) -> None:
-        """Let the next row be the first of the array again."""
+        """Let the next copied row be the first of its array."""
         self._progress.row = 0
 
     def advance(self, until: int) -> bool:
-        """Carry the program out up to a communication point.
+        """Execute the program up to a communication point.
 
         Parameters
         ----------
         until : int
-            The point, not included.
+            Index of the point, which is not executed.
 
         Returns
         -------
         bool
-            Whether it was reached; false if the pulse has interrupted the kernel.
+            Whether the point was reached; False after an interruption by the pulse.
 
         Raises
         ------
@@ -422,7 +424,7 @@ class Execution:
             if reason == library.PAUSED:
                 progress.interrupted = 0
                 return False
-            # the kernel has moved on from a call of Python when it returns
+            # the kernel has already advanced its position when it returns for a call of Python
             position = progress.position - (reason == library.CALLING)
             returned = KernelReturn(reason, progress.status, progress.index, progress.point)
             self._program.handlers[position](returned)

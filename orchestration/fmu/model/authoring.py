@@ -1,4 +1,4 @@
-"""Mistakes of authors in a model's file: on which line they are, and what to write instead."""
+"""Mistakes in a user's model file: messages with the line and the correction."""
 
 from __future__ import annotations
 
@@ -18,94 +18,102 @@ _KINDS = ("Parameter", "Input", "Output", "State", "Discrete", "Text")
 
 
 def check_names(path: Path, text: bytes) -> None:
-    """Check that no class body gives one name to a variable and to something after it.
+    """Raise UserError if a class body defines a name again that declares a variable.
 
-    Python would forget the first one.
+    Python would ignore the variable.
 
     Parameters
     ----------
     path : Path
     text : bytes
-        What the file contains; any that Python cannot read has no class.
+        Contents of the file, which is not checked if Python cannot parse it.
 
     Raises
     ------
     UserError
-        With both lines.
+        With the lines of both definitions.
     """
     try:
-        tree = ast.parse(text)
+        classes = _classes(text)
     except (SyntaxError, ValueError):
         return
-    for body in (node for node in ast.walk(tree) if isinstance(node, ast.ClassDef)):
-        first: dict[str, int] = {}
-        for name, line, declares in _named(body):
-            if name in first:
+    for body in classes:
+        lines: dict[str, int] = {}
+        for name, line, is_variable in _definitions(body):
+            if name in lines:
                 raise UserError(
                     f"{path}, line {line}: {name!r} is a variable already, declared in line"
-                    f" {first[name]}; give this law another name, such as {name}_law"
+                    f" {lines[name]}; give this law another name, such as {name}_law"
                 )
-            if declares:
-                first[name] = line
+            if is_variable:
+                lines[name] = line
 
 
-def _named(body: ast.ClassDef) -> Iterator[tuple[str, int, bool]]:
-    """Yield the names of a class body, with their lines, and whether each declares a variable."""
+def _classes(text: bytes) -> list[ast.ClassDef]:
+    """Return the class definitions in the contents of a file."""
+    return [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ClassDef)]
+
+
+def _definitions(body: ast.ClassDef) -> Iterator[tuple[str, int, bool]]:
+    """Yield names defined in a class body, their lines, and whether they declare variables."""
     for node in body.body:
         match node:
             case ast.FunctionDef(name=name, decorator_list=decorators):
-                yield name, node.lineno, any(map(_declares, decorators))
+                yield name, node.lineno, any(map(_is_declaration, decorators))
             case ast.Assign(targets=[ast.Name(id=name)], value=value):
-                yield name, node.lineno, _declares(value)
+                yield name, node.lineno, _is_declaration(value)
 
 
-def _declares(value: ast.expr) -> bool:
-    called = value.func if isinstance(value, ast.Call) else None
-    return isinstance(called, ast.Name) and called.id in _KINDS
+def _is_declaration(value: ast.expr) -> bool:
+    """Return whether an expression is a call such as ``Output(...)``."""
+    function = value.func if isinstance(value, ast.Call) else None
+    return isinstance(function, ast.Name) and function.id in _KINDS
 
 
 def remarks(path: Path, text: bytes, owner: str) -> tuple[str, ...]:
-    """Return what works in a class, but hides a law from effects and diagnoses.
+    """Return remarks on methods of a class that hide laws from effects and diagnoses.
 
     Parameters
     ----------
     path : Path
     text : bytes
-        Of a file that Python can read.
+        Contents of the file, which Python can parse.
     owner : str
         Name of the class.
 
     Returns
     -------
     tuple of str
-        With lines, and what to write instead.
+        Each with the line and the correction.
     """
-    told = []
-    for body in (n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.ClassDef)):
+    lines = []
+    for body in _classes(text):
         if body.name != owner:
             continue
         methods = [node for node in body.body if isinstance(node, ast.FunctionDef)]
-        outputs = {method.name for method in methods if any(map(_declares, method.decorator_list))}
+        outputs = {
+            method.name for method in methods if any(map(_is_declaration, method.decorator_list))
+        }
         for method in methods:
             place = f"{path}, line {method.lineno}: {method.name}"
-            called = _called(method)
-            if method.name in outputs and not called and _computes(method):
-                told.append(
+            calls = _calls_of_methods(method)
+            if method.name in outputs and not calls and _computes(method):
+                lines.append(
                     f"{place} computes a law inside an output, where no effect can change it; move"
                     f" it into a method of its own, such as true_{method.name}, and return"
                     f" self.true_{method.name}()"
                 )
-            seen = sorted(called & outputs)
-            if seen:
-                told.append(
-                    f"{place} calls the output {seen[0]}, so that an error of its sensor would"
-                    " change the physics; let both call a law"
+            called_outputs = sorted(calls & outputs)
+            if called_outputs:
+                lines.append(
+                    f"{place} calls the output {called_outputs[0]}, so that an error of its sensor"
+                    " would change the physics; let both call a law"
                 )
-    return tuple(told)
+    return tuple(lines)
 
 
-def _called(method: ast.FunctionDef) -> set[str]:
-    """Return the methods of self that a method calls."""
+def _calls_of_methods(method: ast.FunctionDef) -> set[str]:
+    """Return the names of the methods of `self` that a method calls."""
     return {
         node.func.attr
         for node in ast.walk(method)
@@ -117,19 +125,20 @@ def _called(method: ast.FunctionDef) -> set[str]:
 
 
 def _computes(method: ast.FunctionDef) -> bool:
+    """Return whether a method contains an arithmetic operation."""
     return any(isinstance(node, ast.BinOp) for node in ast.walk(method))
 
 
 def describe(path: Path, text: bytes, error: BaseException) -> str:
-    """Describe an error in a user's file, in one line, with the line of the file.
+    """Return a message of one line for an error in a user's file, with the line of the file.
 
     Parameters
     ----------
     path : Path
     text : bytes
-        What the file contains.
+        Contents of the file.
     error : BaseException
-        From running it.
+        The error raised by running the file.
 
     Returns
     -------
@@ -137,8 +146,9 @@ def describe(path: Path, text: bytes, error: BaseException) -> str:
     """
     line = _line_number(path, text, error)
     place = f"{path}, line {line}" if line else str(path)
-    told = re.sub(rf"\b{re.escape(path.stem)}_[0-9a-f]{{12}}\.", "", _description(error))
-    return f"{place}: {' '.join(told.split())}"
+    module = rf"\b{re.escape(path.stem)}_[0-9a-f]{{12}}\."  # as `loading` names it
+    description = re.sub(module, "", _description(error))
+    return f"{place}: {' '.join(description.split())}"
 
 
 def line_of(text: bytes, owner: str, variable: str = "") -> int | None:
@@ -147,7 +157,7 @@ def line_of(text: bytes, owner: str, variable: str = "") -> int | None:
     Parameters
     ----------
     text : bytes
-        Of a file that Python can read.
+        Contents of a file that Python can parse.
     owner : str
         Name of the class.
     variable : str
@@ -155,42 +165,45 @@ def line_of(text: bytes, owner: str, variable: str = "") -> int | None:
     Returns
     -------
     int or None
-        The class's where the variable has none of its own; None without the class.
+        The line of the class if it does not declare the variable; None without the class.
     """
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.ClassDef) and node.name == owner:
-            lines = {name: line for name, line, _ in _named(node)}
-            return lines.get(variable, node.lineno)
+    for body in _classes(text):
+        if body.name == owner:
+            lines = {name: line for name, line, _ in _definitions(body)}
+            return lines.get(variable, body.lineno)
     return None
 
 
 def _line_number(path: Path, text: bytes, error: BaseException) -> int | None:
+    """Return the line of a user's file to which an error refers; None if it refers to none."""
     if isinstance(error, SyntaxError):
         return error.lineno
     if isinstance(error, DeclarationError):
-        own = line_of(text, error.owner, error.variable)
-        if own:
-            return own
+        line = line_of(text, error.owner, error.variable)
+        if line:
+            return line
     frames = traceback.extract_tb(error.__traceback__)
     lines = [f.lineno for f in frames if Path(f.filename).absolute() == path.absolute()]
     return lines[-1] if lines else None
 
 
 def _description(error: BaseException) -> str:
+    """Return the text of an error, with a correction for unknown arguments and names."""
     if isinstance(error, SyntaxError):
         return f"{type(error).__name__}: {error.msg}"
     if isinstance(error, UserError) and str(error):
         return str(error)
-    found = _UNKNOWN_ARGUMENT.search(str(error))
-    if found:
+    match = _UNKNOWN_ARGUMENT.search(str(error))
+    if match:
         known = Declaration.__dataclass_fields__
-        return f"{found[1]} takes no argument {found[2]!r}{suggestion(found[2], known)}"
-    if isinstance(error, NameError) and error.name in _kit():
-        return f"{error.name} is not there; write: from fmus.kit import {error.name}"
+        return f"{match[1]} takes no argument {match[2]!r}{suggestion(match[2], known)}"
+    if isinstance(error, NameError) and error.name in _kit_names():
+        return f"{error.name} is not imported; write: from fmus.kit import {error.name}"
     return ": ".join(filter(None, (type(error).__name__, str(error))))
 
 
-def _kit() -> list[str]:
+def _kit_names() -> list[str]:
+    """Return the public names of `fmus.kit`."""
     import fmus.kit
 
     return fmus.kit.__all__

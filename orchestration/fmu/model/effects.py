@@ -1,4 +1,4 @@
-"""Effects that can be added to a model by name: its catalogue, measurements, and families."""
+"""Effects that can be added to a model by name: catalogue, measurement effects and families."""
 
 from __future__ import annotations
 
@@ -21,13 +21,17 @@ def catalogue(cls: type[Component]) -> dict[str, type[Effect]]:
     Parameters
     ----------
     cls : type[Component]
-        One of ours, or one from a user's module, which lists them as ``EFFECTS``; with or without
-        effects added to it.
+        One of ours, or one of a user's module, which lists them as ``EFFECTS``; with or without
+        added effects.
+
+    Returns
+    -------
+    dict of str to type[Effect]
 
     Raises
     ------
     UserError
-        If ``EFFECTS`` is no dictionary of effects.
+        If ``EFFECTS`` is no dictionary from ids to effects.
     """
     from fmus.kit import Effect, registry
 
@@ -46,17 +50,18 @@ def catalogue(cls: type[Component]) -> dict[str, type[Effect]]:
 
 
 def check_catalogue(cls: type[Component]) -> None:
-    """Check the laws of the effects that a user's file lists, each laid over the file's component.
+    """Check the laws of the catalogue of a user's file, with each effect added to the component.
+
+    A file with several components is not checked, because an effect may belong to another one.
 
     Parameters
     ----------
     cls : type[Component]
-        Of a file with several components some effects are of another one; they are not checked.
 
     Raises
     ------
     UserError
-        With file, line, and what to write instead.
+        With file, line and correction.
     """
     from fmus.kit import Component, stack
     from fmus.kit.symbolic import check_component
@@ -77,7 +82,11 @@ def known_effects(
     ----------
     cls : type[Component]
     sampling : Sampling, optional
-        Of the record that measurement effects are made for.
+        Sampling of the record for which measurement effects are made.
+
+    Returns
+    -------
+    dict of str to type[Effect]
     """
     from fmus.kit.sensors import measurement_effects
 
@@ -94,16 +103,16 @@ def families(
     scales: Mapping[str, float] | None = None,
     sampling: Sampling | None = None,
 ) -> dict[str, type[Effect]]:
-    """Return generic effects that fit a component's laws by their units, beside its catalogue.
+    """Return generic effects for a component's laws by their units, without its catalogue.
 
     Parameters
     ----------
     cls : type[Component]
     scales : Mapping of str to float, optional
-        Typical magnitudes of signals and laws, SI, from which searches begin; default nominal
-        values.
+        Typical magnitudes of signals and laws in SI units, from which searches start; default
+        nominal values.
     sampling : Sampling, optional
-        Of the record that they are made for.
+        Sampling of the record for which the effects are made.
 
     Returns
     -------
@@ -114,13 +123,16 @@ def families(
 
     if cls.engine is not None:
         return {}
-    own = {_term_key(effect) for effect in catalogue(cls).values()}
-    base = unstack(cls)[0]
-    made = families_for(base, scales, sampling)
-    return {effect_name(e): e for e in made if _term_key(e) not in own}
+    catalogue_terms = {_term_key(effect) for effect in catalogue(cls).values()}
+    return {
+        effect_name(effect): effect
+        for effect in families_for(unstack(cls)[0], scales, sampling)
+        if _term_key(effect) not in catalogue_terms
+    }
 
 
 def _term_key(effect: type[Effect]) -> tuple[str, ...]:
+    """Return law, signal and shape, by which two effects are the same."""
     return effect.term.law, effect.term.signal, effect.term.shape
 
 
@@ -136,23 +148,29 @@ def find_effects(
     ----------
     cls : type[Component]
     names : sequence of str
-        Such as ``strain_saturation``, ``sensor_lag(voltage)`` or ``path/to/file.py:Effect``.
+        Names such as ``strain_saturation``, ``sensor_lag(voltage)`` or
+        ``path/to/file.py:Effect``.
     model_name : str
         Name of the component in messages.
     sampling : Sampling, optional
-        Of the record that they are made for.
+        Sampling of the record for which the effects are made.
+
+    Returns
+    -------
+    list of type[Effect]
+        In the order of the names.
 
     Raises
     ------
     UserError
-        For an unknown name, with the nearest known one, and what lists all of them.
+        For an unknown name, with the nearest known one and the command that lists all.
     """
     from fmus.kit import Effect
 
     if not names:
         return []
-    own = {name: load_subclass(name, Effect)[2] for name in names if names_class(name)}
-    known = known_effects(cls, sampling) | own
+    user_effects = {name: load_subclass(name, Effect)[2] for name in names if names_class(name)}
+    known = known_effects(cls, sampling) | user_effects
     if any(name not in known for name in names):
         known = families(cls, sampling=sampling) | known
     for name in names:

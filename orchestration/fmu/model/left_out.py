@@ -1,4 +1,4 @@
-"""Variables of an FMU that are neither set nor read by their own names here, and why."""
+"""Variables of an FMU that can be neither set nor read by their names, with the reasons."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from xml.etree.ElementTree import Element
 
 
 def left_out(description: Element) -> dict[str, str]:
-    """Return why variables are left out, by name.
+    """Return the reasons why variables can be neither set nor read, by name.
 
     Parameters
     ----------
     description : Element
-        ``fmiModelDescription`` as it is in the archive.
+        ``fmiModelDescription`` of FMI 2.0 or 3.0, without translation.
 
     Returns
     -------
     dict of str to str
-        What follows the name in a sentence.
+        Each the end of a sentence that starts with the name.
     """
     reasons = {}
     for node in description.iterfind("ModelVariables/*"):
@@ -27,6 +27,7 @@ def left_out(description: Element) -> dict[str, str]:
 
 
 def _reason(node: Element) -> str:
+    """Return the reason for a variable; empty if it can be set or read."""
     causality = node.get("causality", "local")
     if node.tag == "Binary":
         return "is binary, which is not exchanged here"

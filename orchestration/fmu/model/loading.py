@@ -1,4 +1,4 @@
-"""Loading of users' classes from Python files, named as ``path/to/file.py:Class``."""
+"""Loading of users' classes by names such as ``path/to/file.py:Class``."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from orchestration.fmu.model.authoring import check_names, describe, line_of, re
 if TYPE_CHECKING:
     from fmus.kit import Component
 
-_LOADED: set[str] = set()  # names of users' files that were run
+_LOADED: set[str] = set()  # users' files that were loaded
 
 
 def names_class(name: str) -> bool:
-    """Return True for ``path/to/file.py:Class``, and for a file of Python without its class."""
+    """Return True for ``path/to/file.py:Class``, with or without the class."""
     return file_of_class(name).endswith(".py")
 
 
@@ -41,13 +41,13 @@ def load_class(place: str) -> type[Component]:
     Returns
     -------
     type[Component]
-        The same class as long as the file does not change.
+        The same object as long as the file does not change.
 
     Raises
     ------
     UserError
-        If the file cannot be read or run, has no such component, or a law of it does not work on
-        signals or does not fit its units; with the line and what to write.
+        If the file cannot be read or run or has no such component, or a law has inconsistent units
+        or does not work on signals; with the line and the correction.
     """
     from fmus.kit import Component
     from fmus.kit.symbolic import check_component
@@ -61,19 +61,22 @@ def load_class(place: str) -> type[Component]:
 
 
 def _nameless(path: Path, name: str, cls: Any, models: list[str]) -> str:
-    """Return what a class lacks that is no model."""
+    """Return the message for a class that is no model: an effect, or a component without a name."""
     from fmus.kit import Effect
 
     line = line_of(path.read_bytes(), name)
     place = f"{path}, line {line}" if line else str(path)
     if is_subclass(cls, Effect):
         base = "file.py:Component" if not models else f"{path}:{models[0]}"
-        return f"{place}: {name} is an effect and no model; name what it is laid over, as {base}"
+        return (
+            f"{place}: {name} is an effect and no model; name the model to which it is added, as"
+            f" {base}"
+        )
     others = [model for model in models if model != name]
-    own = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+    snake_case = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
     return (
-        f'{place}: {name} has no name, so it is a base and no model; write name = "{own}" into'
-        f" its body{suggestion(name, others, few=0) if others else ''}"
+        f'{place}: {name} has no name, so it is a base and no model; write name = "{snake_case}"'
+        f" into its body{suggestion(name, others, few=0) if others else ''}"
     )
 
 
@@ -89,8 +92,12 @@ def load_subclass(place: str, base: type) -> tuple[Path, str, Any, list[str]]:
 
     Returns
     -------
-    tuple of Path, str, type and list of str
-        File and name, the class, and the names of all such classes that the file defines.
+    path : Path
+        The file.
+    name : str
+    cls : type
+    names : list of str
+        All classes in the file that are derived from the base.
 
     Raises
     ------
@@ -119,7 +126,7 @@ def load_subclass(place: str, base: type) -> tuple[Path, str, Any, list[str]]:
 
 
 def _classes_to_name(path: Path, module: ModuleType, known: list[str], base: type) -> str:
-    """Return which classes of a file can be named; a component without a name is an effect."""
+    """Return a message that lists the classes of a file, without components that have no name."""
     places = [f"{path}:{name}" for name in known if getattr(vars(module)[name], "name", name)]
     if not places:
         return f"there is no {base.__name__} in it"
@@ -132,7 +139,7 @@ def is_subclass(thing: object, base: type) -> bool:
 
 
 def _load(path: Path) -> ModuleType:
-    """Run a user's file as a module, once for each of its contents."""
+    """Return a user's file as a module, which is run again only if its contents have changed."""
     try:
         text = path.read_bytes()
     except OSError as error:
@@ -147,7 +154,7 @@ def _load(path: Path) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
-        # the text itself, for bytecode beside it may be of another text, or damaged
+        # not by the import system, whose cached bytecode may be outdated or damaged
         exec(compile(text, spec.origin, "exec", dont_inherit=True), vars(module))
     except BaseException as error:
         del sys.modules[name]
@@ -159,12 +166,12 @@ def _load(path: Path) -> ModuleType:
 
 
 def remarks_on(place: str) -> tuple[str, ...]:
-    """Return what works in the class of a user's model, but is better written otherwise.
+    """Return remarks on the class of a user's model; see `authoring.remarks`.
 
     Parameters
     ----------
     place : str
-        ``path/to/file.py:Class``, which can be loaded.
+        ``path/to/file.py:Class`` of a class that can be loaded.
 
     Returns
     -------
@@ -175,7 +182,7 @@ def remarks_on(place: str) -> tuple[str, ...]:
 
 
 def faulty_place(error: BaseException) -> str:
-    """Return where in a user's file an error came up while what it defines was used.
+    """Return the place in a user's file where an error was raised.
 
     Parameters
     ----------
@@ -184,7 +191,7 @@ def faulty_place(error: BaseException) -> str:
     Returns
     -------
     str
-        File, line and function; empty if it came up elsewhere.
+        File, line and function; empty if no user's file was involved.
     """
     place = ""
     for frame in traceback.extract_tb(error.__traceback__):

@@ -1,7 +1,7 @@
 """Models by name: a component of ours, a class in a user's file, or any FMU file.
 
-An FMU that was built here tells which component, effects and values it was made from. Its class,
-that is its equations, is restored from that; no code of the FMU is run for it.
+The description of an FMU built here contains its provenance: component, effects and values. Its
+class, which has the equations, is restored from it without running code of the FMU.
 """
 
 from __future__ import annotations
@@ -35,28 +35,30 @@ _NOT_BUILT = Path()
 
 @dataclass(frozen=True)
 class Model(Displayable):
-    """An FMU to run, with its class if its equations are known.
+    """An FMU or a system to run, with its class if its equations are known.
 
     Attributes
     ----------
     name : str
-        The name that the user gave; of an FMU the file's name.
+        The name given by the user; for an FMU the file's name.
     path : Path
-        The FMU file; of a model that `declared_model` returned none yet, see `built`.
+        The FMU file; undefined for a system, and for a model of `declared_model` before `built`.
     cls : type[Component] or None
+        The class with the equations, if they are known.
     inputs, outputs, parameters : dict of str to Signal
+        Variables by name.
     effects : tuple of str
         Names of the added effects, innermost first.
     notes : tuple of str
-        Remarks for the user, such as why its equations are not known.
+        Remarks for the user, such as the reason why the equations are unknown.
     system : Source, optional
-        The system that it is, in place of one FMU; `path` is nothing then.
+        The system, for a model that is one.
     kept : tuple of str
-        Outputs that are kept unless others are named; all unless given.
+        Outputs to keep if the user names none; all if empty.
     of_others : bool
-        Whether a system has an FMU that is none of ours.
+        Whether a system contains a foreign FMU.
     left_out : dict of str to str
-        Why other variables can be neither set nor read, by name.
+        Reasons why other variables can be neither set nor read, by name.
     """
 
     name: str
@@ -77,7 +79,7 @@ class Model(Displayable):
         return one_line(f"Model {self.title}: {inputs} -> {', '.join(self.outputs)}")
 
     def overview(self) -> Iterator[RenderableType]:
-        """Yield its name, and a table of its variables in the units that people read."""
+        """Yield the name, a table of the variables in display units, and the notes."""
         from orchestration.reporting import plain_table
 
         yield self.title
@@ -86,33 +88,34 @@ class Model(Displayable):
         groups = {"input": self.inputs, "output": self.outputs, "parameter": self.parameters}
         for kind, signals in groups.items():
             for signal in signals.values():
-                table.add_row(signal.name, kind, *_described(signal), signal.doc)
+                table.add_row(signal.name, kind, *_start_and_range(signal), signal.doc)
         yield table
         yield from self.notes
 
     @property
     def title(self) -> str:
-        """Its name, with the added effects."""
+        """The name, with the added effects."""
         return self.name + (f" with {', '.join(self.effects)}" if self.effects else "")
 
     @property
     def foreign(self) -> bool:
-        """True if code of the user runs, false for FMUs that were built here for this run."""
+        """True if it runs code of the user; False for FMUs built here for this run."""
         return self.of_others if self.system else self.name == self.path.name
 
     @property
     def without_equations(self) -> str:
-        """The clause for messages that no equations of it are known, with the reason if any."""
-        reasons = () if self.system else self.notes
-        return next(iter(reasons), f"{self.name} is an FMU without equations")
+        """The part of a message that its equations are unknown, with the reason if there is one."""
+        if self.notes and not self.system:
+            return self.notes[0]
+        return f"{self.name} is an FMU without equations"
 
     def settings(self, texts: Sequence[str], preset: str | None = None) -> dict[str, Value]:
-        """Read ``name=value[unit]`` settings, after those of a preset.
+        """Read ``name=value[unit]`` settings, which override those of a preset.
 
         Parameters
         ----------
         texts : sequence of str
-            Each like ``R1=0.61``, ``R1=610mohm``, ``k1=6.3[N/mm]`` or
+            Texts such as ``R1=0.61``, ``R1=610mohm``, ``k1=6.3[N/mm]`` or
             ``endpoint=tcp://127.0.0.1:5570``.
         preset : str, optional
             Name of one of the component's presets.
@@ -125,7 +128,7 @@ class Model(Displayable):
         Raises
         ------
         UserError
-            For an unknown parameter or preset, a wrong unit, a value out of range.
+            For an unknown parameter or preset, a wrong unit or a value out of range.
         """
         values: dict[str, Value] = {}
         if preset is not None:
@@ -140,8 +143,8 @@ class Model(Displayable):
         return values | read_settings(self.name, texts, settable, self.left_out)
 
 
-def _described(signal: Signal) -> tuple[str, str]:
-    """Return start value and range as people read them; a text has no range."""
+def _start_and_range(signal: Signal) -> tuple[str, str]:
+    """Return the start value and the range for display; a text has no range."""
     if signal.type == "string":
         return signal.text, ""
     return format_value(signal.start, signal), format_range(signal)
@@ -163,7 +166,7 @@ def read_settings(
     known : Mapping of str to Signal
         Variables that can be set.
     left_out : Mapping of str to str
-        Why others cannot.
+        Reasons why other variables cannot be set, by name.
 
     Returns
     -------
@@ -173,7 +176,7 @@ def read_settings(
     Raises
     ------
     UserError
-        For an unknown variable, a wrong unit, a value out of range.
+        For an unknown variable, a wrong unit or a value out of range.
     """
     values = {}
     for text in texts:
@@ -189,20 +192,20 @@ def read_settings(
 
 
 def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component]:
-    """Find the class of a model, that is its equations; nothing is built.
+    """Return the class of a model, which has its equations; nothing is built.
 
     Parameters
     ----------
     name_or_path : str
         One of our components, ``path/to/file.py:Class``, or an FMU that was built from either.
     effects : sequence of str
-        Names of effects to add, innermost first: its own by id, measurements as
-        ``sensor_lag(voltage)``, others as ``path/to/file.py:Effect``.
+        Names of effects to add, innermost first: those of the catalogue by id, measurement effects
+        as ``sensor_lag(voltage)``, those of users as ``path/to/file.py:Effect``.
 
     Raises
     ------
     UserError
-        If there is no such component, class, effect or file, or the FMU's equations are not known.
+        If there is no such component, class, effect or file, or the FMU's equations are unknown.
     """
     from fmus.kit import registry, stack
     from fmus.kit.symbolic import check_component
@@ -228,14 +231,14 @@ def find_class(name_or_path: str, effects: Sequence[str] = ()) -> type[Component
 
 
 def find_model(name_or_path: str, runtime: str | None = None, effects: Sequence[str] = ()) -> Model:
-    """Find a model by component name or path; its FMU is built if needed and not in the cache.
+    """Return a model by its name or path; its FMU is built if needed and not in the cache.
 
     Parameters
     ----------
     name_or_path : str
         One of our components, ``path/to/file.py:Class``, or an FMU file.
     runtime : {"native", "python"}, optional
-        Kind of build of a component; native unless given.
+        Kind of build of a component; default native.
     effects : sequence of str
         Names of effects to add, innermost first; see :func:`find_class`.
 
@@ -258,7 +261,7 @@ def find_model(name_or_path: str, runtime: str | None = None, effects: Sequence[
 
 
 def declared_model(name_or_path: str, effects: Sequence[str] = ()) -> Model:
-    """Find a model without building its FMU: enough to read a record of it, and to refuse one.
+    """Return a model by its name or path without building its FMU; see `built`.
 
     Parameters
     ----------
@@ -280,7 +283,7 @@ def declared_model(name_or_path: str, effects: Sequence[str] = ()) -> Model:
 
 
 def declared_model_of(cls: type[Component]) -> Model:
-    """Return the model of a component, whose FMU is not built yet."""
+    """Return the model of a component without building its FMU; see `built`."""
     layout = cls.layout
     inputs, outputs, parameters = (
         {v.name: declared_signal(v) for v in variables}
@@ -306,12 +309,18 @@ def built(model: Model, runtime: str | None = None) -> Model:
     if model.path != _NOT_BUILT or model.cls is None:
         refuse_runtime(runtime, model.name)
         return model
-    made = model_of(model.cls, runtime or "native")
-    return replace(made, name=model.name, effects=model.effects, notes=model.notes)
+    component_model = model_of(model.cls, runtime or "native")
+    return replace(component_model, name=model.name, effects=model.effects, notes=model.notes)
 
 
 def refuse_runtime(runtime: str | None, file: str) -> None:
-    """Refuse a kind of build that is chosen for FMUs from a file, which are taken as they are.
+    """Raise UserError if a kind of build is given for a file, which is not built.
+
+    Parameters
+    ----------
+    runtime : str or None
+    file : str
+        Name or path of the file.
 
     Raises
     ------
@@ -330,7 +339,7 @@ def model_of(cls: type[Component], runtime: str = "native") -> Model:
 
 
 def _read_model(name: str) -> Model:
-    """Read an FMU file, and restore the class that it was made from if that is known."""
+    """Return the model of an FMU file, with its class if its provenance is known and valid."""
     from fmus.kit import registry
 
     path = Path(name)
@@ -346,7 +355,7 @@ def _read_model(name: str) -> Model:
             " file.py:Class or an .fmu"
         )
     model = _read_signals(path)
-    origin = f"{path.name} tells what it was made from"
+    origin = f"{path.name} records how it was built"
     try:
         with Archive(path) as archive:
             model_name = archive.description.get("modelName", "")
@@ -361,7 +370,7 @@ def _read_model(name: str) -> Model:
 
 
 def _read_signals(path: Path) -> Model:
-    """Read the inputs, outputs and parameters of an FMU; texts can be parameters only."""
+    """Return the model of an FMU without its class; texts can be parameters only."""
     groups: dict[str, dict[str, Signal]] = {"input": {}, "output": {}, "parameter": {}}
     for variable in read_description(path).modelVariables:
         causality = variable.causality
@@ -379,11 +388,11 @@ def _read_signals(path: Path) -> Model:
 def restore_class(
     name: str, made_from: Provenance, parameters: Mapping[str, Signal]
 ) -> type[Component]:
-    """Make the class again from which an FMU was built.
+    """Restore the class from which an FMU was built.
 
-    No code of the FMU is run: the class is one of ours, or it is in a file that has not changed
-    since. It counts where its laws have the digest that the FMU tells, as laws of a component, of
-    an effect or of what a user's file imports may be others by now.
+    No code of the FMU is run: the class is a component of ours, or is loaded from its file if that
+    has not changed. The digest of its laws must be that in the FMU, because laws of components,
+    effects or imported modules may have changed since the build.
 
     Parameters
     ----------
@@ -391,19 +400,23 @@ def restore_class(
         Name of the model.
     made_from : Provenance
     parameters : Mapping of str to Signal
-        Parameters of the FMU; their start values become the defaults.
+        Parameters of the FMU, whose start values become the defaults.
+
+    Returns
+    -------
+    type[Component]
 
     Raises
     ------
     UserError
-        With the reason why it cannot be made: no such component or file, another content, other
-        effects, parameters or laws.
+        If the component or file does not exist, or its contents, effects, parameters or laws have
+        changed.
     """
     from fmus.kit import stack
     from fmus.kit.symbolic import trace
 
     if not made_from.laws:
-        raise UserError("its description does not tell by which laws, as builds do now")
+        raise UserError("its description has no digest of its laws")
     base = _base_class(made_from)
     effects = [
         effect
@@ -416,20 +429,20 @@ def restore_class(
         for parameter in (*layout.parameters, *layout.texts)
     }
     if declared.keys() != parameters.keys():
-        other = sorted(declared.keys() ^ parameters.keys())[0]
-        raise UserError(f"{made_from.place} has other parameters now, such as {other}")
-    changed: Any = {
+        difference = sorted(declared.keys() ^ parameters.keys())[0]
+        raise UserError(f"{made_from.place} has other parameters now, such as {difference}")
+    defaults: Any = {
         n: parameters[n].default for n, start in declared.items() if parameters[n].default != start
     }
-    restored = stack(base, *effects, name=name, defaults=changed)
+    restored = stack(base, *effects, name=name, defaults=defaults)
     if trace(restored).digest != made_from.laws:
-        raise UserError("the laws here are others than those it was built with")
+        raise UserError("its laws have changed since the FMU was built")
     restored.remark = "\n".join(made_from.remarks)
     return restored
 
 
 def _base_class(made_from: Provenance) -> type[Component]:
-    """Return one of our components, or load a class from a file with the recorded contents."""
+    """Return the component, or the class from a file whose digest is that of the provenance."""
     from fmus.kit import registry
 
     if made_from.component:

@@ -1,4 +1,4 @@
-"""Variables of an FMU with unit and range, and the values that users give to them."""
+"""Variables of an FMU with units and ranges, and the values that users set."""
 
 import lazy_loader
 

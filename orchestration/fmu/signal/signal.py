@@ -1,4 +1,4 @@
-"""Signals: the variables of an FMU with unit and range, and the values that users give to them."""
+"""Signals: the variables of an FMU with types, units and ranges."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 from fmus.kit import UserError, units
 from fmus.kit.declare import Declaration, DiscreteDeclaration, OutputDeclaration, StateDeclaration
 
-# the value of a variable: a number in the FMU's unit (0 and 1 for a boolean), or a text
+# value of a variable: a number in the FMU's unit (0 or 1 for a boolean), or a text
 Value = float | str
 
 TRUTHS = {"true": 1.0, "false": 0.0}
 
-# What is computed at the start, so that its FMU declares no start value.
+# variables that are computed at the start, so that the FMU declares no start value
 _CALCULATED = (OutputDeclaration, StateDeclaration, DiscreteDeclaration)
 
 
@@ -27,7 +27,7 @@ class Signal:
     name : str
     type : {"real", "integer", "boolean", "string"}
     unit : str
-        Unit of the FMU; ``"1"`` where it declares none.
+        Unit of the FMU; ``"1"`` if it declares none.
     display : str
         Unit in which values are displayed.
     start : float
@@ -37,9 +37,9 @@ class Signal:
     doc : str
         Description.
     text : str
-        Start value of a string, whose `start` is 0.
+        Start value of a string, for which `start` is 0.
     declares_start : bool
-        False where the FMU declares no start value, so that `start` is 0.
+        Whether the FMU declares a start value; `start` is 0 without one.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Signal:
 
     @property
     def default(self) -> Value:
-        """Start value: a number, or the text of a string."""
+        """The start value: a number, or a text for a string."""
         return self.text if self.type == "string" else self.start
 
 
@@ -65,7 +65,7 @@ def read_signal(variable: Any) -> Signal:
     Raises
     ------
     UserError
-        If its start value, or an end of its range, is no number.
+        If its start value or an end of its range is no number.
     """
     kind = type_of(variable)
     doc = variable.description or ""
@@ -100,11 +100,12 @@ def read_signal(variable: Any) -> Signal:
 
 
 def _attribute(variable: Any, name: str) -> str | None:
-    """Return an attribute of a scalar variable, or else of its declared type."""
+    """Return an attribute of a scalar variable, or that of its declared type."""
     return getattr(variable, name, None) or getattr(variable.declaredType, name, None)
 
 
 def _number(variable: Any, name: str, text: str | None, default: float) -> float:
+    """Return the number in an attribute, or the default if empty; UserError if it is none."""
     if not text:
         return default
     try:
@@ -116,7 +117,7 @@ def _number(variable: Any, name: str, text: str | None, default: float) -> float
 
 
 def declared_signal(variable: Declaration) -> Signal:
-    """Return the signal that a component declares, as its FMU will describe it."""
+    """Return the signal of a variable that a component declares, as its FMU describes it."""
     start: Any = getattr(variable, "start", 0.0)
     is_string = variable.type == "string"
     return Signal(
@@ -134,7 +135,7 @@ def declared_signal(variable: Declaration) -> Signal:
 
 
 def type_of(variable: Any) -> str:
-    """Return the type of fmpy's scalar variable: real, integer, boolean or string.
+    """Return the type of a scalar variable of fmpy: real, integer, boolean or string.
 
     An enumeration is an integer.
     """

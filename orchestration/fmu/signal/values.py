@@ -1,4 +1,4 @@
-"""Values that users give to variables: read from text, checked, and shown."""
+"""Values that users set: reading from text, checks, and display."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SMALLEST, _LARGEST = -(2**31), 2**31 - 1  # integers of FMI 2.0 have 32 bits
 
 
 def is_text(kind: str, value: Value, where: str) -> bool:
-    """Return whether a value is a text, and refuse it unless its type is the same.
+    """Return whether a value is a text; raise UserError if the type of the variable differs.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def is_text(kind: str, value: Value, where: str) -> bool:
     Raises
     ------
     UserError
-        If it is a number for a text, or a text for a number.
+        If the value is a number for a string, or a text for another type.
     """
     if isinstance(value, str):
         if kind != "string":
@@ -41,21 +41,21 @@ def is_text(kind: str, value: Value, where: str) -> bool:
 
 
 def numeric(values: Mapping[str, Value]) -> dict[str, float]:
-    """Return values as numbers, for a calculation with them.
+    """Return values as numbers, by name.
 
     Raises
     ------
     UserError
-        If one is a text.
+        If a value is a text.
     """
     for name, value in values.items():
         if isinstance(value, str):
-            raise UserError(f"{name} = {value!r}: is a text; this can take numbers only")
+            raise UserError(f"{name} = {value!r} is a text; only numbers are allowed here")
     return {name: float(value) for name, value in values.items()}
 
 
 def check_value(signal: Signal, value: Value, where: str) -> None:
-    """Refuse a value that a variable cannot have.
+    """Raise UserError if a variable cannot have a value.
 
     Parameters
     ----------
@@ -67,8 +67,7 @@ def check_value(signal: Signal, value: Value, where: str) -> None:
     Raises
     ------
     UserError
-        If it is of the wrong kind, no finite number, beyond what the type can hold, or out of
-        range.
+        If the value is of another type, not finite, or out of range.
     """
     if is_text(signal.type, value, where):
         return
@@ -89,7 +88,7 @@ def show(value: Value, signal: Signal) -> str:
 
 
 def check_type(kind: str, value: float, where: str) -> None:
-    """Refuse a value that a type cannot hold, instead of truncating it.
+    """Raise UserError if a number is not of a type, to which it would be truncated.
 
     Parameters
     ----------
@@ -101,7 +100,7 @@ def check_type(kind: str, value: float, where: str) -> None:
     Raises
     ------
     UserError
-        If an integer would get a fraction or more than 32 bits, or a boolean anything but 0 and 1.
+        If an integer has a fraction or more than 32 bits, or a boolean is neither 0 nor 1.
     """
     if kind == "integer" and not (_SMALLEST <= value <= _LARGEST and value == math.floor(value)):
         raise UserError(
@@ -112,12 +111,12 @@ def check_type(kind: str, value: float, where: str) -> None:
 
 
 def read_quantity(text: str) -> tuple[float, str] | None:
-    """Split a text like ``610 mohm`` or ``6.3[N/mm]`` into number and unit.
+    """Split a text such as ``610 mohm`` or ``6.3[N/mm]`` into number and unit.
 
     Returns
     -------
     tuple of float and str, or None
-        The unit is empty if there is none; None if the text does not begin with a number.
+        The unit is empty for a number alone; None if the text does not begin with a number.
     """
     match = _QUANTITY.match(text)
     if match is None:
@@ -127,34 +126,36 @@ def read_quantity(text: str) -> tuple[float, str] | None:
 
 
 def read_amount(given: str, unit: str, where: str) -> float:
-    """Read a number in a unit, or convert one that has a unit of its own.
+    """Read a number with an optional unit and convert it.
 
     Parameters
     ----------
     given : str
-        Like ``30``, ``30s``, ``0.5 min`` or ``10[ms]``.
+        Text such as ``30``, ``30s``, ``0.5 min`` or ``10[ms]``.
     unit : str
-        Unit of the result, and of a plain number.
+        Unit of the result, and of a number without a unit.
     where : str
         Beginning of the message.
 
     Returns
     -------
     float
+        In `unit`.
 
     Raises
     ------
     UserError
-        For no number, or a unit of another quantity.
+        For a text without a number, or a unit of another quantity.
     """
     quantity = read_quantity(given)
     if quantity is None:
         raise UserError(f"{where}: {given!r} is not a number with an optional unit")
-    value, own = quantity
-    return _converted(value, own, unit, where) if own else value
+    value, given_unit = quantity
+    return _convert(value, given_unit, unit, where) if given_unit else value
 
 
-def _converted(value: float, unit: str, to: str, where: str) -> float:
+def _convert(value: float, unit: str, to: str, where: str) -> float:
+    """Convert a value between units; UserError for an unknown unit or one of another quantity."""
     try:
         units.parse(unit)
     except UserError as error:
@@ -163,13 +164,13 @@ def _converted(value: float, unit: str, to: str, where: str) -> float:
 
 
 def read_setting(given: str, signal: Signal, where: str) -> Value:
-    """Read a value that a user gives to a variable.
+    """Read a value that a user sets for a variable.
 
     Parameters
     ----------
     given : str
-        A number in the variable's unit or with one of its own, like ``0.61``, ``610mohm`` or
-        ``6.3[N/mm]``; for a boolean also ``true`` or ``false``; for a string anything.
+        A number in the variable's unit or with another unit, such as ``0.61``, ``610mohm`` or
+        ``6.3[N/mm]``; for a boolean also ``true`` or ``false``; for a string any text.
     signal : Signal
     where : str
         Beginning of the message.
@@ -182,7 +183,8 @@ def read_setting(given: str, signal: Signal, where: str) -> Value:
     Raises
     ------
     UserError
-        For no number, a wrong unit, a value that the type cannot hold or that is out of range.
+        For a text without a number, a wrong unit, or a value that is not of the type or out of
+        range.
     """
     if signal.type == "string":
         return given
@@ -198,9 +200,10 @@ def read_setting(given: str, signal: Signal, where: str) -> Value:
             f"{where}: {signal.name} is {signal.type} and has no unit; leave out {unit!r}"
         )
     if unit:
-        value = _converted(value, unit, signal.unit, where)
+        value = _convert(value, unit, signal.unit, where)
         for bound in (signal.min, signal.max):
-            # 10 uH must not miss the bound 1e-5 H by the rounding of its conversion
-            value = bound if math.isclose(value, bound, rel_tol=1e-12) else value
+            # the rounding error of the conversion must not move 10 uH beyond the bound 1e-5 H
+            if math.isclose(value, bound, rel_tol=1e-12):
+                value = bound
     check_value(signal, value, where)
     return value

@@ -1,4 +1,4 @@
-"""Simulations of an FMU: once, in a process of its own, or many times; limits that outputs pass."""
+"""Simulations of an FMU, once or many times, and remarks on limits that a run exceeds."""
 
 import lazy_loader
 

@@ -1,9 +1,9 @@
-"""Limits that an FMU tells of itself, and remarks on what of a run lies beyond them.
+"""Limits that an FMU reports by its outputs, and remarks on a run that exceeds them.
 
-An output ``X_margin`` is what is left of a parameter ``X_limit``: the limit less the value that it
-is about, so that a negative one is beyond. Any FMU may have them; those of the actuator are limits
-of its material. A Boolean output ``limited`` or ``saturated`` says that a command is not what the
-law asks for, so that what it is to bring about is beyond reach.
+An output ``X_margin`` is a parameter ``X_limit`` minus the limited value, so that a negative margin
+is beyond the limit. Any FMU may have them; those of the actuator are limits of its material. A
+Boolean output ``limited`` or ``saturated`` is true while a command differs from that of its control
+law.
 """
 
 from __future__ import annotations
@@ -19,18 +19,19 @@ from orchestration.fmu.signal import Signal, Value
 
 _MARGIN, _LIMIT = "_margin", "_limit"
 _LIMITERS = ("limited", "saturated")
-# of the largest margin, that a value may lie beyond its limit by rounding
-_ROUNDING = 1e-9
+_ROUNDING = 1e-9  # rounding error of a margin, relative to the largest one
 
 
 @dataclass(frozen=True)
 class Margin:
-    """An output that tells what is left of a limit.
+    """A margin with its limit.
 
     Attributes
     ----------
-    output, limit : Signal
-        The margin and its parameter, by their names in the run.
+    output : Signal
+        The output ``X_margin``.
+    limit : Signal
+        The parameter ``X_limit``.
     """
 
     output: Signal
@@ -39,14 +40,14 @@ class Margin:
 
 @dataclass(frozen=True)
 class LimitOutputs:
-    """The outputs of a model or a system that tell of its limits.
+    """The outputs of a model or a system that report limits.
 
     Attributes
     ----------
     margins : dict of str to Margin
-        By name, what is left of a limit.
+        By the name of the output.
     limiters : dict of str to Signal
-        By name, whether a command is not what the law asks for.
+        Outputs ``limited`` and ``saturated``, by name.
     """
 
     margins: dict[str, Margin]
@@ -54,69 +55,70 @@ class LimitOutputs:
 
     @classmethod
     def among(cls, outputs: Mapping[str, Signal], parameters: Mapping[str, Signal]) -> LimitOutputs:
-        """Return those among the outputs of a model or a system."""
-        limits = {
-            name: f"{name.removesuffix(_MARGIN)}{_LIMIT}"
-            for name, signal in outputs.items()
-            if name.endswith(_MARGIN) and signal.type == "real"
-        }
-        return cls(
-            margins={
-                name: Margin(outputs[name], parameters[limit])
-                for name, limit in limits.items()
-                if limit in parameters and parameters[limit].type == "real"
-            },
-            limiters={
-                name: signal
-                for name, signal in outputs.items()
-                if name.rpartition(".")[2] in _LIMITERS and signal.type == "boolean"
-            },
-        )
+        """Find the limit outputs among the outputs of a model or a system."""
+        margins = {}
+        limiters = {}
+        for name, signal in outputs.items():
+            limit = parameters.get(_limit_name(name))
+            if name.endswith(_MARGIN) and limit and signal.type == limit.type == "real":
+                margins[name] = Margin(signal, limit)
+            if name.rpartition(".")[2] in _LIMITERS and signal.type == "boolean":
+                limiters[name] = signal
+        return cls(margins, limiters)
 
     def remarks(
         self, time: Array, signals: Mapping[str, Array], settings: Mapping[str, Value]
     ) -> Iterator[str]:
-        """Yield a line for every limit that a run went beyond, or at which it was held.
+        """Yield a line for every limit that a run exceeds and every command that was limited.
 
         Parameters
         ----------
         time : ndarray, shape (n,)
             Seconds.
         signals : Mapping of str to ndarray, shape (n,)
-            Those outputs that were recorded.
+            Recorded outputs.
         settings : Mapping of str to float or str
-            Parameters that are not at their defaults.
+            Parameters that differ from their defaults.
+
+        Yields
+        ------
+        str
         """
         for name, margin in self.margins.items():
             if name in signals:
-                yield from _beyond(name, margin, time, signals[name], settings)
+                yield from _exceeded_limit(name, margin, time, signals[name], settings)
         for name, limiter in self.limiters.items():
             if name in signals:
-                yield from _held(name, limiter, time, signals[name])
+                yield from _limited_command(name, limiter, time, signals[name])
 
 
-def _beyond(
-    name: str, margin: Margin, time: Array, left: Array, settings: Mapping[str, Value]
+def _limit_name(margin: str) -> str:
+    """Return the name of the limit of a margin."""
+    return margin.removesuffix(_MARGIN) + _LIMIT
+
+
+def _exceeded_limit(
+    name: str, margin: Margin, time: Array, values: Array, settings: Mapping[str, Value]
 ) -> Iterator[str]:
-    """Yield, if a limit was passed, the signal, its farthest value, the limit, and when first."""
-    beyond = left < -_ROUNDING * float(np.abs(left).max(initial=0.0))
-    if not beyond.any():
+    """Yield a line if a limit is exceeded: its signal, the largest excess, and the first time."""
+    is_beyond = values < -_ROUNDING * float(np.abs(values).max(initial=0.0))
+    if not is_beyond.any():
         return
-    limit_name = f"{name.removesuffix(_MARGIN)}{_LIMIT}"
+    limit_name = _limit_name(name)
     limit = float(settings.get(limit_name, margin.limit.start))
-    farthest = limit - float(left.min())
+    farthest = limit - float(values.min())
     yield (
-        f"{name.removesuffix(_MARGIN)} reaches {format_value(farthest, margin.output)} and is"
-        f" beyond {limit_name} = {format_value(limit, margin.output)} at"
-        f" {float(time[np.argmax(beyond)]):g} s first: {margin.limit.doc}"
+        f"{name.removesuffix(_MARGIN)} reaches {format_value(farthest, margin.output)}, beyond"
+        f" {limit_name} = {format_value(limit, margin.output)}, first at"
+        f" {float(time[np.argmax(is_beyond)]):g} s: {margin.limit.doc}"
     )
 
 
-def _held(name: str, limiter: Signal, time: Array, values: Array) -> Iterator[str]:
-    """Yield, if a command was limited, for how much of the time, and when first."""
-    limited = np.asarray(values, dtype=bool)
-    spent = float(np.diff(time)[limited[:-1]].sum())  # the last point has no time after it
-    if spent > 0.0:
-        share = 100.0 * spent / float(time[-1] - time[0])
-        first = float(time[np.argmax(limited)])
-        yield f"{name} for {share:.3g} % of the time, at {first:g} s first: {limiter.doc}"
+def _limited_command(name: str, limiter: Signal, time: Array, values: Array) -> Iterator[str]:
+    """Yield a line if a command was limited: the share of the time, and the first time."""
+    is_limited = np.asarray(values, dtype=bool)
+    duration = float(np.diff(time)[is_limited[:-1]].sum())  # no time follows the last point
+    if duration > 0.0:
+        share = 100.0 * duration / float(time[-1] - time[0])
+        first = float(time[np.argmax(is_limited)])
+        yield f"{name} for {share:.3g} % of the time, first at {first:g} s: {limiter.doc}"

@@ -1,4 +1,4 @@
-"""One FMU run many times: unpacked and instantiated once, and reset between the runs."""
+"""Many runs of one FMU, which is unpacked and instantiated once and reset between runs."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ class RepeatedFmu:
         self._is_new = True
         self._can_reset = True
         self._pulse: Pulse | None = None
-        self._prepared: PreparedRun | None = None  # for the present instance
-        self._prepared_for: list[object] = []
+        self._prepared: PreparedRun | None = None  # for the current instance
+        self._prepared_for: list[object] = []  # arrays and names
 
     def __enter__(self) -> RepeatedFmu:
         self._fmu.__enter__()
@@ -79,23 +79,23 @@ class RepeatedFmu:
         time : ndarray, shape (n,)
             Communication points, s.
         inputs : Mapping of str to ndarray, shape (n,)
-            In the FMU's units; an array must not be changed between two runs with it.
+            In the FMU's units; the contents of an array must not change between runs.
         settings : Mapping of str to float or str
             Start values, in the FMU's units.
         outputs : sequence of str
-            The m outputs to return.
+            Outputs to return.
         longest : float
-            Seconds that it may take; ignored without a compiler.
+            Largest duration of the run in seconds; ignored without a C compiler.
 
         Returns
         -------
-        ndarray, shape (n, m)
+        ndarray, shape (n, outputs)
 
         Raises
         ------
         UserError
-            If the FMU refuses, fails or takes too long; the next run has a new instance if this one
-            must not be called again.
+            If the FMU refuses, fails or takes too long. After a fatal error the next run uses a new
+            instance.
         """
         self._reset()
         self._is_new = False
@@ -113,16 +113,12 @@ class RepeatedFmu:
     def _prepare(
         self, time: Array, inputs: Mapping[str, Array], outputs: Sequence[str]
     ) -> PreparedRun:
-        """Return the kernel's program, kept as long as it is for the same arrays and names.
+        """Return the kernel's program, which is kept for runs with the same arrays and names.
 
-        Preparing it takes as long as a thousand steps. The arrays themselves are compared, not
-        their numbers.
+        Preparing it takes as long as a thousand steps. Arrays are compared by identity.
         """
         key = [time, *inputs, *inputs.values(), *outputs]
-        same = len(key) == len(self._prepared_for) and all(
-            a is b for a, b in zip(key, self._prepared_for, strict=True)
-        )
-        if self._prepared is None or not same:
+        if self._prepared is None or [*map(id, key)] != [*map(id, self._prepared_for)]:
             check_inputs(self._fmu, inputs)
             course = plan_course(self._fmu, time, inputs, (), 1)
             self._result = np.empty((len(time), len(outputs)))
@@ -131,16 +127,16 @@ class RepeatedFmu:
         return self._prepared
 
     def _reset(self) -> None:
-        """Reset the instance; one that cannot be reset is replaced by a new one."""
+        """Reset the instance, or replace it by a new one if that is not possible."""
         if self._is_new:
             return
         if not self._fmu.corrupted and self._can_reset:
             status = self._fmu.bound("fmi2Reset")()
             if status <= fmi2Warning:
                 return
-            self._fmu.failed("reset", status)  # which notes whether it may be called again
+            self._fmu.failed("reset", status)  # marks the instance as corrupted after a fatal error
             self._can_reset = False
-        self._prepared = None  # it refers to the instance
+        self._prepared = None  # the program calls the old instance
         self._fmu.close()
         self._fmu = Fmu(self._fmu.path)
         self._fmu.__enter__()
@@ -159,52 +155,53 @@ class FmuSource:
 
     @property
     def name(self) -> str:
-        """Name of its file."""
+        """Name of the file."""
         return self.path.name
 
     @property
     def guid(self) -> str:
-        """Its own."""
+        """The GUID of the FMU."""
         return str(read_description(self.path).guid)
 
     @property
     def default_experiment(self) -> tuple[float, float | None, float | None]:
-        """Start time, stop time and step that it declares, s; None where it does not."""
-        own = read_description(self.path).defaultExperiment
+        """Declared start time, stop time and step in s; None for one that is not declared."""
+        declared = read_description(self.path).defaultExperiment
         start, stop, step = (
-            float(getattr(own, name, None) or 0.0) for name in ("startTime", "stopTime", "stepSize")
+            float(getattr(declared, name, None) or 0.0)
+            for name in ("startTime", "stopTime", "stepSize")
         )
         return start, stop or None, step or None
 
     @property
     def nominal(self) -> dict[str, float]:
-        """Nominal values that it declares, by variable."""
-        sizes = {}
+        """Declared nominal values by variable."""
+        values = {}
         for variable in read_description(self.path).modelVariables:
-            size = getattr(variable, "nominal", None)
-            if size:
-                sizes[variable.name] = abs(float(size))
-        return sizes
+            nominal = getattr(variable, "nominal", None)
+            if nominal:
+                values[variable.name] = abs(float(nominal))
+        return values
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Its file."""
+        """The file of the FMU."""
         return (self.path,)
 
     def with_files(self, files: Sequence[Path]) -> FmuSource:
-        """Return it with a copy of its file."""
+        """Return the source with another path of its file."""
         (path,) = files
         return FmuSource(path)
 
     def points(self, time: Array) -> Array:
-        """Return the points (n,) as they are."""
+        """Return `time`, which has the communication points (n,) of a single FMU."""
         return time
 
     def open(self) -> RepeatedFmu:
-        """Return what makes the runs."""
+        """Return the FMU for many runs."""
         return RepeatedFmu(self.path)
 
 
 def source_of(model: Model) -> Source:
-    """Return where the runs of a model come from."""
+    """Return the source of a model: its system, or its FMU."""
     return model.system or FmuSource(model.path)

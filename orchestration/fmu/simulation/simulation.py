@@ -1,4 +1,4 @@
-"""Simulation of one FMU over given inputs: communication points, steps, results and their plot."""
+"""Simulation of one FMU with given inputs: communication points, runs and their plot."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOST_STEPS = 1e7
 
 
 def grid(start: float, stop: float, step: float) -> Array:
-    """Return communication points from start to stop at a step; the last step may be shorter.
+    """Return equidistant communication points from start to stop; the last step may be shorter.
 
     Parameters
     ----------
@@ -37,12 +37,12 @@ def grid(start: float, stop: float, step: float) -> Array:
     Returns
     -------
     ndarray, shape (n,)
-        Both ends included.
+        In seconds, with both ends.
 
     Raises
     ------
     UserError
-        If the numbers make no grid.
+        If the step is not positive, `stop` is not after `start`, or there are too many steps.
     """
     if not (np.isfinite([start, stop, step]).all() and step > 0.0 and stop > start):
         raise UserError(
@@ -80,8 +80,7 @@ def points(recorded: Array, stop: float | None, step: float | None) -> Array:
     Raises
     ------
     UserError
-        If the numbers make no grid, or the record ends before `stop` and there is no `step` for the
-        time after it.
+        If `grid` refuses the times, or without `step` the record does not include `stop`.
     """
     first = float(recorded[0])
     end = float(recorded[-1])
@@ -91,25 +90,26 @@ def points(recorded: Array, stop: float | None, step: float | None) -> Array:
     if not first < last <= end:
         raise UserError(
             f"{option('stop', last)} is not within the record, which goes from {first:g} s"
-            f" to {end:g} s (with {option('step')}, its last values are held beyond its end)"
+            f" to {end:g} s (with {option('step')}, its last values continue beyond its end)"
         )
     return recorded[recorded <= last]
 
 
 def held(record: Record, name: str, time: Array) -> Array:
-    """Return a recorded signal at other times, each sample held until the next.
+    """Return a recorded signal at other times by a zero-order hold.
 
     Parameters
     ----------
     record : Record
     name : str
-        A signal of it.
+        Name of the signal.
     time : ndarray, shape (n,)
         In seconds.
 
     Returns
     -------
     ndarray, shape (n,)
+        In the unit of the record.
     """
     tolerance = 1e-9 * np.median(np.diff(record.time))
     index = np.searchsorted(record.time, time + tolerance, side="right") - 1
@@ -126,7 +126,7 @@ def simulate(
     *,
     isolation: Limits | None = None,
 ) -> dict[str, Array]:
-    """Run the model's FMU.
+    """Simulate a model.
 
     Parameters
     ----------
@@ -134,15 +134,15 @@ def simulate(
     time : ndarray, shape (n,)
         Communication points in seconds.
     inputs : Mapping[str, ndarray]
-        Values (n,) by input, in the FMU's units; missing inputs stay at their start value.
+        Values (n,) by input, in the FMU's units; other inputs keep their start values.
     parameters : Mapping[str, float | str]
-        Values that replace defaults, in the FMU's units; constant values of inputs too.
+        Start values of parameters and inputs, in the FMU's units.
     progress : callable
         Called with the number of points done.
     note : callable
-        Called with the messages of an FMU that did not fail.
+        Called with the warnings of an FMU that did not fail.
     isolation : Limits, optional
-        Limits of a separate process in which it is run; default in this process.
+        Limits of a separate process for the run; default is this process.
 
     Returns
     -------
@@ -157,10 +157,10 @@ def simulate(
         If it fails after the first point; `EndedSimulation` if it asks to end there.
     """
     outputs = list(model.outputs)
-    given = (outputs, time, dict(inputs), dict(parameters))
+    run = (outputs, time, dict(inputs), dict(parameters))
     if model.system is not None:
-        return _simulate_system(model.system, *given, isolation)
-    arguments = (model.path.resolve(), *given)
+        return _simulate_system(model.system, *run, isolation)
+    arguments = (model.path.resolve(), *run)
     if isolation is None:
         return _simulate(*arguments, progress=progress, note=note)
     with Process(isolation) as process:
@@ -231,18 +231,18 @@ def _run_once(
 
 
 class UnfinishedSimulation(UserError):
-    """The error that an FMU has stopped its simulation before the end.
+    """The error that a simulation failed after its first point.
 
     Attributes
     ----------
     time : ndarray, shape (n,)
-        Points that were reached, in s.
+        Completed communication points in s.
     outputs : dict of str to ndarray, shape (n,)
-        Outputs at these points.
+        Outputs at these points, in the FMU's units.
     """
 
     def __init__(self, message: str, time: Array, outputs: dict[str, Array]):
-        super().__init__(message, time, outputs)  # all that is needed to unpickle it
+        super().__init__(message, time, outputs)  # the arguments that unpickling needs
         self.time = time
         self.outputs = outputs
 
@@ -251,7 +251,7 @@ class UnfinishedSimulation(UserError):
 
 
 class EndedSimulation(UnfinishedSimulation):
-    """The error that a simulation is shorter than asked for because its FMU asked to end it."""
+    """The error that a simulation is shorter because its FMU asked to end it."""
 
 
 def _unfinished(
@@ -261,7 +261,7 @@ def _unfinished(
     rows: Array | None,
     kind: type[UnfinishedSimulation] = UnfinishedSimulation,
 ) -> UserError:
-    """Return the error of a simulation, with its results if there are any.
+    """Return the error of a failed simulation, with its results if there are any.
 
     Parameters
     ----------
@@ -270,7 +270,7 @@ def _unfinished(
     names : sequence of str
         Outputs in the columns of `rows`.
     rows : ndarray, shape (m, outputs), or None
-        Outputs at the points that were reached.
+        Outputs at the completed points.
     kind : type of UnfinishedSimulation
     """
     if rows is None or not len(rows):
@@ -291,8 +291,8 @@ def simulate_instance(
 ) -> dict[str, Array]:
     """Step a started instance over given communication points.
 
-    Inputs are set at every point, and are held until the next or change linearly; outputs are read
-    at every point *after* its inputs are set, so that a direct feedthrough shows at once.
+    Inputs are set at every point, and are constant until the next or change linearly; outputs are
+    read at every point *after* its inputs are set, so that they include a direct feedthrough.
 
     Parameters
     ----------
@@ -304,13 +304,13 @@ def simulate_instance(
     outputs : sequence of str, optional
         Variables to read; default every output.
     progress : callable
-        Called with the number of points done, now and then.
+        Called with the number of points done, some 200 times.
     linear : collection of str
-        Real inputs that change linearly from point to point. An FMU that can interpolate gets their
-        slopes, any other holds the value at the middle of every part, whose effect on its states
-        differs in the second order only.
+        Real inputs that change linearly from point to point. Their time derivatives are set if the
+        FMU can interpolate; else each has its value at the middle of every part, with an error of
+        second order in the states.
     parts : int
-        Steps from point to point.
+        Number of steps from point to point.
 
     Returns
     -------
@@ -319,8 +319,8 @@ def simulate_instance(
     Raises
     ------
     UserError
-        If a step fails or is discarded, with the time and the FMU's message; nothing shorter is
-        returned.
+        If a step fails or is discarded, with the time and the FMU's message; `UnfinishedSimulation`
+        after the first point.
     """
     names = list(fmu.outputs if outputs is None else outputs)
     check_inputs(fmu, inputs)
@@ -331,20 +331,20 @@ def simulate_instance(
     try:
         follow_course(fmu, course, names, result, progress, max(1, len(time) // 200))
     except stepping.StepFailed as failure:
-        wanted = isinstance(failure.__cause__, EndRequested)
-        kind = EndedSimulation if wanted else UnfinishedSimulation
+        is_end_requested = isinstance(failure.__cause__, EndRequested)
+        kind = EndedSimulation if is_end_requested else UnfinishedSimulation
         raise _unfinished(str(failure), time, names, result[: failure.point], kind) from failure
     progress(len(time))
     return {name: result[:, i] for i, name in enumerate(names)}
 
 
 def check_inputs(fmu: Fmu, names: Iterable[str]) -> None:
-    """Refuse names that are no inputs of an FMU.
+    """Raise UserError if a name is no input of an FMU.
 
     Raises
     ------
     UserError
-        If there is one.
+        For the first such name.
     """
     for name in names:
         if fmu.variable(name).causality != "input":
@@ -365,7 +365,11 @@ def draw_signals(
     signals : Mapping of str to ndarray, shape (n,)
         By input or output, in the FMU's units.
     title : str
-        Default the name of the model.
+        Title of the figure; default the name of the model.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
     """
     from orchestration.reporting import pictures
 
@@ -373,7 +377,7 @@ def draw_signals(
     figure, panels = pictures.panels(len(signals), title or model.name)
     for panel, (name, values) in zip(panels, signals.items(), strict=True):
         signal = known[name]
-        style = "steps-post" if name in model.inputs else "default"  # inputs are held
+        style = "steps-post" if name in model.inputs else "default"  # zero-order hold
         panel.plot(
             time,
             units.convert(values, signal.unit, signal.display),

@@ -1,6 +1,6 @@
-"""FMUs of FMI 3.0 as FMUs of FMI 2.0: their description translated, their library wrapped.
+"""Wrapping of FMUs of FMI 3.0 as FMUs of FMI 2.0: translated description and wrapped library.
 
-Whatever runs, sweeps, fits or composes FMUs then knows one interface.
+All other modules then need one interface only.
 """
 
 import lazy_loader

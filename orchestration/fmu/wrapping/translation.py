@@ -1,8 +1,8 @@
 """The model description of FMI 3.0 in terms of FMI 2.0.
 
 Arrays become scalars, named by their indices from 1 and in row-major order: ``A[2,1]``. Structural
-parameters keep their start values, as the sizes of arrays depend on them. Variables without a
-counterpart, which are binary or clocks, are left out.
+parameters keep their start values, because the sizes of arrays depend on them. Binary variables and
+clocks are omitted, because FMI 2.0 has no such types.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from orchestration.fmu.wrapping.variables import (
     number_type,
 )
 
-_COUNT = "1"  # the unit of wide integers
+_COUNT = "1"  # unit of wide integers
 _RANGES = {"Int8": (-128, 127), "UInt8": (0, 255), "Int16": (-(2**15), 2**15 - 1)}
 _RANGES |= {"UInt16": (0, 2**16 - 1)} | dict.fromkeys(("UInt32", "UInt64"), (0, 2**31 - 1))
-_MOST_DEPENDENCIES = 1_000_000  # beyond these an unknown may depend on all, which FMI 2.0 assumes
+_MOST_DEPENDENCIES = 1_000_000  # above, none are declared, so that FMI 2.0 assumes all
 
 _OF_MODEL = {
     name: name
@@ -67,7 +67,7 @@ _STRUCTURE = {
 
 
 class TableRow(NamedTuple):
-    """A variable in the table of the wrapper: number of its type, value reference, elements."""
+    """A variable in the table of the wrapper, with the index of its type in `NUMBERS`."""
 
     type: int
     reference: int
@@ -81,11 +81,11 @@ class Translation:
     Attributes
     ----------
     root : Element
-        ``fmiModelDescription`` of FMI 2.0; its value references are indices of elements.
+        ``fmiModelDescription`` of FMI 2.0, whose value references are indices of elements.
     table : list of TableRow
-        The variables whose elements these are, in their order.
+        The variables in the order of their elements.
     declared : dict of str to DeclaredVariable
-        The same variables, and their aliases, by name.
+        The variables and their aliases by name.
     """
 
     root: Element
@@ -94,7 +94,7 @@ class Translation:
 
 
 def translate(root: Element, label: str) -> Translation:
-    """Translate a model description.
+    """Translate a model description from FMI 3.0 to FMI 2.0.
 
     Parameters
     ----------
@@ -110,14 +110,13 @@ def translate(root: Element, label: str) -> Translation:
     Raises
     ------
     UserError
-        If a size, a start value or a reference to a variable makes no sense, or arrays are too
-        large.
+        If a size, a start value or a reference to a variable is invalid, or arrays are too large.
     """
-    return _Translator(root, label).translated()
+    return _Translator(root, label).translate()
 
 
 class _Translator:
-    """The translation of one description."""
+    """Translator of one model description."""
 
     def __init__(self, root: Element, label: str):
         self._root = root
@@ -131,7 +130,8 @@ class _Translator:
         self._variables = self._description.variables
         self._aliases: dict[int, list[int]] = {}  # of outputs, by the index of an element
 
-    def translated(self) -> Translation:
+    def translate(self) -> Translation:
+        """Return the translated description."""
         root = Element("fmiModelDescription", fmiVersion="2.0")
         self._copy(self._root, root, _OF_MODEL)
         root.set("guid", self._root.get("instantiationToken", ""))
@@ -158,6 +158,7 @@ class _Translator:
 
     @staticmethod
     def _copy(source: Element, target: Element, names: Mapping[str, str]) -> None:
+        """Copy existing attributes, each to its name in FMI 2.0."""
         for old, new in names.items():
             text = source.get(old)
             if text is not None:
@@ -183,11 +184,11 @@ class _Translator:
             return
         definitions = SubElement(root, "UnitDefinitions")
         for unit in units:
-            own = SubElement(definitions, "Unit", name=unit.get("name", ""))
-            own.extend(unit.findall("BaseUnit"))
+            translated = SubElement(definitions, "Unit", name=unit.get("name", ""))
+            translated.extend(unit.findall("BaseUnit"))
             for display in unit.iterfind("DisplayUnit"):
                 if (unit.get("name"), display.get("name")) not in self._inverse_units:
-                    self._copy(display, SubElement(own, "DisplayUnit"), _OF_DISPLAY_UNIT)
+                    self._copy(display, SubElement(translated, "DisplayUnit"), _OF_DISPLAY_UNIT)
 
     def _add_enumerations(self, root: Element) -> None:
         enumerations = [
@@ -199,10 +200,10 @@ class _Translator:
         for node in enumerations:
             simple = SubElement(definitions, "SimpleType")
             self._copy(node, simple, {"name": "name", "description": "description"})
-            own = SubElement(simple, "Enumeration")
-            self._copy(node, own, {"quantity": "quantity"})
+            enumeration = SubElement(simple, "Enumeration")
+            self._copy(node, enumeration, {"quantity": "quantity"})
             for item in node.iterfind("Item"):
-                SubElement(own, "Item", item.attrib)
+                SubElement(enumeration, "Item", item.attrib)
 
     def _add_annotations(self, root: Element) -> None:
         annotations = self._root.findall("Annotations/Annotation")
@@ -228,34 +229,34 @@ class _Translator:
                     index += 1
 
     def _add_scalars(
-        self, parent: Element, variable: Fmi3Variable, own: Element, causality: str
+        self, parent: Element, variable: Fmi3Variable, node: Element, causality: str
     ) -> None:
-        """Append the elements of a variable, under its name or an alias.
+        """Append a scalar variable for each element of a variable or of its alias.
 
         Parameters
         ----------
         parent : Element
             ``ModelVariables``.
         variable : Fmi3Variable
-        own : Element
-            What gives name, description and display unit: the variable, or its alias.
+        node : Element
+            The variable or its alias, which has the name, description and display unit.
         causality : str
         """
-        is_alias = own is not variable.node
-        fixed = causality == "structuralParameter"  # its size is settled
-        shared = {"causality": "local" if fixed else causality, "variability": variable.variability}
+        is_alias = node is not variable.node
+        is_structural = causality == "structuralParameter"
+        shared = {"causality": causality, "variability": variable.variability}
         initial = variable.attributes.get("initial")
-        if fixed:
-            shared["variability"] = "fixed"
+        if is_structural:
+            shared = {"causality": "local", "variability": "fixed"}
         elif initial is not None and not is_alias:
             shared["initial"] = initial
-        description = own.get("description", variable.attributes.get("description"))
+        description = node.get("description", variable.attributes.get("description"))
         if description is not None:
             shared["description"] = description
-        attributes = self._scalar_attributes(variable, own)
+        attributes = self._scalar_attributes(variable, node)
         derivative = self._derivative(variable) if not is_alias else None
-        starts = self._description.starts(variable) if not is_alias and not fixed else []
-        for k, name in enumerate(variable.names(own.get("name", ""))):
+        starts = self._description.starts(variable) if not is_alias and not is_structural else []
+        for k, name in enumerate(variable.names(node.get("name", ""))):
             reference = str(variable.first + k)
             scalar = SubElement(parent, "ScalarVariable", name=name, valueReference=reference)
             scalar.attrib |= shared
@@ -265,11 +266,11 @@ class _Translator:
             if starts:
                 value.set("start", starts[k])
 
-    def _scalar_attributes(self, variable: Fmi3Variable, own: Element) -> dict[str, str]:
-        """Return the attributes that the elements of a variable share, without their start."""
+    def _scalar_attributes(self, variable: Fmi3Variable, node: Element) -> dict[str, str]:
+        """Return the attributes of the type that all elements share, without start values."""
         given = dict(variable.attributes)
-        if own.get("displayUnit") is not None:
-            given["displayUnit"] = own.get("displayUnit", "")
+        if "displayUnit" in node.attrib:
+            given["displayUnit"] = node.attrib["displayUnit"]
         if (given.get("unit"), given.get("displayUnit")) in self._inverse_units:
             del given["displayUnit"]
         kind = variable.scalar_type
@@ -287,7 +288,7 @@ class _Translator:
         return attributes
 
     def _derivative(self, variable: Fmi3Variable) -> Fmi3Variable | None:
-        """Return the variable of which one is the derivative."""
+        """Return the variable whose derivative a variable is; None if it is no derivative."""
         text = variable.node.get("derivative")
         if text is None:
             return None
@@ -310,13 +311,14 @@ class _Translator:
                 structure.remove(section)
 
     def _add_unknowns(self, section: Element, variable: Fmi3Variable, unknown: Element) -> None:
+        """Append an unknown for each element of a variable and for the aliases of each."""
         dependencies = self._dependencies(variable, unknown)
         for element in variable.elements:
             for index in (element, *self._aliases.get(element, ())):
                 SubElement(section, "Unknown", index=str(index + 1)).attrib |= dependencies
 
     def _dependencies(self, variable: Fmi3Variable, unknown: Element) -> dict[str, str]:
-        """Return the dependencies of an unknown, and their kinds, as attributes."""
+        """Return the attributes of an unknown for its dependencies and their kinds."""
         text = unknown.get("dependencies")
         if text is None:
             return {}
@@ -341,12 +343,12 @@ class _Translator:
         indices = [str(index + 1) for known, _ in knowns for index in known.elements]
         attributes = {"dependencies": " ".join(indices)}
         if declared_kinds:
-            # of an array one element may depend otherwise than another
+            # a kind holds for all elements of an array together, so that one may differ from it
             is_scalar = variable.count == 1
-            own = [
+            scalar_kinds = [
                 kind if is_scalar and known.count == 1 else "dependent"
                 for known, kind in knowns
                 for _ in known.elements
             ]
-            attributes["dependenciesKind"] = " ".join(own)
+            attributes["dependenciesKind"] = " ".join(scalar_kinds)
         return attributes

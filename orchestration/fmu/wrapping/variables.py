@@ -1,4 +1,4 @@
-"""The variables of a model description of FMI 3.0: their types, sizes and elements."""
+"""Variables of a model description of FMI 3.0: types, sizes and elements."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError
 
-# types that a wrapped FMU can exchange, in the order of their numbers in `wrapper.h`
+# types of the variables of a wrapped FMU, in the order of their numbers in `wrapper.h`
 NUMBERS = (
     "Float32",
     "Float64",
@@ -27,23 +27,23 @@ NUMBERS = (
 )
 _SCALARS = {"Float32": "Real", "Float64": "Real"}
 _SCALARS |= {kind: kind for kind in ("Boolean", "String", "Enumeration")}
-_WIDE = ("UInt32", "Int64", "UInt64")  # beyond the integers of FMI 2.0
+_WIDE = ("UInt32", "Int64", "UInt64")  # exceed the integers of FMI 2.0
 _PARAMETERS = ("parameter", "calculatedParameter", "structuralParameter")
 MOST_ELEMENTS = 200_000  # of all variables
 _MOST_DIGITS = len(str(2**32))
 
 
 class DeclaredVariable(NamedTuple):
-    """A variable as FMI 3.0 has it.
+    """A variable as declared in FMI 3.0.
 
     Attributes
     ----------
     kind : str
-        Its type in FMI 3.0.
+        Type in FMI 3.0.
     shape : tuple of int
         Empty for a scalar.
     elements : tuple of str
-        Names of its elements in FMI 2.0; of a scalar its own.
+        Names of the elements in FMI 2.0; for a scalar its name.
     """
 
     kind: str
@@ -58,13 +58,17 @@ class Fmi3Variable:
     ----------
     node : Element
     kind : str
-        Its type in FMI 3.0.
+        Type in FMI 3.0.
     reference : int
+        Value reference.
     shape : tuple of int
         Empty for a scalar.
     attributes : Mapping of str to str
+        Attributes of the variable and of its declared type.
     first : int
-        Index of its first element among all elements.
+        Index of the first element among the elements of all variables.
+    count : int
+        Number of elements.
     """
 
     def __init__(self, node: Element, reference: int, shape: tuple[int, ...], first: int):
@@ -78,40 +82,40 @@ class Fmi3Variable:
 
     @property
     def causality(self) -> str:
-        """Causality, as declared or by default."""
+        """Causality, declared or by default."""
         return self.attributes.get("causality", "local")
 
     @property
     def variability(self) -> str:
-        """Variability, as declared or by default."""
-        usual = "continuous" if self.kind.startswith("Float") else "discrete"
+        """Variability, declared or by default."""
+        default = "continuous" if self.kind.startswith("Float") else "discrete"
         if self.causality in _PARAMETERS:
-            usual = "fixed"
-        return self.attributes.get("variability", usual)
+            default = "fixed"
+        return self.attributes.get("variability", default)
 
     @property
     def is_wide(self) -> bool:
-        """True if its values may be beyond the integers of FMI 2.0; those that are set are not."""
+        """True if values may exceed the integers of FMI 2.0; False for variables that hosts set."""
         is_set = self.causality in ("parameter", "input", "structuralParameter")
         return self.kind in _WIDE and not is_set
 
     @property
     def scalar_type(self) -> str:
-        """Type of its elements in FMI 2.0; wide integers are exact as reals up to 2**53."""
+        """Type of the elements in FMI 2.0; wide integers are reals, which are exact up to 2**53."""
         return "Real" if self.is_wide else _SCALARS.get(self.kind, "Integer")
 
     @property
     def elements(self) -> range:
-        """Indices of its elements."""
+        """Indices of the elements among those of all variables."""
         return range(self.first, self.first + self.count)
 
     def names(self, name: str) -> Iterator[str]:
-        """Yield the names of its elements under its own name, or that of an alias."""
+        """Yield the names of the elements, given the name of the variable or of an alias."""
         return element_names(name, self.shape)
 
 
 def element_names(name: str, shape: tuple[int, ...]) -> Iterator[str]:
-    """Yield the names of the elements of an array in row-major order; of a scalar its own.
+    """Yield the names of the elements of an array in row-major order; for a scalar its name.
 
     Parameters
     ----------
@@ -147,12 +151,12 @@ class Fmi3Description:
     types : dict of str to Element
         Type definitions by name.
     variables : dict of int to Fmi3Variable
-        Those that can be exchanged, by value reference.
+        Variables of the types in `NUMBERS`, by value reference.
 
     Raises
     ------
     UserError
-        If a value reference or a size makes no sense, or arrays are too large.
+        If a value reference or a size is invalid, or arrays are too large.
     """
 
     def __init__(self, root: Element, label: str):
@@ -163,19 +167,20 @@ class Fmi3Description:
         self._read_variables()
 
     def error(self, name: str, problem: str) -> UserError:
-        """Return an error about an element of that name."""
+        """Return an error about an element with a name."""
         return UserError(f"{self._where}: {name}: {problem}")
 
     def whole_number(self, text: str | None, name: str, attribute: str) -> int:
-        """Read a number without sign, of 32 bits; UserError if the text is none."""
+        """Return an unsigned integer of 32 bits from a text; UserError if it is none."""
         digits = (text or "").strip()
         if not digits.isascii() or not digits.isdigit():
             raise self.error(name, f"{attribute} {digits[:40]!r} is no whole number")
-        if len(digits) > _MOST_DIGITS or int(digits) >= 2**32:  # C would take the lower bits
+        if len(digits) > _MOST_DIGITS or int(digits) >= 2**32:  # C would drop the upper bits
             raise self.error(name, f"{attribute} {digits[:40]} is beyond 32 bits")
         return int(digits)
 
     def _read_variables(self) -> None:
+        """Read `variables`; UserError for a duplicate, an invalid number or too many elements."""
         nodes: dict[int, Element] = {}
         names: set[str] = set()
         for node in self.root.iterfind("ModelVariables/*"):
@@ -198,19 +203,20 @@ class Fmi3Description:
             first += variable.count
             if first > MOST_ELEMENTS:
                 raise UserError(
-                    f"{self._where}: its arrays have more than {MOST_ELEMENTS:,} elements; these"
-                    " are not taken one by one"
+                    f"{self._where}: its arrays have more than {MOST_ELEMENTS:,} elements, which is"
+                    " the most allowed"
                 )
             self.variables[reference] = variable
 
     def _declared(self, node: Element) -> dict[str, str]:
-        """Return the attributes of the declared type of a variable."""
+        """Return the attributes of the declared type of a variable, without its description."""
         declared = self.types.get(node.get("declaredType", ""))
         if declared is None:
             return {}
         return {name: text for name, text in declared.attrib.items() if name != "description"}
 
     def _size(self, size: Element, node: Element, nodes: Mapping[int, Element]) -> int:
+        """Return a size of an array: a number, or the start value of a structural parameter."""
         name = node.get("name", "")
         if size.get("start") is not None:
             return self.whole_number(size.get("start"), name, "the size")
@@ -222,7 +228,7 @@ class Fmi3Description:
         return self.whole_number(nodes[reference].get("start"), name, "the size")
 
     def starts(self, variable: Fmi3Variable) -> list[str]:
-        """Return a start value for each element; nothing if none are declared."""
+        """Return a start value for each element; an empty list if none are declared."""
         if variable.kind == "String":
             texts = [start.get("value", "") for start in variable.node.iterfind("Start")]
         else:
@@ -236,27 +242,27 @@ class Fmi3Description:
         return texts
 
     def unknowns(self, tag: str) -> Iterator[tuple[Fmi3Variable | None, Element]]:
-        """Yield the variables of a part of the model structure; None for one not exchanged."""
+        """Yield variables and elements of a part of the model structure; None for other types."""
         for unknown in self.root.iterfind(f"ModelStructure/{tag}"):
             reference = self.whole_number(unknown.get("valueReference"), tag, "valueReference")
             yield self.variables.get(reference), unknown
 
     def declared_variables(self) -> dict[str, DeclaredVariable]:
-        """Return the variables, and their aliases, by name."""
+        """Return the variables and their aliases by name; UserError for a duplicate name."""
         declared = {}
-        taken: set[str] = set()  # an element may be called as another variable is
+        known: set[str] = set()  # an element may have the name of another variable
         for variable in self.variables.values():
-            for own in (variable.node, *variable.node.iterfind("Alias")):
-                name = own.get("name", "")
+            for node in (variable.node, *variable.node.iterfind("Alias")):
+                name = node.get("name", "")
                 elements = tuple(variable.names(name))
-                twice = next((element for element in elements if element in taken), None)
-                if twice is not None:
-                    raise self.error(twice, "is the name of two variables")
-                taken.update(elements)
+                for element in elements:
+                    if element in known:
+                        raise self.error(element, "is the name of two variables")
+                known.update(elements)
                 declared[name] = DeclaredVariable(variable.kind, variable.shape, elements)
         return declared
 
 
 def number_type(kind: str) -> str:
-    """Return the type with whose functions a type of FMI 3.0 is exchanged."""
+    """Return the type whose functions get and set variables of a type of FMI 3.0."""
     return "Int64" if kind == "Enumeration" else kind

@@ -1,4 +1,4 @@
-"""The library that wraps an FMU of FMI 3.0, put beside it in the folder where it is unpacked."""
+"""Installation of the library that wraps an FMU of FMI 3.0 into its unpacked folder."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def wrap(folder: Path, root: Element, label: str) -> None:
     Parameters
     ----------
     folder : Path
-        The unpacked FMU, to which the libraries of the wrapper and their tables are added.
+        Folder of the unpacked FMU, to which the libraries and their tables are added.
     root : Element
-        Its ``fmiModelDescription``.
+        ``fmiModelDescription`` of the FMU.
     label : str
         Name of the FMU in messages.
 
@@ -52,18 +52,18 @@ def wrap(folder: Path, root: Element, label: str) -> None:
         if not re.fullmatch(r"\w+", identifier, re.ASCII):
             raise UserError(f"{label}: modelIdentifier {identifier!r} is no identifier of C")
         name = identifier + fmpy.sharedLibraryExtension
-        own = folder / "binaries" / fmpy.platform_tuple / name
-        if not own.is_file():
+        library = folder / "binaries" / fmpy.platform_tuple / name
+        if not library.is_file():
             raise UserError(f"{label}: binaries/{fmpy.platform_tuple}/{name} is missing")
         with scratch.written(folder):
             binaries.mkdir(exist_ok=True)
             shutil.copyfile(wrapper, binaries / name)
-            table = _table(translation, own, resources)
+            table = _table(translation, library, resources)
             (binaries / f"{identifier}.table").write_bytes(table)
 
 
 def _library() -> Path:
-    """Return the compiled wrapper, from the cache if it is there."""
+    """Return the path of the wrapper, which is compiled if it is not in the cache."""
     here = Path(__file__).parent
     sources = {name: (here / name).read_bytes() for name in _SOURCES}
     for version in (2, 3):
@@ -74,7 +74,7 @@ def _library() -> Path:
 
 
 def _table(translation: Translation, library: Path, resources: Path) -> bytes:
-    """Return the table that the wrapper reads when it is instantiated."""
+    """Return the table of variables that the wrapper reads when it is instantiated."""
     place = f"{resources}{os.sep}" if resources.is_dir() else ""
     lines = [str(library), place, str(len(translation.table))]
     lines += [f"{row.type} {row.reference} {row.elements}" for row in translation.table]

@@ -1,4 +1,4 @@
-"""The forms that files come in, a reader for each; all yield the same raw table."""
+"""File formats: a reader for each, which returns a raw `Table`."""
 
 import lazy_loader
 

@@ -22,8 +22,8 @@ from orchestration.records.tables import (
 def read_parquet(path: Path, content: bytes) -> Table:
     """Read a Parquet file; a `Reader`.
 
-    Units come from the column names ``name [unit]``, else from the fields' metadata entry ``unit``.
-    Refused: a damaged file, and any if pyarrow is absent.
+    Units come from the column names ``name [unit]``, else from the metadata entry ``unit`` of a
+    field. A damaged file is refused; without pyarrow any file is.
     """
     with optional():
         import pyarrow.parquet as parquet
@@ -36,7 +36,7 @@ def read_parquet(path: Path, content: bytes) -> Table:
             values = chunks.to_numpy()
             stated = "s" if values.dtype.kind in "Mm" else stated
             columns.append(Column(name, unit or plain_unit(stated), as_numbers(values), field.name))
-    except Exception as error:  # the library raises whatever a damaged file trips
+    except Exception as error:  # a damaged file may raise any exception
         raise refuse(
             path, f"the Parquet file is damaged: {type(error).__name__}: {error}"
         ) from error
@@ -49,7 +49,7 @@ def read_netcdf(path: Path, content: bytes) -> Table:
     """Read a NetCDF 3 file, such as a result of ``ppy run``; a `Reader`.
 
     One column per vector over the first dimension; units come from the attribute ``units``.
-    Refused: a damaged file, and one without vectors.
+    A damaged file and one without vectors are refused.
     """
     from scipy.io import netcdf_file
 
@@ -61,7 +61,7 @@ def read_netcdf(path: Path, content: bytes) -> Table:
                 for name, v in file.variables.items()
                 if v.dimensions == (first,)
             ]
-    except Exception as error:  # the library raises whatever a damaged file trips
+    except Exception as error:  # a damaged file may raise any exception
         raise refuse(
             path, f"the NetCDF file is damaged: {type(error).__name__}: {error}"
         ) from error
@@ -74,16 +74,16 @@ def read_mat(path: Path, content: bytes) -> Table:
     """Read a MATLAB file, version 4 to 7 but not 7.3; a `Reader`.
 
     One column per numeric vector; units come from a variable ``units``, which is a struct with a
-    text field per variable, or texts ``name [unit]``. Refused: a damaged file, version 7.3, vectors
-    that differ in length.
+    text field per variable, or texts ``name [unit]``. A damaged file, version 7.3 and vectors that
+    differ in length are refused.
     """
     from scipy.io import loadmat
 
     try:
-        variables = loadmat(io.BytesIO(content))  # type: ignore[arg-type]  # a file, too, says SciPy
+        variables = loadmat(io.BytesIO(content))  # type: ignore[arg-type]  # SciPy also takes files
     except NotImplementedError:
         raise refuse(path, "this is a MATLAB 7.3 file (HDF5); save it with -v7") from None
-    except Exception as error:  # the library raises whatever a damaged file trips
+    except Exception as error:  # a damaged file may raise any exception
         raise refuse(
             path, f"the MATLAB file is damaged: {type(error).__name__}: {error}"
         ) from error
@@ -115,7 +115,7 @@ def _is_vector(value: object) -> bool:
 
 
 def _common_length(path: Path, vectors: Mapping[str, Array]) -> int:
-    """Return the length of all vectors; refuse those that differ from the time, or the first."""
+    """Return the length of all vectors; raise if one differs from the time (or the first)."""
     reference = next(
         (name for name in vectors if name.lower() in ("time", "t")), next(iter(vectors))
     )
@@ -131,7 +131,7 @@ def _common_length(path: Path, vectors: Mapping[str, Array]) -> int:
 
 
 def _mat_units(path: Path, value: object) -> dict[str, str]:
-    """Read the companion variable ``units`` of a MATLAB file."""
+    """Return the units by variable from the variable ``units`` of a MATLAB file."""
     if value is None:
         return {}
     array = np.asarray(value)
@@ -152,7 +152,7 @@ def _mat_units(path: Path, value: object) -> dict[str, str]:
 
 
 def _mat_text(value: object) -> str:
-    """Give the text of a MATLAB char array or cell."""
+    """Return the text of a MATLAB char array or cell."""
     while isinstance(value, np.ndarray):
         if value.size == 0:
             return ""

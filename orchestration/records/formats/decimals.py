@@ -1,4 +1,4 @@
-"""Decimal marks and separators of thousands: which a file uses, and numbers with points alone."""
+"""Normalisation of numbers: decimal commas become points, separators of thousands are removed."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ _PLAIN = {
     ",": str.maketrans(",", ".", f".{_SEPARATORS}"),
     ".": str.maketrans("", "", f",{_SEPARATORS}"),
 }
-"""Translation of a number, by its decimal mark, to what Python reads."""
+"""By decimal mark: translation of the text of a number to Python's notation."""
 
 
 class _Number(NamedTuple):
-    """A number with a mark in it, as it is written.
+    """The notation of a number that contains a decimal mark or a separator.
 
     Attributes
     ----------
     row : int
     text : str
     decimal, group : str
-        Mark of decimals and separator of thousands; empty where there is none.
+        Decimal mark and separator of thousands; empty where there is none.
     open : bool
-        One mark stands before three digits, which may be either.
+        True if its one mark, before three digits, may be either of the two.
     """
 
     row: int
@@ -41,93 +41,91 @@ class _Number(NamedTuple):
     open: bool
 
 
-def settle_decimals(table: Table, comma_divides: bool) -> None:
-    """Write numbers with decimal points and without separators of thousands, in place.
+def normalise_decimals(table: Table, comma_divides: bool) -> None:
+    """Rewrite numbers with decimal points and without separators of thousands, in place.
 
     Parameters
     ----------
     table : Table
-        With text cells; takes a line for what was read otherwise than it is written.
+        With text cells; the change is added to its repairs.
     comma_divides : bool
-        True if commas are between the columns, so that one in a number is no decimal comma.
+        True if commas separate the columns, so that a comma in a number is not a decimal comma.
 
     Raises
     ------
     UserError
-        If a file has both decimal commas and points, or a number may mean two things.
+        If a file has both decimal commas and points, or a number is ambiguous.
     """
     if not any(map(_may_have_separators, table.columns)):
         return
-    marked = [(column, _marked(table, column)) for column in table.columns]
-    found = [number for _, numbers in marked for number in numbers if number is not None]
-    if not found:
+    notations = [(column, _notations(table, column)) for column in table.columns]
+    marked = [number for _, numbers in notations for number in numbers if number is not None]
+    if not marked:
         return
-    decimal = _decimal_mark(table, found, comma_divides)
-    for column, numbers in marked:
+    decimal = _decimal_mark(table, marked, comma_divides)
+    for column, numbers in notations:
         _check_groups(table, column, numbers, decimal)
         column.cells = [
             cell if number is None else cell.translate(_PLAIN[decimal])
             for cell, number in zip(column.cells, numbers, strict=True)
         ]
-    _note(table, found, decimal)
+    _note(table, marked, decimal)
 
 
 def _may_have_separators(column: Column) -> bool:
-    """Return whether a column has a mark that is no lone decimal point."""
+    """Return whether a column has a mark other than one decimal point per cell."""
     joined = "\n".join(column.cells)
     separated = any(mark in joined for mark in f",{_SEPARATORS}")
     return separated or any(cell.count(".") > 1 for cell in column.cells)
 
 
-def _marked(table: Table, column: Column) -> list[_Number | None]:
-    """Return how each cell of a column is written; None for what is no number, or has no mark."""
+def _notations(table: Table, column: Column) -> list[_Number | None]:
+    """Return the notation of each cell of a column."""
     return [
-        _as_written(int(row), str(cell)) for row, cell in zip(table.rows, column.cells, strict=True)
+        _notation(int(row), str(cell)) for row, cell in zip(table.rows, column.cells, strict=True)
     ]
 
 
-def _as_written(row: int, text: str) -> _Number | None:
-    found = _NUMBER.fullmatch(text)
-    if found is None or not (found["by"] or found["mark"]):
+def _notation(row: int, text: str) -> _Number | None:
+    """Return the notation of a cell; None if it is no number, or a number without any mark."""
+    match = _NUMBER.fullmatch(text)
+    if match is None or not (match["by"] or match["mark"]):
         return None
-    whole = found["whole"]
-    by = found["by"]
-    mark = found["mark"] or ""
+    whole = match["whole"]
+    by = match["by"]
+    mark = match["mark"] or ""
     if by is None:
         return _Number(row, text, mark, "", False)
     may_be_group = 1 <= len(whole) <= 3 and mark != by
-    if by in ".," and len(found["groups"]) == 4 and not mark:
-        if may_be_group and whole[0] != "0" and not found["exponent"]:
+    if by in ".," and len(match["groups"]) == 4 and not mark:
+        if may_be_group and whole[0] != "0" and not match["exponent"]:
             return _Number(row, text, "", by, True)
         return _Number(row, text, by, "", False)
     return _Number(row, text, mark, by, False) if may_be_group else None
 
 
-def _decimal_mark(table: Table, found: list[_Number], comma_divides: bool) -> str:
-    """Return the decimal mark of a file; refuse a file with two."""
-    comma = _first(found, decimal=",") or _first(found, group=".", certain=True)
-    point = _first(found, decimal=".") or _first(found, group=",", certain=True)
-    if comma is None and point is None:  # one mark before three digits is all there is
-        comma = None if comma_divides else _first(found, group=",")
-        point = _first(found, group=".") or (_first(found, group=",") if comma_divides else None)
+def _decimal_mark(table: Table, numbers: list[_Number], comma_divides: bool) -> str:
+    """Return the decimal mark of a file; raise if it has two."""
+    certain = [number for number in numbers if not number.open]
+    comma = _first_decimal(certain, ",") or _first_separated(certain, ".")
+    point = _first_decimal(certain, ".") or _first_separated(certain, ",")
+    if comma is None and point is None:  # then a mark before three digits is a decimal mark
+        comma = _first_separated(numbers, ",")
+        point = _first_separated(numbers, ".")
+        if comma_divides:
+            point = point or comma
+            comma = None
     if comma and point:
         raise _two_marks(table, comma, point)
     return "," if comma else "."
 
 
-def _first(
-    found: list[_Number], decimal: str = "", group: str = "", certain: bool = False
-) -> _Number | None:
-    """Return the first number that is written with a decimal mark, or a separator."""
-    return next(
-        (
-            n
-            for n in found
-            if (decimal and n.decimal == decimal)
-            or (group and n.group == group and not (certain and n.open))
-        ),
-        None,
-    )
+def _first_decimal(numbers: list[_Number], mark: str) -> _Number | None:
+    return next((number for number in numbers if number.decimal == mark), None)
+
+
+def _first_separated(numbers: list[_Number], separator: str) -> _Number | None:
+    return next((number for number in numbers if number.group == separator), None)
 
 
 def _two_marks(table: Table, comma: _Number, point: _Number) -> UserError:
@@ -141,7 +139,7 @@ def _two_marks(table: Table, comma: _Number, point: _Number) -> UserError:
 def _check_groups(
     table: Table, column: Column, numbers: list[_Number | None], decimal: str
 ) -> None:
-    """Refuse a column in which a point before three digits may be of decimals after all."""
+    """Raise if all numbers of a column have a point before three digits, which may be decimal."""
     if decimal != ",":
         return
     grouped = [n for n in numbers if n and n.group == "."]
@@ -155,14 +153,14 @@ def _check_groups(
         )
 
 
-def _note(table: Table, found: list[_Number], decimal: str) -> None:
-    """Note what was read otherwise than it is written."""
-    comma = next((n for n in found if decimal == "," and "," in n.text), None)
+def _note(table: Table, numbers: list[_Number], decimal: str) -> None:
+    """Add repairs for decimal commas and separators of thousands."""
+    comma = next((n for n in numbers if decimal == "," and "," in n.text), None)
     if comma is not None:
         table.repairs.append(
             Repair("decimal comma", f"decimal commas read as points (first in row {comma.row})")
         )
-    separated = next((n for n in found if n.group and n.group != decimal), None)
+    separated = next((n for n in numbers if n.group and n.group != decimal), None)
     if separated is not None:
         table.repairs.append(
             Repair(

@@ -1,4 +1,4 @@
-"""LabVIEW's two forms: text (.lvm) with its header blocks, and binary TDMS."""
+"""LabVIEW files: text (.lvm) with header blocks, and binary TDMS."""
 
 import io
 import logging
@@ -23,7 +23,8 @@ def read_lvm(path: Path, content: bytes) -> Table:
     """Read a LabVIEW text file of one segment; a `Reader`.
 
     Column ``X_Value`` comes first, in seconds, then the channels with the units of
-    ``Y_Unit_Label``. Refused: no end of the header, more than one segment, an X column per channel.
+    ``Y_Unit_Label``. A file without an end of its header, with several segments, or with an X
+    column per channel is refused.
     """
     text = decode(path, content)
     ends = [index for index, line in enumerate(text.lines) if line.strip().startswith(_END)]
@@ -59,7 +60,7 @@ def _is_empty(column: Column) -> bool:
 
 
 def _delimiter(path: Path, header: list[str]) -> str:
-    """Return the delimiter that a header names, the tab if it names none."""
+    """Return the delimiter that a header names; a tab if it names none."""
     named = [line for line in header if line.lower().startswith("separator")]
     separator = named[0] if named else "Separator\tTab"
     word = separator[len("separator") :].strip(" \t,;").lower() or "tab"
@@ -69,9 +70,9 @@ def _delimiter(path: Path, header: list[str]) -> str:
 
 
 def _start_of_data(text: Lines, ends: list[int]) -> int:
-    """Return the index of the line that names the columns, the first behind the headers.
+    """Return the index of the line of column names, which follows the last header.
 
-    A file has one header, and one more for each segment; a file without segments has only the one.
+    A file has one header, and one more for each segment; without segments only the first.
     """
     last = ends[0] if len(ends) == 1 else ends[1]
     start = last + 1
@@ -89,7 +90,7 @@ def _start_of_data(text: Lines, ends: list[int]) -> int:
 
 
 def _header_fields(text: Lines, end: int, delimiter: str) -> dict[str, list[str]]:
-    """Return the fields of a header by name; refuse those of several clocks, and of no time."""
+    """Return the fields of a header by name; raise if X is not one column of time."""
     fields = {}
     for index in range(end):
         cells = [cell.strip() for cell in text.split(index, delimiter)]
@@ -108,7 +109,7 @@ def _header_fields(text: Lines, end: int, delimiter: str) -> dict[str, list[str]
 def _clock_from_header(
     path: Path, fields: dict[str, list[str]], count: int, repairs: list[Repair]
 ) -> np.ndarray:
-    """Make the time column from the header's X0 and Delta_X, as ``X_Columns No`` asks for."""
+    """Return the time from X0 and Delta_X of the header, for ``X_Columns No``."""
     try:
         origin, step = (float(fields[name][0].replace(",", ".")) for name in ("X0", "Delta_X"))
     except (KeyError, IndexError, ValueError):
@@ -129,22 +130,22 @@ def _clock_from_header(
 def read_tdms(path: Path, content: bytes) -> Table:
     """Read a LabVIEW TDMS file; a `Reader`.
 
-    One column per channel; the time column is made from the waveform properties where no channel is
-    called time. Refused: a damaged file, channels that differ in length or clock, and any file if
-    npTDMS is absent.
+    One column per channel; time is computed from the waveform properties if no channel is called
+    time. A damaged file and channels that differ in length or clock are refused; without npTDMS any
+    file is.
     """
     with optional():
         from nptdms import TdmsFile
-    silenced = logging.root.manager.disable
-    logging.disable(logging.WARNING)  # npTDMS logs what the message or the repair line says anyway
+    log_level = logging.root.manager.disable
+    logging.disable(logging.WARNING)  # npTDMS would log the content of our repair too
     try:
         file = TdmsFile.read(io.BytesIO(content))
         channels = [channel for group in file.groups() for channel in group.channels()]
         data = [np.asarray(channel[:]) for channel in channels]
-    except Exception as error:  # the library raises whatever a damaged file trips
+    except Exception as error:  # a damaged file may raise any exception
         raise refuse(path, f"the TDMS file is damaged: {type(error).__name__}: {error}") from error
     finally:
-        logging.disable(silenced)
+        logging.disable(log_level)
     repairs: list[Repair] = []
     if _ends_inside_segment(content):
         count = min((values.size for values in data), default=0)
@@ -165,7 +166,7 @@ def read_tdms(path: Path, content: bytes) -> Table:
             name = f"{channel.group_name}/{name}"
         unit = unit or plain_unit(str(channel.properties.get("unit_string", "")))
         if values.dtype.kind in "Mm":
-            unit = "s"  # what `as_numbers` makes of instants
+            unit = "s"  # `as_numbers` turns instants into seconds
         if values.size != data[0].size:
             raise refuse(
                 path,
@@ -183,20 +184,20 @@ def read_tdms(path: Path, content: bytes) -> Table:
 def _waveform_clock(
     path: Path, properties: list[Mapping[str, Any]], count: int, repairs: list[Repair]
 ) -> list[Column]:
-    """Make the time column from waveform properties; none if there are none."""
-    steps = {
-        (float(given.get("wf_start_offset", 0.0)), float(given["wf_increment"]))
-        for given in properties
-        if "wf_increment" in given
+    """Return the time column from the waveform properties; an empty list if no channel has them."""
+    clocks = {
+        (float(channel.get("wf_start_offset", 0.0)), float(channel["wf_increment"]))
+        for channel in properties
+        if "wf_increment" in channel
     }
-    if len(steps) > 1:
+    if len(clocks) > 1:
         raise refuse(
             path,
-            f"the channels have {len(steps)} different clocks (wf_start_offset, wf_increment); save"
-            " one per file",
+            f"the channels have {len(clocks)} different clocks (wf_start_offset, wf_increment);"
+            " save one per file",
         )
     columns = []
-    for offset, step in steps:
+    for offset, step in clocks:
         if not step > 0:
             raise refuse(path, f"wf_increment is {step:g} s (allowed: above 0)")
         columns.append(
@@ -208,10 +209,9 @@ def _waveform_clock(
 
 
 def _ends_inside_segment(content: bytes) -> bool:
-    """Tell whether a TDMS file was cut off, from the segment lengths its lead-ins state."""
-    lead_in = struct.Struct(
-        "<4sIIQQ"
-    )  # tag, contents, version, bytes to the next segment, bytes to the raw data
+    """Return whether a TDMS file is truncated, by the segment lengths that its lead-ins state."""
+    # tag, contents, version, bytes to the next segment, bytes to the raw data
+    lead_in = struct.Struct("<4sIIQQ")
     position = 0
     while position + lead_in.size <= len(content):
         position += lead_in.size + lead_in.unpack_from(content, position)[3]

@@ -1,4 +1,4 @@
-"""Where the header and the data of a text file are, whatever stands above them."""
+"""Layout of a text file: its delimiter, and the lines of its header and data."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from orchestration.records.times import is_instant
 DELIMITERS = "\t;,"
 _NUMBER = re.compile(r"[+-]?(?:\d[\d.,'’ \u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?")
 _SAMPLED_ROWS = 9
-"""Rows at the end of the data that tell how wide it is, and which of its columns have values."""
+"""Rows at the end of the data from which its width and its columns of values are read."""
 _TAIL = 500
-"""Last lines of a file, of which some are data."""
+"""Last lines of a file, which are searched for rows of data."""
 _SEARCHED_LINES = 20
-"""Lines between the header and the first row that is whole; there may be units and damage."""
+"""Lines above the first whole row in which the header is searched; some may be damaged."""
 
 
 @dataclass(frozen=True)
 class TextLayout:
-    """The form of a text file.
+    """The layout of a text file.
 
     Attributes
     ----------
@@ -53,7 +53,9 @@ def is_value(cell: str) -> bool:
 
 
 def find_layout(lines: Sequence[str]) -> TextLayout | None:
-    """Find header and data by the form of the data: rows of one width, values in the same places.
+    """Find the header and the data of a text file by the form of the data.
+
+    Data are rows of one width, with values in the same places.
 
     Parameters
     ----------
@@ -66,24 +68,25 @@ def find_layout(lines: Sequence[str]) -> TextLayout | None:
         None if there is no header above rows of at least two values.
     """
     samples = {delimiter: _last_rows(lines, delimiter) for delimiter in DELIMITERS}
-    delimiter = max(DELIMITERS, key=lambda one: len(samples[one]))
+    delimiter = max(DELIMITERS, key=lambda candidate: len(samples[candidate]))
     sample = samples[delimiter]
     if not sample:
         return None
-    width = max(Counter(map(len, sample)).items(), key=lambda item: item[::-1])[0]
+    counts = Counter(map(len, sample))
+    width = max(counts, key=lambda cells: (counts[cells], cells))
     rows = [row for row in sample if len(row) == width]
     places = [k for k in range(width) if 2 * sum(is_value(r[k]) for r in rows) >= len(rows)]
     return _HeaderSearch(lines, delimiter, places).layout()
 
 
 def _last_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
-    """Return the cells of the last few lines that have two values or more."""
+    """Return the cells of the last lines with at least two values, from the end."""
     rows = (_split(line, delimiter) for line in lines[-_TAIL:][::-1] if delimiter in line)
     return list(islice((r for r in rows if sum(map(is_value, r)) >= 2), _SAMPLED_ROWS))
 
 
 def _split(line: str, delimiter: str) -> list[str]:
-    """Split a line into cells, without empty ones at its end; nothing of a line that is broken."""
+    """Return the cells of a line without empty ones at its end; none if its quotes do not match."""
     if '"' not in line:
         cells = line.split(delimiter)
     else:
@@ -99,14 +102,14 @@ def _split(line: str, delimiter: str) -> list[str]:
 
 @dataclass(frozen=True)
 class _HeaderSearch:
-    """The search for the header, given the places in a row at which the data have values."""
+    """Search for the header, given the cells of a row in which the data have values."""
 
     lines: Sequence[str]
     delimiter: str
     places: Sequence[int]
 
     def layout(self) -> TextLayout | None:
-        """Return where names, units and data are; None if no row is like a header."""
+        """Return the lines of names, units and data; None if no line looks like a header."""
         whole = self._first_whole_row()
         below = None if whole is None else self._header_above(whole, _SEARCHED_LINES)
         if below is None:
@@ -119,26 +122,27 @@ class _HeaderSearch:
         return TextLayout(self.delimiter, below, self._header(below), below + 1)
 
     def _at_places(self, index: int) -> list[str]:
-        """Return the cells of a line that have values in the data; empty where it has none."""
+        """Return the cells of a line at the places of the data; empty where the line is shorter."""
         cells = _split(_uncommented(self.lines[index]), self.delimiter)
         return [cells[k] if k < len(cells) else "" for k in self.places]
 
     def _is_whole(self, index: int) -> bool:
+        """Return whether at least two, and half, of the places of a line have values."""
         values = sum(map(is_value, self._at_places(index)))
         return values >= 2 and 2 * values >= len(self.places)
 
     def _first_whole_row(self) -> int | None:
-        """Return the index of the first row of data that another one follows."""
-        filled = (k for k, line in enumerate(self.lines) if self.delimiter in line)
+        """Return the index of the first whole row that another whole row follows."""
+        rows = (k for k, line in enumerate(self.lines) if self.delimiter in line)
         before = None
-        for index in filled:
+        for index in rows:
             if before is not None and self._is_whole(before) and self._is_whole(index):
                 return before
             before = index
         return before if before is not None and self._is_whole(before) else None
 
     def _header_above(self, index: int, searched: int) -> int | None:
-        """Return the index of the closest line above another one that has words, but no value."""
+        """Return the index of the closest line above another one with words and no value."""
         filled = (k for k in range(index - 1, -1, -1) if self.lines[k].strip())
         for above in islice(filled, searched):
             cells = [cell for cell in self._at_places(above) if cell.strip()]
@@ -154,5 +158,5 @@ class _HeaderSearch:
 
 
 def _uncommented(line: str) -> str:
-    """Return a line without the mark of a comment: some write their header behind one."""
-    return line.lstrip(" ").lstrip("#").lstrip(" ") if line.lstrip(" ").startswith("#") else line
+    """Return a line without a leading ``#``, behind which some programs write their header."""
+    return re.sub("^ *#+ *", "", line)

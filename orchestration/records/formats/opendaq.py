@@ -1,4 +1,4 @@
-"""CSV of openDAQ's recorder: a comment defines the ticks of time, of which there is no column."""
+"""CSV files of openDAQ's recorder, whose first line defines the ticks of time."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _SECONDS = ("s", "seconds", "second")
 def read_opendaq(path: Path, content: bytes) -> Table:
     """Read a file of openDAQ's recorder; a `Reader`.
 
-    Time is the column ``Domain``, in ticks, or else counts from the first row. Refused: a domain
-    that is no time, or whose resolution or step is not a number above 0.
+    Time is the column ``Domain`` in ticks, or without one counts samples from the first row. A
+    domain other than time, and a resolution or step that is not a number above 0, are refused.
     """
     text = decode(path, content)
     fields = dict(re.findall(r"(\w+)=([^;]*)", text.lines[0]))
@@ -48,6 +48,7 @@ def read_opendaq(path: Path, content: bytes) -> Table:
 
 
 def _positive(path: Path, fields: dict[str, str], name: str) -> Fraction:
+    """Return a field as a fraction; raise if it is not a number above 0."""
     try:
         value = Fraction(fields[name].strip())
     except (KeyError, ValueError, ZeroDivisionError):

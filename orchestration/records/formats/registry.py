@@ -1,21 +1,21 @@
-"""Choice of a file's reader: its first bytes decide, and a wrong extension does no harm."""
+"""Choice of a file's reader by its first bytes, so that a wrong extension does no harm."""
 
 from pathlib import Path
 
-from orchestration.records.formats.apart import apart
 from orchestration.records.formats.binary import read_mat, read_netcdf, read_parquet
 from orchestration.records.formats.labview import read_lvm, read_tdms
 from orchestration.records.formats.opendaq import read_opendaq
+from orchestration.records.formats.subprocess_reader import in_subprocess
 from orchestration.records.formats.text import EXPECTED, read_text
 from orchestration.records.record import refuse
 from orchestration.records.tables import Reader, Table
 
 _SIGNATURES: dict[bytes, Reader] = {
-    b"PAR1": apart(read_parquet),
+    b"PAR1": in_subprocess(read_parquet),
     b"CDF\x01": read_netcdf,
     b"CDF\x02": read_netcdf,
     b"TDSm": read_tdms,
-    b"MATLAB 5.0": apart(read_mat),
+    b"MATLAB 5.0": in_subprocess(read_mat),
     b"LabVIEW Measurement": read_lvm,
     b"\xef\xbb\xbfLabVIEW Measurement": read_lvm,
     b"# domain;": read_opendaq,
@@ -30,7 +30,7 @@ _BINARY_EXTENSIONS = {
 
 
 def read_table(path: Path) -> Table:
-    """Read a file of any known form.
+    """Read a file of any known format.
 
     Parameters
     ----------
@@ -40,12 +40,12 @@ def read_table(path: Path) -> Table:
     Returns
     -------
     Table
-        Its raw columns.
+        The raw columns.
 
     Raises
     ------
     UserError
-        If the file cannot be opened, is empty, or is of no known form.
+        If the file cannot be opened, is empty, or is of no known format.
     """
     try:
         content = path.read_bytes()
@@ -60,10 +60,10 @@ def read_table(path: Path) -> Table:
     if content.startswith(b"\x89HDF") or content[512:516] == b"\x89HDF":
         raise refuse(path, "this is an HDF5 file (MATLAB 7.3 is one); save it from MATLAB with -v7")
     if content.startswith(b"MATLAB 7.3") or (extension == ".mat" and b"\x00" in content[:20]):
-        return apart(read_mat)(path, content)  # version 4 has no signature
+        return in_subprocess(read_mat)(path, content)  # version 4 has no signature
     if extension in _BINARY_EXTENSIONS:
         raise refuse(
-            path, f"this is not {_BINARY_EXTENSIONS[extension]} file, whatever its name says"
+            path, f"this is not {_BINARY_EXTENSIONS[extension]} file, although its name says so"
         )
     if content.startswith((b"PK\x03\x04", b"\x1f\x8b")):
         raise refuse(

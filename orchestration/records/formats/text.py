@@ -1,4 +1,4 @@
-"""Delimited text: CSV in its usual dialects, decoded and split, with the editor's line numbers."""
+"""Delimited text: CSV in its usual dialects, with the line numbers of an editor."""
 
 import csv
 import re
@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from fmus.kit import UserError
-from orchestration.records.formats.decimals import settle_decimals
+from orchestration.records.formats.decimals import normalise_decimals
 from orchestration.records.formats.layout import DELIMITERS, TextLayout, find_layout
 from orchestration.records.record import Repair, list_rows, refuse
 from orchestration.records.tables import Column, Table, parse_cell, plain_unit, read_header_cell
@@ -20,7 +20,7 @@ EXPECTED = "expected a header such as 'time [s],current [A]' and rows of numbers
 
 @dataclass(frozen=True)
 class Lines:
-    """A text file by its lines.
+    """The lines of a text file.
 
     Attributes
     ----------
@@ -29,9 +29,9 @@ class Lines:
     lines : list of str
         Without their ends and without empty ones at the end of the file.
     ended : bool
-        Whether the file's last line is ended by a line end.
+        Whether the last line has a line end.
     repairs : list of Repair
-        What was noticed so far; the table takes it over.
+        Repairs so far, which the table takes over.
     """
 
     path: Path
@@ -40,19 +40,19 @@ class Lines:
     repairs: list[Repair]
 
     def split(self, index: int, delimiter: str) -> list[str]:
-        """Split the line at an index into cells, as :func:`split_line`."""
+        """Return the cells of the line at an index, see :func:`split_line`."""
         return split_line(self.path, index + 1, self.lines[index], delimiter)
 
 
 def decode(path: Path, content: bytes) -> Lines:
-    """Turn the bytes of a text file into lines.
+    """Decode a text file and split it into lines.
 
     Parameters
     ----------
     path : Path
         The file, for the message.
     content : bytes
-        Its content: UTF-8, UTF-16 with a byte order mark, or Windows-1252.
+        UTF-8, UTF-16 with a byte order mark, or Windows-1252.
 
     Returns
     -------
@@ -83,7 +83,7 @@ def decode(path: Path, content: bytes) -> Lines:
 
 
 def split_line(path: Path, row: int, line: str, delimiter: str) -> list[str]:
-    """Split one line into cells, honouring double quotes.
+    """Split a line into cells, with regard to double quotes.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def split_line(path: Path, row: int, line: str, delimiter: str) -> list[str]:
 
 
 def _sniff_delimiter(header: str) -> str | None:
-    """Find the delimiter of a header line outside quotes and brackets: tab, semicolon or comma."""
+    """Return the delimiter of a header line, outside quotes and brackets; None if there is none."""
     bare = re.sub(r'"[^"]*"|\[[^\]]*\]', "", header)
     return next((delimiter for delimiter in DELIMITERS if delimiter in bare), None)
 
@@ -123,7 +123,7 @@ def _sniff_delimiter(header: str) -> str | None:
 def read_text(path: Path, content: bytes) -> Table:
     """Read a CSV file; a `Reader`.
 
-    Columns are text cells with a decimal point.
+    Cells are text, numbers with a decimal point.
     """
     text = decode(path, content)
     layout = find_layout(text.lines) or _plain_layout(text)
@@ -133,15 +133,13 @@ def read_text(path: Path, content: bytes) -> Table:
         if line.strip() and not line.lstrip().startswith("#")
     ]
     if above:
-        message = (
-            f"passed over above the header, which is row {layout.names + 1}: {list_rows(above)}"
-        )
+        message = f"skipped above the header, which is row {layout.names + 1}: {list_rows(above)}"
         text.repairs.append(Repair("preamble", message))
     return tabulate(text, layout)
 
 
 def _plain_layout(text: Lines) -> TextLayout:
-    """Take the first line that is no comment for the header, where no data tell which it is."""
+    """Return a layout whose header is the first line that is not a comment."""
     lines = text.lines
     start = 0
     while start < len(lines) and (
@@ -171,7 +169,7 @@ def tabulate(text: Lines, layout: TextLayout, optional_last: bool = False) -> Ta
     text : Lines
         All lines of the file.
     layout : TextLayout
-        Where the header and the data are.
+        Lines of the header and the data.
     optional_last : bool
         Whether a row may leave out the last cell (the comment column of LabVIEW text).
 
@@ -220,12 +218,12 @@ def tabulate(text: Lines, layout: TextLayout, optional_last: bool = False) -> Ta
         text.repairs.append(Repair("no line end", message, (rows[-1],)))
     columns = _make_columns(layout, records)
     table = Table(text.path, columns, np.array(rows, dtype=np.int64), text.repairs)
-    settle_decimals(table, delimiter == ",")
+    normalise_decimals(table, delimiter == ",")
     return table
 
 
 def _cells(text: Lines, index: int, delimiter: str, width: int, optional_last: bool) -> list[str]:
-    """Split a row of data, without delimiters that are too many at its end."""
+    """Return the cells of a row of data, without superfluous empty ones at its end."""
     try:
         cells = text.split(index, delimiter)
     except ValueError:
@@ -239,32 +237,29 @@ def _cells(text: Lines, index: int, delimiter: str, width: int, optional_last: b
     return cells
 
 
-def _wrong_width(path: Path, row: int, found: int, width: int, delimiter: str) -> UserError:
+def _wrong_width(path: Path, row: int, count: int, width: int, delimiter: str) -> UserError:
     hint = ""
-    if delimiter == "," and found > width:
+    if delimiter == "," and count > width:
         hint = " (a decimal comma needs ';' between the columns)"
-    return refuse(path, f"row {row}: {found} cells where the header has {width}{hint}")
+    return refuse(path, f"row {row}: {count} cells where the header has {width}{hint}")
 
 
 def _is_partial(cells: list[str], header: list[str], is_last: bool, ended: bool) -> bool:
-    """Tell whether a line is the torn end of a file that was being written."""
+    """Return whether a line is incomplete because the file was cut off while it was written."""
     if not is_last:
         return False
     if len(cells) < len(header):
         return True
-    torn = re.fullmatch(r"\s*[+-]?(\d*\.?\d*([eE][+-]?)?)?\s*", cells[-1]) is not None
-    complete = cells[-1].strip() != "" and parse_cell(cells[-1].replace(",", ".")) is not None
-    return (
-        not ended
-        and len(cells) == len(header)
-        and header[-1].strip() != ""
-        and torn
-        and not complete
-    )
+    if ended or len(cells) > len(header) or not header[-1].strip():
+        return False
+    last = cells[-1].strip()
+    starts_number = re.fullmatch(r"[+-]?(\d*\.?\d*([eE][+-]?)?)?", last) is not None
+    is_number = last != "" and parse_cell(last.replace(",", ".")) is not None
+    return starts_number and not is_number
 
 
 def _make_columns(layout: TextLayout, records: list[list[str]]) -> list[Column]:
-    """Turn rows of cells into named columns, without those that have neither name nor content."""
+    """Return the columns of rows of cells, without those that have neither name nor content."""
     columns = []
     units = layout.units or [""] * len(layout.header)
     for cell, below, cells in zip(layout.header, units, zip(*records, strict=True), strict=True):

@@ -1,4 +1,4 @@
-"""Several runs: those that one file holds, and those that are measured apart and joined."""
+"""Several runs: division of a file into runs, and runs joined into one record."""
 
 import lazy_loader
 

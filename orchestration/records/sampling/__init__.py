@@ -1,4 +1,4 @@
-"""Samples of a record: their clock and the holes and limits of channels, repaired or noticed."""
+"""Samples of a record: repair of clock and channels, and notices of their flaws."""
 
 import lazy_loader
 

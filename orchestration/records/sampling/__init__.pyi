@@ -2,7 +2,6 @@ from .channels import input_steps as input_steps
 from .channels import mask_infinite as mask_infinite
 from .channels import notice_channels as notice_channels
 from .channels import repair_holes as repair_holes
-from .channels import true_runs as true_runs
 from .clock import UNEVEN as UNEVEN
 from .clock import Samples as Samples
 from .clock import evenly_sampled as evenly_sampled
@@ -10,3 +9,4 @@ from .clock import gaps as gaps
 from .clock import repair_clock as repair_clock
 from .clock import restarts as restarts
 from .clock import sample_period as sample_period
+from .clock import true_runs as true_runs

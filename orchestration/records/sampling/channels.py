@@ -1,4 +1,4 @@
-"""Values of each channel: missing ones filled, masked or refused, poor sensors reported, steps."""
+"""Channels of a record: repair of missing values, notices of poor sensors, steps of inputs."""
 
 from collections.abc import Collection, Mapping
 
@@ -6,18 +6,18 @@ import numpy as np
 
 from fmus.kit.arrays import Array, Mask
 from orchestration.records.record import Repair, list_rows, refuse
-from orchestration.records.sampling.clock import Samples
+from orchestration.records.sampling.clock import Samples, true_runs
 
 HOLE_SAMPLES = 5
-"""Holes in an input up to this many samples are interpolated."""
+"""Longest hole in an input that is interpolated, in samples."""
 CLIPPED_SHARE = 0.01
 CLIPPED_RUN = 5
-"""Share of samples, and length of a run, at exactly one extreme of a channel that is clipped."""
+"""Least share of samples, and length of a run, at one extreme of a clipped channel."""
 _QUANTISED_MINIMUM_SAMPLES = 50
 _QUANTISED_SAMPLES_PER_LEVEL = 4
 _STEP_RATIO = 4.0
 _STEP_SHARE = 0.01
-"""An input steps where it changes by more than so many median changes, and this of its range."""
+"""A step of an input is larger than this many median changes, and than this share of its range."""
 
 
 def mask_infinite(samples: Samples) -> None:
@@ -38,25 +38,25 @@ def mask_infinite(samples: Samples) -> None:
 
 
 def repair_holes(samples: Samples, inputs: Collection[str], required: Collection[str]) -> None:
-    """Fill short holes of inputs, refuse long ones, report missing samples of outputs, in place.
+    """Fill short holes of inputs, refuse long ones, and report missing outputs, in place.
 
-    A simulation needs every input at every instant, so a hole is interpolated if it is short. An
-    output is only compared with; its missing samples stay NaN and do not enter the residual.
+    A simulation needs every input at every instant, so short holes are interpolated. Missing
+    samples of an output stay NaN and do not enter the residual.
 
     Parameters
     ----------
     samples : Samples
         The samples, strictly increasing in time.
     inputs : collection of str
-        The signals that drive the model.
+        Inputs of the model.
     required : collection of str
         Signals that must have values.
 
     Raises
     ------
     UserError
-        If an input's hole is too long or at an end of the record, or a required signal has no value
-        at all.
+        If a hole of an input is too long or at an end of the record, or a required signal has no
+        value at all.
     """
     for name in list(samples.values):
         values = samples.values[name]
@@ -84,7 +84,7 @@ def repair_holes(samples: Samples, inputs: Collection[str], required: Collection
 
 
 def _fill_input(samples: Samples, name: str, values: Array, missing: Mask) -> Array:
-    """Interpolate the short holes of an input linearly in time."""
+    """Return an input with its short holes interpolated linearly in time; raise for others."""
     for first, end in true_runs(missing):
         rows = samples.rows[first:end]
         span = f"row {rows[0]}" if end - first == 1 else f"rows {rows[0]} to {rows[-1]}"
@@ -101,31 +101,15 @@ def _fill_input(samples: Samples, name: str, values: Array, missing: Mask) -> Ar
                 f"the input '{name}' has no value in {span}: {end - first} samples (interpolated"
                 f" are at most {HOLE_SAMPLES}); fill them, or split the record there",
             )
-    rows_filled = samples.rows[missing].tolist()
+    missing_rows = samples.rows[missing].tolist()
     message = (
-        f"{name}: {len(rows_filled)} missing values of this input interpolated"
-        f" ({list_rows(rows_filled)})"
+        f"{name}: {len(missing_rows)} missing values of this input interpolated"
+        f" ({list_rows(missing_rows)})"
     )
-    samples.repairs.append(Repair("filled hole", message, tuple(rows_filled)))
+    samples.repairs.append(Repair("filled hole", message, tuple(missing_rows)))
     filled = values.copy()
     filled[missing] = np.interp(samples.time[missing], samples.time[~missing], values[~missing])
     return filled
-
-
-def true_runs(mask: Mask) -> list[tuple[int, int]]:
-    """Find the runs of True.
-
-    Parameters
-    ----------
-    mask : ndarray of bool, shape (n,)
-
-    Returns
-    -------
-    list of tuple of int
-        First of each, and the one after its last.
-    """
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int)))
-    return [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def notice_channels(samples: Samples, units: dict[str, str], inputs: Collection[str] = ()) -> None:
@@ -138,8 +122,7 @@ def notice_channels(samples: Samples, units: dict[str, str], inputs: Collection[
     units : dict of str to str
         Unit of every signal.
     inputs : collection of str
-        The signals that drive the model: they may have few levels and rest at their ends, as they
-        were made to.
+        Inputs of the model, which may have few levels and stay at their extremes by design.
     """
     for name, values in samples.values.items():
         valid = values[~np.isnan(values)]
@@ -147,8 +130,8 @@ def notice_channels(samples: Samples, units: dict[str, str], inputs: Collection[
         unit = units[name]
         if levels.size == 1:
             message = (
-                f"{name}: constant at {levels[0]:.6g} {unit} throughout (a dead channel, or"
-                " held so)"
+                f"{name}: constant at {levels[0]:.6g} {unit} throughout (a dead channel, or kept"
+                " constant)"
             )
             samples.repairs.append(Repair("constant", message))
             continue
@@ -159,16 +142,16 @@ def notice_channels(samples: Samples, units: dict[str, str], inputs: Collection[
 
 
 def _notice_quantised(samples: Samples, name: str, levels: Array, count: int, unit: str) -> None:
-    """Note a channel that takes few distinct values, and its least step."""
+    """Add a notice if a channel has few distinct values, with its least step."""
     if count < _QUANTISED_MINIMUM_SAMPLES or levels.size * _QUANTISED_SAMPLES_PER_LEVEL > count:
         return
     steps = np.diff(levels)
-    # unit conversion can split one level into neighbours a rounding error apart
+    # unit conversion can split one level into several that differ by a rounding error
     steps = steps[steps > 1e-9 * (levels[-1] - levels[0])]
     if not steps.size:  # the range overflowed
         return
-    # a step written with few digits jitters by a rounding; the mean of the smallest group is closer
-    # than the least one
+    # rounding of decimals scatters the steps, so the mean of the smallest group is more accurate
+    # than the minimum
     least = float(steps[steps < 1.5 * steps.min()].mean())
     message = (
         f"{name}: quantised, {steps.size + 1} distinct values in {count} samples, least step"
@@ -178,17 +161,16 @@ def _notice_quantised(samples: Samples, name: str, levels: Array, count: int, un
 
 
 def _notice_clipped(samples: Samples, name: str, values: Array, levels: Array, unit: str) -> None:
-    """Note a channel that rests at exactly its greatest or least value."""
+    """Add a notice if a channel stays at exactly its greatest or least value."""
     for word, level in (("maximum", levels[-1]), ("minimum", levels[0])):
         at_level = values == level
         share = float(at_level.mean())
-        stretches = true_runs(at_level)
-        longest = max(stretches, key=lambda run: run[1] - run[0])
-        length = longest[1] - longest[0]
+        first, end = max(true_runs(at_level), key=lambda run: run[1] - run[0])
+        length = end - first
         if share >= CLIPPED_SHARE and length >= CLIPPED_RUN:
             message = (
-                f"{name}: clipped (or held) at its {word} {level:.6g} {unit}: {100 * share:.1f} %"
-                f" of the samples, up to {length} in a row from row {samples.rows[longest[0]]}"
+                f"{name}: clipped (or constant) at its {word} {level:.6g} {unit}: {100 * share:.1f}"
+                f" % of the samples, up to {length} in a row from row {samples.rows[first]}"
             )
             samples.repairs.append(
                 Repair("clipped", message, tuple(samples.rows[at_level].tolist()))
@@ -196,20 +178,21 @@ def _notice_clipped(samples: Samples, name: str, values: Array, levels: Array, u
 
 
 def input_steps(inputs: Mapping[str, Array], count: int) -> Mask:
-    """Find where any input steps: by 1 % of its range, and far more than it usually changes.
+    """Find steps of inputs: changes above 1 % of the range and four times the median change.
 
     Parameters
     ----------
     inputs : Mapping of str to ndarray, shape (n,)
     count : int
-        Samples, n; among those of no inputs there are no steps.
+        Number of samples, n, which matters without inputs.
 
     Returns
     -------
     ndarray of bool, shape (n,)
+        True at the first sample after a step of any input.
     """
-    moved = [_steps(u) for u in inputs.values() if np.ptp(u) > 0.0]
-    return np.any(moved, axis=0) if moved else np.zeros(count, dtype=bool)
+    steps = [_steps(u) for u in inputs.values() if np.ptp(u) > 0.0]
+    return np.any(steps, axis=0) if steps else np.zeros(count, dtype=bool)
 
 
 def _steps(values: Array) -> Mask:

@@ -1,4 +1,4 @@
-"""The time column: repaired (missing, unordered, repeated), refused (a restart), gaps reported."""
+"""Clock of a record: repair of missing, unordered and repeated times, restarts, and gaps."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,22 +11,22 @@ from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.records.record import Repair, list_rows, refuse
 
 LATE_RUN_ROWS = 5
-"""A run of at most this many late rows is sorted in; a longer one is a clock that was set back."""
+"""Most consecutive late rows that are sorted; more mean a clock that was set back."""
 RESTART_AFTER_ROWS = 20
-"""A jump back to the start after this many rows is a restart, however few rows follow."""
+"""Least rows before a jump back to the start of the clock that counts as a restart."""
 GAP_FACTOR = 10.0
-"""A step longer than this many median steps is a gap."""
+"""Least length of a gap, in median steps."""
 JITTER = 0.55
-"""Standard deviation of steps over their mean, up to which a clock is even."""
+"""Largest coefficient of variation of the steps of an even clock."""
 RATE_SAMPLES = 16
-"""Steps over which jitter of a clock averages out."""
+"""Number of steps over which the jitter of a clock averages out."""
 UNEVEN = 0.01
-"""Share of a sample period by which samples may be off it where equal steps are needed."""
+"""Largest deviation of a step where equal steps are needed, as a share of the sample period."""
 
 
 @dataclass
 class Samples:
-    """Time, values and row numbers while they are being repaired.
+    """Time, values and row numbers of a record during its repair.
 
     Parameters
     ----------
@@ -35,11 +35,11 @@ class Samples:
     time : ndarray, shape (n,)
         Seconds.
     values : dict of str to ndarray, shape (n,)
-        Signals.
+        Values by signal.
     rows : ndarray of int, shape (n,)
         Row number of every sample in the file.
     repairs : list of Repair
-        What was done so far.
+        Repairs so far.
     """
 
     path: Path
@@ -49,11 +49,11 @@ class Samples:
     repairs: list[Repair]
 
     def keep(self, selection: Mask | NDArray[np.int64]) -> None:
-        """Keep (and order) the chosen samples.
+        """Keep a selection of the samples, in its order.
 
         Parameters
         ----------
-        selection : ndarray
+        selection : ndarray of bool, shape (n,), or ndarray of int
             A mask, or indices.
         """
         self.time = self.time[selection]
@@ -69,7 +69,7 @@ def repair_clock(samples: Samples, jumps: bool = False) -> None:
     samples : Samples
         The samples as the file has them.
     jumps : bool
-        Whether values jump between rows of one time, whose mean is taken otherwise.
+        True if values jump between rows of equal time; else these are averaged.
 
     Raises
     ------
@@ -88,15 +88,14 @@ def repair_clock(samples: Samples, jumps: bool = False) -> None:
 
 
 def _require_two(samples: Samples) -> None:
-    """Refuse a record of fewer than two instants."""
+    """Raise if a record has fewer than two instants."""
     if samples.time.size < 2:
-        count = samples.time.size
-        what = (
+        content = (
             f"only one instant ({list_rows(samples.rows.tolist())})"
-            if count
+            if samples.time.size
             else "no row with a valid time"
         )
-        raise refuse(samples.path, f"{what}; a record needs at least two different times")
+        raise refuse(samples.path, f"{content}; a record needs at least two different times")
 
 
 def _drop_missing_time(samples: Samples) -> None:
@@ -110,11 +109,11 @@ def _drop_missing_time(samples: Samples) -> None:
 
 
 def _sort_late_rows(samples: Samples) -> None:
-    """Sort in the few rows that come late, in place; refuse a clock that restarts or is set back.
+    """Sort a few late rows, in place; raise if the clock restarts or is set back.
 
     A run of late rows is sorted if it is short, or if it fits between two neighbouring samples (a
-    packet that arrived late). Any other run overlaps what was measured before it: sorting would
-    shuffle two different times together.
+    packet that arrived late). Any other run overlaps earlier rows, so that sorting would mix
+    samples of different times.
     """
     time = samples.time
     before = np.maximum.accumulate(time)
@@ -122,8 +121,8 @@ def _sort_late_rows(samples: Samples) -> None:
     late[1:] = time[1:] < before[:-1]
     if not late.any():
         return
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], late, [False])).astype(int)))
-    for first, end in zip(edges[::2], edges[1::2], strict=True):
+    runs = true_runs(late)
+    for first, end in runs:
         jump = (
             f"row {samples.rows[first - 1]} is at {time[first - 1]:g} s, row {samples.rows[first]}"
             f" at {time[first]:g} s"
@@ -142,7 +141,7 @@ def _sort_late_rows(samples: Samples) -> None:
                 f" {samples.rows[first]}, or correct the time",
             )
     rows = samples.rows[late].tolist()
-    if len(rows) > max(LATE_RUN_ROWS, 0.01 * time.size) and len(edges) // 2 > LATE_RUN_ROWS:
+    if len(rows) > max(LATE_RUN_ROWS, 0.01 * time.size) and len(runs) > LATE_RUN_ROWS:
         raise refuse(
             samples.path,
             f"{len(rows)} of {time.size} rows are out of order ({list_rows(rows)}); sorted are at"
@@ -154,64 +153,81 @@ def _sort_late_rows(samples: Samples) -> None:
     samples.keep(np.argsort(time, kind="stable"))
 
 
+def true_runs(mask: Mask) -> list[tuple[int, int]]:
+    """Find the runs of True in a mask.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (n,)
+
+    Returns
+    -------
+    list of tuple of int
+        Index of the first element of each run, and index past its last one.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int)))
+    return [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
+
+
 def _restarts(time: Array, row: int) -> bool:
-    """Tell whether a row that comes late is back where the clock began."""
+    """Return whether the time at a late row is back in the first 5 % of the record so far."""
     return row >= RESTART_AFTER_ROWS and bool(
         time[row] - time[0] <= 0.05 * (time[:row].max() - time[0])
     )
 
 
 def restarts(time: Array) -> list[int]:
-    """Find where a clock restarts.
+    """Find the restarts of a clock.
 
     Parameters
     ----------
     time : ndarray, shape (n,)
-        Seconds; NaN where there is none.
+        Seconds; NaN where missing.
 
     Returns
     -------
     list of int
-        First sample of every run but the first.
+        Index of the first sample after each restart.
     """
-    at = np.flatnonzero(np.isfinite(time))
-    clock, first, found = time[at], 0, []
-    for k in np.flatnonzero(np.diff(clock) < 0.0) + 1:
-        stays = (
-            clock[k : k + LATE_RUN_ROWS + 1].max() < clock[k - 1]
-        )  # else these are a few late rows
-        if stays and _restarts(clock[first:], int(k) - first):
-            first = int(k)
-            found.append(int(at[k]))
-    return found
+    known = np.flatnonzero(np.isfinite(time))
+    clock = time[known]
+    first = 0
+    result = []
+    for k in (np.flatnonzero(np.diff(clock) < 0.0) + 1).tolist():
+        # otherwise it is a short run of late rows
+        is_long = clock[k : k + LATE_RUN_ROWS + 1].max() < clock[k - 1]
+        if is_long and _restarts(clock[first:], k - first):
+            first = k
+            result.append(int(known[k]))
+    return result
 
 
 def _fills_a_hole(time: Array, first: int, end: int) -> bool:
-    """Tell whether late rows fit, in order, between two neighbouring earlier samples."""
+    """Return whether late rows are in order and fit between two neighbouring earlier samples."""
     run = time[first:end]
     inside = (time[:first] >= run.min()) & (time[:first] <= run.max())
     return bool(np.all(np.diff(run) >= 0) and not inside.any())
 
 
 def _keep_ends_of_jumps(samples: Samples) -> None:
-    """Keep the last of the rows of one time, in place: the values that are held from there."""
+    """Keep the last row of each time, in place: its values apply after the jump."""
     last = np.concatenate((np.diff(samples.time) > 0, [True]))
     if last.all():
         return
-    passed = samples.rows[~last].tolist()
+    dropped = samples.rows[~last].tolist()
     message = (
-        f"{len(passed)} rows have the time of the row after them, with which their values jump"
-        f" ({list_rows(passed)})"
+        f"{len(dropped)} rows have the time of the row after them, with which their values jump"
+        f" ({list_rows(dropped)})"
     )
     samples.keep(last)
-    samples.repairs.append(Repair("duplicates", message, tuple(passed)))
+    samples.repairs.append(Repair("duplicates", message, tuple(dropped)))
 
 
 def _average_duplicates(samples: Samples) -> None:
-    """Replace the rows of one time by their mean, in place.
+    """Replace the rows of each time by their mean, in place.
 
-    The mean is the least-squares estimate of a quantity measured repeatedly at one instant; an
-    ordered integrator can use only one value there. Missing cells do not enter the mean.
+    The mean is the least-squares estimate of a quantity measured repeatedly at one instant. Missing
+    cells do not enter it.
     """
     time = samples.time
     first = np.concatenate(([True], np.diff(time) > 0))
@@ -226,7 +242,7 @@ def _average_duplicates(samples: Samples) -> None:
         count = np.bincount(group[valid], minlength=group[-1] + 1)
         reference = values[first][group]
         alike = alike and bool(np.all((values == reference) | (~valid & np.isnan(reference))))
-        # taken around the group's first value, so that equal values give exactly that value
+        # the mean is computed relative to the first value, so that equal values keep their bits
         finite_reference = np.where(np.isnan(reference), 0.0, reference)
         total = np.bincount(
             group[valid], weights=(values - finite_reference)[valid], minlength=group[-1] + 1
@@ -234,10 +250,10 @@ def _average_duplicates(samples: Samples) -> None:
         with np.errstate(invalid="ignore", divide="ignore"):
             means[name] = finite_reference[first] + total / count
     instants = int((np.bincount(group) > 1).sum())
-    what = "identical values" if alike else "their values averaged"
+    treatment = "identical values" if alike else "their values averaged"
     message = (
-        f"{len(repeated)} rows repeat the time of an earlier row ({instants} instants, {what}): "
-        f"{time.size} rows became {int(first.sum())} ({list_rows(repeated)})"
+        f"{len(repeated)} rows repeat the time of an earlier row ({instants} instants,"
+        f" {treatment}): {time.size} rows became {int(first.sum())} ({list_rows(repeated)})"
     )
     samples.keep(first)
     samples.values = means
@@ -247,15 +263,20 @@ def _average_duplicates(samples: Samples) -> None:
 def evenly_sampled(time: Array) -> bool:
     """Return whether steps of a record are equal enough for an autoregression over samples.
 
-    That bears a clock that jitters, but none that changes its rate. A pole p of noise becomes p^r
-    over r steps. Whitened by p all the same, its innovations are larger by the variance of p^r - p,
-    about (p ln p)^2 var(r), beside 1 - p^2: with `JITTER` at worst, at p = 0.45, by 5 %. The rate,
-    averaged over `RATE_SAMPLES` steps, must stay within a factor of two.
+    Jitter of the clock is tolerated, a change of its rate is not. Over r mean steps a pole p of
+    noise becomes p^r. Whitening with p then adds the variance of p^r - p, about (p ln p)^2 var(r),
+    to the variance 1 - p^2 of the innovations: at most 5 % of it, at p = 0.45 and a standard
+    deviation `JITTER` of r. The rate, averaged over `RATE_SAMPLES` steps, must stay within a factor
+    of two.
 
     Parameters
     ----------
     time : ndarray, shape (n,)
         Seconds, increasing.
+
+    Returns
+    -------
+    bool
     """
     steps = np.diff(time)
     low, high = np.quantile(steps, [0.05, 0.95])
@@ -265,13 +286,13 @@ def evenly_sampled(time: Array) -> bool:
         return False
     periods = np.diff(time[::RATE_SAMPLES]) / RATE_SAMPLES
     slowest, fastest = np.quantile(periods, [0.05, 0.95])
-    # gaps, which are none of the clock's doing, are beyond the quantiles
+    # steps beyond the quantiles are gaps, not jitter of the clock
     inner = np.clip(steps, *np.quantile(steps, [0.01, 0.99]))
     return bool(0.5 * fastest <= slowest and np.std(inner) <= JITTER * np.mean(inner))
 
 
 def sample_period(path: Path, time: Array, purpose: str) -> float:
-    """Return the sample period of a clock that keeps one; refuse one that does not.
+    """Return the sample period of an evenly sampled record.
 
     Parameters
     ----------
@@ -280,7 +301,7 @@ def sample_period(path: Path, time: Array, purpose: str) -> float:
     time : ndarray, shape (n,)
         Seconds, increasing.
     purpose : str
-        What needs equal steps, for the message.
+        Name of the method that needs equal steps, for the message.
 
     Returns
     -------
@@ -290,7 +311,7 @@ def sample_period(path: Path, time: Array, purpose: str) -> float:
     Raises
     ------
     UserError
-        If a step is off the median by more than `UNEVEN`.
+        If a step deviates from the median by more than `UNEVEN` of it.
     """
     steps = np.diff(time)
     period = float(np.median(steps))
@@ -304,15 +325,20 @@ def sample_period(path: Path, time: Array, purpose: str) -> float:
 
 
 def gaps(time: Array) -> Indices:
-    """Find samples after which a clock leaves a gap.
+    """Find gaps in the time of a record.
 
-    A step is a gap if it exceeds ten times the median step of the record and of its surroundings,
-    so that a record with logarithmic sampling is called uneven and not full of gaps.
+    A step is a gap if it exceeds ten times the median step of the record and of the 11 steps around
+    it, so that logarithmic sampling is uneven but has no gaps.
 
     Parameters
     ----------
     time : ndarray, shape (n,)
         Seconds, increasing.
+
+    Returns
+    -------
+    ndarray of int
+        Index of the last sample before each gap.
     """
     steps = np.diff(time)
     if not steps.size:
@@ -325,18 +351,18 @@ def gaps(time: Array) -> Indices:
 
 
 def _notice_gaps(samples: Samples) -> None:
-    """Note gaps and uneven sampling, in place; both matter to tests for whiteness."""
+    """Add notices of gaps and uneven sampling, which matter to tests for whiteness."""
     steps = np.diff(samples.time)
     median = float(np.median(steps))
-    found = gaps(samples.time)
-    if found.size:
-        rows = samples.rows[found + 1].tolist()
-        longest = found[int(np.argmax(steps[found]))]
+    before = gaps(samples.time)
+    if before.size:
+        rows = samples.rows[before + 1].tolist()
+        longest = before[int(np.argmax(steps[before]))]
         message = (
-            f"{len(found)} gaps longer than {GAP_FACTOR:g} × the median step of {median:.4g} s, the"
-            f" longest {steps[longest]:.4g} s before row {samples.rows[longest + 1]} (before"
-            f" {list_rows(rows)}); a simulation holds the inputs through a gap, and what follows it"
-            " is right only if they did not change; a diagnosis begins anew after it"
+            f"{len(before)} gaps longer than {GAP_FACTOR:g} × the median step of {median:.4g} s,"
+            f" the longest {steps[longest]:.4g} s before row {samples.rows[longest + 1]} (before"
+            f" {list_rows(rows)}); a simulation holds the inputs constant over a gap and is wrong"
+            " after it if they changed; a diagnosis restarts after it"
         )
         samples.repairs.append(Repair("gap", message, tuple(rows)))
     if not evenly_sampled(samples.time):

@@ -1,4 +1,4 @@
-"""A file as it stands: columns with names, units and cells."""
+"""Contents of a file before any repair: columns with names, units and cells."""
 
 import lazy_loader
 

@@ -8,13 +8,13 @@ _PARENTHESISED = re.compile(r"(?P<name>.*?)\s*\((?P<unit>[^()]*)\)", re.DOTALL)
 _WORDED = re.compile(r"(?P<name>.*\S)\s+in\s+(?P<unit>\S+)", re.DOTALL)
 _REFERRED = re.compile(r"\s+vs\.?\s.*", re.DOTALL)
 _TIME_OF_DAY = re.compile(r"d{0,2}[.\s]?h{1,2}:m(?:in|m)?(?::s{1,2}(?:[.,:](?:ms|[sf0]+))?)?")
-# names and prefixes of units in measured files; pint would also take dt, dV and a channel called a
+# units in measured files; pint would also accept dt, dV and the name a of a channel
 _FACTOR = (
     r"(?:[GMkmuµμnp]?(?:Ohm|ohm|Ω|Pa|Hz|Ah|Wh|VA|Nm|bar|eV|[sAVWJCFHNgmSTLlK])"
     r"|cm|min|hr?|d|sec|rad|°C|°|deg[CF]?|rpm|%|mol|cd|1)(?:\^?-?[1-4]|[²³])?"
 )
 _UNIT = re.compile(rf"{_FACTOR}(?:[*·./]{_FACTOR})*")
-# what instruments call units, and what pint does
+# unit of pint by its name in files; None for "no unit"
 _SPELLED = {
     "#": None,
     "": None,
@@ -49,26 +49,30 @@ _KEPT = {"nm": "nm"}  # a nanometre, where Nm is none
 
 
 def plain_unit(text: str) -> str | None:
-    """Return a unit as pint reads it; None for what stands where there is none.
+    """Return the name of a unit in pint; None for a sign of no unit.
 
     Parameters
     ----------
     text : str
-        As an instrument writes it, such as ``VDC``, ``V vs. Ref.`` or ``#``. What is not known
-        stays as it is.
+        Name in the file, such as ``VDC``, ``V vs. Ref.`` or ``#``. An unknown name is returned
+        unchanged.
+
+    Returns
+    -------
+    str or None
     """
     unit = _REFERRED.sub("", text.strip())
     return _KEPT.get(unit) or _SPELLED.get(unit.casefold(), unit)
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text is a unit that measured files have."""
+    """Return whether a text is a usual unit of measured files."""
     unit = plain_unit(text)
     return unit is not None and _UNIT.fullmatch(unit) is not None
 
 
 def are_units(cells: Sequence[str]) -> bool:
-    """Return whether a row of cells is one of units: all of them, or what stands for none."""
+    """Return whether all cells are units or signs of no unit, and at least one is a unit."""
     return any(map(is_unit, cells)) and all(
         is_unit(cell) or plain_unit(cell) is None for cell in cells
     )
@@ -77,7 +81,7 @@ def are_units(cells: Sequence[str]) -> bool:
 def read_header_cell(cell: str) -> tuple[str, str | None]:
     """Split a header cell of a file into name and unit.
 
-    In square brackets any text is a unit; elsewhere only what is one for certain.
+    In square brackets any text is a unit, elsewhere only a usual unit, see :func:`is_unit`.
 
     Parameters
     ----------
@@ -96,6 +100,7 @@ def read_header_cell(cell: str) -> tuple[str, str | None]:
 
 
 def _split(text: str) -> tuple[str, str | None]:
+    """Return name and unit by the form of a header cell."""
     bracketed = _BRACKETED.fullmatch(text)
     if bracketed:
         return bracketed["name"], plain_unit(bracketed["unit"])

@@ -1,4 +1,4 @@
-"""The raw table every reader yields: named columns as the file has them, flaws and all."""
+"""Raw table of a file, as every reader returns it: columns with name, unit and cells."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -29,9 +29,9 @@ MISSING_CELLS = frozenset(
     }
 )
 INFINITE_CELLS = {"1.#inf": np.inf, "-1.#inf": -np.inf}
-_TRUTH_CELLS = {"true": 1.0, "false": 0.0}  # as tools for FMUs write them
+_TRUTH_CELLS = {"true": 1.0, "false": 0.0}  # in results of FMU tools
 _HEADER_CELL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
-# of an element of an array, which belongs to its name: A[2,1]
+# index of an element of an array, a part of its name: A[2,1]
 INDEX = re.compile(r"(?<=\S)\[\d+(?:,\d+)*\]")
 _NUMBER = re.compile(
     r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE | re.ASCII
@@ -40,19 +40,19 @@ _NUMBER = re.compile(
 
 @dataclass
 class Column:
-    """One column as the file has it.
+    """One column of a file, before any conversion.
 
     Parameters
     ----------
     name : str
         Name without the unit.
     unit : str or None
-        Unit in the file, None where the file gives none.
+        Unit in the file; None without one.
     cells : sequence of str or ndarray, shape (n,)
-        Text cells are turned into numbers only when the column is used, so text in an unused column
-        does no harm.
+        Text becomes numbers only when the column is used, so that text in an unused column does no
+        harm.
     title : str
-        The whole header cell as the file has it.
+        The whole header cell.
     """
 
     name: str
@@ -72,9 +72,9 @@ class Table:
     columns : list of Column
         In file order.
     rows : ndarray of int, shape (n,)
-        The row number of every sample, as a message names it.
+        Row number of every sample, for messages.
     repairs : list of Repair
-        What reading the file already had to repair.
+        Repairs so far.
     """
 
     path: Path
@@ -83,7 +83,7 @@ class Table:
     repairs: list[Repair] = field(default_factory=list)
 
     def names(self) -> list[str]:
-        """Give the column names in file order.
+        """Return the names of the columns in file order.
 
         Returns
         -------
@@ -93,15 +93,15 @@ class Table:
         return [column.name for column in self.columns]
 
     def map_name(self, column: Column) -> str:
-        """Return what ``--map`` calls a column: its name, or its whole header if names repeat."""
+        """Return the name of a column for ``--map``: its header cell if its name is not unique."""
         return column.name if self.names().count(column.name) == 1 else column.title
 
 
 Reader = Callable[[Path, bytes], Table]
-"""Reads a file of one form: takes its path and its content, and returns its raw columns.
+"""Function of path and content of a file that returns its table.
 
-A file that cannot be used is refused with a `UserError`: file, row, reason. What could be repaired
-is in the table.
+It raises a `UserError` with file, row and reason for a file that cannot be used. Repairs are listed
+in the table.
 """
 
 
@@ -119,13 +119,12 @@ def split_header_cell(cell: str) -> tuple[str, str | None]:
         Name, and unit or None where there is none.
     """
     match = _HEADER_CELL.match(cell.strip())
-    if match is None:  # the pattern matches any text; this only satisfies the type checker
-        return cell.strip(), None
+    assert match is not None  # the pattern matches any text
     return match["name"].strip(), (match["unit"] or "").strip() or None
 
 
 def parse_cell(cell: str) -> float | None:
-    """Turn one text cell into a number.
+    """Return the number in a text cell.
 
     Parameters
     ----------
@@ -135,7 +134,7 @@ def parse_cell(cell: str) -> float | None:
     Returns
     -------
     float or None
-        NaN for a missing value, None for text that is no number.
+        NaN for a missing value; None for other text.
     """
     text = cell.strip().lower()
     if text in MISSING_CELLS:
@@ -148,12 +147,12 @@ def parse_cell(cell: str) -> float | None:
 
 
 def numbers(table: Table, column: Column) -> Array:
-    """Give a column's values as numbers.
+    """Return the values of a column as numbers.
 
     Parameters
     ----------
     table : Table
-        The table the column is from, for the message.
+        Table of the column, for the message.
     column : Column
         The column.
 
@@ -170,9 +169,8 @@ def numbers(table: Table, column: Column) -> Array:
     if isinstance(column.cells, np.ndarray):
         return np.array(column.cells, dtype=float)
     joined = "".join(column.cells)
-    if (
-        joined.isascii() and "_" not in joined
-    ):  # float() would take 1_000 and non-Latin digits for numbers
+    # float() would also accept 1_000 and digits of other scripts
+    if joined.isascii() and "_" not in joined:
         try:
             return np.array([float(cell) for cell in column.cells], dtype=float)
         except ValueError:
@@ -191,7 +189,7 @@ def numbers(table: Table, column: Column) -> Array:
 
 
 def as_numbers(values: np.ndarray) -> np.ndarray | list[str]:
-    """Turn an array of any type into floats, or into text cells if it holds no numbers.
+    """Return an array of any type as floats, or as text cells if it has no numbers.
 
     Parameters
     ----------
@@ -201,8 +199,8 @@ def as_numbers(values: np.ndarray) -> np.ndarray | list[str]:
     Returns
     -------
     ndarray or list of str
-        Instants become seconds since the first one; objects become text, to be judged only if the
-        column is used.
+        Instants become seconds since the first one, and objects become text, which is parsed when
+        the column is used.
     """
     if values.dtype.kind == "M":
         known = values[~np.isnat(values)]

@@ -1,4 +1,4 @@
-"""The time column of a table, and instants: dates and times of day in its cells."""
+"""The time column of a table, and dates and times of day in its cells."""
 
 import lazy_loader
 

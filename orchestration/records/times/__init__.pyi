@@ -2,8 +2,8 @@ from .instants import FORMS as FORMS
 from .instants import first_text as first_text
 from .instants import holds_instants as holds_instants
 from .instants import is_instant as is_instant
-from .instants import joined as joined
+from .instants import merge_date_and_time as merge_date_and_time
 from .instants import seconds as seconds
 from .time_column import TIME as TIME
+from .time_column import complementary_column as complementary_column
 from .time_column import find_time as find_time
-from .time_column import other_half as other_half

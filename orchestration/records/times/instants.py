@@ -18,12 +18,12 @@ DAY_FIRST = "dd/mm/yyyy"
 MONTH_FIRST = "mm/dd/yyyy"
 MINUTES = "mm:ss"
 FORMS = (DAY_FIRST, MONTH_FIRST, MINUTES)
-"""Forms that ``--map 'COLUMN=time[FORM]'`` states where the cells leave it open."""
+"""Forms for ``--map 'COLUMN=time[FORM]'`` where the cells are ambiguous."""
 
 _DAY = 86400.0
 _HOUR = 3600.0
 _OVER_MIDNIGHT = 2.0
-"""Longest steps elsewhere that the one over midnight may take; a longer one is a clock set back."""
+"""Largest step over midnight, in longest other steps; a larger one is a clock set back."""
 _MONTHS = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
 _MONTHS_ELSEWHERE = {"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12}
 _DATE = re.compile(
@@ -41,7 +41,7 @@ _CLOCK = re.compile(
 
 
 class _Cell(NamedTuple):
-    """A date as it is written, and the time of day; either may be absent."""
+    """Matches of the date and the time of day in a cell; one may be missing."""
 
     day: re.Match[str] | None
     clock: re.Match[str] | None
@@ -54,17 +54,18 @@ def is_instant(cell: str) -> bool:
 
 def is_date(cell: str) -> bool:
     """Return whether a cell is a date without a time of day."""
-    found = _split(cell)
-    return found is not None and found.clock is None
+    instant = _split(cell)
+    return instant is not None and instant.clock is None
 
 
 def is_time_of_day(cell: str) -> bool:
     """Return whether a cell is a time of day, or a duration, without a date."""
-    found = _split(cell)
-    return found is not None and found.day is None
+    instant = _split(cell)
+    return instant is not None and instant.day is None
 
 
 def _split(cell: str) -> _Cell | None:
+    """Return date and time of day of a cell; None if it is neither."""
     text = cell.strip()
     if not text[:1].isalnum():
         return None
@@ -77,28 +78,28 @@ def _split(cell: str) -> _Cell | None:
 
 
 def holds_instants(column: Column) -> bool:
-    """Return whether the first cell of a column that is not empty is a date or a time of day."""
+    """Return whether the first nonempty cell of a column is a date or a time of day."""
     return is_instant(first_text(column))
 
 
 def first_text(column: Column) -> str:
-    """Return the first cell of a column that is not empty; empty if it has numbers or nothing."""
+    """Return the first nonempty text cell of a column; an empty text if there is none."""
     if isinstance(column.cells, np.ndarray):
         return ""
     return next((c for c in column.cells if c.strip().lower() not in MISSING_CELLS), "")
 
 
 def seconds(table: Table, column: Column, form: str = "") -> Array:
-    """Read dates and times of day as seconds since the first row.
+    """Return dates and times of day as seconds since the first row.
 
     Parameters
     ----------
     table : Table
-        Takes a line that says how they were read.
+        The form in which they were read is added to its repairs.
     column : Column
         Text cells.
     form : str
-        One of `FORMS`, where the user states it.
+        One of `FORMS` if the user states it.
 
     Returns
     -------
@@ -108,8 +109,8 @@ def seconds(table: Table, column: Column, form: str = "") -> Array:
     Raises
     ------
     UserError
-        If a cell is of another kind than the first, no calendar has its day, or day and month
-        cannot be told apart and it matters.
+        If a cell is of another kind than the first, its date is not in the calendar, or day and
+        month are ambiguous.
     """
     cells = _parsed(table, column)
     present = {k: cell for k, cell in enumerate(cells) if cell is not None}
@@ -117,33 +118,33 @@ def seconds(table: Table, column: Column, form: str = "") -> Array:
     instants = np.full(len(cells), np.nan)
     instants[list(present)] = [_seconds(each, form) for each in present.values()]
     if cell.day is not None:
-        read_as, days = _days(table, column, cells, form)
+        notation, days = _days(table, column, cells, form)
         instants += _DAY * days
     else:
         has_minutes_first = _has_minutes_first(cell, form)
-        read_as = MINUTES if has_minutes_first else _hours_form(column, cell)
+        notation = MINUTES if has_minutes_first else _hours_form(column, cell)
         _roll_over(table, column, instants, _HOUR if has_minutes_first else _DAY)
     text = str(column.cells[first]).strip()
     table.repairs.append(
-        Repair("date", f"column '{column.name}' is read as {read_as}: '{text}' is 0 s")
+        Repair("date", f"column '{column.name}' is read as {notation}: '{text}' is 0 s")
     )
     return instants - instants[first]
 
 
 def _hours_form(column: Column, cell: _Cell) -> str:
-    """Return how a time of day is read; without seconds also what it might be instead."""
+    """Return the form of a time of day; without seconds also the option for minutes and seconds."""
     if cell.clock is not None and cell.clock["s"] is None:
         return f"hh:mm (if it is mm:ss: {_as_time(column, MINUTES)})"
     return "hh:mm:ss"
 
 
 def _as_time(column: Column, form: str) -> str:
-    """Return the option that reads a column as times of a form."""
+    """Return the option to read a column as times of a form."""
     return option("mapping", {column.name: f"time[{form}]"})
 
 
 def _parsed(table: Table, column: Column) -> list[_Cell | None]:
-    """Split every cell; all must be of the kind of the first."""
+    """Return date and time of day of every cell; raise if one is not of the kind of the first."""
     cells: list[_Cell | None] = []
     first: _Cell | None = None
     for row, text in zip(table.rows, column.cells, strict=True):
@@ -164,18 +165,19 @@ def _parsed(table: Table, column: Column) -> list[_Cell | None]:
 
 
 def _kind(cell: _Cell) -> tuple[bool, bool]:
+    """Return whether a cell has a date, and whether it has a time of day."""
     return cell.day is not None, cell.clock is not None
 
 
 def _has_minutes_first(cell: _Cell, form: str) -> bool:
-    """Return whether a time without a third number is minutes and seconds, not hours."""
+    """Return whether a time of two numbers is minutes and seconds, not hours and minutes."""
     clock = cell.clock
     assert clock is not None
     return clock["s"] is None and (form == MINUTES or clock["fraction"] is not None)
 
 
 def _seconds(cell: _Cell, form: str) -> float:
-    """Return the time of day in s; in UTC where a zone is stated."""
+    """Return the time of day of a cell in s, in UTC if it states a zone."""
     clock = cell.clock
     if clock is None:
         return 0.0
@@ -195,20 +197,20 @@ def _seconds(cell: _Cell, form: str) -> float:
 def _days(
     table: Table, column: Column, cells: Sequence[_Cell | None], form: str
 ) -> tuple[str, Array]:
-    """Return how the dates of a column are read, and the day of each."""
+    """Return the form of the dates of a column, and the number of the day in every row."""
     texts = [cell.day[0] if cell and cell.day else "" for cell in cells]
     dates = {cell.day[0]: cell.day for cell in cells if cell and cell.day}
     order = _order(table, column, texts, dates, form)
     numbers = {"": np.nan}
-    for text, found in dates.items():
+    for text, match in dates.items():
         try:
-            numbers[text] = float(date(*_year_month_day(found, order)).toordinal())
+            numbers[text] = float(date(*_year_month_day(match, order)).toordinal())
         except ValueError:
-            at = texts.index(text)
-            cell = str(column.cells[at]).strip()
+            k = texts.index(text)
+            cell = str(column.cells[k]).strip()
             raise refuse(
                 table.path,
-                f"row {table.rows[at]}, column '{column.name}': '{cell}' is no date of the"
+                f"row {table.rows[k]}, column '{column.name}': '{cell}' is no date of the"
                 f" calendar (read as {order})",
             ) from None
     return order, np.array([numbers[text] for text in texts])
@@ -221,7 +223,7 @@ def _order(
     dates: dict[str, re.Match[str]],
     form: str,
 ) -> str:
-    """Return in which order days, months and years are written."""
+    """Return the order of day, month and year in the dates of a column."""
     first = next(iter(dates.values()))
     if first["one"] is None:
         return "yyyy-mm-dd" if first["year"] else "dates with the month's name"
@@ -240,44 +242,45 @@ def _order(
         )
     if day_first or month_first:
         return DAY_FIRST if day_first else MONTH_FIRST
-    undecided = [found for found in dates.values() if found["one"] != found["two"]]
+    ambiguous = [match for match in dates.values() if match["one"] != match["two"]]
     if len(dates) == 1:
         return "one day throughout"
-    if not undecided:
+    if not ambiguous:
         return DAY_FIRST
-    other = undecided[0]
+    other = ambiguous[0]
     choices = " or ".join(_as_time(column, f) for f in (DAY_FIRST, MONTH_FIRST))
     raise refuse(
         table.path,
         f"row {table.rows[texts.index(other[0])]}, column '{column.name}': is '{other[0]}' in"
-        f" {_month(other['two'])} or in {_month(other['one'])}? No date in the file tells; say"
-        f" which: {choices}",
+        f" {_month(other['two'])} or in {_month(other['one'])}? No date in the file decides;"
+        f" state it: {choices}",
     )
 
 
 def _first_above_12(dates: dict[str, re.Match[str]], group: str) -> str:
-    return next((text for text, found in dates.items() if int(found[group] or 0) > 12), "")
+    """Return the first date in which a number cannot be a month; an empty text if there is none."""
+    return next((text for text, match in dates.items() if int(match[group] or 0) > 12), "")
 
 
 def _month(number: str) -> str:
     return date(2000, int(number), 1).strftime("%B") if 1 <= int(number) <= 12 else "no month"
 
 
-def _year_month_day(found: re.Match[str], order: str) -> tuple[int, int, int]:
-    if found["year"]:
-        return int(found["year"]), int(found["month"]), int(found["day"])
-    if found["name"]:
-        return _full_year(found["in"]), _month_number(found["name"]), int(found["nth"])
-    if found["called"]:
-        return int(found["of"]), _month_number(found["called"]), int(found["on"])
-    one = int(found["one"])
-    two = int(found["two"])
+def _year_month_day(match: re.Match[str], order: str) -> tuple[int, int, int]:
+    if match["year"]:
+        return int(match["year"]), int(match["month"]), int(match["day"])
+    if match["name"]:
+        return _full_year(match["in"]), _month_number(match["name"]), int(match["nth"])
+    if match["called"]:
+        return int(match["of"]), _month_number(match["called"]), int(match["on"])
+    one = int(match["one"])
+    two = int(match["two"])
     day, month = (two, one) if order == MONTH_FIRST else (one, two)
-    return _full_year(found["last"]), month, day
+    return _full_year(match["last"]), month, day
 
 
 def _full_year(text: str) -> int:
-    """Return a year; of two digits one from 1970 to 2069, as POSIX reads it."""
+    """Return a year; one of two digits is from 1970 to 2069, as in POSIX."""
     year = int(text)
     if len(text) == 4:
         return year
@@ -285,7 +288,7 @@ def _full_year(text: str) -> int:
 
 
 def _month_number(name: str) -> int:
-    """Return the number of a month by its English or German name; 0, which is none, for others."""
+    """Return the number of a month by its English or German name; 0 for other names."""
     start = name[:3].casefold()
     if start in _MONTHS:
         return _MONTHS.index(start) + 1
@@ -293,18 +296,18 @@ def _month_number(name: str) -> int:
 
 
 def _roll_over(table: Table, column: Column, seconds: Array, period: float) -> None:
-    """Let a time of day go on after midnight, in place, and note it."""
-    at = np.flatnonzero(np.isfinite(seconds))
-    clock = seconds[at]
+    """Continue a time of day after midnight, in place, and add it to the repairs."""
+    known = np.flatnonzero(np.isfinite(seconds))
+    clock = seconds[known]
     steps = np.diff(clock)
     if not (steps < 0.0).any() or clock.max() >= period:
         return
     longest = _OVER_MIDNIGHT * float(steps.max())
     midnights = np.flatnonzero((steps < 0.0) & (steps + period <= longest))
     for k in midnights:
-        seconds[at[k + 1] :] += period
+        seconds[known[k + 1] :] += period
     if midnights.size:
-        rows = [int(table.rows[at[k + 1]]) for k in midnights]
+        rows = [int(table.rows[known[k + 1]]) for k in midnights]
         word = "midnight" if period == _DAY else "the hour"
         table.repairs.append(
             Repair(
@@ -315,8 +318,8 @@ def _roll_over(table: Table, column: Column, seconds: Array, period: float) -> N
         )
 
 
-def joined(table: Table, one: Column, other: Column) -> Column:
-    """Return dates and times of day of two columns in one; the table takes a line."""
+def merge_date_and_time(table: Table, one: Column, other: Column) -> Column:
+    """Return one column of the dates and times of day in two, and add that to the repairs."""
     days, clock = (one, other) if is_date(first_text(one)) else (other, one)
     cells = [
         f"{day} {time}" if day.strip() and time.strip() else ""

@@ -1,4 +1,4 @@
-"""The column that is the time: by its name, its unit, or because it holds dates."""
+"""The time column of a file, found by its name, its unit, or because it has dates."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from orchestration.records.times.instants import (
     holds_instants,
     is_date,
     is_time_of_day,
-    joined,
+    merge_date_and_time,
     seconds,
 )
 from orchestration.reporting import option
@@ -38,23 +38,23 @@ _NAMES = frozenset(
         "sekunden",
     }
 )
-_RISING = 0.4  # share of steps in which a clock rises; dates may be to the second, rows to the half
+_RISING = 0.4  # least share of steps that rise; rows may be half as far apart as dates resolve
 
 
 def find_time(table: Table, signals: Container[str], free: Sequence[Column]) -> Column:
-    """Find the time among the columns that are nothing else.
+    """Return the time column among the columns without a signal.
 
-    Names count more than units, and these more than dates. But of several columns the one that
-    falls least is taken, and it is noted: testers write the time of each step beside that of all.
+    Names count more than units, and these more than dates. Of several candidates the one that falls
+    least often is taken, because battery testers also write the time of each step, which restarts.
 
     Parameters
     ----------
     table : Table
-        The file's columns; takes a line where there was a choice.
+        Columns of the file; a choice is added to its repairs.
     signals : container of str
-        The model's signals, which are not the time.
+        Signals of the model, which are not the time.
     free : sequence of Column
-        The columns that may be the time.
+        Columns that may be the time.
 
     Returns
     -------
@@ -63,39 +63,39 @@ def find_time(table: Table, signals: Container[str], free: Sequence[Column]) -> 
     Raises
     ------
     UserError
-        If there is none, or several are called time.
+        If there is no time column, or several are called time.
     """
-    able = [column for column in free if column.name not in signals]
-    called = [column for column in able if column.name.casefold() == TIME]
-    if len(called) > 1:
+    columns = [column for column in free if column.name not in signals]
+    exact = [column for column in columns if column.name.casefold() == TIME]
+    if len(exact) > 1:
         raise refuse(
             table.path,
-            f"{len(called)} columns are called time; keep one, or"
+            f"{len(exact)} columns are called time; keep one, or"
             f" {option('mapping', {'column': 'time'})}",
         )
-    timed = [column for column in able if column.unit and _is_in_time(column)]
-    named = [c for c in able if _plain_name(c) in _NAMES and (c.unit is None or c in timed)]
-    dated = [column for column in able if holds_instants(column)]
-    candidates = list({id(c): c for c in (*called, *named, *timed, *dated)}.values())
-    likely = [*called, *named, *(c for c in candidates if c is table.columns[0]), *dated]
+    by_unit = [column for column in columns if column.unit and _is_in_time(column)]
+    by_name = [c for c in columns if _plain_name(c) in _NAMES and (c.unit is None or c in by_unit)]
+    by_date = [column for column in columns if holds_instants(column)]
+    candidates = list({id(c): c for c in (*exact, *by_name, *by_unit, *by_date)}.values())
+    likely = [*exact, *by_name, *(c for c in candidates if c is table.columns[0]), *by_date]
     if len(candidates) == 1 and likely:
         return candidates[0]
     falls = {id(column): _falls(table, column) for column in candidates}
-    able_to_run = [c for c in candidates if falls[id(c)] == 0.0 or any(c is d for d in likely)]
-    if not able_to_run:
-        raise refuse(table.path, _no_time(table, able))
-    found = min(able_to_run, key=lambda column: falls[id(column)])
-    others = [c for c in candidates if c is not found and not _are_halves(c, found)]
+    clocks = [c for c in candidates if falls[id(c)] == 0.0 or any(c is d for d in likely)]
+    if not clocks:
+        raise refuse(table.path, _no_time(table, columns))
+    time = min(clocks, key=lambda column: falls[id(column)])
+    others = [c for c in candidates if c is not time and not _are_complementary(c, time)]
     if others:
         listed = ", ".join(f"'{column.name}'" for column in others)
         table.repairs.append(
             Repair(
                 "time column",
-                f"time is column '{found.name}', not {listed}; to take another, as of these the"
-                f" first: {option('mapping', {table.map_name(others[0]): 'time'})}",
+                f"time is column '{time.name}', not {listed}; to take another, for example the"
+                f" first of these: {option('mapping', {table.map_name(others[0]): 'time'})}",
             )
         )
-    return found
+    return time
 
 
 def _plain_name(column: Column) -> str:
@@ -110,10 +110,10 @@ def _is_in_time(column: Column) -> bool:
 
 
 def _falls(table: Table, column: Column) -> float:
-    """Count how often a column falls; infinite if it does not rise often enough to be a clock."""
+    """Return how often a column falls; infinite if it rises too rarely for a clock."""
     scratch = Table(table.path, table.columns, table.rows)
-    other = other_half(column, table.columns)
-    whole = column if other is None else joined(scratch, column, other)
+    other = complementary_column(column, table.columns)
+    whole = column if other is None else merge_date_and_time(scratch, column, other)
     try:
         values = seconds(scratch, whole) if holds_instants(whole) else numbers(scratch, whole)
     except UserError:
@@ -124,25 +124,25 @@ def _falls(table: Table, column: Column) -> float:
     return float((steps < 0.0).sum())
 
 
-def _are_halves(one: Column, other: Column) -> bool:
-    """Return whether two columns are the date and the time of day of one instant."""
+def _are_complementary(one: Column, other: Column) -> bool:
+    """Return whether one column has dates and the other one times of day."""
     first, second = first_text(one), first_text(other)
     return (is_date(first) and is_time_of_day(second)) or (
         is_date(second) and is_time_of_day(first)
     )
 
 
-def other_half(column: Column, others: Sequence[Column]) -> Column | None:
-    """Return the column that has the time of day of a column of dates, or the dates of one."""
-    return next((c for c in others if c is not column and _are_halves(c, column)), None)
+def complementary_column(column: Column, others: Sequence[Column]) -> Column | None:
+    """Return a column of times of day for one of dates, or the reverse; None if there is none."""
+    return next((c for c in others if c is not column and _are_complementary(c, column)), None)
 
 
-def _no_time(table: Table, able: Sequence[Column]) -> str:
-    """Say that there is no time, and which column may be it."""
+def _no_time(table: Table, columns: Sequence[Column]) -> str:
+    """Return the message that there is no time column, with a column that might be the time."""
     first = table.columns[0]
-    rising = next((column for column in able if _falls(table, column) == 0.0), None)
+    rising = next((column for column in columns if _falls(table, column) == 0.0), None)
     advice = (
-        f"to say which it is: {option('mapping', {table.map_name(rising): 'time[s]'})}"
+        f"to state it: {option('mapping', {table.map_name(rising): 'time[s]'})}"
         if rising
         else "add a column of time, in seconds or as dates"
     )

@@ -1,4 +1,4 @@
-"""Elements of pages that several kinds of them share: chips, names, bars, and quantities."""
+"""Elements that several kinds of pages share: chips, names, bar charts and quantities."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from orchestration.reporting.html.page import Markup, escaped
 
 
 def chip(kind: str, text: str) -> Markup:
-    """Return a word on a ground that is coloured by its kind."""
+    """Return a short text on a rounded background; the kind is the CSS class of its colour."""
     return Markup(f'<span class="chip {kind.replace(" ", "")}">{escaped(text)}</span>')
 
 
 def two_lines(first: str, second: str) -> Markup:
-    """Return a line in bold above a lighter one."""
+    """Return a line in bold above a grey one."""
     below = f'<span class="muted">{escaped(second)}</span>' if second else ""
     return Markup(f'<span class="two"><b>{escaped(first)}</b>{below}</span>')
 
 
 def named(title: str, identifier: str, text: str) -> Markup:
-    """Return a name for people above the identifier in small print, and what it is."""
+    """Return a title in bold, its identifier in small print, and a description below."""
     small = "" if title == identifier else f'<code class="id">{escaped(identifier)}</code>'
-    says_more = text and text != title[:1].lower() + title[1:]
-    below = f'<span class="muted">{escaped(text)}</span>' if says_more else ""
+    is_repetition = text == title[:1].lower() + title[1:]
+    below = f'<span class="muted">{escaped(text)}</span>' if text and not is_repetition else ""
     return Markup(f'<span class="two"><b>{escaped(title)}</b> {small}{below}</span>')
 
 
 def muted_paragraph(text: str) -> Markup:
-    """Return a paragraph in grey, which explains what stands above it."""
+    """Return a paragraph in grey, for an explanation of the element above it."""
     return Markup(f'<p class="muted">{escaped(text)}</p>')
 
 
@@ -40,13 +40,13 @@ class Bar(NamedTuple):
     Attributes
     ----------
     name : str
-        Shown to the left of it.
+        Text to the left of the bar.
     colour : str
-        As CSS has it.
+        Colour in CSS.
     length : float
-        Relative to the other bars; infinite or NaN is drawn as none.
+        Length relative to other bars; no bar is drawn if it is infinite or NaN.
     text : str
-        Shown to the right of it.
+        Text to the right of the bar.
     """
 
     name: str
@@ -56,7 +56,7 @@ class Bar(NamedTuple):
 
 
 def bar_chart(title: str, bars: Sequence[Bar]) -> Markup:
-    """Return horizontal bars below a title, the longest as wide as the page."""
+    """Return horizontal bars below a title, the longest as wide as its column."""
     finite = [bar.length for bar in bars if math.isfinite(bar.length)]
     longest = max(finite, default=0.0)
     parts = [f"<b>{escaped(title)}</b>"]
@@ -72,14 +72,14 @@ def bar_chart(title: str, bars: Sequence[Bar]) -> Markup:
 
 
 def format_ends(low: str, high: str) -> str:
-    """Return the ends of an interval, with the unit once where both have the same."""
+    """Return an interval as text, with the unit once if both ends have the same."""
     number, space, unit = low.partition(" ")
     is_shared = bool(space) and high.partition(" ")[2] == unit
     return f"{number if is_shared else low} … {high}"
 
 
 def format_quantities(text: str) -> Markup:
-    """Return values with units as they are printed: 2·10⁶ N·s/m for ``2e+06 N*s/m``."""
+    """Return values with units in mathematical notation: 2·10⁶ N·s/m for ``2e+06 N*s/m``."""
     dotted = escaped(text).replace("*", "·")
     powers_of_ten = re.sub(r"(?<=\d)e([+-])0*(\d+)", _power_of_ten, dotted)
     signed = re.sub(r"(?<![\w.])-(?=\d)", "−", powers_of_ten)

@@ -1,4 +1,4 @@
-"""One-page HTML reports: self-contained, readable on a phone, nothing loaded from elsewhere."""
+"""Self-contained HTML reports of one page, which load nothing and can be read on a phone."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from fmus.kit.build import STYLE
 
 _GROUND = "var(--jp-layout-color0, var(--vscode-editor-background, Canvas))"  # of notebooks, too
 _EDGE = "#7f8a96 3px, rgb(127 138 150 / 0.25) 3px, transparent"
-# A bar and a shadow at an edge beyond which there is more, without a script: what covers them moves
-# with the contents, and they do not. The bar has 3:1 to a light ground and to a dark one, and text
-# over the shadow keeps 4.5:1.
+# A bar and a shadow mark an edge with hidden contents, without a script: their covers scroll with
+# the contents, and they stay at the edge. The contrast of the bar is 3:1 to a light background and
+# to a dark one; text over the shadow keeps 4.5:1.
 SCROLLED = (
     f"background: linear-gradient(to right, {_GROUND} 1rem, transparent) 0 0 / 2rem 100% no-repeat"
     f" local, linear-gradient(to left, {_GROUND} 1rem, transparent) 100% 0 / 2rem 100% no-repeat"
@@ -98,23 +98,23 @@ td:first-child .two { min-width: 13rem } td .two .muted { display: block; line-h
 
 
 class Markup(str):
-    """Text that is HTML already and is not escaped again."""
+    """Text in HTML, which is not escaped again."""
 
 
 def escaped(text: str) -> Markup:
-    """Return a text as HTML; bytes of a file name that are no text are shown as such."""
+    """Return a text escaped for HTML; invalid bytes of a file name become backslash escapes."""
     if isinstance(text, Markup):
         return text
     return Markup(html.escape(text.encode(errors="backslashreplace").decode()))
 
 
 def path_of_report(path: str | Path) -> Path:
-    """Return the path of a report, by a name that is one of a page.
+    """Return the path of a report.
 
     Raises
     ------
     UserError
-        If the name does not end in ``.html``.
+        If its name does not end in ``.html`` or ``.htm``.
     """
     target = Path(path)
     if target.suffix.lower() not in (".html", ".htm"):
@@ -123,16 +123,16 @@ def path_of_report(path: str | Path) -> Path:
 
 
 class Page:
-    """A page that grows downwards. All texts may be `Markup`.
+    """A page to which elements are appended. All texts may be `Markup`.
 
     Parameters
     ----------
     title : str
         The result in a sentence.
     verdict : str
-        What it rests on, shown below the title.
+        The reasons for the result, shown below the title.
     about : str
-        What the page is of, in small print above the title.
+        The subject of the page, in small print above the title.
     """
 
     def __init__(self, title: str, verdict: str, about: str = ""):
@@ -141,23 +141,23 @@ class Page:
         self.parts += [f"<h1>{escaped(title)}</h1>", f'<p class="verdict">{escaped(verdict)}</p>']
 
     def heading(self, text: str) -> None:
-        """Begin a section."""
+        """Append the heading of a section."""
         self.parts.append(f"<h2>{escaped(text)}</h2>")
 
     def subheading(self, text: str) -> None:
-        """Begin a part of a section."""
+        """Append the heading of a part of a section."""
         self.parts.append(f"<h3>{escaped(text)}</h3>")
 
     def text(self, text: str) -> None:
-        """Add a paragraph."""
+        """Append a paragraph."""
         self.parts.append(f"<p>{escaped(text)}</p>")
 
     def items(self, lines: Sequence[str]) -> None:
-        """Add a list."""
+        """Append a list."""
         self.parts.append("<ul>" + "".join(f"<li>{escaped(line)}</li>" for line in lines) + "</ul>")
 
     def table(self, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-        """Add a table of texts."""
+        """Append a table of texts."""
         columns = "".join(f'<th scope="col">{escaped(cell)}</th>' for cell in head)
         body = ""
         for row in rows:
@@ -169,13 +169,13 @@ class Page:
 
     @contextmanager
     def folded(self, summary: str) -> Iterator[None]:
-        """Fold up what is added while the context lasts, until somebody asks for it."""
+        """Hide elements that are appended in this context below a summary that opens them."""
         self.parts.append(f"<details><summary>{escaped(summary)}</summary>")
         yield
         self.parts.append("</details>")
 
     def picture(self, file: Path, caption: str) -> None:
-        """Embed a PNG with what it shows."""
+        """Append a PNG from a file, with a caption."""
         data = base64.b64encode(file.read_bytes()).decode()
         text = escaped(caption)
         self.parts.append(
@@ -184,15 +184,15 @@ class Page:
         )
 
     def chart(self, chart: Markup, caption: str) -> None:
-        """Add a chart of `stacked` or `heat_map`, with what it shows."""
+        """Append a chart of `stacked` or `heat_map`, with a caption."""
         self.parts.append(f"<figure>{chart}<figcaption>{escaped(caption)}</figcaption></figure>")
 
     def code(self, lines: Sequence[str]) -> None:
-        """Add commands to copy."""
+        """Append commands to copy."""
         self.parts.append(f'<pre tabindex="0"><code>{escaped(chr(10).join(lines))}</code></pre>')
 
     def reproduction(self, files: Sequence[Path], command: str) -> None:
-        """Add the command that made the page, versions, and digests of the files it was given."""
+        """Append the command that made the page, versions, and digests of its input files."""
         self.subheading("How to reproduce")
         self.code([command])
         facts = {"ppy-rig": version("ppy-rig"), "Python": platform.python_version()}
@@ -204,12 +204,11 @@ class Page:
 
     def html(self) -> str:
         """Return the whole page."""
+        style = STYLE + _MORE.replace("SCROLLED", SCROLLED) + _CHART + _ELEMENTS
         head = (
             '<meta charset="utf-8"><meta name="viewport" content="width=device-width,'
-            ' initial-scale=1">'
+            f' initial-scale=1"><title>{_plain([self.title])}</title><style>{style}</style>'
         )
-        style = STYLE + _MORE.replace("SCROLLED", SCROLLED) + _CHART + _ELEMENTS
-        head += f"<title>{_plain([self.title])}</title><style>{style}</style>"
         body = "\n".join(self.parts)
         return (
             f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head>\n'
@@ -228,7 +227,7 @@ class Page:
 
 
 def _plain(texts: Sequence[str]) -> str:
-    """Return texts without their markup, where only text may stand."""
+    """Return texts without markup, for an attribute or the title, joined by commas."""
     return ", ".join(re.sub(r"<[^>]+>", " ", escaped(text)).strip() for text in texts)
 
 

@@ -1,12 +1,12 @@
-"""Charts of a page: panels above a shared axis, thinned to what a screen can show.
+"""Charts of a page: panels above a shared axis, with lines thinned to the pixels of a screen.
 
-Lines are drawn as SVG that is stretched to the width of the page, and texts stand beside them as
-HTML, so that a chart is as readable on a phone as on a desk, and needs neither a script nor a
-library.
+Lines are SVG that is stretched to the width of the page, and texts are HTML, so that a chart can be
+read on a phone and needs neither a script nor a library.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,15 +15,15 @@ import numpy as np
 from fmus.kit.arrays import Array
 from orchestration.reporting.html.page import Markup, escaped
 
-_GAP = 10.0  # times the steps on either side, from which on a line is broken
+_GAP = 10.0  # a line is broken at a step this many times longer than both of its neighbours
 MOST = 1600  # points of a line: two for every pixel of a wide page
-_MOST_OF_ALL = 40_000  # points of a chart, which are shared out among its lines
-_WIDTH, _HEIGHT = 2000, 1000  # of the coordinates of a panel, whatever its size on the screen
-_MARGIN = 0.05  # of the range of a panel, above and below its lines
+_MOST_OF_ALL = 40_000  # points of a chart, divided equally among its lines
+_WIDTH, _HEIGHT = 2000, 1000  # coordinates of a panel, independent of its size on the screen
+_MARGIN = 0.05  # space above and below the lines, relative to their range
 _TICKS = 5
-_FARTHEST = 1e150  # value on an axis: the range of runaway simulations has to be a number
-_DARK = 0.5  # share of the darkest ground of a map, from which on ink is white
-_FEWEST_DECADES = 2  # of a logarithmic axis, below which values between powers of ten are told
+_FARTHEST = 1e150  # largest value of an axis, so that unstable simulations have a finite range
+_DARK = 0.5  # share of the darkest background above which the text is white
+_FEWEST_DECADES = 2  # with fewer, a logarithmic axis has ticks between powers of ten
 
 
 @dataclass(frozen=True)
@@ -33,22 +33,22 @@ class Trace:
     Attributes
     ----------
     label : str
-        Traces of one label, wherever they are, are one entry of the legend; none for an empty one.
+        Entry of the legend, shared by all traces with the same label; empty for no entry.
     x, y : ndarray, shape (n,)
         NaN in y is a gap.
     colour : str
-        As CSS has it.
+        Colour in CSS.
     width : float
-        Pixels.
+        Width of the line in pixels.
     dashed : bool
     stepped : bool
-        Whether values are held until the next one.
+        Whether y is constant from each point to the next.
     low : ndarray, shape (n,), optional
-        Lower edge of a band, of which y is the upper one; the line is not drawn then.
+        Lower edge of a band with the upper edge y, drawn in place of the line.
     dots : bool
-        Whether there is a tick at every value, in place of a line.
+        Whether a short vertical mark is drawn at every point, in place of the line.
     makes_room : bool
-        Whether the axis reaches as far as the line; else the line is cut off at the panel.
+        Whether the range of the axis includes the line; else the panel cuts it off.
     """
 
     label: str
@@ -70,14 +70,14 @@ class Panel:
     Attributes
     ----------
     title : str
-        With the unit.
+        Title with the unit.
     height : int
-        Pixels.
+        Height in pixels.
     traces : list of Trace
     band : pair of float, optional
-        A range to be marked.
+        A range to be shaded.
     span : pair of float, optional
-        Range of the axis; that of the traces if it is not given.
+        Range of the axis; default that of the traces.
     logarithmic : bool
     """
 
@@ -91,7 +91,15 @@ class Panel:
 
 @dataclass(frozen=True)
 class Boundary:
-    """A place on the horizontal axis, such as the begin of validation data, and words beside it."""
+    """A boundary on the horizontal axis, such as the start of validation data.
+
+    Attributes
+    ----------
+    place : float
+        Its position.
+    before, after : str
+        Texts to the left and to the right of it.
+    """
 
     place: float
     before: str
@@ -100,7 +108,7 @@ class Boundary:
 
 @dataclass(frozen=True)
 class _Axis:
-    """An axis from one end to the other, linear or logarithmic."""
+    """A linear or logarithmic axis with its range."""
 
     low: float
     high: float
@@ -108,69 +116,84 @@ class _Axis:
 
     @classmethod
     def over(cls, values: Sequence[Array], logarithmic: bool, margin: float = 0.0) -> _Axis:
-        """Return the axis that holds all values, with a margin as a share of their range."""
-        known = [v[np.isfinite(v) & ((v > 0.0) | (not logarithmic))] for v in values]
-        ends = [float(end) for v in known if len(v) for end in (v.min(), v.max())]
-        ends = [min(max(end, -_FARTHEST), _FARTHEST) for end in ends] or [0.1, 1.0]
-        low, high = min(ends), max(ends)
+        """Return an axis that includes all finite values, with a margin relative to their range."""
+        ends = []
+        for array in values:
+            shown = array[np.isfinite(array) & ((array > 0.0) | (not logarithmic))]
+            if len(shown):
+                ends += [shown.min(), shown.max()]
+        if not ends:
+            ends = [0.1, 1.0]
+        low, high = np.clip([min(ends), max(ends)], -_FARTHEST, _FARTHEST).tolist()
         if logarithmic:
             room = (high / low) ** margin if high > low else 2.0
             return cls(low / room, high * room, True)
-        room = margin * (high - low) if high > low else 0.5 * abs(high) or 0.5
+        room = margin * (high - low)
+        if low == high:
+            room = 0.5 * abs(high) or 0.5
         return cls(low - room, high + room)
 
     def share(self, values: Array) -> Array:
-        """Return where values are, from 0 at the lower end to 1 at the upper one."""
+        """Return positions of values along the axis, 0 at its lower end and 1 at its upper end."""
         if not self.logarithmic:
             return np.asarray((values - self.low) / (self.high - self.low))
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.log(values / self.low) / np.log(self.high / self.low))
 
     def ticks(self) -> list[float]:
-        """Return a few round values on it."""
+        """Return a few round values within the range."""
         if self.logarithmic:
-            powers = np.arange(np.ceil(np.log10(self.low)), np.floor(np.log10(self.high)) + 1.0)
-            if len(powers) > _FEWEST_DECADES:
-                every = -(-len(powers) // (_TICKS + 1))
-                return [float(10.0**power) for power in powers[::every]]
-            powers = np.arange(np.floor(np.log10(self.low)), np.ceil(np.log10(self.high)) + 1.0)
-            known = [float(m * 10.0**power) for power in powers for m in (1.0, 2.0, 5.0)]
-            return [value for value in known if self.low <= value <= self.high]
-        rough = (self.high - self.low) / _TICKS
-        power = 10.0 ** np.floor(np.log10(rough))
-        step = power * next(m for m in (1.0, 2.0, 5.0, 10.0) if m * power >= rough)
-        first, last = np.ceil(self.low / step), np.floor(self.high / step)
+            return self._logarithmic_ticks()
+        shortest_step = (self.high - self.low) / _TICKS
+        power = 10.0 ** np.floor(np.log10(shortest_step))
+        step = power * next(m for m in (1.0, 2.0, 5.0, 10.0) if m * power >= shortest_step)
+        first = np.ceil(self.low / step)
+        last = np.floor(self.high / step)
         return [float(k * step) for k in np.arange(first, last + 1.0)]
+
+    def _logarithmic_ticks(self) -> list[float]:
+        """Return powers of ten, with values between them if the range has too few."""
+        low = np.log10(self.low)
+        high = np.log10(self.high)
+        powers = np.arange(np.ceil(low), np.floor(high) + 1.0)
+        if len(powers) > _FEWEST_DECADES:
+            every = math.ceil(len(powers) / (_TICKS + 1))
+            return [float(10.0**power) for power in powers[::every]]
+        powers = np.arange(np.floor(low), np.ceil(high) + 1.0)
+        values = [float(m * 10.0**power) for power in powers for m in (1.0, 2.0, 5.0)]
+        return [value for value in values if self.low <= value <= self.high]
 
 
 def envelope(x: Array, y: Array, most: int = MOST) -> tuple[Array, Array]:
-    """Thin out a line: of every bin the smallest and the largest value, each where it is.
+    """Reduce a line to the smallest and the largest point of equal bins.
 
     Parameters
     ----------
     x, y : ndarray, shape (n,)
     most : int
-        Points that are left.
+        Largest number of points to return.
 
     Returns
     -------
     x, y : ndarray, shape (m,)
-        As they were if there are no more.
+        The line itself if it has no more points.
     """
     n = len(y)
     if n <= most:
         return x, y
-    size = -(-n // (most // 2))
-    bins = np.full((-(-n // size), size), np.nan)
+    size = math.ceil(n / (most // 2))
+    bins = np.full((math.ceil(n / size), size), np.nan)
     bins.flat[:n] = y
-    gap = np.isnan(bins)
-    ends = [np.where(gap, np.inf, bins).argmin(axis=1), np.where(gap, -np.inf, bins).argmax(axis=1)]
-    at = (np.sort(ends, axis=0) + size * np.arange(len(bins))).T.ravel()
-    return x[at], y[at]
+    is_gap = np.isnan(bins)
+    lowest = np.where(is_gap, np.inf, bins).argmin(axis=1)
+    highest = np.where(is_gap, -np.inf, bins).argmax(axis=1)
+    extremes = np.sort([lowest, highest], axis=0) + size * np.arange(len(bins))
+    indices = extremes.T.ravel()
+    return x[indices], y[indices]
 
 
-def broken(x: Array, y: Array) -> tuple[Array, Array]:
-    """Break a line where a record has a gap: nothing is drawn where nothing was measured."""
+def break_at_gaps(x: Array, y: Array) -> tuple[Array, Array]:
+    """Insert a point with y = NaN into every gap of a record, so that no line crosses it."""
     step = np.diff(x, prepend=np.nan, append=np.nan)
     after = np.flatnonzero(step[1:-1] > _GAP * np.fmax(step[:-2], step[2:])) + 1
     return np.insert(x, after, 0.5 * (x[after] + x[after - 1])), np.insert(y, after, np.nan)
@@ -191,10 +214,10 @@ def stacked(
     across : str
         Title of the horizontal axis, with the unit.
     logarithmic : bool
-        Whether that axis is.
+        Whether the horizontal axis is logarithmic.
     boundary : Boundary, optional
-    marks : sequence of float and str
-        Places on the horizontal axis, and what is there.
+    marks : sequence of (float, str)
+        Positions on the horizontal axis, each with its text.
 
     Returns
     -------
@@ -203,11 +226,13 @@ def stacked(
     traces = [trace for panel in panels for trace in panel.traces]
     axis = _Axis.over([trace.x for trace in traces], logarithmic)
     most = min(MOST, max(_MOST_OF_ALL // max(len(traces), 1), 100))
-    places = [place for place, _ in marks] + ([boundary.place] if boundary else [])
-    lines = [float(axis.share(np.array(place))) for place in places]
-    held = float(axis.share(np.array(boundary.place))) if boundary else None
+    lines = [float(axis.share(np.array(place))) for place, _ in marks]
+    validation_start = None
+    if boundary:
+        validation_start = float(axis.share(np.array(boundary.place)))
+        lines.append(validation_start)
     parts = [_legend(traces), _strip(axis, boundary, marks)]
-    parts += [_draw_panel(panel, axis, most, lines, held) for panel in panels]
+    parts += [_draw_panel(panel, axis, most, lines, validation_start) for panel in panels]
     labels = "".join(
         f'<span style="left:{_percent(share)}">{_number(tick)}</span>'
         for tick, share in _shares(axis)
@@ -217,40 +242,51 @@ def stacked(
 
 
 def _legend(traces: Sequence[Trace]) -> str:
-    """Return the entries of the legend, one for every label."""
-    named = {trace.label: trace for trace in reversed(traces) if trace.label}
+    """Return the legend, with an entry for every label."""
+    first = {trace.label: trace for trace in reversed(traces) if trace.label}
     entries = "".join(
         f'<li><i style="background:{trace.colour}"></i>{escaped(label)}</li>'
-        for label, trace in reversed(named.items())
+        for label, trace in reversed(first.items())
     )
     return f"<ul>{entries}</ul>" if entries else ""
 
 
 def _strip(axis: _Axis, boundary: Boundary | None, marks: Sequence[tuple[float, str]]) -> str:
-    """Return the words above the panels, beside the places that they are about."""
-    texts = [(place, text, "before") for place, text in marks]
-    if boundary:
-        texts += [
-            (boundary.place, f"{boundary.before} ◂", "before"),
-            (boundary.place, f"▸ {boundary.after}", "after"),
-        ]
+    """Return the texts above the panels, each ending at its mark or next to the boundary."""
+    before = [*marks]
     words = ""
-    for place, text, side in texts:
-        share = float(axis.share(np.array(place)))
-        edge = "left" if side == "after" else "right"
-        words += (
-            f'<span style="{edge}:{_percent(share if side == "after" else 1.0 - share)}">'
-            f"{escaped(text)}</span>"
-        )
+    if boundary:
+        before.append((boundary.place, f"{boundary.before} ◂"))
+    for place, text in before:
+        right = _percent(1.0 - float(axis.share(np.array(place))))
+        words += f'<span style="right:{right}">{escaped(text)}</span>'
+    if boundary:
+        left = _percent(float(axis.share(np.array(boundary.place))))
+        words += f'<span style="left:{left}">{escaped(f"▸ {boundary.after}")}</span>'
     return f'<div class="strip">{words}</div>' if words else ""
 
 
 def _draw_panel(
-    panel: Panel, axis: _Axis, most: int, lines: Sequence[float], held: float | None
+    panel: Panel, axis: _Axis, most: int, lines: Sequence[float], validation_start: float | None
 ) -> str:
-    """Return a panel with its title, its grid, its lines, and the values beside its axis."""
+    """Return a panel with its title, grid, traces, and values at the ticks of its vertical axis.
+
+    Parameters
+    ----------
+    panel : Panel
+    axis : _Axis
+        The horizontal axis.
+    most : int
+        Largest number of points of a trace.
+    lines : sequence of float
+        Positions of vertical lines, from 0 to 1.
+    validation_start : float or None
+        Position from which on the panel is shaded.
+    """
     upright = _upright_axis(panel)
-    drawn = "" if held is None else _box(held, 1.0, 0.0, 1.0, "#fbf5e6")
+    drawn = ""
+    if validation_start is not None:
+        drawn = _box(validation_start, 1.0, 0.0, 1.0, "#fbf5e6")
     if panel.band is not None:
         low, high = upright.share(np.array(panel.band))
         drawn += _box(0.0, 1.0, float(low), float(high), "#e1e5e8")
@@ -273,23 +309,23 @@ def _draw_panel(
 def _upright_axis(panel: Panel) -> _Axis:
     if panel.span is not None:
         return _Axis(*panel.span, panel.logarithmic)
-    shown = [trace for trace in panel.traces if trace.makes_room] or panel.traces
-    values = [edge for trace in shown for edge in (trace.y, trace.low) if edge is not None]
+    included = [trace for trace in panel.traces if trace.makes_room] or panel.traces
+    values = [edge for trace in included for edge in (trace.y, trace.low) if edge is not None]
     return _Axis.over(values, panel.logarithmic, _MARGIN)
 
 
 def _draw_trace(trace: Trace, axis: _Axis, upright: _Axis, most: int) -> str:
-    """Return a line, a band or ticks as a path of SVG."""
+    """Return the line, band or marks of a trace as a path of SVG."""
     if trace.low is not None:
         edges = [envelope(trace.x, edge, most) for edge in (trace.y, trace.low)]
-        there, back = (_points(x, y, axis, upright) for x, y in edges)
-        path = _path(np.concatenate((there, back[::-1])))
+        upper, lower = (_points(x, y, axis, upright) for x, y in edges)
+        path = _path(np.concatenate((upper, lower[::-1])))
         return f'<path d="{path}z" fill="{trace.colour}" stroke="none"/>'
     if trace.dots:
         places = _points(*envelope(trace.x, trace.y, most), axis, upright)
         path = "".join(f"M{x} {y - 20}v40" for x, y in places.tolist())
     else:
-        x, y = envelope(*broken(trace.x, trace.y), most)
+        x, y = envelope(*break_at_gaps(trace.x, trace.y), most)
         if trace.stepped:
             x, y = np.repeat(x, 2)[1:], np.repeat(y, 2)[:-1]
         points = _points(x, y, axis, upright)
@@ -300,21 +336,23 @@ def _draw_trace(trace: Trace, axis: _Axis, upright: _Axis, most: int) -> str:
 
 
 def _points(x: Array, y: Array, axis: _Axis, upright: _Axis) -> Array:
-    """Return whole coordinates of points, shape (n, 2); what is far off the panel stays near it."""
+    """Return integer coordinates of points, shape (n, 2), at most a height above or below."""
     high = np.clip(np.nan_to_num(1.0 - upright.share(y)), -1.0, 2.0)
     along = np.nan_to_num(axis.share(x))
     return np.column_stack((np.rint(_WIDTH * along), np.rint(_HEIGHT * high))).astype(int)
 
 
 def _path(points: Array) -> str:
-    """Return a line through points as the commands of a path, each relative to the one before."""
+    """Return a line through points in the syntax of an SVG path, with relative coordinates."""
     if not len(points):
         return ""
+    start = f"M{points[0, 0]} {points[0, 1]}"
     steps = " ".join(f"{x} {y}" for x, y in np.diff(points, axis=0).tolist())
-    return f"M{points[0, 0]} {points[0, 1]}l{steps}" if steps else f"M{points[0, 0]} {points[0, 1]}"
+    return f"{start}l{steps}" if steps else start
 
 
 def _box(left: float, right: float, low: float, high: float, colour: str) -> str:
+    """Return a filled rectangle, with its edges as shares of the panel's width and height."""
     return (
         f'<rect x="{_along(left)}" width="{_along(right) - _along(left)}" y="{_down(high)}"'
         f' height="{_down(low) - _down(high)}" fill="{colour}"/>'
@@ -322,15 +360,17 @@ def _box(left: float, right: float, low: float, high: float, colour: str) -> str
 
 
 def _along(share: float) -> int:
+    """Return the horizontal coordinate of a position on the axis."""
     return round(_WIDTH * min(max(share, 0.0), 1.0))
 
 
 def _down(share: float) -> int:
+    """Return the vertical coordinate, which points down, of a position on the axis."""
     return round(_HEIGHT * (1.0 - min(max(share, 0.0), 1.0)))
 
 
 def _shares(axis: _Axis) -> list[tuple[float, float]]:
-    """Return the ticks of an axis, each with its place."""
+    """Return the ticks of an axis, each with its position from 0 to 1."""
     return [(tick, float(axis.share(np.array(tick)))) for tick in axis.ticks()]
 
 
@@ -339,7 +379,7 @@ def _percent(share: float) -> str:
 
 
 def _number(value: float) -> str:
-    """Write the value of a tick, without the noise of its last digits."""
+    """Return the value of a tick as text, without rounding errors."""
     return f"{float(f'{value:.10g}') + 0.0:g}".replace("-", "−")
 
 
@@ -350,18 +390,18 @@ def heat_map(
     texts: Sequence[Sequence[str]],
     title: str,
 ) -> Markup:
-    """Draw a table of positive numbers on grounds that are the darker the larger they are.
+    """Draw a table of positive numbers, with a darker background for larger numbers.
 
     Parameters
     ----------
     rows, columns : sequence of str
-        Names, from above and from the left.
+        Names of the rows from above and of the columns from the left.
     values : ndarray, shape (rows, columns)
-        Nothing is drawn where one is NaN.
+        Positive numbers; a cell is empty where one is NaN.
     texts : sequence of sequence of str
-        What is told of each.
+        Tooltips of the cells.
     title : str
-        Of the numbers.
+        Name of the numbers.
 
     Returns
     -------
@@ -381,7 +421,7 @@ def heat_map(
 
 
 def _heat_cell(number: float, share: float, text: str) -> str:
-    """Return a number on a ground between white and dark blue, in ink that can be read on it."""
+    """Return a cell with a number on a background from white (share 0) to dark blue (share 1)."""
     if not np.isfinite(number):
         return "<td></td>"
     red, green, blue = (round(238 + share * (dark - 238)) for dark in (8, 48, 74))

@@ -45,6 +45,7 @@ def test_the_potentiostat_reaches_its_voltage_in_one_step():
     assert gain == pytest.approx((1.0 / fresh.R1 + 1.0 / fresh.R2) / 1e-3, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_watch_sees_its_actuator(libcosim):
     """The current is what was wanted, the limit that of the start, and the actuator charges."""
     wanted = {"galvanostat.current_command": 1.0}

@@ -185,6 +185,7 @@ def exact_closed_loop(command, limit, recovery, period, stop):
     return np.array(rows, dtype=float)
 
 
+@pytest.mark.slow
 def test_voltage_of_an_actuator_is_kept_at_its_limit():
     """Fig. 4-4: +-1.3 A at 0.1 Hz (section 4.3) on the 12-layer circuit, limited to 0.8 V; closed
     form of the charge.
@@ -489,6 +490,7 @@ def test_parameters_refuse_what_cannot_be_computed():
         Galvanostat(limit=1.0)
 
 
+@pytest.mark.slow
 def test_compiled_laws_are_those_of_the_class():
     """The closed loop of fig. 4-4 prescribed as a record; python and C give the same."""
     rng = np.random.default_rng(3)

@@ -94,6 +94,7 @@ def test_bytes_are_a_message_or_a_protocol_error(frame):
     refused(frame)
 
 
+@pytest.mark.slow
 @given(st.dictionaries(st.sampled_from(["ppy", "type", *SAMPLE]), anything))
 def test_objects_are_a_message_or_a_protocol_error(fields):
     refused(json.dumps(fields).encode())

@@ -257,6 +257,7 @@ def heated(current, seconds, **values):
     return changes, model
 
 
+@pytest.mark.slow
 def test_protection_trips_in_closed_form_and_lets_go():
     """T ln(i^2 / (i^2 - i_c^2)), then T ln(1 / 0.8) without current, then on again from there."""
     current, time = 2.0, 60.0

@@ -24,6 +24,7 @@ def test_the_protection_switches_off_the_controller_of_the_bench():
     assert "hold" not in library.system("protected_bench").member("bench").parameters
 
 
+@pytest.mark.slow
 def test_the_bench_settles_at_its_reference_at_any_step(libcosim):
     inputs = {"bench.force_reference": 1.0, "actuator.current": 0.5}
     force = "bench.force_measured"

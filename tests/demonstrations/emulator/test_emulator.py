@@ -167,6 +167,7 @@ def test_uneven_sampling_gives_the_same_trajectory():
         np.testing.assert_allclose(runs[1][name], runs[0][name][keep], rtol=1e-10, atol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.1, 0.5])
 def test_the_integrator_agrees_with_an_adaptive_one(step):
     time = np.arange(0, 60, step)

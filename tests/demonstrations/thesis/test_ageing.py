@@ -196,6 +196,7 @@ def test_protection_cools_the_actuator_and_so_the_next_step_comes_sooner(free, p
 # --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_seed_makes_one_record_and_another_seed_another():
     one, same, other = (
         ageing.run(30.0, voltage_noise=NOISE, seed=seed)["R1"] for seed in (1, 1, 2)

@@ -26,6 +26,7 @@ def test_the_circuit_answers_as_control_has_it():
     assert circuit.response(current) == pytest.approx(by_control(current), rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_row_27_the_fit_of_a_perfect_prediction():
     """The loop of appendix A3 on a record without noise, whose one-step predictions are exact."""
     current = square_wave(PERIOD * np.arange(2001), 1.3, 0.1)

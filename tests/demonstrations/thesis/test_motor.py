@@ -76,6 +76,7 @@ def test_row_34_either_yields_under_a_lasting_load():
     assert claim("free integrators of the motor").reproduced == 1.0
 
 
+@pytest.mark.slow
 def test_the_example_runs_and_draws(tmp_path):
     done = subprocess.run(
         [sys.executable, ROOT / "examples" / "dc_motor.py"],

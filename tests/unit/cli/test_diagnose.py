@@ -236,4 +236,4 @@ def test_laws_that_are_not_known_are_told_once(tmp_path, command):
         write(draw(None, seed, **SHORT | {"duration": 100.0}), tmp_path / name)
     done = here(*command, "--model", "old.fmu", cwd=tmp_path)
     assert done.returncode == 2
-    assert done.stderr.count("the laws here are others") == 1
+    assert done.stderr.count("its laws have changed") == 1

@@ -75,6 +75,7 @@ def appears(path: Path, content: bytes = b"", timeout: float = 60.0) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 def test_the_result_tells_how_well_the_run_kept_pace(folder):
     done = in_real_time(folder, "--out", "run.nc", "--set", "duration=0.5")
     assert done.returncode == 0, done.stderr
@@ -97,6 +98,7 @@ def test_the_result_tells_how_well_the_run_kept_pace(folder):
     )  # a model does not care for the clock
 
 
+@pytest.mark.slow
 def test_what_tells_of_a_link_is_recorded_whatever_the_experiment_names(folder):
     (folder / "one.toml").write_text(
         'component = "sleeper.fmu"\nstep = 0.01\nrecord = ["characters"]\n'
@@ -129,6 +131,7 @@ def test_status():
     assert "link 7" in status(Moment(0.0, 1.0, 0.0, 0, {"link_state": 7.0}, ""))
 
 
+@pytest.mark.slow
 @posix
 def test_a_terminal_shows_it_in_place_and_an_interrupt_leaves_a_valid_file(folder):
     code, printed, shown = on_terminal(
@@ -157,6 +160,7 @@ def test_a_terminal_shows_it_in_place_and_an_interrupt_leaves_a_valid_file(folde
     assert not (folder / "run.nc.part.csv").exists()
 
 
+@pytest.mark.slow
 @posix
 def test_an_interrupt_leaves_a_valid_csv(folder):
     running = started(folder, "--set", "duration=600", "--out", "run.csv")
@@ -171,6 +175,7 @@ def test_an_interrupt_leaves_a_valid_csv(folder):
     assert not (folder / "run.csv.part.csv").exists()
 
 
+@pytest.mark.slow
 @posix
 def test_a_killed_run_has_lost_its_last_seconds_only_and_the_next_does_not_overwrite_the_rest(
     folder,
@@ -199,6 +204,7 @@ def test_a_killed_run_has_lost_its_last_seconds_only_and_the_next_does_not_overw
     )
 
 
+@pytest.mark.slow
 @posix
 def test_a_full_disk_is_told_at_once_and_what_went_to_it_stays(folder):
     """Allow no file above 32 kB: neither journal nor result, nor that among temporary ones."""
@@ -223,6 +229,7 @@ def test_a_full_disk_is_told_at_once_and_what_went_to_it_stays(folder):
     assert read_record(journal, UNITS).time.size > 500
 
 
+@pytest.mark.slow
 @posix
 def test_a_result_that_cannot_be_written_where_it_should_is_written_elsewhere(folder):
     there = folder / "there"
@@ -239,6 +246,7 @@ def test_a_result_that_cannot_be_written_where_it_should_is_written_elsewhere(fo
     assert (data.attrs["complete"], data.time.size) == (1, 401)
 
 
+@pytest.mark.slow
 def test_a_member_that_fails_costs_no_record(folder):
     done = in_real_time(folder, "--out", "run.nc", *FAILING)
     assert done.returncode == 1
@@ -255,6 +263,7 @@ def test_a_member_that_fails_costs_no_record(folder):
         assert "the rig has fallen silent" in data.attrs["failure"]
 
 
+@pytest.mark.slow
 def test_a_missed_deadline_ends_the_run_if_asked(folder):
     late = ["--set", "delay=0.6", "--set", "from=0.1", "--set", "until=0.105"]
     done = in_real_time(folder, "--out", "run.nc", "--missed", "stop", *late)
@@ -271,6 +280,7 @@ def test_a_missed_deadline_ends_the_run_if_asked(folder):
     )
 
 
+@pytest.mark.slow
 def test_quiet_is_quiet(folder):
     done = ppy("--quiet", "run", "one.toml", "--real-time", "--set", "duration=0.2", cwd=folder)
     assert (done.returncode, done.stderr) == (0, "")
@@ -321,6 +331,7 @@ def test_a_rig_that_is_not_there_is_told_in_a_line(folder):
     assert not (folder / "run.nc.part.csv").exists()
 
 
+@pytest.mark.slow
 def test_a_result_of_a_system_goes_into_a_comparison_as_it_stands(folder):
     inputs = {name: (Port("proxy", name),) for name in ("current", "force")}
     outputs = {name: Port("proxy", name) for name in ("voltage", "displacement")}

@@ -175,6 +175,7 @@ def test_a_late_failure_costs_what_failed_only(monkeypatch):
     assert told[NoteCode.NOT_REFITTED].endswith("only to its first part: no way")
 
 
+@pytest.mark.slow
 def test_one_fit_that_fails_is_told_and_the_others_stand(monkeypatch):
     fit_extended = diagnosis_module.Search.fit_extended
 

@@ -80,6 +80,7 @@ def test_a_wrong_unit_is_no_cause():
     assert "look at units, signs and columns first" in wording.sentence(diagnosis)
 
 
+@pytest.mark.slow
 def test_what_is_left_where_the_cause_does_not_act_is_told():
     """A saturation of the strain does not touch the voltage, which wanders."""
     data = short_record("strain_saturation")
@@ -125,6 +126,7 @@ def test_a_large_error_that_goes_slowly_is_not_fine(size, slow, code):
         assert diagnosis.verdict is Verdict.UNEXPLAINED
 
 
+@pytest.mark.slow
 def test_where_a_model_does_not_describe_a_record_nothing_is_named():
     """What is measured wanders on its own; a friction may follow some of it, which says nothing."""
     rng = np.random.default_rng(5)

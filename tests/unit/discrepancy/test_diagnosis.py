@@ -213,6 +213,7 @@ def test_what_differs_from_record_to_record_is_each_its_own_and_no_change(differ
     assert differing.before["voltage"] == pytest.approx(NOISE / np.std(y), rel=0.15)
 
 
+@pytest.mark.slow
 def test_what_differs_without_being_said_so_leaves_an_error():
     records = several("abc", ocvs=OCVS)
     shared = diagnose(Cell, records, [])

@@ -354,6 +354,7 @@ def test_they_have_to_be_asked_for_where_a_file_lists_its_own(drive):
     ]
 
 
+@pytest.mark.slow
 def test_one_of_them_can_be_asked_for_by_name(drive):
     model = f"{drive / 'drive.py'}:Drive"
     said = ppy.diagnose(drive / "drive.csv", model, effects=["dead_zone(voltage)"])

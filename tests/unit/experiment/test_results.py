@@ -243,6 +243,7 @@ def test_damaged_metadata_are_refused_in_a_line(folder, change, said):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "target", "parts"),
     [

@@ -94,9 +94,9 @@ def test_laws_that_are_not_known_are_told_once(of_old_laws, command):
         (of_old_laws / f"{name}.toml").write_text(whole, encoding="utf-8")
     done = here(*command, cwd=of_old_laws)
     assert done.returncode == 0, done.stderr
-    told = [line for line in done.stderr.splitlines() if "the laws here are others" in line]
+    told = [line for line in done.stderr.splitlines() if "its laws have changed" in line]
     assert len(told) == 1
-    assert told[0].startswith("noted: old.fmu was made from ppy_actuator, but the laws here")
+    assert told[0].startswith("noted: old.fmu was made from ppy_actuator, but its laws")
 
 
 def test_only_systems_whose_laws_are_known_are_fused(of_old_laws):

@@ -96,6 +96,7 @@ def test_the_command_line_sets_and_shows_texts(fmu, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_an_experiment_sets_texts_and_its_result_remembers_them(fmu, tmp_path):
     text = f'component = "{fmu}"\nduration = 0.2\nstep = 0.1\n[parameters]\nlabel = "{ENDPOINT}"\n'
     (tmp_path / "one.toml").write_text(text)

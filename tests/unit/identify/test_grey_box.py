@@ -452,6 +452,7 @@ def cell_voltage(q, time, current, start):
     return R1 * (R2 * current - charge / C) / (R1 + R2) + charge / C
 
 
+@pytest.mark.slow
 def test_an_aged_cell_has_more_resistance_and_less_capacitance(public_data):
     """Fit both records on voltage while the measured current drives.
 

@@ -44,12 +44,14 @@ def test_every_extra_is_on_the_page_of_the_installation() -> None:
     assert described == set(installation.PROJECT["optional-dependencies"])
 
 
+@pytest.mark.slow
 def test_a_package_is_imported_from_its_distribution() -> None:
     owners = importlib.metadata.packages_distributions()
     for name, package in PACKAGES.items():
         assert package.distribution in owners[name]
 
 
+@pytest.mark.slow
 def test_what_is_imported_comes_with_the_core_or_has_its_line() -> None:
     core = installation.distributions(installation.requirements(()))
     owners = importlib.metadata.packages_distributions()

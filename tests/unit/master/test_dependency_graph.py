@@ -5,6 +5,7 @@ says they are.
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import coo_array
@@ -69,6 +70,7 @@ def knots(structure):
     return {group for group in groups if len(group) > 1}
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(structures())
 def test_every_value_is_there_when_it_is_needed(structure):

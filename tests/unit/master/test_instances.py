@@ -22,6 +22,7 @@ def test_warnings_are_counted_and_told(member):
     assert result.notes[0].startswith("bad: 20 calls ended with a warning (I have had enough")
 
 
+@pytest.mark.slow
 def test_warnings_of_one_fmu_alone_are_told_too(member, tmp_path):
     done = ppy(
         "simulate",

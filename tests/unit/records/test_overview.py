@@ -60,7 +60,7 @@ def test_gaps_and_an_uneven_clock_are_told(tmp_path):
     ("text", "says"),
     [
         ("n [1],I [A]\n0,1\n1,2\n", "no time column"),
-        ("Datum,I [A]\n01/02/2026,1\n02/02/2026,2\n", "No date in the file tells"),
+        ("Datum,I [A]\n01/02/2026,1\n02/02/2026,2\n", "No date in the file decides"),
         (
             "time [s],I [A]\n" + "".join(f"{k % 30},{k}\n" for k in range(60)),
             "the clock restarts",

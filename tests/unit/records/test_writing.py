@@ -134,7 +134,7 @@ def test_a_journal_is_a_record_and_is_not_overwritten(tmp_path):
         "0.0,0.1,",
         "0.5,0.3333333333333333,-0.0",
     ]
-    with pytest.raises(UserError, match="is there: what a run recorded that was killed"):
+    with pytest.raises(UserError, match="exists: the record of a run that was killed"):
         Journal(path, SIGNALS)
 
 

@@ -21,7 +21,7 @@ def test_everything_is_written_in_order_by_another_thread():
 
 
 def test_nobody_waits_for_a_disk_that_hangs(monkeypatch):
-    monkeypatch.setattr(background, "_PATIENCE", 0.05)
+    monkeypatch.setattr(background, "_CLOSE_TIMEOUT", 0.05)
     begun, hangs = threading.Event(), threading.Event()
 
     def write(content):

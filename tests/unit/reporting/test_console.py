@@ -15,7 +15,7 @@ from orchestration.reporting import console
 def told(monkeypatch):
     """Return a function for the lines on standard error, which is no terminal."""
     stream = io.StringIO()
-    monkeypatch.setattr(console, "_EVERY", 0.2)
+    monkeypatch.setattr(console, "_INTERVAL", 0.2)
     monkeypatch.setattr(
         console, "err", console.Console(file=stream, highlight=False, markup=False, emoji=False)
     )

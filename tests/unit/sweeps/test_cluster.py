@@ -58,6 +58,7 @@ def test_compiled_code_travels_to_the_workers(workers):
     assert there.identical(here)
 
 
+@pytest.mark.slow
 def test_what_was_done_on_a_cluster_is_gone_on_with_here(lag, workers, tmp_path):
     reached = []
 

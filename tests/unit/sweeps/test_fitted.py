@@ -141,6 +141,7 @@ CALL = (
 )
 
 
+@pytest.mark.slow
 def test_bands_are_printed_written_and_drawn(folder):
     """``x(t) = u (1 - exp(-t / tau))`` falls with tau: its quantiles are those of tau, reversed."""
     said = works(*CALL, "--samples", 500, "--out", "b.nc", "--plot", "b.png", cwd=folder)
@@ -160,6 +161,7 @@ def test_bands_are_printed_written_and_drawn(folder):
     assert read["tau"].values == pytest.approx(fit.draws(500, seed=0)["tau"], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_seed_chooses_the_draws(folder):
     values = []
     for k, seed in enumerate((5, 5, 6)):
@@ -190,8 +192,12 @@ def test_a_file_may_name_a_fit(folder):
     assert "quantiles of" in here("sweep", "s.toml", cwd=folder).stdout
     for old, new, told in (
         ("samples = 20\n", "", "such as samples = 200"),
-        ("samples = 20\n", 'samples = 20\ndesign = "sobol"\n', "a design besides"),
-        ("samples = 20\n", 'samples = 20\nover.tau = "1..2:3"\n', "names a fit to draw them from"),
+        (
+            "samples = 20\n",
+            'samples = 20\ndesign = "sobol"\n',
+            "both a fit to draw parameters from and a design",
+        ),
+        ("samples = 20\n", 'samples = 20\nover.tau = "1..2:3"\n', "or a fit to draw them from"),
     ):
         (folder / "t.toml").write_text(text.replace(old, new))
         with pytest.raises(UserError, match=told):

@@ -55,6 +55,7 @@ def test_workers_end_with_an_interrupt(lag):
     assert children() <= before
 
 
+@pytest.mark.slow
 def test_a_killed_worker_costs_nothing(lag):
     """Another worker does what it was doing."""
     killed = []
@@ -72,6 +73,7 @@ def test_a_killed_worker_costs_nothing(lag):
     assert found.identical(ppy.sweep(lag, over, {"u": 1.0}, time=TIME))
 
 
+@pytest.mark.slow
 def test_a_case_that_ends_its_process_fails_alone(fragile):
     found = ppy.sweep(fragile, {"u": [1.0, 2.0, 3.0, 4.0, 6.0, 7.0]}, time=TIME, workers=2)
     bad = found["u"].values == 3.0
@@ -93,6 +95,7 @@ def test_a_case_that_is_refused_says_why_and_the_others_go_on(fragile, workers):
     assert np.isfinite(found["x_last"].values).tolist() == [True, False, True]
 
 
+@pytest.mark.slow
 def test_an_fmu_in_processes_of_its_own_comes_to_the_same_bits(lag):
     call = {
         "over": {"tau": "0.5..4:23"},
@@ -106,6 +109,7 @@ def test_an_fmu_in_processes_of_its_own_comes_to_the_same_bits(lag):
     assert ppy.sweep(lag, **call, isolate=None).identical(here), "it is a file that somebody gave"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("act", "told"),
     [
@@ -131,6 +135,7 @@ def test_a_case_of_an_fmu_that_harms_its_process_fails_in_a_line(act, told, tmp_
     assert "failure" not in short
 
 
+@pytest.mark.slow
 def test_an_fmu_that_cannot_be_opened_in_a_process_of_its_own_is_told_in_a_line(tmp_path):
     bad = str(misbehaving.build("crashes_as_it_begins", tmp_path))
     with pytest.raises(

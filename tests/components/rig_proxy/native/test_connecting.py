@@ -35,6 +35,7 @@ def unused_endpoint() -> str:
         return f"tcp://127.0.0.1:{unused.getsockname()[1]}"
 
 
+@pytest.mark.slow
 def test_nobody_there(engine):
     endpoint = unused_endpoint()
     assert refused_at_start(engine, endpoint) == (

@@ -286,6 +286,7 @@ def test_a_mutated_message_is_read_as_python_reads_it_or_not_at_all(reader, mess
     assert same(found, expected(wanted))
 
 
+@pytest.mark.slow
 @often
 @given(frame=st.binary(max_size=400))
 @example(b"")

@@ -25,6 +25,7 @@ def started(engine: NativeEngine, endpoint: str, time: float = 0.0, **values: ob
     assert answer.ok, answer.message
 
 
+@pytest.mark.slow
 def test_a_session_has_the_messages_of_the_protocol(engine):
     rig = ScriptedRig(len(MEASURED))
     with served(rig) as endpoint:
@@ -145,6 +146,7 @@ def test_lockstep_steps_the_rig_exactly(engine):
     assert len(rig.exchanges()) == 200
 
 
+@pytest.mark.slow
 def test_the_decimal_comma_of_a_host_changes_nothing(engine, tmp_path, driver):
     if shutil.which("localedef") is None:
         pytest.skip("no locale with a decimal comma can be made here")

@@ -45,6 +45,7 @@ def chain(parameters, period):
     return np.array(times), np.array(forces), *np.array(rows).T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("period", [40.0, 60.0])
 def test_row_38_a_maxwell_model_of_actuator_114_is_that_of_fig_5_7(period):
     found = {}

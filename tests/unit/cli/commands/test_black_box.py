@@ -29,6 +29,7 @@ def folder(tmp_path_factory):
 CALL = ["black-box", "r.csv", "--output", "lambda", "--structures", "ARX,OE", "--orders", "1,2"]
 
 
+@pytest.mark.slow
 def test_everything_is_written_and_can_be_gone_on_with(folder):
     files = ["--report", "r.html", "--json", "r.json", "--out", "mine.py"]
     said = works(*CALL, "--delays", "1", *files, cwd=folder)

@@ -12,6 +12,7 @@ from fmus.kit.build import host_platform
 from tests.support.command import here, works
 
 
+@pytest.mark.slow
 def test_a_package_of_named_components(tmp_path):
     printed = works("export", "modelica", "ppy_actuator", "pid", "--out", "made", cwd=tmp_path)
     assert printed == f"wrote {Path('made') / 'PpyRig'}\n"

@@ -33,6 +33,7 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_parameters_of_any_fmu(folder, workers):
     call = ["r.csv", "--model", "one_state.fmu", "--fit", "tau", "--workers", workers]

@@ -13,6 +13,7 @@ CALL = ("optimise", "foot_design", "--over", "r_po=30..45mm", "--over", "r_pl=5.
 BOTH = ("--maximise", "ankle_limited_force & toe_limited_force,toe_stroke", "--levels", "5")
 
 
+@pytest.mark.slow
 def test_a_front_is_told_drawn_and_written(tmp_path):
     said = works(*CALL, *BOTH, "--plot", "f.png", "--json", "f.json", cwd=tmp_path)
     assert "5 points" in said

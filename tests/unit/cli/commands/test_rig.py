@@ -28,6 +28,7 @@ def test_nobody_there_is_a_line_within_the_timeout(tmp_path):
         assert "without keys" in line
 
 
+@pytest.mark.slow
 @pytest.mark.real_time
 def test_status_as_a_line_and_as_json(tmp_path):
     with Server(tmp_path) as server:

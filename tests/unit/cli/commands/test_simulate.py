@@ -8,6 +8,7 @@ from tests.support.command import PNG, UNITS, works
 from tests.support.fmi3_fmus import foreign
 
 
+@pytest.mark.slow
 def test_simulate_a_recorded_stimulus(record, tmp_path):
     """Inputs from a file, a renamed column, units, a preset; result and picture."""
     text = record.read_text(encoding="utf-8").replace("current [A]", "drive [A]", 1)
@@ -49,6 +50,7 @@ def test_simulate_a_recorded_stimulus(record, tmp_path):
     assert (tmp_path / "run.png").read_bytes().startswith(PNG)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["svg", "pdf"])
 def test_pictures_in_other_formats(ending, tmp_path):
     works(

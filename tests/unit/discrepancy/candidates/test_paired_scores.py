@@ -89,6 +89,7 @@ def test_what_is_expected_with_uncertain_parameters_is_the_divergence_of_two_den
     )
 
 
+@pytest.mark.slow
 def test_the_standard_error_is_how_the_gain_scatters():
     """Of an effect that is there: the error of 400 gains about what was expected of each, over what
     is told of it.

@@ -49,6 +49,7 @@ def kinds(faults):
 # --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_clean_records_are_clean():
     """Seven records of each of eight kinds; the inputs of all of them jump among few levels and
     rest at their ends.

@@ -74,6 +74,7 @@ def test_what_is_likelier_and_simulates_worse_is_not_confirmed(found_drag):
     assert not replace(best, errors=(after, before)).confirmed
 
 
+@pytest.mark.slow
 @each
 def test_what_is_told_stands_there_once(plant, request):
     """Of lags with several constants one is fitted, since its constant is fitted too."""

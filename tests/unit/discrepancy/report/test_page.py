@@ -283,6 +283,7 @@ def drawn_residual(text, output, colour):
     return points[:, 0] / 2000.0, 1.0 - points[:, 1] / 1000.0
 
 
+@pytest.mark.slow
 def test_a_jump_has_the_sign_of_what_was_measured(jumped):
     result, time, size = jumped
     (shift,) = result.diagnosis.residuals["displacement"].level_shifts

@@ -129,6 +129,7 @@ def test_the_other_way_is_taken_only_if_it_names_something(monkeypatch, named, t
     assert (way.search, selection.steps) == (taken, steps[taken])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", slow_but([True, False], True))
 def test_the_extended_model_decides_how_an_input_goes(held):
     """A cell whose drop is larger in discharge, under a triangle that a generator holds, or not.

@@ -39,6 +39,7 @@ def standardised(diagnosis, name: str) -> float:
     return float((estimate.value - TRUE[name]) / ((high - low) / 3.92))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "held"),
     slow_but(

@@ -141,6 +141,7 @@ def test_outputs_that_were_differentiated_or_integrated_are_told(change, code):
     assert diagnosis.verdict is Verdict.UNEXPLAINED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [0.0, 4.0])
 def test_outputs_that_lost_their_sign_are_told(level):
     """Where a level was left on them, they never came near to zero, and lost nothing."""

@@ -88,6 +88,7 @@ def test_two_specimens_in_one_record_are_told():
     assert note.facts["instants"] == pytest.approx([STEP * half], abs=STEP)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "fault", slow_but(["none", "outliers", "far outliers", "offset", "late"], "none", "late")
 )

@@ -121,6 +121,7 @@ def test_another_solver_is_no_cause(plant, solver):
     assert [note.code for note in diagnosis.notes if note.code is NoteCode.SOLVER_ERROR]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", slow_but(SOLVERS, "LSODA"))
 @pytest.mark.parametrize("plant", PLANTS)
 def test_what_is_hidden_in_a_simulation_is_named_alone(plant, solver):

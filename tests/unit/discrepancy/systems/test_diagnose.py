@@ -159,6 +159,7 @@ def test_a_slide_that_runs_away_alone_is_judged_in_its_loop(tmp_path, friction, 
     assert not any(a.not_assessable for a in bench.final.values())
 
 
+@pytest.mark.slow
 def test_members_of_others_are_judged_too(tmp_path):
     right = diagnosed_lags(tmp_path, 0.0)
     assert verdicts(right) == {"a": "consistent", "b": "consistent"}

@@ -145,6 +145,7 @@ def test_what_makes_unseen_data_worse_is_no_cause(seed):
     assert note.facts["score"] < 0.0 < note.facts["expected"]
 
 
+@pytest.mark.slow
 def test_of_what_is_none_little_is_confirmed():
     """At most a share of 2.3 % by the normal distribution; of effects that are there nearly all
     are.

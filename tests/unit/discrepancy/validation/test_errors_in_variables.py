@@ -76,6 +76,7 @@ def test_noise_of_the_input_that_is_most_of_what_is_left_is_held_against_a_claim
     assert 0.5 < notes[0].facts["gain"] / claimed.steps[0].gain < 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", slow_but(["triangle", "square", "multilevel"], "square"))
 def test_noise_on_an_input_is_told_and_no_cause(kind):
     """A lag keeps noise of the current from the voltage, and a drift follows its integral: neither
@@ -145,6 +146,7 @@ def saturating():
     return search, selection, estimate_input_noise(search, selection.base)
 
 
+@pytest.mark.slow
 def test_what_could_not_be_held_against_noise_is_not_claimed(saturating, monkeypatch):
     search, selection, noise = saturating
     assert [

@@ -130,6 +130,7 @@ def fitted(cubic, seed):
     return search.nominal()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cubic", [0.3])
 def test_the_spread_is_that_from_record_to_record(cubic):
     models = [fitted(cubic, seed) for seed in range(RECORDS)]

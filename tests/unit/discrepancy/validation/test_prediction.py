@@ -72,6 +72,7 @@ def test_what_the_fitted_record_leaves_open_is_no_fault_where_it_matters():
         assert astray(diagnosed(measured(seed, STARTS["c"]), data)) == []
 
 
+@pytest.mark.slow
 def test_what_is_said_to_differ_from_record_to_record_may():
     records = several("ab", OCVS)
     assert astray(diagnose(Cell, records, [], TRUE, holdout=several("ef", OCVS)))

@@ -55,7 +55,7 @@ BOMB = (
 @pytest.mark.parametrize(
     ("description", "said"),
     [
-        (NESTED, "modelDescription.xml has elements in elements, more than 100 deep"),
+        (NESTED, "modelDescription.xml nests elements more than 100 deep"),
         (BOMB, "modelDescription.xml has a document type declaration; it is not read"),
         pytest.param(
             DESCRIPTION % ("<a/>" * 1_000_001),

@@ -274,6 +274,7 @@ def resting(folder, tmp_path, monkeypatch):
     return start
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("presses", slow_but([1, 2], 1))
 def test_ctrl_c_ends_a_hang(presses, resting, tmp_path):
     with resting() as one:
@@ -327,6 +328,7 @@ def test_bad_limits_are_told_in_a_line(options, told, lag, tmp_path):
 # -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["exits", "exits_3", "exits_as_it_begins"])
 def test_an_exit_in_process_does_not_look_like_success(name, folder, tmp_path):
     (tmp_path / "out.csv").write_text("dear\n")
@@ -352,6 +354,7 @@ def test_an_exit_in_process_does_not_look_like_success(name, folder, tmp_path):
     assert (tmp_path / "out.csv").read_text() == "dear\n"
 
 
+@pytest.mark.slow
 def test_a_second_ctrl_c_ends_a_hang_in_process(resting):
     with resting("--no-isolate") as one:
         one.send_signal(signal.SIGINT)
@@ -363,6 +366,7 @@ def test_a_second_ctrl_c_ends_a_hang_in_process(resting):
     assert told.splitlines()[-1] == "interrupted"
 
 
+@pytest.mark.slow
 def test_where_an_fmu_goes_to_the_result_does_not_follow(folder, tmp_path):
     run = (
         "simulate",

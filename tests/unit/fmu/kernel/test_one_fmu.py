@@ -124,6 +124,7 @@ def test_an_output_that_is_no_number_is_delivered(member):
     assert np.isnan(np.frombuffer(with_kernel[0]["y"])).tolist() == (time > 3.0 - 1e-9).tolist()
 
 
+@pytest.mark.slow
 def test_fmus_of_other_people(tmp_path):
     built = build_one_state_fmu(tmp_path)
     with_kernel, without = both_ways(built, TIME, {"u": CURRENT}, ["x"])

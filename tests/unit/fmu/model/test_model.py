@@ -204,8 +204,8 @@ def test_an_fmu_of_other_laws_is_an_fmu_without_equations(
     model = find_model(str(path))
     assert model.cls is None
     told = (
-        "old.fmu was made from ppy_actuator, but the laws here are others than those it was built"
-        " with; it serves as an FMU without equations"
+        "old.fmu was made from ppy_actuator, but its laws have changed since the FMU was"
+        " built; it serves as an FMU without equations"
     )
     assert model.notes == (told,)
     refusals = [
@@ -214,7 +214,7 @@ def test_an_fmu_of_other_laws_is_an_fmu_without_equations(
         lambda: ppy.linearise(path, trim=True),
     ]
     for call in refusals:
-        with pytest.raises(UserError, match="but the laws here are others than"):
+        with pytest.raises(UserError, match="but its laws have changed since"):
             call()
     if runtime == "native":
         linear = ppy.linearise(path)
@@ -239,7 +239,7 @@ def test_an_fmu_that_does_not_tell_its_laws_is_one_without_equations(tmp_path, a
     model = find_model(str(path))
     assert model.cls is None
     (note,) = model.notes
-    assert note.startswith("old.fmu was made from ppy_actuator, but its description does not tell")
+    assert note.startswith("old.fmu was made from ppy_actuator, but its description has no digest")
 
 
 @pytest.mark.parametrize("sampling", [b'step="x" duration="60"', b'step="0.1"'])
@@ -252,7 +252,7 @@ def test_a_sampling_that_is_not_two_numbers_leaves_an_fmu_without_equations(tmp_
     model = find_model(str(path))
     assert model.cls is None
     (note,) = model.notes
-    assert note.startswith("old.fmu tells what it was made from, but the effect transport_delay(")
+    assert note.startswith("old.fmu records how it was built, but the effect transport_delay(")
     assert "must be two numbers, in s" in note
 
 
@@ -266,7 +266,7 @@ def test_an_effect_of_a_user_is_not_taken_for_ours_of_the_same_name(tmp_path):
     made = build_cached(stack(component("ppy_actuator"), Doubled), "native")
     model = find_model(str(made))
     assert model.cls is None
-    assert "but the laws here are others" in model.notes[0]
+    assert "but its laws have changed" in model.notes[0]
 
 
 def test_an_fmu_that_tells_no_origin_is_anybody_s(fmu, tmp_path):

@@ -53,5 +53,5 @@ def test_others_are_refused(given, signal, message):
 
 
 def test_what_computes_takes_no_text():
-    with pytest.raises(UserError, match="endpoint = 'x': is a text"):
+    with pytest.raises(UserError, match="endpoint = 'x' is a text"):
         numeric({"R1": 0.5, "endpoint": "x"})

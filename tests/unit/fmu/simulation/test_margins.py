@@ -40,13 +40,13 @@ def test_a_margin_is_a_number_beside_a_limit_of_its_name():
 def test_what_lies_beyond_is_told_once_with_where_it_began():
     """From 7 mm, 7.5 and 9 mm are beyond; the farthest is named, and the first time."""
     assert told([1e-3, -5e-4, -2e-3, 1e-3]) == [
-        "a.stroke reaches 9 mm and is beyond a.stroke_limit = 7 mm at 1 s first: what it has"
+        "a.stroke reaches 9 mm, beyond a.stroke_limit = 7 mm, first at 1 s: what it has"
     ]
 
 
 def test_a_limit_that_was_set_is_that_one():
     (line,) = told([1e-3, -1e-3, 0.0, 0.0], **{"a.stroke_limit": 2e-3})
-    assert line.startswith("a.stroke reaches 3 mm and is beyond a.stroke_limit = 2 mm")
+    assert line.startswith("a.stroke reaches 3 mm, beyond a.stroke_limit = 2 mm")
 
 
 def test_at_the_limit_and_by_rounding_nothing_is_told():
@@ -61,8 +61,8 @@ def held(values):
 def test_a_limited_command_is_told_of_with_its_share_of_the_time():
     """From 1 s to 2 s, and from 2 s to 5 s, of 5 s."""
     assert list(KNOWN.limiters) == ["a.limited"], "a number says something else"
-    assert held([0.0, 1.0, 0.0, 0.0]) == ["a.limited for 20 % of the time, at 1 s first: why it is"]
-    assert held([0.0, 0.0, 1.0, 1.0]) == ["a.limited for 60 % of the time, at 2 s first: why it is"]
+    assert held([0.0, 1.0, 0.0, 0.0]) == ["a.limited for 20 % of the time, first at 1 s: why it is"]
+    assert held([0.0, 0.0, 1.0, 1.0]) == ["a.limited for 60 % of the time, first at 2 s: why it is"]
 
 
 def test_a_command_that_is_not_limited_or_only_at_the_end_is_not_told_of():

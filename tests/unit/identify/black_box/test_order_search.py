@@ -87,6 +87,7 @@ def test_the_table_is_laid_out_like_table_3_2(search):
     assert len(search.table(search.rows).splitlines()) == len(search.rows) + 1
 
 
+@pytest.mark.slow
 def test_the_criterion_can_be_that_of_the_thesis():
     search = search_orders(
         *divided(), structures=["OE", "BJ"], path_orders=[2], noise_orders=[1, 2], criterion="AIC"

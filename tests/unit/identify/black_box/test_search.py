@@ -132,6 +132,7 @@ def offset_of_bic(found):
     return np.log(samples) / samples
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", slow_but(SEEDS, SEEDS[2]))
 def test_no_loss_is_above_that_of_a_contained_model(seed):
     inputs, output, _ = fresh(seed)
@@ -153,6 +154,7 @@ def test_no_loss_is_above_that_of_a_contained_model(seed):
         assert not any("report it" in line for line in known[-1].messages)
 
 
+@pytest.mark.slow
 def test_models_by_name_are_not_above_those_that_they_contain():
     inputs, output, _ = fresh(SEEDS[3])
     data = input_output_data(inputs, output, 1.0)

@@ -52,6 +52,7 @@ def shares(response, truth):
 KINDS = ["random", "PRBS", "square", "multisine", "multisine of one period"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", slow_but(KINDS, "square"))
 def test_intervals_of_an_impedance_hold_the_truth_as_often_as_they_say(kind):
     held = []
@@ -115,6 +116,7 @@ def test_the_variance_is_that_of_the_estimates():
     assert np.median(scatter / told) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["random", "levels"])
 def test_at_the_lowest_lines_the_error_of_few_terms_counts(kind):
     """A slow circuit, 60 s over its 7.5 s: without that error intervals of some lines hold the

@@ -12,6 +12,7 @@ from tests.support.kit_samples import Divider
 from tests.support.pace import slow_but
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runtime", slow_but(build.RUNTIMES, "native"))
 def test_builds_are_reproducible(runtime, tmp_path, monkeypatch):
     try:

@@ -176,6 +176,7 @@ def test_sampling_between_communication_points_is_followed_too():
     close(trajectory.sensitivities["x"][::5, 0], complex_step(solution, values, "gain")[::2], 1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cls", [PpyActuator, PpyActuatorLengthDriven])
 def test_all_sensitivities_match_central_differences_on_lively_inputs(cls):
     time = samples(0.25, 400)

@@ -180,6 +180,7 @@ def compilations(monkeypatch, tmp_path):
     return units
 
 
+@pytest.mark.slow
 def test_the_engine_is_compiled_once_whoever_asks(compilations):
     sources = [record_model_sources(trace(cls)) for cls in (Lag, Chain, Blowing)]
     layouts = [Lag.layout, Chain.layout, Blowing.layout]
@@ -191,6 +192,7 @@ def test_the_engine_is_compiled_once_whoever_asks(compilations):
     assert len(compilations) == 4
 
 
+@pytest.mark.slow
 def test_a_damaged_engine_is_compiled_anew(compilations):
     path = compiled_engine()
     sound = path.read_bytes()

@@ -213,6 +213,7 @@ def test_imbalance_is_counted_in_the_units_of_either_side():
     assert found.energy == pytest.approx(np.append(0.0, np.cumsum(0.5 * 80.0 * np.diff(x) ** 2)))
 
 
+@pytest.mark.slow
 def test_couplings_of_the_systems_that_ship_are_found_and_their_imbalance_is_of_first_order():
     found = measured("foot_gait")
     assert set(found.imbalances) == {

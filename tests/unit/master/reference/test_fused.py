@@ -107,6 +107,7 @@ def test_bench_is_the_monolithic_solution_slack_and_saturation_included():
     assert exact["actuator.tension"].max() > 5.0
 
 
+@pytest.mark.slow
 def test_foot_under_four_currents_is_the_motion_of_its_points():
     system, feet, currents = (
         library.system("foot_gait"),
@@ -151,6 +152,7 @@ def protected():
     return replace(system, members=(replace(watch, parameters=watch.parameters | soon), *others))
 
 
+@pytest.mark.slow
 def test_watch_takes_its_samples_in_the_order_of_its_members():
     """Between its sample instants nothing but the actuator moves, so that single components can be
     stepped exactly.

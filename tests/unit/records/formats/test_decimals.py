@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.kit import UserError
-from orchestration.records.formats.decimals import settle_decimals
+from orchestration.records.formats.decimals import normalise_decimals
 from orchestration.records.tables import Column, Table, numbers
 
 
@@ -17,7 +17,7 @@ def table(*columns):
 
 def settled(*columns, comma_divides=False):
     made = table(*columns)
-    settle_decimals(made, comma_divides)
+    normalise_decimals(made, comma_divides)
     return made, [numbers(made, column).tolist() for column in made.columns]
 
 
@@ -80,5 +80,5 @@ def test_what_may_mean_two_numbers_is_refused_with_its_row(columns, says):
 def test_dates_and_words_are_left_alone():
     cells = ["31.01.2026", "a, b", "12.5.26", "1.2.3"]
     made = table(cells, ["0,5"] * 4)
-    settle_decimals(made, False)
+    normalise_decimals(made, False)
     assert list(made.columns[0].cells) == cells

@@ -13,7 +13,7 @@ from orchestration.reporting.html.plots import (
     Boundary,
     Panel,
     Trace,
-    broken,
+    break_at_gaps,
     envelope,
     heat_map,
     stacked,
@@ -48,8 +48,8 @@ def test_a_thinned_line_keeps_its_extremes():
 def test_a_line_is_broken_at_a_gap_only():
     even, uneven = np.arange(20.0), np.logspace(0.0, 4.0, 60)
     for x in (even, uneven, even[:2]):
-        assert np.array_equal(broken(x, x)[1], x)
-    x, y = broken(np.delete(np.arange(60.0), np.s_[20:40]), np.ones(40))
+        assert np.array_equal(break_at_gaps(x, x)[1], x)
+    x, y = break_at_gaps(np.delete(np.arange(60.0), np.s_[20:40]), np.ones(40))
     assert np.flatnonzero(np.isnan(y)).tolist() == [20]
     assert 19.0 < x[20] < 40.0
 

@@ -13,6 +13,7 @@ from tests.support.rig.small_rig import free_port, small_rig_process
 pytestmark = [pytest.mark.timeout(120), pytest.mark.real_time]
 
 
+@pytest.mark.slow
 def test_every_rule_holds_at_our_server(tmp_path, capsys):
     with Server(tmp_path) as server:
         server.wait_ready()

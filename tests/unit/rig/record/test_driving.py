@@ -317,6 +317,7 @@ def test_a_server_that_was_started_again_knows_no_such_session(tmp_path, experim
     incomplete(done, tmp_path, "no such session")
 
 
+@pytest.mark.slow
 @posix
 @pytest.mark.parametrize("number", slow_but([signal.SIGINT, signal.SIGTERM], signal.SIGINT))
 def test_ctrl_c_writes_what_there_is(tmp_path, experiment, number):
@@ -335,6 +336,7 @@ def test_ctrl_c_writes_what_there_is(tmp_path, experiment, number):
     assert not list(tmp_path.glob("*.part.csv"))
 
 
+@pytest.mark.slow
 @posix
 def test_killed_it_leaves_the_journal(tmp_path, experiment):
     with SmallRig() as rig:
@@ -351,6 +353,7 @@ def test_killed_it_leaves_the_journal(tmp_path, experiment):
     assert all(len(row.split(",")) == 7 for row in rows)
 
 
+@pytest.mark.slow
 @posix
 def test_a_full_disk_costs_one_line(tmp_path, experiment, monkeypatch):
     """A limit on the size of files stands for it: the system refuses to write in the same way."""

@@ -199,6 +199,7 @@ anything = st.recursive(
 signals = st.dictionaries(texts, anything, max_size=5)
 
 
+@pytest.mark.slow
 @given(signals, signals, st.lists(texts, max_size=5), st.none() | st.floats(-1e308, 1e308))
 def test_whatever_is_well_formed_becomes_json_that_a_browser_reads(inputs, outputs, refused, age):
     values = {

@@ -37,6 +37,7 @@ def ishigami_exact():
     return np.array([[first, second, 0.0], [first + both, second, both]]) / whole
 
 
+@pytest.mark.slow
 def test_indices_of_ishigami_are_those_of_the_closed_form():
     over = dict.fromkeys(("x1", "x2", "x3"), f"{-np.pi}..{np.pi}")
     found = swept(Ishigami, over, samples=8192)

@@ -64,6 +64,7 @@ def opened(path):
     return xarray.open_dataset(path, engine="zarr", chunks={})
 
 
+@pytest.mark.slow
 def test_a_store_has_what_the_file_has(folder):
     call = (*CALL, "--over", "tau=0.5..2:40", "--over", "u=1,2,3")
     call = tuple(word for word in call if word not in ("--set", "u=2"))
@@ -92,6 +93,7 @@ def test_a_store_is_replaced_and_nothing_else_is(folder):
     refused(folder, *CALL, "--over", "tau=0.5..2:3", "--out", "c.zip", parts=[".nc or .zarr"])
 
 
+@pytest.mark.slow
 def test_failures_are_in_a_store(tmp_path):
     step = "    def do_step(self, current_time, step_size):\n"
     source = MINIMAL_PYTHONFMU_SOURCE.replace(

@@ -7,6 +7,7 @@ import pytest
 from fmus.kit import UserError
 
 
+@pytest.mark.slow
 def test_the_page_holds_sentence_coefficients_and_five_pictures(found, tmp_path):
     page = found.report(tmp_path / "page.html").read_text(encoding="utf-8")
     assert found.sentence in page

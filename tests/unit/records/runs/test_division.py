@@ -94,7 +94,7 @@ def test_labels_may_be_words(tmp_path):
             {"other": "voltage"},
             "runs='other': this column is mapped to the signal voltage",
         ),
-        ("gap", {}, "row 3: no value in column 'gap', which tells the runs"),
+        ("gap", {}, "row 3: no value in column 'gap', which labels the runs"),
     ],
 )
 def test_what_tells_no_runs_apart_is_refused(tmp_path, column, mapping, message):

@@ -1,4 +1,4 @@
-"""Files that a parser in native code reads: in a process that a damaged one may end."""
+"""Readers in a subprocess, for parsers in native code that a damaged file may crash."""
 
 from __future__ import annotations
 
@@ -14,25 +14,24 @@ from fmus.kit import UserError
 from orchestration.records.record import refuse
 from orchestration.records.tables import Reader, Table
 
-# that a file may take at least: a busy machine with a cold disk is long at starting Python
-_SECONDS = 60.0
-_RATE = 1e7  # bytes that a reader gets through in a second
+_SECONDS = 60.0  # a busy machine with a cold disk takes long to start Python
+_RATE = 1e7  # bytes that a reader parses per second at least
 _MEMORY = 2**30  # bytes that a process needs at least
 _GROWTH = 8  # further bytes for every byte of the file
 
 
-def apart(reader: Reader) -> Reader:
-    """Let another process read.
+def in_subprocess(reader: Reader) -> Reader:
+    """Return a reader that runs another one in a subprocess of limited time and memory.
 
     Parameters
     ----------
     reader : Reader
-        A function of a module.
+        A function at the top level of a module.
 
     Returns
     -------
     Reader
-        Refuses what ends that process, or takes too long.
+        It refuses a file that crashes the subprocess, or takes too much time or memory.
     """
 
     def read(path: Path, content: bytes) -> Table:
@@ -49,34 +48,34 @@ def apart(reader: Reader) -> Reader:
         # memory is reserved for each thread
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
         try:
-            done = subprocess.run(
+            process = subprocess.run(
                 command, input=content, capture_output=True, timeout=seconds, env=environment
             )
         except subprocess.TimeoutExpired:
             raise refuse(
                 path, f"the file is damaged: to read it takes longer than {seconds:.0f} s"
             ) from None
-        if done.returncode != 0:
-            raise refuse(path, f"the file is damaged: its reader ended, {_how(done)}")
-        answer = pickle.loads(done.stdout)
+        if process.returncode != 0:
+            raise refuse(path, f"the file is damaged: its reader ended, {_cause(process)}")
+        answer = pickle.loads(process.stdout)
         if isinstance(answer, str):
             raise UserError(answer)
         assert isinstance(answer, Table)
         return answer
 
-    read.__doc__ = reader.__doc__
     return read
 
 
-def _how(done: subprocess.CompletedProcess[bytes]) -> str:
-    if done.returncode < 0:
-        return f"by {signal.Signals(-done.returncode).name}"
-    last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
-    return f"with status {done.returncode}" + (f": {last[0]}" if last else "")
+def _cause(process: subprocess.CompletedProcess[bytes]) -> str:
+    """Return the signal that ended a process, or its status and its last message."""
+    if process.returncode < 0:
+        return f"by {signal.Signals(-process.returncode).name}"
+    last = process.stderr.decode(errors="replace").strip().splitlines()[-1:]
+    return f"with status {process.returncode}" + (f": {last[0]}" if last else "")
 
 
 def _bound_memory(file_size: int) -> None:
-    """Limit this process to the memory that a sound file of a size takes; a lower limit stays."""
+    """Limit the memory of this process to the needs of an intact file of that size."""
     try:
         import resource
     except ImportError:  # Windows has no such limit
@@ -88,8 +87,9 @@ def _bound_memory(file_size: int) -> None:
 
 
 def _main(module: str, name: str, path: str) -> None:
-    answers = os.dup(1)
-    os.dup2(2, 1)  # what a library prints, from here on, is no part of the answer
+    """Read standard input by a reader and write its table or error to standard output."""
+    output = os.dup(1)
+    os.dup2(2, 1)  # libraries may print, which must not mix with the answer
     content = sys.stdin.buffer.read()
     reader: Reader = getattr(importlib.import_module(module), name)
     _bound_memory(len(content))
@@ -101,14 +101,14 @@ def _main(module: str, name: str, path: str) -> None:
     except MemoryError:
         answer = str(
             refuse(
-                Path(path), "the file is damaged: it asks for more memory than it can hold values"
+                Path(path),
+                "the file is damaged: reading it takes more memory than its size explains",
             )
         )
-    with os.fdopen(answers, "wb") as file:
+    with os.fdopen(output, "wb") as file:
         file.write(pickle.dumps(answer))
-    os._exit(
-        0
-    )  # a native library may abort when its threads are taken down, which is no fault of the file
+    # a native library may abort when its threads end, which is no fault of the file
+    os._exit(0)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ def press_at(level):
     return progress
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [1, 3, 7])
 def test_an_interrupted_search_goes_on_to_the_same_front(bells, level, tmp_path, monkeypatch):
     whole = pareto_front(bells, **SEARCH)

@@ -19,8 +19,8 @@ import pytest
 from scipy.io import loadmat, savemat
 
 from fmus.kit import UserError
-from orchestration.records.formats.apart import apart
 from orchestration.records.formats.registry import read_table
+from orchestration.records.formats.subprocess_reader import in_subprocess
 from orchestration.records.record import refuse
 from orchestration.records.tables import Column, Table
 
@@ -107,7 +107,7 @@ def chatty(path, content):
 
 def test_what_a_reader_prints_is_no_part_of_the_table(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[4]))
-    table = apart(chatty)(tmp_path / "some.mat", b"some")
+    table = in_subprocess(chatty)(tmp_path / "some.mat", b"some")
     assert table.names() == ["time"]
     assert table.columns[0].cells.tolist() == [0.0, 1.0, 2.0]
 
@@ -120,7 +120,7 @@ def abrupt(path, content):
 
 def test_a_process_that_is_ended_after_its_answer_damages_no_file(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[4]))
-    assert apart(abrupt)(tmp_path / "some.mat", b"some").names() == ["time"]
+    assert in_subprocess(abrupt)(tmp_path / "some.mat", b"some").names() == ["time"]
 
 
 def test_a_machine_that_is_slow_at_starting_damages_no_file(tmp_path, monkeypatch):
@@ -133,7 +133,7 @@ def test_a_machine_that_is_slow_at_starting_damages_no_file(tmp_path, monkeypatc
 
     monkeypatch.setattr(subprocess, "run", run)
     with pytest.raises(UserError, match="takes longer than"):
-        apart(chatty)(tmp_path / "some.mat", b"some")
+        in_subprocess(chatty)(tmp_path / "some.mat", b"some")
     assert granted[0] >= 60.0
 
 
@@ -141,7 +141,7 @@ def test_a_machine_that_is_slow_at_starting_damages_no_file(tmp_path, monkeypatc
     ("reader", "said"),
     [
         (endless, "to read it takes longer than 1 s"),
-        (greedy, "it asks for more memory than it can hold values"),
+        (greedy, "reading it takes more memory than its size explains"),
         (strict, "of no use, says the reader"),
     ],
 )
@@ -150,10 +150,11 @@ def test_what_a_reader_does_is_told(reader, said, tmp_path, monkeypatch):
         "PYTHONPATH", str(Path(__file__).parents[4])
     )  # where the process finds these readers
     monkeypatch.setattr(
-        "orchestration.records.formats.apart._SECONDS", 1.0 if reader is endless else 20.0
+        "orchestration.records.formats.subprocess_reader._SECONDS",
+        1.0 if reader is endless else 20.0,
     )
     with pytest.raises(UserError) as caught:
-        apart(reader)(tmp_path / "some.mat", b"some")
+        in_subprocess(reader)(tmp_path / "some.mat", b"some")
     assert str(caught.value).startswith(f"{tmp_path / 'some.mat'}: ")
     assert str(caught.value).endswith(said)
     assert "\n" not in str(caught.value)

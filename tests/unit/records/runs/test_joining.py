@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orchestration.records.runs.joined import (
+from orchestration.records.runs.joining import (
     MeasuredRun,
     base_name,
     names_in,

@@ -1,0 +1,108 @@
+"""Division of a file into runs: by a column of labels, or where the clock restarts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from fmus.kit.arrays import Mask
+from fmus.kit.errors import UserError, suggestion
+from orchestration.records.record import Repair, refuse
+from orchestration.records.sampling import Samples, restarts
+from orchestration.records.tables import Table, parse_cell
+from orchestration.reporting import option
+
+MOST = 1000
+"""Most runs in a file; a column with more values is not one of labels."""
+
+
+def run_labels(table: Table, column: str, mapping: Mapping[str, str]) -> list[str]:
+    """Return the label of the run of every row, from a column.
+
+    Parameters
+    ----------
+    table : Table
+    column : str
+    mapping : Mapping of str to str
+        Signal by column; such a column cannot have the labels.
+
+    Returns
+    -------
+    list of str, length n
+        Whole numbers are written without decimals.
+
+    Raises
+    ------
+    UserError
+        If there is no such column, it is mapped to a signal, a row has no value in it, or it has
+        more than `MOST` values.
+    """
+    entry = option("runs", column)
+    matches = [c for c in table.columns if c.name == column]
+    if len(matches) != 1:
+        count = f"{len(matches)} columns are" if matches else "no column is"
+        raise refuse(
+            table.path,
+            f"{entry}: {count} called {column!r}{suggestion(column, table.names())}",
+        )
+    if column in mapping:
+        raise UserError(f"{entry}: this column is mapped to the signal {mapping[column]}")
+    labels = [_label(cell) for cell in matches[0].cells]
+    if "" in labels:
+        raise refuse(
+            table.path,
+            f"row {table.rows[labels.index('')]}: no value in column '{column}', which labels the"
+            " runs",
+        )
+    runs = len(set(labels))
+    if runs > MOST:
+        raise refuse(table.path, f"column '{column}' labels {runs} runs (allowed: at most {MOST})")
+    return labels
+
+
+def _label(cell: str | float) -> str:
+    """Return a cell as a label; empty for a missing value."""
+    value = parse_cell(cell) if isinstance(cell, str) else float(cell)
+    if value is None:
+        return str(cell).strip()
+    return "" if np.isnan(value) else f"{value:.12g}"
+
+
+def divide_by_label(samples: Samples, labels: Sequence[str]) -> list[tuple[str, Samples]]:
+    """Return the samples of each run by its label, in the order of the file."""
+    of_row = np.array(labels)
+    return _runs(samples, {label: of_row == label for label in dict.fromkeys(labels)})
+
+
+def divide_at_restarts(samples: Samples) -> list[tuple[str, Samples]]:
+    """Return the samples of the runs between restarts of the clock, labelled from 1."""
+    starts = restarts(samples.time)
+    if not starts:
+        return [("", samples)]
+    rows = tuple(int(samples.rows[k]) for k in starts)
+    count = len(rows) + 1
+    times = "once" if len(rows) == 1 else f"{len(rows)} times"
+    message = (
+        f"the clock restarts {times}, first before row {rows[0]}: taken as {count} runs, 1 to"
+        f" {count}"
+    )
+    samples.repairs.append(Repair("runs", message, rows))
+    number = np.searchsorted(starts, np.arange(samples.time.size), "right") + 1
+    return _runs(samples, {str(k): number == k for k in range(1, count + 1)})
+
+
+def _runs(samples: Samples, masks: Mapping[str, Mask]) -> list[tuple[str, Samples]]:
+    """Return the samples of each mask by its label; repairs of the file go to the first run."""
+    runs: list[tuple[str, Samples]] = []
+    for label, mask in masks.items():
+        run = Samples(
+            samples.path,
+            samples.time,
+            samples.values,
+            samples.rows,
+            [] if runs else samples.repairs,
+        )
+        run.keep(mask)
+        runs.append((label, run))
+    return runs
