@@ -1,4 +1,4 @@
-"""The components: each subpackage is one, ``kit`` is what they are made with."""
+"""Components of the rig, each a subpackage; ``kit`` has the tools to write them."""
 
 from __future__ import annotations
 

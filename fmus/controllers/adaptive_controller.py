@@ -1,8 +1,8 @@
-"""Adaptive gain by the MIT rule: the loop learns what displacement a current makes.
+"""Adaptive gain by the MIT rule: the loop adapts to the displacement per current of the actuator.
 
 Thesis section 1.5.2, after Bowers, who tracks sinusoidal displacements by adaptive control. The
-displacement is to follow a model of first order. A nominal law would see to that were the actuator
-nominal; its current is scaled by a gain, which moves against the gradient of the squared error.
+displacement follows a first-order model. A fixed law achieves that for the nominal actuator; its
+current is multiplied by a gain, which is adapted along the negative gradient of the squared error.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class AdaptiveController(Component):
         min=0,
         max=1.0,
         source=_CIRCUIT,
-        doc="displacement left of a displacement after a sample, nominal (a)",
+        doc="share of a displacement that is left after a sample, nominal (a)",
     )
     displacement_per_current = Parameter(
         1.1481100188089826e-06,
@@ -90,22 +90,22 @@ class AdaptiveController(Component):
     )
 
     def model_decay(self) -> Any:
-        """Displacement of the model that is left after a sample, exp(-h / T_m)."""
+        """Share of the model's displacement that is left after a sample, exp(-h / T_m)."""
         return exp(-self.sample_period / self.model_time)
 
     def nominal_current(self) -> Any:
         """Current that makes the nominal actuator follow the model."""
         pole = self.model_decay()
-        towards = (pole - self.decay) * self.displacement + (1.0 - pole) * self.reference
-        return towards / self.displacement_per_current
+        driven = (pole - self.decay) * self.displacement + (1.0 - pole) * self.reference
+        return driven / self.displacement_per_current
 
     def next_model(self) -> Any:
-        """Model one sample on."""
+        """Displacement of the model at the next sample."""
         pole = self.model_decay()
         return pole * self.model_displacement + (1.0 - pole) * self.reference
 
     def next_sensitivity(self) -> Any:
-        """Derivative of the displacement by the gain, of the loop that follows the model."""
+        """Derivative of the displacement by the gain, in a loop that follows the model."""
         driven = self.displacement_per_current * self.nominal_current()
         return self.model_decay() * self.sensitivity + driven
 
@@ -121,13 +121,13 @@ class AdaptiveController(Component):
         return -self.adaptation_gain * error * self.sensitivity / size
 
     def next_gain(self) -> Any:
-        """Gain after this sample; it stays while the current is at its limit."""
-        free = abs(self.gain * self.nominal_current()) < self.current_limit
-        moved = self.gain + where(free, self.adaptation(), 0.0)
-        return clip(moved, self.gain_min, self.gain_max)
+        """Gain after this sample; unchanged while the current is at its limit."""
+        is_free = abs(self.gain * self.nominal_current()) < self.current_limit
+        unlimited = self.gain + where(is_free, self.adaptation(), 0.0)
+        return clip(unlimited, self.gain_min, self.gain_max)
 
     def issued_current(self) -> Any:
-        """Command that leaves the controller."""
+        """Command of the controller to the actuator."""
         return self.command_within_limits
 
     @Output("A")

@@ -1,4 +1,4 @@
-"""Gains after a linear model: of the state feedback by python-control, of the PID by its response.
+"""Design of the state feedback by a linear model and of the PID by a frequency response.
 
 Not part of the FMU; the libraries that it needs are imported where they are used.
 """
@@ -14,79 +14,74 @@ from fmus.kit import Component, UserError, stack
 from fmus.kit.extras import optional
 from fmus.kit.units import format_range
 
-from .state_feedback import StateFeedback, described
+from .state_feedback import StateFeedback, design_remark
 
 if TYPE_CHECKING:
     from fmus.kit.arrays import Array
 
 SAMPLE_PERIOD = 0.02  # s
-# s, of the displacement after its reference, and of the integral action
+# s, of the response to the reference and of the integral action
 TIME_CONSTANTS = (0.5, 1.5)
-# Standard deviations of what drives the states in a sample: charge, Kelvin and Maxwell elongation
+# Standard deviations of the process noise per sample of charge, Kelvin and Maxwell elongation
 DISTURBANCES = (1e-3, 1e-8, 1e-8)  # C, m, m
-# and of what is measured: the resolution of section 2.2.2, and a millivolt
+# and of the measurement noise: the resolution of section 2.2.2, and a millivolt
 NOISES = (3e-6, 1e-3)  # m, V
 
 # T_d / T_i, the largest for which the zeros of the PID controller are real, and T_d / T_f
 _DERIVATIVE_SHARE = 0.25
-_LARGEST_MARGIN = 180.0  # degrees, beyond which a margin is one to the other side
+_LARGEST_MARGIN = 180.0  # degrees; a larger phase margin is one of the other sign
 _FILTERING = 5.0
 
 _STATES = ("charge", "kelvin_elongation", "maxwell_elongation")
 _INPUTS = ("current", "force")
 _OUTPUTS = ("displacement", "voltage")
-# Off the diagonal a sampled state matrix of decoupled states has nothing but rounding.
+# Largest element off the diagonal of the sampled state matrix of decoupled states, from rounding.
 _COUPLED = 1e-12
 
 
 def _linearised(plant: type[Component], values: dict[str, float]) -> tuple[Array, ...]:
-    """State-space matrices of an actuator in the order of this module."""
+    """Return the state-space matrices of an actuator, for this module's order of the signals."""
     from fmus.kit.symbolic import trace
 
-    layout = plant.layout
-    names = (
-        [v.name for v in layout.states],
-        [v.name for v in layout.inputs],
-        [v.name for v in layout.outputs],
-    )
-    wanted = (_STATES, _INPUTS, _OUTPUTS)
-    if sorted(names[0]) != sorted(_STATES) or any(
-        set(few) - set(all_) for few, all_ in zip(wanted, names, strict=True)
-    ):
+    states = [v.name for v in plant.layout.states]
+    inputs = [v.name for v in plant.layout.inputs]
+    outputs = [v.name for v in plant.layout.outputs]
+    has_signals = {*_INPUTS} <= {*inputs} and {*_OUTPUTS} <= {*outputs}
+    if sorted(states) != sorted(_STATES) or not has_signals:
         raise UserError(
             f"{plant.name}: the state feedback is for a force-driven actuator with the states"
-            f" {', '.join(_STATES)}; this one has {', '.join(names[0])}"
+            f" {', '.join(_STATES)}; this one has {', '.join(states)}"
         )
-    states, inputs, outputs = (
-        [held.index(name) for name in few] for few, held in zip(wanted, names, strict=True)
-    )
     _check_values(plant, values)
     A, B, C, D = trace(plant).linearise(**values)
+    of_states = [states.index(name) for name in _STATES]
+    of_inputs = [inputs.index(name) for name in _INPUTS]
+    of_outputs = [outputs.index(name) for name in _OUTPUTS]
     return (
-        A[np.ix_(states, states)],
-        B[np.ix_(states, inputs)],
-        C[np.ix_(outputs, states)],
-        D[np.ix_(outputs, inputs)],
+        A[np.ix_(of_states, of_states)],
+        B[np.ix_(of_states, of_inputs)],
+        C[np.ix_(of_outputs, of_states)],
+        D[np.ix_(of_outputs, of_inputs)],
     )
 
 
 def _check_values(plant: type[Component], values: dict[str, float]) -> None:
-    """Refuse a value that is none, or out of the range of its variable."""
+    """Raise `UserError` if a value is NaN or out of the range of its variable."""
     layout = plant.layout
-    for held in (*layout.parameters, *layout.inputs, *layout.states):
-        value = values.get(held.name, held.start)
-        if not held.min <= value <= held.max:
+    for variable in (*layout.parameters, *layout.inputs, *layout.states):
+        value = values.get(variable.name, variable.start)
+        if not variable.min <= value <= variable.max:
             raise UserError(
-                f"{plant.name}: {held.name} = {value:g} {held.unit} is out of range,"
-                f" {format_range(held) or 'a number'}"
+                f"{plant.name}: {variable.name} = {value:g} {variable.unit} is out of range,"
+                f" {format_range(variable) or 'a number'}"
             )
 
 
 def _check_times(sample_period: float, time_constants: Sequence[float]) -> None:
     if not 0.0 < sample_period < np.inf:
         raise UserError(f"sample period {sample_period:g} s: a time above 0 s")
-    if len({*time_constants}) != 2 or not all(0.0 < one < np.inf for one in time_constants):
-        shown = ", ".join(f"{one:g}" for one in time_constants)
+    if len({*time_constants}) != 2 or not all(0.0 < time < np.inf for time in time_constants):
+        shown = ", ".join(f"{time:g}" for time in time_constants)
         raise UserError(f"time constants {shown} s: two unequal times above 0 s")
 
 
@@ -99,9 +94,9 @@ def gains(
     """Design observer and feedback for an actuator.
 
     The observer is the stationary Kalman filter for `DISTURBANCES` and `NOISES`
-    (``control.dlqe``). The feedback of the charge and of the integral places two poles
-    (``control.place``); the reference goes in so that its zero cancels the second one, and the
-    displacement follows with the first alone.
+    (``control.dlqe``). The feedback of charge and integral places two poles (``control.place``);
+    the gain of the reference makes a zero that cancels the second pole, so that the displacement
+    follows its reference with the first time constant alone.
 
     Parameters
     ----------
@@ -110,7 +105,7 @@ def gains(
     sample_period : float
         Of the controller, s.
     time_constants : tuple of float
-        Of the two poles, s, unequal.
+        Time constants of the two poles, s, unequal.
     **values : float
         Parameters, inputs and states of the plant where it is linearised, by name, SI; all others
         at their defaults.
@@ -123,8 +118,7 @@ def gains(
     Raises
     ------
     UserError
-        If the plant has other states, or states that move one another, or a value or a time is none
-        that there can be.
+        If the plant has other states or coupled ones, or a value or a time is out of range.
     """
     with optional():
         import control
@@ -135,14 +129,14 @@ def gains(
     A, B, C, D = sampled.A, sampled.B, sampled.C, sampled.D
     if np.abs(A - np.diag(np.diag(A))).max() > _COUPLED:
         raise UserError(
-            f"{plant.name}: charge and creep move one another, which is not designed for"
+            f"{plant.name}: charge and creep are coupled; the design is for decoupled ones"
         )
     predictor, *_ = control.dlqe(
         A, np.eye(3), C, np.diag(np.square(DISTURBANCES)), np.diag(np.square(NOISES))
     )
-    observer = np.linalg.solve(A, predictor)  # corrects before the prediction, not with it
+    observer = np.linalg.solve(A, predictor)  # the filter corrects before it predicts
     poles = np.exp(-sample_period / np.array(time_constants))
-    # charge, and the integral of what the displacement lacks
+    # states: charge, and integral of the error of the displacement
     with_integral = np.array([[A[0, 0], 0.0], [-sample_period * C[0, 0], 1.0]])
     feedback = control.place(with_integral, np.array([[B[0, 0]], [0.0]]), poles)[0]
     integral = -float(feedback[1])
@@ -185,7 +179,7 @@ def state_feedback(
     plant, sample_period, time_constants, **values
         See :func:`gains`.
     name : str
-        Of the FMU, whose description has the gains.
+        Name of the FMU, whose description has the gains.
 
     Returns
     -------
@@ -199,22 +193,22 @@ def state_feedback(
     """
     designed = gains(plant, sample_period, time_constants, **values)
     made = stack(StateFeedback, name=name, defaults=designed)
-    made.remark = described(designed, plant.name)
+    made.remark = design_remark(designed, plant.name)
     return made
 
 
 def pid_gains(response: complex, crossover: float, phase_margin: float) -> dict[str, float]:
     """Design a PID controller for one point of a plant's frequency response.
 
-    The controller moves that point to where the loop has gain one and the phase margin wanted, with
-    T_d = T_i / 4 (Astrom, Hagglund: Advanced PID Control, 2006, section 6.2, modified
-    Ziegler-Nichols). The derivative's filter, T_f = T_d / 5, and the sampling are left out of it:
-    they cost some of the margin where the crossover is fast beside them.
+    The controller moves that point to gain one and the wanted phase margin of the loop, with T_d =
+    T_i / 4 (Astrom, Hagglund: Advanced PID Control, 2006, section 6.2, modified Ziegler-Nichols).
+    The design neglects the filter of the derivative, T_f = T_d / 5, and the sampling; they reduce
+    the margin if the crossover is fast compared with them.
 
     Parameters
     ----------
     response : complex
-        Of the plant at the crossover, from the command to what is measured.
+        Frequency response of the plant at the crossover, from command to measured force.
     crossover : float
         Frequency of gain one, Hz.
     phase_margin : float
@@ -228,8 +222,8 @@ def pid_gains(response: complex, crossover: float, phase_margin: float) -> dict[
     Raises
     ------
     UserError
-        If the crossover is not above zero, the margin is none, there is no response, or no PID
-        controller turns the phase there by as much as is needed.
+        If the crossover is not above zero, the margin is out of range, the response is zero or not
+        finite, or the phase that is needed is beyond a PID controller.
     """
     if not crossover > 0.0:
         raise UserError(f"crossover {crossover:g} Hz: a frequency above 0 Hz")

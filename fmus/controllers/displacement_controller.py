@@ -1,9 +1,9 @@
 """Displacement control by current, within limits of the estimated charge and of the voltage.
 
-Thesis sections 1.4.2 and 1.5: a loop that is designed for bandwidth alone puts large voltages on
-the films when its reference jumps, and those degrade them; a controller with an estimate of the
-charge protects the actuator. Here a PI controller gives the current that is wanted, and two limits
-the one that may flow; what they take away is taken out of the integral by back-calculation.
+Thesis sections 1.4.2 and 1.5: a loop that is designed for bandwidth alone applies large voltages
+to the films when its reference jumps, which degrades them; a controller with an estimate of the
+charge protects the actuator. Here a PI controller computes the wanted current, and limits of charge
+and voltage bound it; back-calculation removes the excess from the integral.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 from ..kit import Component, Discrete, Input, Output, Parameter, maximum, minimum, where
 from .signals import largest_current, sampled_length
-from .tracking import tracked, tracking_share
+from .tracking import back_calculated, tracking_share
 
 _CIRCUIT = "thesis table 3-1, mean of three 12-layer data sets"
 _SPREAD = "circuits of table 3-1 within 30 %"
@@ -91,7 +91,7 @@ class DisplacementController(Component):
         min=1e-6,
         max=1e6,
         source=_SPREAD,
-        doc="most by which the voltage rises at once per current",
+        doc="largest immediate rise of the voltage per current",
     )
     smallest_resistance = Parameter(
         0.25,
@@ -99,7 +99,7 @@ class DisplacementController(Component):
         min=1e-6,
         max=1e6,
         source=_SPREAD,
-        doc="least by which the voltage falls at once per current",
+        doc="smallest immediate fall of the voltage per current",
     )
     largest_elastance = Parameter(
         0.5,
@@ -107,7 +107,7 @@ class DisplacementController(Component):
         min=0,
         max=1e9,
         source=_SPREAD,
-        doc="most by which the voltage rises between samples per charge",
+        doc="largest rise of the voltage between samples per charge",
     )
 
     reference = Input("m", nominal=1e-4, display="mm", doc="wanted displacement")
@@ -118,7 +118,7 @@ class DisplacementController(Component):
         "1", start=False, type="boolean", doc="keeps the command, as while a protection recovers"
     )
     command_beside = Input(
-        "A", doc="command of a feedforward, which is added and which the limits count"
+        "A", doc="command of a feedforward, added to that of the controller within the limits"
     )
 
     unlimited_command = Discrete(
@@ -132,7 +132,7 @@ class DisplacementController(Component):
         "A",
         update="next_beside",
         period="sample_period",
-        doc="command beside at the latest sample",
+        doc="command_beside at the latest sample",
     )
     charge = Discrete(
         "C",
@@ -156,16 +156,16 @@ class DisplacementController(Component):
     # ----------------------------------------------------------------------------------------------
 
     def film_voltage(self) -> Any:
-        """Voltage of the films, out of that across the actuator: v (1 + R1/R2) - R1 i."""
+        """Voltage of the films, from that across the actuator: v (1 + R1/R2) - R1 i."""
         return self.voltage * (1.0 + self.R1 / self.R2) - self.R1 * self.current
 
     def estimated_charge(self) -> Any:
-        """Charge on the films after voltage and current, C v_f."""
+        """Charge on the films by voltage and current, C v_f."""
         return self.C * self.film_voltage()
 
     def current_for_voltage(self, headroom: Any) -> Any:
-        """Change of the current that may take up a difference of the voltage, in the direction of
-        the limit; the resistance is that which keeps on the safe side.
+        """Change of the current towards the limit that uses up the headroom of the voltage, with
+        the resistance that errs on the safe side.
         """
         return where(
             headroom > 0.0,
@@ -174,13 +174,13 @@ class DisplacementController(Component):
         )
 
     def usable_voltage(self) -> Any:
-        """Voltage limit less what the voltage can rise by until the next sample."""
+        """Voltage limit less the largest rise of the voltage until the next sample."""
         rise = self.largest_elastance * self.sample_period * self.current_limit
         return self.voltage_limit - rise
 
     def current_for_charge(self, side: Any) -> Any:
-        """Current with which the charge nears its limit on a side with the approach time: the
-        leakage, and the charging current's part of the circuit (eq. 3.5).
+        """Current at which the charge approaches its limit of one sign with the approach time:
+        leakage, and charging current times 1 + R1/R2 (eq. 3.5).
         """
         largest = (1.0 + self.charge_uncertainty) * self.estimated_charge()
         charging = (side * self.charge_limit - largest) / self.approach_time
@@ -211,27 +211,27 @@ class DisplacementController(Component):
         return self.proportional_gain * (ratio * self.error() - self.previous_error)
 
     def next_unlimited(self) -> Any:
-        """Wanted current, which goes on from what was carried out; kept on hold."""
+        """Wanted current, continued from the limited one by back-calculation; unchanged on hold."""
         share = tracking_share(self.sample_period, self.tracking_time)
-        before = tracked(self.unlimited_command, self.command_within_limits, share)
-        return where(self.hold, self.unlimited_command, before + self.increment())
+        latest = back_calculated(self.unlimited_command, self.command_within_limits, share)
+        return where(self.hold, self.unlimited_command, latest + self.increment())
 
     def next_beside(self) -> Any:
-        """Sample of the command beside, which the limits of the sample hold for."""
+        """Sample of ``command_beside``, for which the limits of this sample are computed."""
         return self.command_beside
 
     def next_limited(self) -> Any:
-        """Wanted current that is within the limits together with the command beside."""
+        """Wanted current, limited so that its sum with ``command_beside`` is within the limits."""
         upper = self.upper_current() - self.command_beside
         lower = self.lower_current() - self.command_beside
         return maximum(minimum(self.next_unlimited(), upper), lower)
 
     def is_limited(self) -> Any:
-        """Whether a limit takes something off the wanted current."""
+        """True if a limit reduces the wanted current."""
         return where(abs(self.next_unlimited() - self.next_limited()) > 0.0, 1.0, 0.0)
 
     def issued_current(self) -> Any:
-        """Command that leaves the controller: the feedback's, and the one beside."""
+        """Command of the controller to the actuator: feedback plus ``command_beside``."""
         return self.command_within_limits + self.sampled_beside
 
     # --- outputs

@@ -1,4 +1,4 @@
-"""Known ways the controllers are wrong: what is computed takes time."""
+"""Known ways the controllers are wrong: computation takes time."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from .pid import Pid
 
 @effect_maker
 def computational_delay(component: type[Component], law: str, unit: str) -> type[Effect]:
-    """Make the effect of a command that leaves a controller late.
+    """Make the effect of a delayed command.
 
     Parameters
     ----------
     component : type[Component]
         Controller that has the law.
     law : str
-        Method that gives the command.
+        Name of the law of the command.
     unit : str
         SI unit of the law.
 
@@ -45,9 +45,9 @@ def computational_delay(component: type[Component], law: str, unit: str) -> type
         {
             "__doc__": (
                 "Command that is late by a share ``l`` of a sample: ``u + l (u_before - u)``.\n\n"
-                "    At ``l = 1`` it is that of the sample before, as where all of a period is\n"
-                "    computed; in between it is their mean over the period. Relaxes assumption 1,\n"
-                "    that commands are carried out at the sample; ``l = 0`` is the base model.\n"
+                "    At ``l = 1`` it is the previous command, as if computation took a period; in\n"
+                "    between it is the mean of both over the period. Relaxes assumption 1, that\n"
+                "    commands are carried out at the sample; ``l = 0`` is the base model.\n"
             ),
             "__module__": __name__,
             lateness: Parameter(

@@ -1,8 +1,8 @@
-"""Feedforward: the current by which an actuator's model has a wanted length under a known load.
+"""Feedforward: the current at which an actuator's model has a wanted length under a known load.
 
 Thesis section 6.2 proposes work loops that are tracked by feedback and feedforward. The model is
-that of eqs. 3.4 to 3.9, sampled; its inverse takes a sample period, so that length and load are
-given a sample ahead, as a gait is known before it is walked.
+that of eqs. 3.4 to 3.9, sampled; its inverse takes a sample period, so that length and load must be
+known one sample ahead.
 """
 
 from __future__ import annotations
@@ -118,15 +118,15 @@ class Feedforward(Component):
     # ----------------------------------------------------------------------------------------------
 
     def next_kelvin(self) -> Any:
-        """Kelvin elongation a sample on under a load that changes evenly (eq. 3.5, second row)."""
+        """Kelvin elongation at the next sample under a linear change of load (eq. 3.5, row 2)."""
         time = self.b2 / self.k2
         decay = exp(-self.sample_period / time)
-        settled = decay * self.kelvin_elongation + (1.0 - decay) * self.force / self.k2
+        at_constant_load = decay * self.kelvin_elongation + (1.0 - decay) * self.force / self.k2
         share = 1.0 - (1.0 - decay) * time / self.sample_period
-        return settled + share * (self.next_force - self.force) / self.k2
+        return at_constant_load + share * (self.next_force - self.force) / self.k2
 
     def next_maxwell(self) -> Any:
-        """Maxwell elongation a sample on under the mean of both loads (eq. 3.5, third row)."""
+        """Maxwell elongation at the next sample under the mean of both loads (eq. 3.5, row 3)."""
         mean = 0.5 * (self.force + self.next_force)
         return self.maxwell_elongation + self.sample_period * mean / self.b1
 
@@ -134,22 +134,22 @@ class Feedforward(Component):
     # ----------------------------------------------------------------------------------------------
 
     def needed_charge(self) -> Any:
-        """Charge that makes up what the load does not of the displacement (eqs. 3.4, 3.8)."""
+        """Charge whose elongation is the reference less that due to load (eqs. 3.4, 3.8)."""
         loaded = self.next_kelvin() + self.next_maxwell() + self.next_force / self.k1
         return (self.next_reference - loaded) / self.alpha
 
     def decay(self) -> Any:
-        """Share of the charge that is there a sample on without current, a (eq. 3.5, first row)."""
+        """Share of the charge that is left after a sample without current, a (eq. 3.5, row 1)."""
         return exp(-self.sample_period / ((self.R1 + self.R2) * self.C))
 
     def charge_per_current(self) -> Any:
-        """Charge that a current brings in a sample, b = R2 C (1 - a) (eq. 3.5, first row)."""
+        """Charge per current in a sample, b = R2 C (1 - a) (eq. 3.5, row 1)."""
         return self.R2 * self.C * (1.0 - self.decay())
 
     def needed_current(self) -> Any:
-        """Current that brings the needed charge in a sample: (Q - a q) / b."""
-        kept = self.decay() * self.charge
-        return (self.needed_charge() - kept) / self.charge_per_current()
+        """Current that makes the needed charge in a sample: (Q - a q) / b."""
+        free_response = self.decay() * self.charge
+        return (self.needed_charge() - free_response) / self.charge_per_current()
 
     # --- limits
     # ----------------------------------------------------------------------------------------------
@@ -158,12 +158,13 @@ class Feedforward(Component):
         """Current that brings the voltage to its limit on a side, just after the sample or just
         before the next one, whichever is nearer (eq. 3.9).
         """
-        at_once = self.R1 * self.R2 / (self.R1 + self.R2)
+        resistance = self.R1 * self.R2 / (self.R1 + self.R2)
         per_charge = self.R2 / (self.R1 + self.R2) / self.C
-        after = (self.voltage_limit - side * per_charge * self.charge) / at_once
-        kept = side * per_charge * self.decay() * self.charge
-        later = at_once + per_charge * self.charge_per_current()
-        return side * minimum(after, (self.voltage_limit - kept) / later)
+        after = (self.voltage_limit - side * per_charge * self.charge) / resistance
+        free_response = side * per_charge * self.decay() * self.charge
+        per_current = resistance + per_charge * self.charge_per_current()
+        before_next = (self.voltage_limit - free_response) / per_current
+        return side * minimum(after, before_next)
 
     def limited_current(self, current: Any) -> Any:
         """Current within the limits of voltage and current."""
@@ -172,25 +173,25 @@ class Feedforward(Component):
         return clip(within, -self.current_limit, self.current_limit)
 
     def next_current(self) -> Any:
-        """Needed current within the limits; that of the voltage goes before that of the rate."""
+        """Needed current within the limits; the voltage limit overrides the rate limit."""
         change = self.rate_limit * self.sample_period
         before = self.current_within_limits
         return self.limited_current(clip(self.needed_current(), before - change, before + change))
 
     def next_charge(self) -> Any:
-        """Charge of the model a sample on: a q + b i (eq. 3.5, first row)."""
+        """Charge of the model at the next sample: a q + b i (eq. 3.5, row 1)."""
         return self.decay() * self.charge + self.charge_per_current() * self.next_current()
 
     def is_limited(self) -> Any:
-        """Whether a limit takes something off the needed current, as long as it is commanded."""
-        lacking = abs(self.needed_current() - self.next_current())
-        return where(self.active, where(lacking > 0.0, 1.0, 0.0), 0.0)
+        """True if the controller is active and a limit reduces the needed current."""
+        excess = abs(self.needed_current() - self.next_current())
+        return where(self.active, where(excess > 0.0, 1.0, 0.0), 0.0)
 
     # --- outputs
     # ----------------------------------------------------------------------------------------------
 
     def issued_current(self) -> Any:
-        """Command that leaves the controller."""
+        """Command of the controller to the actuator, zero while it is not active."""
         return where(self.active, self.current_within_limits, 0.0)
 
     @Output("A")

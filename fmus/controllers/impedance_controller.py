@@ -1,7 +1,7 @@
-"""Impedance (compliance) control: the force that a spring and a damper would answer a length with.
+"""Impedance (compliance) control: the force of a virtual spring and damper at a measured length.
 
-Thesis section 1.5.2 finds compliance control undone for linear actuators. The force goes to a force
-loop as its reference.
+Thesis section 1.5.2 finds that compliance control has not been applied to linear actuators. The
+force is the reference of a force loop.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class ImpedanceController(Component):
         return self.preload + spring + self.damping * self.next_rate()
 
     def issued_force(self) -> Any:
-        """Reference that leaves the controller."""
+        """Reference of the controller to the force loop, within its limits."""
         return clip(self.unlimited_force, self.force_min, self.force_max)
 
     @Output("N")

@@ -1,8 +1,8 @@
 """Iterative learning for periodic references: the command of the last period, corrected by its
 error.
 
-The period is as many sample periods as the registers are long. What is learnt stands beside the
-command of a feedback controller.
+The period of the reference is a fixed number of sample periods, the length of the registers. The
+learnt command is added to that of a feedback controller.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ _SOURCE = "Bristow, Tharayil, Alleyne, IEEE Control Systems Magazine 26(3), 2006
 
 
 def _register(name: str, unit: str, newest: Callable[[Any], Any], doc: str) -> dict[str, Any]:
-    """Members of a register that shifts by a place at every sample.
+    """Return the members of a shift register, which shifts at every sample.
 
     Parameters
     ----------
     name : str
-        Of its places, ``name_1`` being the newest.
+        Stem of the names of its places; ``name_1`` is the newest.
     unit : str
     newest : callable
-        Law of the value that comes in.
+        Law of the value that enters.
     doc : str
-        What a place holds.
+        Description of the values, to which their age is added.
 
     Returns
     -------
@@ -94,20 +94,20 @@ class LearningController(Component):
         max=0.5,
         nominal=0.1,
         source=_SOURCE,
-        doc="share of each neighbour in the zero-phase filter of what is learnt (q)",
+        doc="weight of each neighbour in the zero-phase filter of the learnt command (q)",
     )
     current_limit = largest_current("largest current in either direction, learnt and commanded")
 
     reference = Input("m", nominal=1e-4, display="mm", doc="wanted displacement, periodic")
     displacement = Input("m", nominal=1e-4, display="mm", doc="measured displacement")
-    feedback_command = Input("A", doc="command of a feedback controller beside, which is added")
+    feedback_command = Input("A", doc="command of a feedback controller, which is added")
     learning = Input(
         "1", start=True, type="boolean", doc="whether errors are learnt from; if not, it repeats"
     )
 
     previous_error = sampled_length("error", "error at the latest sample")
     vars().update(_register("lesson", "A", lambda self: self.next_lesson(), "change to be learnt"))
-    learnt_1: Any  # of the register, which is declared by place
+    learnt_1: Any  # first place of the register, which `_register` declares
     vars().update(
         _register("learnt", "A", lambda self: self.next_learnt(), "learnt part of the command")
     )
@@ -123,28 +123,29 @@ class LearningController(Component):
         return where(self.learning, lesson, 0.0)
 
     def lesson_with_lead(self, age: int) -> Any:
-        """Lesson for the command of an age, which came the lead later."""
+        """Correction of the command of ``age`` samples ago, which is younger by the lead."""
         return sum(
             where(self.lead == ahead, getattr(self, f"lesson_{age - ahead}"), 0.0)
             for ahead in range(_LONGEST_LEAD + 1)
         )
 
     def improved(self, age: int) -> Any:
-        """Command of an age with what is learnt from its error."""
+        """Command of ``age`` samples ago plus its correction."""
         return getattr(self, f"learnt_{age}") + self.lesson_with_lead(age)
 
     def next_learnt(self) -> Any:
-        """Command of a period ago, improved, and smoothed with its neighbours in time."""
-        beside = self.improved(SAMPLES - _TAPS) + self.improved(SAMPLES + _TAPS)
-        smoothed = (1.0 - 2.0 * self.smoothing) * self.improved(SAMPLES) + self.smoothing * beside
-        return clip(smoothed, -self.current_limit, self.current_limit)
+        """Corrected command of a period ago, smoothed with its neighbours in time."""
+        centre = (1.0 - 2.0 * self.smoothing) * self.improved(SAMPLES)
+        neighbours = self.improved(SAMPLES - _TAPS) + self.improved(SAMPLES + _TAPS)
+        smooth = centre + self.smoothing * neighbours
+        return clip(smooth, -self.current_limit, self.current_limit)
 
     def issued_current(self) -> Any:
-        """Command that leaves the controller: what is learnt, and the feedback beside."""
+        """Command of the controller to the actuator: learnt command plus feedback, limited."""
         total = self.learnt_1 + self.feedback_command
         return clip(total, -self.current_limit, self.current_limit)
 
     @Output("A")
     def command(self) -> Any:
-        """Current for the actuator: what is learnt is held, the feedback passes between samples."""
+        """Current for the actuator: learnt part held between samples, feedback part continuous."""
         return self.issued_current()

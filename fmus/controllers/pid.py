@@ -1,7 +1,8 @@
 """The PID controller in its incremental form, with the PI of thesis eq. 2.2 as a preset.
 
-In the incremental form the command is its own integral: what the actuator could not do is taken off
-it (``tracking.py``), and a command by hand is where the law goes on from.
+In the incremental form the command itself is the integral. Back-calculation removes the part that
+the actuator could not carry out (``tracking.py``), and after a manual command the law continues
+from that, without a bump.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..kit import Component, Discrete, Input, Output, Parameter, Preset, clip, where
-from .tracking import tracked, tracking_share
+from .tracking import back_calculated, tracking_share
 
 _FORM = "Astrom, Hagglund: Advanced PID Control, 2006, chapter 3"
 
@@ -59,7 +60,7 @@ class Pid(Component):
     tracking = Input(
         "1", start=False, type="boolean", doc="whether the law goes on from applied_command"
     )
-    applied_command = Input("V", doc="what was carried out of the latest command")
+    applied_command = Input("V", doc="latest command as it was carried out")
 
     unlimited_command = Discrete(
         "V",
@@ -115,19 +116,19 @@ class Pid(Component):
         """Command within its limits."""
         return clip(command, self.command_min, self.command_max)
 
-    def remembered(self) -> Any:
-        """Command to go on from: as it was carried out, by back-calculation."""
+    def tracking_command(self) -> Any:
+        """Latest command after back-calculation, from which the law continues."""
         applied = where(self.tracking, self.applied_command, self.limited(self.unlimited_command))
         share = tracking_share(self.sample_period, self.tracking_time)
-        return tracked(self.unlimited_command, applied, share)
+        return back_calculated(self.unlimited_command, applied, share)
 
     def next_command(self) -> Any:
-        """Command to hold until the next sample; by hand it is where the law will go on from."""
-        automatic = self.remembered() + self.increment()
+        """Command until the next sample: the manual one, or that of the law."""
+        automatic = self.tracking_command() + self.increment()
         return where(self.manual, self.limited(self.manual_command), automatic)
 
     def issued_voltage(self) -> Any:
-        """Command that leaves the controller."""
+        """Command of the controller to the plant, within its limits."""
         return self.limited(self.unlimited_command)
 
     @Output("V")
@@ -145,7 +146,7 @@ class Pid(Component):
             {
                 "sample_period": 1.0 / 30.0,
                 "proportional_gain": 0.06,
-                # 1/300 s but for two last places, so that the coefficient has the bits of 0.66
+                # 1/300 s less two units in the last place: the coefficient is exactly 0.66
                 "integral_time": 0.0033333333333333327,
                 "derivative_time": 0.0,
                 "tracking_time": 0.0,

@@ -1,4 +1,4 @@
-"""Declarations that controllers of a displacement by a current have in common."""
+"""Declarations shared by the controllers of a displacement by a current."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def largest_current(doc: str = "largest current in either direction") -> Any:
 
 
 def sampled_length(update: str, doc: str, output: bool = False) -> Any:
-    """Declare a length in m that is kept from sample to sample.
+    """Declare a length in m that changes at samples only.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
-"""State feedback of charge and creep, which a Kalman filter estimates out of displacement and
+"""State feedback of charge and creep, which a Kalman filter estimates from displacement and
 voltage.
 
 Thesis section 1.5.2, after its reference 20: a controller in state space that protects the actuator
-by the charge it estimates. The gains are those of ``design.py``, in the sampled model of the
-actuator: charge, Kelvin and Maxwell elongation, which do not move one another.
+by the charge it estimates. The gains are those of ``design.py`` for the sampled model of the
+actuator, whose states charge, Kelvin and Maxwell elongation are decoupled.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ GAINS = {
 }
 
 
-def described(gains: Mapping[str, float], plant: str) -> str:
-    """Text on a design for the description of an FMU.
+def design_remark(gains: Mapping[str, float], plant: str) -> str:
+    """Return the remark on a design for the description of an FMU.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def described(gains: Mapping[str, float], plant: str) -> str:
 
 
 def _designed(name: str, unit: str, doc: str, least: float = -1e12) -> Any:
-    """Declare a parameter that comes out of the design."""
+    """Declare a parameter whose default is that of the design."""
     start = GAINS[name]
     return Parameter(
         start, unit, min=least, max=1e12, nominal=abs(start) or 1.0, source=_DESIGN, doc=doc
@@ -75,7 +75,7 @@ class StateFeedback(Component):
 
     name = "state_feedback"
     experiment = (20.0, 0.02)
-    remark = described(GAINS, "ppy_actuator")
+    remark = design_remark(GAINS, "ppy_actuator")
 
     sample_period = Parameter(
         GAINS["sample_period"],
@@ -85,9 +85,13 @@ class StateFeedback(Component):
         nominal=0.01,
         doc="sample period of the controller (h), which the design is for",
     )
-    charge_pole = _designed("charge_pole", "1", "charge left of a charge after a sample")
-    kelvin_pole = _designed("kelvin_pole", "1", "Kelvin elongation left after a sample")
-    maxwell_pole = _designed("maxwell_pole", "1", "Maxwell elongation left after a sample")
+    charge_pole = _designed("charge_pole", "1", "share of the charge that is left after a sample")
+    kelvin_pole = _designed(
+        "kelvin_pole", "1", "share of the Kelvin elongation that is left after a sample"
+    )
+    maxwell_pole = _designed(
+        "maxwell_pole", "1", "share of the Maxwell elongation that is left after a sample"
+    )
     charge_per_current = _designed(
         "charge_per_current", "C/A", "charge per current of a sample", least=1e-12
     )
@@ -226,7 +230,7 @@ class StateFeedback(Component):
     # ----------------------------------------------------------------------------------------------
 
     def wanted_elongation(self) -> Any:
-        """What the charge has to make of the reference: all but creep and load (eq. 3.8)."""
+        """Elongation wanted of the charge: reference less elongation due to load (eq. 3.8)."""
         mechanical = (
             self.next_kelvin() + self.next_maxwell() + self.displacement_per_force * self.force
         )
@@ -234,11 +238,11 @@ class StateFeedback(Component):
 
     def wanted_current(self) -> Any:
         """State feedback with integral part, before its limits."""
-        fed_back = self.charge_gain * self.next_charge()
-        return self.reference_gain * self.wanted_elongation() - fed_back + self.integral
+        feedback = self.charge_gain * self.next_charge()
+        return self.reference_gain * self.wanted_elongation() - feedback + self.integral
 
     def current_to(self, charge: Any) -> Any:
-        """Current with which the charge is at a value one sample on."""
+        """Current that brings the charge to a value at the next sample."""
         return (charge - self.charge_pole * self.next_charge()) / self.charge_per_current
 
     def next_command(self) -> Any:
@@ -248,14 +252,14 @@ class StateFeedback(Component):
         return maximum(minimum(within, self.current_limit), -self.current_limit)
 
     def next_integral(self) -> Any:
-        """Integral of the error, less what was cut, by back-calculation."""
-        grown = self.integral_gain * self.sample_period * (self.reference - self.displacement)
-        cut = self.next_command() - self.wanted_current()
+        """Integral of the error, less the excess over the limits by back-calculation."""
+        increment = self.integral_gain * self.sample_period * (self.reference - self.displacement)
+        limitation = self.next_command() - self.wanted_current()
         share = tracking_share(self.sample_period, self.tracking_time)
-        return self.integral + grown + share * cut
+        return self.integral + increment + share * limitation
 
     def issued_current(self) -> Any:
-        """Command that leaves the controller."""
+        """Command of the controller to the actuator."""
         return self.command_within_limits
 
     # --- outputs

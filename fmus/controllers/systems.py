@@ -1,13 +1,13 @@
-"""The work loop: an actuator that is to go round a loop of load and length (sections 5.4, 6.2)."""
+"""The work loop: an actuator in a periodic loop of load and length (sections 5.4, 6.2)."""
 
 from __future__ import annotations
 
 from ..kit.registry import MemberDeclaration, SystemDeclaration
 
-# The currents of feedforward and learning are added and pass through the feedback, whose limits
-# hold for the sum. Each is switched by an input of its own: `feedforward.active`,
-# `learning.learning`, and `feedback.hold`. Length and load are given twice, now and as they are a
-# sample of the feedforward later.
+# The currents of feedforward and learning are added and pass through the feedback controller, whose
+# limits apply to the sum. Each has its own switch: `feedforward.active`, `learning.learning` and
+# `feedback.hold`. Length and load are two inputs each: now, and one sample of the feedforward
+# later.
 WORK_LOOP = SystemDeclaration(
     name="work_loop",
     summary=(
@@ -17,18 +17,18 @@ WORK_LOOP = SystemDeclaration(
     # in the order in which their commands are added at a sample
     members={
         "feedforward": MemberDeclaration("feedforward", {"active": 1.0}),
-        # the inverse of the nominal actuator, two samples ahead as a strain may lag, and a filter
-        # that takes away the highest frequency
+        # gain of the inverse of the nominal actuator; a lead of two samples, since the strain may
+        # lag; smoothing that removes the highest frequency
         "learning": MemberDeclaration(
             "learning_controller",
             {"learning": 1.0, "learning_gain": 2325.0, "lead": 2.0, "smoothing": 0.25},
         ),
         "feedback": MemberDeclaration("displacement_controller", {"hold": 0.0}),
-        # by current; 15 V, its compliance, is no protection
+        # galvanostatic; at 15 V, its compliance, the protection does not act
         "galvanostat": MemberDeclaration(
             "galvanostat", {"voltage_command": 0.0, "voltage_limit": 15.0}
         ),
-        # with the defaults of the effects strain neither lags nor saturates
+        # by default the effects are neutral: strain neither lags nor saturates
         "actuator": MemberDeclaration(
             "ppy_actuator",
             effects=("strain_saturation", "strain_lag"),

@@ -1,4 +1,4 @@
-"""Back-calculation: what a controller remembers of a command that was not carried out."""
+"""Back-calculation (anti-windup): the state of a controller whose command was not carried out."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ..kit import maximum
 
 
 def tracking_share(period: Any, tracking_time: Any) -> Any:
-    """Share of the excess that is forgotten at a sample, h / T_t, and all of it where T_t < h.
+    """Return the share of the excess that is removed at a sample, h / T_t, or 1 where T_t < h.
 
     Parameters
     ----------
@@ -25,8 +25,8 @@ def tracking_share(period: Any, tracking_time: Any) -> Any:
     return period / maximum(tracking_time, period)
 
 
-def tracked(unlimited: Any, applied: Any, share: Any) -> Any:
-    """Command to go on from after a sample: the applied one, and what is kept of the excess.
+def back_calculated(unlimited: Any, applied: Any, share: Any) -> Any:
+    """Return the command from which the law continues: the applied one plus the rest of the excess.
 
     Parameters
     ----------
@@ -34,9 +34,9 @@ def tracked(unlimited: Any, applied: Any, share: Any) -> Any:
         Command of the law, before its limits.
     applied : float
         Command that was carried out, in the same unit; where both are equal, so is the result, to
-        the bit.
+        the last bit.
     share : float
-        Of :func:`tracking_share`.
+        Share of the excess that is removed, see :func:`tracking_share`.
 
     Returns
     -------

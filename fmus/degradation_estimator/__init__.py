@@ -1,6 +1,4 @@
-"""Degradation estimator: impedance while the actuator works, and the voltage limit that follows
-from it.
-"""
+"""Degradation estimator: impedance of the working actuator and the derived voltage limit."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The circuit behind an estimate, R2 across R1 and C in series (fig. 4-2), and its impedance.
+"""Circuit of an estimate, R2 across R1 and C in series (fig. 4-2), and its impedance.
 
 An estimate is ``b0``, ``b1`` and ``a`` of ``v(t) = b0 i(t) + b1 i(t-1) - a v(t-1)`` (eq. 4.6), a
 circuit is ``R1``, ``R2`` and ``C``.
@@ -11,54 +11,53 @@ from typing import Any
 from ..kit import clip, hypot, log, logical_and, where
 from .recursion import Vector
 
-# Margins of a circuit that can be computed: a resistance, a share of a decay.
+# Smallest resistance, in ohm, and smallest decay per sample of a circuit that can be computed.
 _SMALL = 1e-9
 
 
-def exists(estimate: Vector, held: Any) -> Any:
-    """Return whether an estimate is of a circuit with positive R1, R2 and C.
+def exists(estimate: Vector, zero_order_hold: Any) -> Any:
+    """Return whether an estimate is that of a circuit with positive R1, R2 and C.
 
-    Parameters are those of :func:`solved`.
+    Parameters are those of :func:`circuit_parameters`.
     """
     b0, b1, a = estimate
-    decays = logical_and(1.0 + a > _SMALL, where(held, -a, b0 - b1) > _SMALL)
+    decays = logical_and(1.0 + a > _SMALL, where(zero_order_hold, -a, b0 - b1) > _SMALL)
     return logical_and(
         decays, logical_and(logical_and(b0 > _SMALL, b0 + b1 > _SMALL), b1 - a * b0 > _SMALL)
     )
 
 
-def solved(estimate: Vector, held: Any, period: Any) -> Vector:
-    """R1, R2 and C of an estimate: exact for held current, or by Tustin (eqs. 4.3-4.5); any numbers
-    if there are none.
+def circuit_parameters(estimate: Vector, zero_order_hold: Any, period: Any) -> Vector:
+    """Return R1, R2 and C of an estimate, by zero-order hold or Tustin's rule (eqs. 4.3-4.5).
 
-    With a held current ``a = -exp(-T_s / tau)``, ``b0 = R1 R2 / (R1 + R2)`` and ``b1 = (1 + a) R2 -
-    b0``, where ``tau = (R1 + R2) C``.
+    With a zero-order hold of the current, ``a = -exp(-T_s / tau)``, ``b0 = R1 R2 / (R1 + R2)`` and
+    ``b1 = (1 + a) R2 - b0``, where ``tau = (R1 + R2) C``.
 
     Parameters
     ----------
     estimate : tuple of 3
-    held : bool
-        Whether the current is held between samples; else Tustin's rule.
+    zero_order_hold : bool
+        Whether the current is constant between samples; else Tustin's rule.
     period : float
         Sample period T_s in seconds.
 
     Returns
     -------
     tuple of 3
-        R1 (ohm), R2 (ohm) and C (F).
+        R1 (ohm), R2 (ohm) and C (F); arbitrary finite numbers where no such circuit :func:`exists`.
     """
     b0, b1, a = estimate
-    known = exists(estimate, held)
+    known = exists(estimate, zero_order_hold)
     total, excess = where(known, b0 + b1, 1.0), where(known, b1 - a * b0, 1.0)
     R2 = total / where(known, 1.0 + a, 1.0)
-    R1 = where(held, b0 * total / excess, total * (b0 - b1) / (2.0 * excess))
+    R1 = where(zero_order_hold, b0 * total / excess, total * (b0 - b1) / (2.0 * excess))
     decay = log(clip(where(known, -a, 0.5), _SMALL, 1.0 - _SMALL))
     exact = -period / (decay * where(known, R1 + R2, 1.0))
-    return R1, R2, where(held, exact, excess * period / (total * total))
+    return R1, R2, where(zero_order_hold, exact, excess * period / (total * total))
 
 
 def magnitude(circuit: Vector, angular_frequency: Any) -> Any:
-    """Magnitude of the impedance of a circuit in ohm, at an angular frequency in rad/s
+    """Return the magnitude of a circuit's impedance in ohm, at an angular frequency in rad/s
     (eq. 4.10).
     """
     R1, R2, C = circuit

@@ -1,4 +1,4 @@
-"""Known ways the estimator is wrong: what it samples is not the voltage across the actuator at that
+"""Known ways the estimator is wrong: the sampled voltage is not that of the actuator at that
 instant.
 """
 
@@ -19,10 +19,9 @@ else:
 
 
 class LeadResistance(EstimatorEffect):
-    """Voltage sensed behind leads and contacts that the current flows through, in two wires: ``v +
-    R_l i``.
+    """Voltage of a two-wire measurement, with the drop across leads and contacts: ``v + R_l i``.
 
-    It is in R1, R2 and C at once, since R_l is in series with the whole circuit. Relaxes assumption
+    It biases R1, R2 and C, since R_l is in series with the whole circuit. Relaxes assumption
     5, that the voltage is that across the actuator; ``R_l = 0`` is the base model.
     """
 
@@ -43,7 +42,7 @@ class LeadResistance(EstimatorEffect):
     )
 
     def measured_voltage(self) -> Any:
-        """Voltage with the drop in the leads."""
+        """Voltage plus the drop across the leads, R_l i."""
         return super().measured_voltage() + self.resistance_of_leads * self.measured_current()
 
 
@@ -83,9 +82,9 @@ class SamplingSkew(EstimatorEffect):
     """Voltage that is sampled before the current by a share ``s`` of the period: ``v(t) + s (v(t -
     T_s) - v(t))``.
 
-    Between its samples the voltage is taken to go linearly, as multiplexed converters and slow
-    readings see it; at ``s = 1`` it is that of the sample before. Relaxes assumption 2, that both
-    are sampled together; ``s = 0`` is the base model.
+    The voltage is interpolated linearly between samples, an approximation of multiplexed converters
+    and slow readings; at ``s = 1`` it is that of the previous sample. Relaxes assumption 2, that
+    both are sampled together; ``s = 0`` is the base model.
     """
 
     id = "sampling_skew"
@@ -121,7 +120,7 @@ class SamplingSkew(EstimatorEffect):
         return super().measured_voltage()
 
     def measured_voltage(self) -> Any:
-        """Voltage of an instant before."""
+        """Voltage a share s of the period before the sample."""
         now = super().measured_voltage()
         return now + self.voltage_skew * (self.punctual_voltage - now)
 

@@ -1,8 +1,7 @@
-"""Excitation: reversals of the current, whether there are enough of them to estimate from, and how
-often they come.
+"""Excitation: reversals of the current, whether they suffice for an estimate, and their period.
 
-A reversal is a change by more than a swing back from the extreme. Two reversals of equal sign are a
-period apart, in whatever shape the current swings; so the sum of the latest two times between
+A reversal is a return of the current from its extreme by more than a minimum swing. Two reversals
+of equal sign are a period apart for any waveform, so the sum of the latest two times between
 reversals is a period.
 """
 
@@ -11,10 +10,10 @@ from __future__ import annotations
 from math import pi
 from typing import Any
 
-from ..kit import Discrete, Output, Parameter, exp, logical_and, maximum, minimum, where
-from .measurement import Measurement
+from ..kit import Output, Parameter, exp, logical_and, maximum, minimum, where
+from .measurement import Measurement, sampled_state
 
-# The first movement and the reversal after it need not be half a period apart, the next two are.
+# The first change and the reversal after it need not be half a period apart; the next two are.
 _REVERSALS_BEFORE_A_PERIOD = 3
 
 
@@ -57,57 +56,34 @@ class Excitation(Measurement):
         doc="time constant with which the tracked frequency follows the reversals",
     )
 
-    direction = Discrete(
+    direction = sampled_state(
         "1",
-        update="next_direction",
-        period="sample_period",
+        "next_direction",
+        "direction in which the current moves; 0 before it has moved",
         min=-1,
         max=1,
-        doc="direction in which the current moves; 0 before it has moved",
     )
-    turning_current = Discrete(
-        "A",
-        update="next_turning_current",
-        period="sample_period",
-        doc="extreme of the current since it turned",
+    turning_current = sampled_state(
+        "A", "next_turning_current", "extreme of the current since it turned"
     )
-    reversals = Discrete(
-        "1",
-        update="next_reversals",
-        period="sample_period",
-        min=0,
-        doc="how often the current changed its direction",
+    reversals = sampled_state(
+        "1", "next_reversals", "how often the current changed its direction", min=0
     )
-    time_since_reversal = Discrete(
+    time_since_reversal = sampled_state(
+        "s", "next_time_since_reversal", "time since the latest reversal", min=0
+    )
+    excited_time = sampled_state("s", "next_excited_time", "time spent estimating", min=0)
+    steady_reversals = sampled_state(
+        "1", "next_steady_reversals", "reversals since excitation began", min=0
+    )
+    half_period = sampled_state(
+        "s", "next_half_period", "time between the latest two reversals", min=0
+    )
+    excitation_period = sampled_state(
         "s",
-        update="next_time_since_reversal",
-        period="sample_period",
+        "next_excitation_period",
+        "period of the current as tracked; 0 before it is known",
         min=0,
-        doc="time since the latest reversal",
-    )
-    excited_time = Discrete(
-        "s", update="next_excited_time", period="sample_period", min=0, doc="time spent estimating"
-    )
-    steady_reversals = Discrete(
-        "1",
-        update="next_steady_reversals",
-        period="sample_period",
-        min=0,
-        doc="reversals since excitation began",
-    )
-    half_period = Discrete(
-        "s",
-        update="next_half_period",
-        period="sample_period",
-        min=0,
-        doc="time between the latest two reversals",
-    )
-    excitation_period = Discrete(
-        "s",
-        update="next_excitation_period",
-        period="sample_period",
-        min=0,
-        doc="period of the current as tracked; 0 before it is known",
     )
 
     # --- reversals
@@ -117,13 +93,13 @@ class Excitation(Measurement):
         """Extreme of the current in its direction, this sample included."""
         current = self.measured_current()
         extreme = self.turning_current
-        # before the current has moved it has no direction: its extreme is where it started
+        # a current that has not changed yet has no direction: its extreme is its start value
         falling_or_at_rest = where(self.direction < 0.0, minimum(extreme, current), extreme)
         return where(self.direction > 0.0, maximum(extreme, current), falling_or_at_rest)
 
     def reverses(self) -> Any:
-        """Whether the current has come back from its extreme by more than the swing, or first
-        moves.
+        """True if the current has returned from its extreme by more than the minimum swing, or
+        first changes by it.
         """
         back = self.measured_current() - self.extreme_current()
         swing = where(self.direction == 0.0, abs(back), -self.direction * back)
@@ -131,33 +107,31 @@ class Excitation(Measurement):
 
     def next_direction(self) -> Any:
         """Direction of the current after this sample."""
-        moved = where(self.measured_current() > self.extreme_current(), 1.0, -1.0)
-        return where(self.reverses(), moved, self.direction)
+        latest = where(self.measured_current() > self.extreme_current(), 1.0, -1.0)
+        return where(self.reverses(), latest, self.direction)
 
     def next_turning_current(self) -> Any:
         """Extreme of the current since it turned."""
         return where(self.reverses(), self.measured_current(), self.extreme_current())
 
     def next_reversals(self) -> Any:
-        """Count a reversal."""
+        """Number of reversals after this sample."""
         return self.reversals + where(self.reverses(), 1.0, 0.0)
 
     def next_time_since_reversal(self) -> Any:
         """Time since the latest reversal."""
         return where(self.reverses(), 0.0, self.time_since_reversal + self.sample_period)
 
-    # --- enough to estimate from
-    # ------------------------------------------------------------------------------------
+    # --- sufficient excitation
+    # ----------------------------------------------------------------------------------------------
 
-    def turned_lately(self) -> Any:
-        """Whether there was a reversal before this sample, and not too long ago."""
+    def has_recent_reversal(self) -> Any:
+        """True if there was a reversal before this sample within the timeout."""
         return logical_and(self.reversals > 0.0, self.time_since_reversal < self.excitation_timeout)
 
     def excited(self) -> Any:
-        """Whether this sample counts: there is one before it, and the current turned lately before
-        it.
-        """
-        return logical_and(self.samples > 0.0, self.turned_lately())
+        """True if the estimate uses this sample: it has a previous one and a recent reversal."""
+        return logical_and(self.samples > 0.0, self.has_recent_reversal())
 
     def next_excited_time(self) -> Any:
         """Time spent estimating."""
@@ -167,9 +141,9 @@ class Excitation(Measurement):
     # ----------------------------------------------------------------------------------------------
 
     def next_steady_reversals(self) -> Any:
-        """Count a reversal; the first after a rest begins anew."""
-        counted = where(self.turned_lately(), self.steady_reversals + 1.0, 1.0)
-        return where(self.reverses(), counted, self.steady_reversals)
+        """Number of reversals since excitation began; the first after a rest counts 1."""
+        number = where(self.has_recent_reversal(), self.steady_reversals + 1.0, 1.0)
+        return where(self.reverses(), number, self.steady_reversals)
 
     def next_half_period(self) -> Any:
         """Time between the latest two reversals."""
@@ -178,26 +152,24 @@ class Excitation(Measurement):
         )
 
     def next_excitation_period(self) -> Any:
-        """Period, a low-pass of the time between reversals of equal sign; held while none is known
-        anew.
-        """
+        """Low-pass of the time between reversals of equal sign, updated at reversals."""
         latest = self.time_since_reversal + self.sample_period
         steady = logical_and(
-            self.turned_lately(), self.steady_reversals >= _REVERSALS_BEFORE_A_PERIOD
+            self.has_recent_reversal(), self.steady_reversals >= _REVERSALS_BEFORE_A_PERIOD
         )
         share = where(self.excitation_period > 0.0, 1.0 - exp(-latest / self.tracking_time), 1.0)
-        followed = self.excitation_period + share * (
+        filtered = self.excitation_period + share * (
             self.half_period + latest - self.excitation_period
         )
-        return where(logical_and(self.reverses(), steady), followed, self.excitation_period)
+        return where(logical_and(self.reverses(), steady), filtered, self.excitation_period)
 
     def fundamental(self, period: Any) -> Any:
-        """Angular frequency of a period; the one given while the period is not known."""
+        """Angular frequency of a period; ``angular_frequency`` while the period is unknown."""
         known = period > 0.0
         return where(known, 2.0 * pi / where(known, period, 1.0), self.angular_frequency)
 
     def evaluation_frequency(self, period: Any) -> Any:
-        """Angular frequency at which the impedance is evaluated: tracked or given."""
+        """Angular frequency at which the impedance is evaluated: the tracked or the given one."""
         return where(self.track_frequency, self.fundamental(period), self.angular_frequency)
 
     @Output("rad/s")

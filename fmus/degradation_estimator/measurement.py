@@ -1,6 +1,4 @@
-"""Measurement of the sensors, sampled: current and voltage without single faults, and those of the
-sample before.
-"""
+"""Samples of current and voltage, in which the previous reading replaces a faulty one."""
 
 from __future__ import annotations
 
@@ -9,8 +7,13 @@ from typing import Any
 from ..kit import Component, Discrete, Input, Parameter, where
 
 
+def sampled_state(unit: str, law: str, doc: str, **about: Any) -> Any:
+    """Declare a discrete state that a law updates at every sample."""
+    return Discrete(unit, update=law, period="sample_period", doc=doc, **about)
+
+
 class Measurement(Component):
-    """Samples of current and voltage."""
+    """Sampled current and voltage, and those of the previous sample."""
 
     sample_period = Parameter(
         0.1, "s", min=1e-3, max=1e3, source="thesis appendix A3", doc="time between samples (T_s)"
@@ -33,28 +36,18 @@ class Measurement(Component):
     current = Input("A", doc="measured current into the actuator")
     voltage = Input("V", doc="measured voltage across the actuator")
 
-    samples = Discrete(
-        "1", update="next_samples", period="sample_period", min=0, doc="samples so far"
-    )
-    last_current = Discrete(
-        "A", update="measured_current", period="sample_period", doc="current at the latest sample"
-    )
-    last_voltage = Discrete(
-        "V", update="measured_voltage", period="sample_period", doc="voltage at the latest sample"
-    )
+    samples = sampled_state("1", "next_samples", "samples so far", min=0)
+    last_current = sampled_state("A", "measured_current", "current at the latest sample")
+    last_voltage = sampled_state("V", "measured_voltage", "voltage at the latest sample")
 
     def next_samples(self) -> Any:
-        """Count the sample."""
+        """Number of samples, this one included."""
         return self.samples + 1.0
 
     def measured_current(self) -> Any:
-        """Current as the sensor shows it; the reading before where it is beyond what
-        there can be.
-        """
+        """Reading of the current; the previous one where it exceeds ``largest_current``."""
         return where(abs(self.current) <= self.largest_current, self.current, self.last_current)
 
     def measured_voltage(self) -> Any:
-        """Voltage as the sensor shows it; the reading before where it is beyond what
-        there can be.
-        """
+        """Reading of the voltage; the previous one where it exceeds ``largest_voltage``."""
         return where(abs(self.voltage) <= self.largest_voltage, self.voltage, self.last_voltage)

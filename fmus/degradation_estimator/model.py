@@ -1,17 +1,18 @@
-"""The degradation estimator: impedance of the actuator while it works, and the voltage limit that
-follows from it.
+"""The degradation estimator: impedance of the working actuator and the derived voltage limit.
 
-Thesis chapter 4. Samples (``measurement.py``) of a current that moves (``excitation.py``) give a
-recursive estimate of eq. 4.6 with forgetting (``regression.py``); here it becomes the circuit ``R1
-R2 C`` behind it, the impedance at one frequency (eq. 4.10), and the derating of fig. 4-3.
+Thesis chapter 4. Samples (``measurement.py``) of a current with reversals (``excitation.py``) give
+a recursive estimate of eq. 4.6 with forgetting (``regression.py``). This module computes from it
+the circuit of ``R1``, ``R2`` and ``C``, its impedance at one frequency (eq. 4.10), and the derating
+of fig. 4-3.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from ..kit import Discrete, Output, Parameter, Preset, floor, logical_and, maximum, minimum, where
-from .circuit import exists, magnitude, solved
+from ..kit import Output, Parameter, Preset, floor, logical_and, maximum, minimum, where
+from .circuit import circuit_parameters, exists, magnitude
+from .measurement import sampled_state
 from .recursion import Vector
 from .regression import ROUNDING, Regression
 
@@ -47,7 +48,7 @@ class DegradationEstimator(Regression):
         min=0,
         max=100.0,
         source=_DESIGN,
-        doc="what a derating step takes off (delta V_der)",
+        doc="voltage by which a derating step lowers the limit (delta V_der)",
     )
     impedance_step = Parameter(
         0.05,
@@ -67,124 +68,83 @@ class DegradationEstimator(Regression):
         doc="voltage limit below which derating does not go",
     )
 
-    R1 = Discrete(
-        "ohm",
-        update="next_R1",
-        period="sample_period",
-        min=0,
-        output=True,
-        doc="series resistance; 0 before there is an estimate",
+    R1 = sampled_state(
+        "ohm", "next_R1", "series resistance; 0 before there is an estimate", min=0, output=True
     )
-    R2 = Discrete(
-        "ohm",
-        update="next_R2",
-        period="sample_period",
-        min=0,
-        output=True,
-        doc="leakage resistance; 0 before there is an estimate",
+    R2 = sampled_state(
+        "ohm", "next_R2", "leakage resistance; 0 before there is an estimate", min=0, output=True
     )
-    C = Discrete(
-        "F",
-        update="next_C",
-        period="sample_period",
-        min=0,
-        output=True,
-        doc="capacitance; 0 before there is an estimate",
+    C = sampled_state(
+        "F", "next_C", "capacitance; 0 before there is an estimate", min=0, output=True
     )
-    estimate_valid = Discrete(
+    estimate_valid = sampled_state(
         "1",
-        update="next_estimate_valid",
-        period="sample_period",
+        "next_estimate_valid",
+        "whether excitation and settling suffice and the estimate is a circuit",
         type="boolean",
         start=False,
         output=True,
-        doc="whether excitation and settling suffice and the estimate is a circuit",
     )
-    reference_R1 = Discrete(
+    reference_R1 = sampled_state(
+        "ohm", "next_reference_R1", "R1 of the first valid estimate", min=0
+    )
+    reference_R2 = sampled_state(
+        "ohm", "next_reference_R2", "R2 of the first valid estimate", min=0
+    )
+    reference_C = sampled_state("F", "next_reference_C", "C of the first valid estimate", min=0)
+    reference_impedance = sampled_state(
         "ohm",
-        update="next_reference_R1",
-        period="sample_period",
+        "next_reference_impedance",
+        "impedance of the first valid estimate; 0 before there is one",
         min=0,
-        doc="R1 of the first valid estimate",
     )
-    reference_R2 = Discrete(
-        "ohm",
-        update="next_reference_R2",
-        period="sample_period",
-        min=0,
-        doc="R2 of the first valid estimate",
-    )
-    reference_C = Discrete(
-        "F",
-        update="next_reference_C",
-        period="sample_period",
-        min=0,
-        doc="C of the first valid estimate",
-    )
-    reference_impedance = Discrete(
-        "ohm",
-        update="next_reference_impedance",
-        period="sample_period",
-        min=0,
-        doc="impedance of the first valid estimate; 0 before there is one",
-    )
-    derating_steps = Discrete(
-        "1",
-        update="next_derating_steps",
-        period="sample_period",
-        min=0,
-        doc="derating steps taken so far",
-    )
+    derating_steps = sampled_state("1", "next_derating_steps", "derating steps taken so far", min=0)
 
     # --- circuit
     # ----------------------------------------------------------------------------------------------
 
     def circuit(self) -> Vector:
-        """R1, R2 and C of the estimate; kept while it is that of no circuit, and without
-        excitation.
+        """R1, R2 and C of the estimate; unchanged without excitation and while the estimate is not
+        that of a circuit.
         """
         estimate = self.estimate()
-        R1, R2, C = solved(estimate, self.zero_order_hold, self.sample_period)
+        R1, R2, C = circuit_parameters(estimate, self.zero_order_hold, self.sample_period)
         new = logical_and(exists(estimate, self.zero_order_hold), self.excited())
         return where(new, R1, self.R1), where(new, R2, self.R2), where(new, C, self.C)
 
     def next_R1(self) -> Any:
-        """First element of :meth:`circuit`."""
+        """Series resistance R1 after this sample."""
         return self.circuit()[0]
 
     def next_R2(self) -> Any:
-        """Second element of :meth:`circuit`."""
+        """Leakage resistance R2 after this sample."""
         return self.circuit()[1]
 
     def next_C(self) -> Any:
-        """Third element of :meth:`circuit`."""
+        """Capacitance C after this sample."""
         return self.circuit()[2]
 
     # --- validity
     # ----------------------------------------------------------------------------------------------
 
-    def settled(self) -> Any:
-        """Whether excitation and time suffice."""
-        long = self.next_excited_time() >= self.settling_time - ROUNDING * self.sample_period
-        return logical_and(self.next_reversals() >= self.minimum_reversals, long)
+    def has_converged(self) -> Any:
+        """True after the minimum of reversals and the settling time."""
+        is_late = self.next_excited_time() >= self.settling_time - ROUNDING * self.sample_period
+        return logical_and(self.next_reversals() >= self.minimum_reversals, is_late)
 
     def next_estimate_valid(self) -> Any:
-        """Whether to trust the estimate; without excitation it stays what it was, as the estimate
-        does.
-        """
-        now = where(
-            logical_and(self.settled(), exists(self.estimate(), self.zero_order_hold)), 1.0, 0.0
-        )
+        """True while the estimate is valid; unchanged without excitation, as the estimate is."""
+        is_circuit = exists(self.estimate(), self.zero_order_hold)
+        now = where(logical_and(self.has_converged(), is_circuit), 1.0, 0.0)
         return where(self.excited(), now, where(self.estimate_valid, 1.0, 0.0))
 
     # --- reference: the first valid estimate, the base of all changes (section 4.2)
-    # -----------------------------------
+    # ----------------------------------------------------------------------------------------------
 
-    def reference_of(self, kept: Any, latest: Any) -> Any:
-        """Element of the reference circuit; the first valid estimate is taken over at the sample
-        after it.
-        """
-        return where(logical_and(self.estimate_valid, self.reference_R2 <= 0.0), latest, kept)
+    def reference_of(self, reference: Any, latest: Any) -> Any:
+        """Element of the reference circuit, set one sample after the first valid estimate."""
+        is_first = logical_and(self.estimate_valid, self.reference_R2 <= 0.0)
+        return where(is_first, latest, reference)
 
     def next_reference_R1(self) -> Any:
         """R1 of the first valid estimate."""
@@ -199,15 +159,15 @@ class DegradationEstimator(Regression):
         return self.reference_of(self.reference_C, self.C)
 
     def reference_at(self, angular_frequency: Any) -> Any:
-        """Impedance of the reference; evaluated anew while the frequency is tracked, to compare
-        like with like.
+        """Impedance of the reference; at the present frequency if that is tracked, so that both
+        impedances are comparable.
         """
-        anew = logical_and(self.track_frequency, self.reference_R2 > 0.0)
+        is_tracked = logical_and(self.track_frequency, self.reference_R2 > 0.0)
         circuit = self.reference_R1, self.reference_R2, self.reference_C
-        return where(anew, magnitude(circuit, angular_frequency), self.reference_impedance)
+        return where(is_tracked, magnitude(circuit, angular_frequency), self.reference_impedance)
 
     def next_impedances(self) -> tuple[Any, Any]:
-        """Impedance after this sample, and that of the reference so far, at one frequency."""
+        """Impedance after this sample and that of the reference before it, at one frequency."""
         angular_frequency = self.evaluation_frequency(self.next_excitation_period())
         return magnitude(self.circuit(), angular_frequency), self.reference_at(angular_frequency)
 
@@ -221,12 +181,12 @@ class DegradationEstimator(Regression):
     # ----------------------------------------------------------------------------------------------
 
     def relative_change(self, impedance: Any, reference: Any) -> Any:
-        """Change of the impedance from the reference; 0 while there is none."""
+        """Relative change of the impedance from the reference; 0 while there is no reference."""
         return where(reference > 0.0, impedance / where(reference > 0.0, reference, 1.0) - 1.0, 0.0)
 
     def next_derating_steps(self) -> Any:
-        """Steps taken: one per ``impedance_step`` of a valid estimate's change, and none taken back
-        (fig. 4-3).
+        """Derating steps: one per ``impedance_step`` of the change of a valid estimate; their
+        number never falls (fig. 4-3).
         """
         due = floor(self.relative_change(*self.next_impedances()) / self.impedance_step)
         return where(

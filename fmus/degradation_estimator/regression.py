@@ -1,9 +1,9 @@
 """Recursive estimate of ``v(t) = b0 i(t) + b1 i(t-1) - a v(t-1)`` (eq. 4.6), by least squares or
-with an instrument.
+an instrumental variable.
 
-Noise in ``v(t-1)`` biases least squares (``docs/errata.md``, row 9). An instrumental variable does
-without: an auxiliary model, which follows the estimate, tells from the current alone what the
-voltage would be.
+Noise in ``v(t-1)`` biases least squares (``docs/errata.md``, row 9). The instrumental variable
+avoids this bias: an auxiliary model, which follows the estimate, computes the voltage from the
+current alone.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import Any
 
 from ..kit import (
-    Discrete,
     Parameter,
     clip,
     exp,
@@ -25,23 +24,19 @@ from ..kit import (
 )
 from . import recursion
 from .excitation import Excitation
+from .measurement import sampled_state
 from .recursion import Matrix, Vector
 
-# Fastest forgetting; below it a single sample would be all that counts.
+# Smallest forgetting factor; below it only the latest sample would count.
 _LEAST_FORGETTING = 0.01
 _SLOWEST_POLE = 0.9999
-# Counted times are sums of rounded periods.
+# Tolerance, in periods, of times that are sums of rounded periods.
 ROUNDING = 1e-6
 _PLACES = [(row, column) for row in range(3) for column in range(3)]
 
 
-def _number(doc: str, law: str) -> Any:
-    """Discrete state without a unit."""
-    return Discrete("1", update=law, period="sample_period", doc=doc)
-
-
 def _next_element(row: int, column: int) -> Callable[[Any], Any]:
-    """Law of an element of the covariance matrix."""
+    """Return the law of an element of the covariance matrix."""
 
     def law(self: Any) -> Any:
         return self.next_covariance(row, column)
@@ -53,7 +48,7 @@ def _next_element(row: int, column: int) -> Callable[[Any], Any]:
 class Regression(Excitation):
     """Estimate of ``b0``, ``b1`` and ``a`` while there is excitation."""
 
-    # a matrix whose elements have as many units, as bare numbers
+    # laws that return vectors or matrices whose elements differ in unit
     unchecked = ("gain", "estimate", "next_covariance")
 
     forgetting_time = Parameter(
@@ -115,60 +110,38 @@ class Regression(Excitation):
         doc="time constant with which the auxiliary model follows the estimate",
     )
 
-    b0 = Discrete(
-        "ohm", update="next_b0", period="sample_period", doc="estimate of the gain of the current"
-    )
-    b1 = Discrete(
-        "ohm",
-        update="next_b1",
-        period="sample_period",
-        doc="estimate of the gain of the current before",
-    )
-    a = _number("estimate of the gain of the voltage before, negative", "next_a")
+    b0 = sampled_state("ohm", "next_b0", "estimate of the gain of the current")
+    b1 = sampled_state("ohm", "next_b1", "estimate of the gain of the current before")
+    a = sampled_state("1", "next_a", "estimate of the gain of the voltage before, negative")
     p11, p12, p13, p21, p22, p23, p31, p32, p33 = (
-        _number(
-            f"covariance matrix, row {row + 1}, column {column + 1}", f"next_p{row + 1}{column + 1}"
+        sampled_state(
+            "1",
+            f"next_p{row + 1}{column + 1}",
+            f"covariance matrix, row {row + 1}, column {column + 1}",
         )
         for row, column in _PLACES
     )
-    time_since_reset = Discrete(
-        "s",
-        update="next_time_since_reset",
-        period="sample_period",
-        min=0,
-        doc="time since the latest covariance reset",
+    time_since_reset = sampled_state(
+        "s", "next_time_since_reset", "time since the latest covariance reset", min=0
     )
-    auxiliary_b0 = Discrete(
-        "ohm", update="next_auxiliary_b0", period="sample_period", doc="b0 of the auxiliary model"
+    auxiliary_b0 = sampled_state("ohm", "next_auxiliary_b0", "b0 of the auxiliary model")
+    auxiliary_b1 = sampled_state("ohm", "next_auxiliary_b1", "b1 of the auxiliary model")
+    auxiliary_a = sampled_state("1", "next_auxiliary_a", "a of the auxiliary model")
+    filtered_current = sampled_state(
+        "A", "next_filtered_current", "current through the auxiliary model's pole"
     )
-    auxiliary_b1 = Discrete(
-        "ohm", update="next_auxiliary_b1", period="sample_period", doc="b1 of the auxiliary model"
+    filtered_voltage = sampled_state(
+        "V", "next_filtered_voltage", "voltage through the auxiliary model's pole"
     )
-    auxiliary_a = _number("a of the auxiliary model", "next_auxiliary_a")
-    filtered_current = Discrete(
-        "A",
-        update="next_filtered_current",
-        period="sample_period",
-        doc="current through the auxiliary model's pole",
-    )
-    filtered_voltage = Discrete(
-        "V",
-        update="next_filtered_voltage",
-        period="sample_period",
-        doc="voltage through the auxiliary model's pole",
-    )
-    instrument = Discrete(
-        "V",
-        update="next_instrument",
-        period="sample_period",
-        doc="filtered voltage of the auxiliary model, noise-free",
+    instrument = sampled_state(
+        "V", "next_instrument", "filtered voltage of the auxiliary model, noise-free"
     )
 
     # --- regressor and instrument
     # -----------------------------------------------------------------------------------
 
     def with_instrument(self) -> Any:
-        """Whether this sample is taken with the instrument."""
+        """True if this sample is used with the instrumental variable."""
         late = self.excited_time >= self.least_squares_time - ROUNDING * self.sample_period
         return logical_and(self.instrumental_variable, late)
 
@@ -183,11 +156,11 @@ class Regression(Excitation):
         return self.measured_current() + self.auxiliary_pole() * self.filtered_current
 
     def next_filtered_voltage(self) -> Any:
-        """Voltage filtered in the same way."""
+        """Voltage filtered like the current."""
         return self.measured_voltage() + self.auxiliary_pole() * self.filtered_voltage
 
     def next_instrument(self) -> Any:
-        """Voltage of the auxiliary model from the filtered current alone: free of noise."""
+        """Filtered voltage of the auxiliary model, from the current alone and so free of noise."""
         driven = (
             self.auxiliary_b0 * self.next_filtered_current()
             + self.auxiliary_b1 * self.filtered_current
@@ -195,27 +168,26 @@ class Regression(Excitation):
         return driven + self.auxiliary_pole() * self.instrument
 
     def regression(self) -> tuple[Vector, Vector, Any]:
-        """Data vector of eq. 4.6, ``[i(t), i(t-1), -v(t-1)]``, its instrument, and the voltage to
-        explain.
+        """Regressor of eq. 4.6, ``[i(t), i(t-1), -v(t-1)]``, its instrument, and the voltage v(t).
 
-        With the instrument all are filtered, and the auxiliary model's voltage stands in it for the
-        measured one; in least squares it is the data vector itself.
+        With the instrumental variable all signals are filtered, and the instrument has the voltage
+        of the auxiliary model in place of the measured one; for least squares it is the regressor.
         """
-        late = self.with_instrument()
-        before = where(late, self.filtered_current, self.last_current)
-        now = where(late, self.next_filtered_current(), self.measured_current())
-        old = where(late, self.filtered_voltage, self.last_voltage)
-        clean = where(late, self.instrument, self.last_voltage)
-        wanted = where(late, self.next_filtered_voltage(), self.measured_voltage())
-        return (now, before, -old), (now, before, -clean), wanted
+        filtered = self.with_instrument()
+        previous_current = where(filtered, self.filtered_current, self.last_current)
+        current = where(filtered, self.next_filtered_current(), self.measured_current())
+        previous_voltage = where(filtered, self.filtered_voltage, self.last_voltage)
+        noise_free = where(filtered, self.instrument, self.last_voltage)
+        voltage = where(filtered, self.next_filtered_voltage(), self.measured_voltage())
+        phi = current, previous_current, -previous_voltage
+        zeta = current, previous_current, -noise_free
+        return phi, zeta, voltage
 
     # --- estimate
     # ----------------------------------------------------------------------------------------------
 
     def forgetting_factor(self) -> Any:
-        """Forgetting factor of eq. 4.11, ``epsilon^(T_s / T_f)`` with the weight as a fraction; at
-        least 0.01.
-        """
+        """Forgetting factor of eq. 4.11, ``epsilon^(T_s / T_f)``, at least 0.01."""
         return maximum(
             exp(log(self.remaining_weight) * self.sample_period / self.forgetting_time),
             _LEAST_FORGETTING,
@@ -243,27 +215,26 @@ class Regression(Excitation):
 
     def estimate(self) -> Vector:
         """Estimate after this sample (eq. 4.7)."""
-        before = self.b0, self.b1, self.a
-        phi, zeta, wanted = self.regression()
-        return recursion.corrected(
-            before, self.gain(phi, zeta), wanted - recursion.dot(phi, before)
-        )
+        theta = self.b0, self.b1, self.a
+        phi, zeta, voltage = self.regression()
+        residual = voltage - recursion.dot(phi, theta)
+        return recursion.update(theta, self.gain(phi, zeta), residual)
 
     def next_b0(self) -> Any:
-        """First element of :meth:`estimate`."""
+        """Estimate of b0 after this sample."""
         return self.estimate()[0]
 
     def next_b1(self) -> Any:
-        """Second element of :meth:`estimate`."""
+        """Estimate of b1 after this sample."""
         return self.estimate()[1]
 
     def next_a(self) -> Any:
-        """Third element of :meth:`estimate`."""
+        """Estimate of a after this sample."""
         return self.estimate()[2]
 
     def auxiliary_share(self) -> Any:
-        """Share of the new estimate in the auxiliary model: all of it at first, then a low-pass;
-        none when frozen.
+        """Weight of the new estimate in the auxiliary model: 1 with least squares, then that of a
+        low-pass; 0 without excitation.
         """
         slow = 1.0 - exp(-self.sample_period / self.instrument_time)
         return where(self.excited(), where(self.with_instrument(), slow, 1.0), 0.0)
@@ -284,39 +255,34 @@ class Regression(Excitation):
     # ------------------------------------------------------------------------------------------
 
     def reset_due(self) -> Any:
-        """Whether the covariance matrix is reset after this sample (section 4.1.1)."""
-        full = (
-            self.time_since_reset + self.sample_period
-            >= self.reset_interval - ROUNDING * self.sample_period
-        )
-        return logical_and(self.reset_interval > 0.0, full)
+        """True if the covariance matrix is reset after this sample (section 4.1.1)."""
+        elapsed = self.time_since_reset + self.sample_period
+        is_over = elapsed >= self.reset_interval - ROUNDING * self.sample_period
+        return logical_and(self.reset_interval > 0.0, is_over)
 
     def next_time_since_reset(self) -> Any:
-        """Time since the latest reset, while estimating."""
-        counted = where(self.reset_due(), 0.0, self.time_since_reset + self.sample_period)
-        return where(self.excited(), counted, self.time_since_reset)
+        """Excited time since the latest reset."""
+        elapsed = where(self.reset_due(), 0.0, self.time_since_reset + self.sample_period)
+        return where(self.excited(), elapsed, self.time_since_reset)
 
     def next_covariance(self, row: int, column: int) -> Any:
         """Element of the covariance matrix after this sample (eq. 4.9 with errata 6), reset or
         bounded.
 
-        It is kept without excitation, and put at its start before anything was estimated.
+        Without excitation it is unchanged; before the first estimate it has its initial value.
         """
-        before, forgetting = self.covariance(), self.forgetting_factor()
+        covariance, forgetting = self.covariance(), self.forgetting_factor()
         phi, zeta, _ = self.regression()
         gain = self.gain(phi, zeta)
-        carried = recursion.transposed_times(before, phi)
-        total = (recursion.trace(before) - recursion.dot(gain, carried)) / forgetting
-        old = before[3 * row + column]
-        new = (
-            (old - gain[row] * carried[column])
-            / forgetting
-            * recursion.bound(total, self.maximum_trace)
-        )
+        projection = recursion.transposed_times(covariance, phi)
+        trace = (recursion.trace(covariance) - recursion.dot(gain, projection)) / forgetting
+        old = covariance[3 * row + column]
+        updated = (old - gain[row] * projection[column]) / forgetting
+        bounded = updated * recursion.bound(trace, self.maximum_trace)
         initial = self.initial_covariance if row == column else 0.0
-        fresh = logical_or(self.reset_due(), logical_not(total > 0.0))
-        kept = where(self.excited_time > 0.0, old, initial)
-        return where(self.excited(), where(fresh, initial, new), kept)
+        is_reset = logical_or(self.reset_due(), logical_not(trace > 0.0))
+        unexcited = where(self.excited_time > 0.0, old, initial)
+        return where(self.excited(), where(is_reset, initial, bounded), unexcited)
 
     next_p11, next_p12, next_p13, next_p21, next_p22, next_p23, next_p31, next_p32, next_p33 = (
         _next_element(*place) for place in _PLACES

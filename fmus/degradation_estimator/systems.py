@@ -1,10 +1,10 @@
-"""Watches: an actuator that an instrument drives and the estimator watches (sections 4.2, 4.3)."""
+"""Systems of an actuator, its instrument and the degradation estimator (sections 4.2, 4.3)."""
 
 from __future__ import annotations
 
 from ..kit.registry import MemberDeclaration, SystemDeclaration
 
-# The estimator comes first in either: it samples before the protection acts on the same sample.
+# The estimator is the first member of both: it samples before the protection acts.
 _WIRES = (
     "galvanostat.current -> actuator.current",
     "galvanostat.current -> estimator.current",
@@ -22,16 +22,16 @@ FIRST_VOLTAGE = 1.15  # V, the printed amplitude at the start
 CAPACITANCE = 3.347884872673928
 # R1 falls as the actuator warms up, and grows with the charge moved. The thesis prints the time of
 # the minimum, 2100 s, and a rise by 15 to 25 % in a lifetime. The conductance of electrolytes
-# (0.02/K) and the heat capacity (50 J/K) are those of the effect; cooling half as well as its
-# default and the growth rate are chosen to give a minimum at 2100 s and 16 % from there to the end.
+# (0.02/K) and the heat capacity (50 J/K) are those of the effect; twice its thermal resistance and
+# the growth rate are chosen to give a minimum at 2100 s and a rise by 16 % from there to the end.
 _AGEING = {
     "resistance_growth_rate": 6.7e-5,
     "conductance_rise_per_kelvin": 0.02,
     "thermal_resistance": 40.0,
     "thermal_time": 2000.0,
 }
-# Just above the first voltages, so that derating is felt within the life; a design parameter
-# (section 4.2).
+# A design parameter (section 4.2): just above the first voltages, so that derating acts within the
+# life.
 ESTIMATOR = {"initial_voltage_limit": 1.2}  # V
 _LIFE_STEP = 0.1  # s
 
@@ -71,14 +71,14 @@ DEGRADATION_WATCH = SystemDeclaration(
     stop=18000.0,
 )
 
-# The potentiostat looks and acts a thousand times a second, so that it is as good as held between
-# the samples of the estimator. Its gain is that of one step: what the voltage lacks is there at the
-# next sample but for what the circuit lets go meanwhile.
+# At 1 kHz the potentiostat keeps the voltage practically constant between samples of the estimator.
+# Its integral gain is deadbeat: an error of the voltage is gone at the next sample, but for the
+# discharge of the circuit in between.
 _PERIOD = 1e-3  # s
 _R1 = 0.43  # ohm, as R2 of the actuator by default
 _R2 = 2.35
-_AT_ONCE = _R1 * _R2 / (_R1 + _R2)  # ohm, of the circuit for a step
-_RATE = 15.0  # Hz, as alpha and the resets of the thesis
+_STEP_RESISTANCE = _R1 * _R2 / (_R1 + _R2)  # ohm, of the circuit to a step of the current
+_RATE = 15.0  # Hz; of the thesis, as forgetting factor and resets are
 
 POTENTIOSTAT_WATCH = SystemDeclaration(
     name="potentiostat_watch",
@@ -106,7 +106,7 @@ POTENTIOSTAT_WATCH = SystemDeclaration(
                 "potentiostat": 1.0,
                 "protection_period": _PERIOD,
                 "control_period": _PERIOD,
-                "integral_gain": 1.0 / (_AT_ONCE * _PERIOD),
+                "integral_gain": 1.0 / (_STEP_RESISTANCE * _PERIOD),
                 "current_command": 0.0,
             },
         ),

@@ -1,8 +1,8 @@
-"""The foot as a design: force and stroke of its toe by geometry and attachments.
+"""The foot as a design: force and stroke of its toe as functions of geometry and attachments.
 
-Each is by virtual work: in equilibrium the ground's force on the toe times a joint's lever is the
-tension of its actuator times the moment arm. Thesis section 5.3.3: the values of table 5-1 "provide
-a starting point for optimization of the design".
+They follow from virtual work: in equilibrium the force of the ground on the toe times its lever
+about a joint equals the tension of the actuator times its moment arm. Thesis section 5.3.3: the
+values of table 5-1 "provide a starting point for optimization of the design".
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 from ..kit import Constant, Output, Parameter, maximum, minimum
 from .model import Foot
 
-# Lever below which the toe joint counts as having none, where the toe points along the leg.
+# Smallest lever; that of the toe joint vanishes where the toe points along the leg.
 _NO_LEVER = Constant(1e-4, "m")
 
 
@@ -27,7 +27,7 @@ class FootDesign(Foot):
         min=0,
         max=1e4,
         source="thesis section 2.1: about 3 N",
-        doc="tension that an actuator takes",
+        doc="largest tension of an actuator",
     )
     actuator_stroke = Parameter(
         1.8e-4,
@@ -50,7 +50,7 @@ class FootDesign(Foot):
     def force_gains(self) -> tuple[Any, Any]:
         """Force at the toe per tension of po about the ankle, and of pl about the toe joint.
 
-        Arms and levers are equally long, so that they are the same at any scale.
+        Arms and levers are proportional to ``scale``, so that their ratios do not depend on it.
         """
         ankle, mtp = self.levers()
         _, po, _, pl = self.arms()
@@ -58,12 +58,12 @@ class FootDesign(Foot):
 
     @Output("N")
     def ankle_limited_force(self) -> Any:
-        """Force with which the toe presses down while po pulls with all it takes."""
+        """Force with which the toe presses down while po pulls with its largest tension."""
         return self.actuator_force * self.force_gains()[0]
 
     @Output("N")
     def toe_limited_force(self) -> Any:
-        """Force with which the toe presses down while pl pulls with all it takes."""
+        """Force with which the toe presses down while pl pulls with its largest tension."""
         return self.actuator_force * self.force_gains()[1]
 
     @Output("N")

@@ -144,25 +144,25 @@ class FootDynamic(FootStatics):
         return self.mtp_rate
 
     def stop(self, angle: Any, lower: Any, upper: Any) -> Any:
-        """Angular acceleration that a soft stop gives: none between the limits, proportional to
-        what is beyond.
+        """Angular acceleration by a soft stop: zero between the limits, proportional to the excess
+        beyond them.
         """
         return -self.stop_frequency * self.stop_frequency * outside(angle, lower, upper)
 
     def ankle_friction(self) -> Any:
-        """Torque that the ankle takes to turn."""
+        """Friction torque of the ankle."""
         return self.ankle_damping * self.ankle_rate
 
     def tm_friction(self) -> Any:
-        """Torque that the tarsal-metatarsal joint takes to turn."""
+        """Friction torque of the tarsal-metatarsal joint."""
         return self.tm_damping * self.tm_rate
 
     def mtp_friction(self) -> Any:
-        """Torque that the metatarsal-phalangeal joint takes to turn."""
+        """Friction torque of the metatarsal-phalangeal joint."""
         return self.mtp_damping * self.mtp_rate
 
     def arch_torque(self) -> Any:
-        """Torque with which the arch pulls back."""
+        """Restoring torque of the arch."""
         return self.tm_stiffness * self.tm_angle
 
     def ankle_acceleration(self) -> Any:
@@ -173,7 +173,7 @@ class FootDynamic(FootStatics):
         )
 
     def tm_acceleration(self) -> Any:
-        """Angular acceleration of the tarsal-metatarsal joint, which the arch pulls back."""
+        """Angular acceleration of the tarsal-metatarsal joint, with the torque of the arch."""
         torque = self.joint_torques()[1] - self.tm_friction() - self.arch_torque()
         return torque / self.tm_inertia + self.stop(self.tm_angle, self.tm_lower, self.tm_upper)
 

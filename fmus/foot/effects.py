@@ -2,8 +2,8 @@
 change under tension, and joints with dry friction.
 
 Each is a mixin that overrides laws (never an output) through ``super()``. At its neutral parameter
-value the laws give the bits of the base model. Dry friction is of the joints that move by
-themselves; the others are of both forms.
+value the laws equal those of the base model to the last bit. Dry friction belongs to the dynamic
+foot; the other effects apply to a given posture as well.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ class PlantarTendonAcrossArch(FootEffect):
     """Plantar tendon that crosses the arch as well, on an attachment radius ``a``, and presses it
     down under tension.
 
-    By virtual work the arm is the same everywhere: ``a theta_TM`` more in the length of pl, ``a
-    dtheta_TM/dt`` in its rate, ``a T_pl`` less in the torque of the joint, and ``K = R^T K_l R``
-    with a term between arch and toe. Relaxes assumption 3, that pl acts on the toe only; the
-    program of the thesis (appendix A4) has a token 0.001 in that place. ``a = 0`` is the base
+    By virtual work the same arm adds ``a theta_TM`` to the length of pl and ``a dtheta_TM/dt`` to
+    its rate, subtracts ``a T_pl`` from the torque of the joint, and couples arch and toe in ``K =
+    R^T K_l R``. Relaxes assumption 3, that pl acts on the toe only; the program of the thesis
+    (appendix A4) has a token 0.001 in that place. ``a = 0`` is the base
     model.
     """
 
@@ -70,23 +70,23 @@ class PlantarTendonAcrossArch(FootEffect):
         return self.scale * self.pl_arch_radius
 
     def length_changes(self) -> tuple[Any, Any, Any, Any]:
-        """Changes of length, of pl by the arch too."""
+        """Changes of length, that of pl with the motion of the arch."""
         an, po, do, pl = super().length_changes()
         return an, po, do, pl + self.pl_arch_arm() * self.tm_angle
 
     def length_rates(self) -> tuple[Any, Any, Any, Any]:
-        """Rates of length, of pl by the arch too."""
+        """Rates of length, that of pl with the motion of the arch."""
         an, po, do, pl = super().length_rates()
         return an, po, do, pl + self.pl_arch_arm() * self.tm_rate
 
     def joint_torques(self) -> tuple[Any, Any, Any]:
-        """Torques on the joints, on the arch by pl too."""
+        """Torques on the joints, that on the arch with the tension of pl."""
         ankle, tm, mtp = super().joint_torques()
         return ankle, tm - self.pl_arch_arm() * self.tensions()[3], mtp
 
     def compliance(self, row: int, column: int) -> Any:
-        """Entry of ``J K'^-1 J^T``, written as what ``K' - K = k a [[a, r], [r, 0]]`` over arch and
-        toe takes away.
+        """Entry of ``J K'^-1 J^T``: that of the base model less the reduction by ``K' - K = k a
+        [[a, r], [r, 0]]`` over arch and toe.
         """
         _, tm, mtp = self.jacobian()
         _, arch, toe = self.joint_stiffnesses()
@@ -102,8 +102,8 @@ class PlantarTendonAcrossArch(FootEffect):
 
 
 class TensionStiffness(FootEffect):
-    """Moment arms that change as a joint turns, so that tensions alone stiffen or soften it: ``s T
-    d2l/dtheta2`` more.
+    """Stiffness of a joint by tensions on moment arms that change as it turns: ``s T d2l/dtheta2``
+    more.
 
     Relaxes assumption 5, that the change of the moment arms under tension is left out of the
     stiffness; ``s = 0`` is the base model, and at ``s = 1`` the compliance is the derivative of the
@@ -127,21 +127,19 @@ class TensionStiffness(FootEffect):
     )
 
     def joint_stiffnesses(self) -> tuple[Any, Any, Any]:
-        """Stiffnesses of the joints, those of ankle and toe by tensions too."""
+        """Stiffnesses of the joints, those of ankle and toe with the share of the tensions."""
         ankle, tm, mtp = super().joint_stiffnesses()
-        an, po, do, pl = (
-            tension * slope
-            for tension, slope in zip(self.tensions(), self.arm_slopes(), strict=True)
-        )
+        pairs = zip(self.tensions(), self.arm_slopes(), strict=True)
+        an, po, do, pl = (tension * slope for tension, slope in pairs)
         share = self.tension_stiffness_share
         return ankle + share * (an + po), tm, mtp + share * (do + pl)
 
 
 class TendonStretch(FootEffect):
-    """Tendons that stretch under tension, each as a Voigt body: ``tau ds/dt = c T - s``, and an
-    actuator shorter by s.
+    """Tendons that stretch under tension by ``s``, each as a Voigt body: ``tau ds/dt = c T - s``.
 
-    Stiffness and damping seen at the toe stay those of the actuators. Relaxes assumption 7, that
+    Each actuator is shorter by the stretch. Stiffness and damping of the toe remain those of the
+    actuators. Relaxes assumption 7, that
     tendons do not stretch; ``c = 0`` is the base model. Of viscoelastic tendons: Fung,
     Biomechanics, 2nd ed., 1993, section 2.11.
     """
@@ -192,7 +190,7 @@ class TendonStretch(FootEffect):
         return (self.tendon_compliance * self.pl_tension - self.pl_stretch) / self.tendon_time
 
     def length_changes(self) -> tuple[Any, Any, Any, Any]:
-        """Changes of length, each less by what its tendon is longer."""
+        """Changes of length, each less the stretch of its tendon."""
         an, po, do, pl = super().length_changes()
         return (
             an - self.an_stretch,
@@ -216,10 +214,10 @@ class TendonFriction(FootEffect):
     """Tendons that rub in their guides: at the joint the tension is ``T exp(w tanh(v / v_w))``, v
     the rate of length.
 
-    A joint that draws its tendon out feels more than the actuator pulls with, one that is drawn
-    along less; w is the coefficient of friction times the angle of wrap (Euler and Eytelwein's
-    capstan equation), the same for all tendons. Relaxes assumption 7, that tendons do not rub; ``w
-    = 0`` is the base model.
+    The tension at a joint is larger than that of the actuator while the tendon is drawn out, and
+    smaller while it is pulled in. ``w`` is the coefficient of friction times the angle of wrap
+    (Euler and Eytelwein's capstan equation), the same for all tendons. Relaxes assumption 7, that
+    tendons do not rub; ``w = 0`` is the base model.
     """
 
     id = "tendon_friction"
@@ -255,10 +253,11 @@ class TendonFriction(FootEffect):
     )
 
     def tensions(self) -> tuple[Any, Any, Any, Any]:
-        """Tensions at the joints, more or less than those of the actuators."""
+        """Tensions at the joints, those of the actuators with friction."""
+        pairs = zip(super().tensions(), self.length_rates(), strict=True)
         an, po, do, pl = (
             tension * exp(self.tendon_wrap_friction * tanh(rate / self.tendon_friction_velocity))
-            for tension, rate in zip(super().tensions(), self.length_rates(), strict=True)
+            for tension, rate in pairs
         )
         return an, po, do, pl
 

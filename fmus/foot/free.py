@@ -1,10 +1,10 @@
-"""The foot set free: its leg moves, its links have masses that accelerate each other, and it steps
-on a ground.
+"""The free foot: its leg moves, the inertias of its links are coupled, and it steps on a ground.
 
-Thesis section 6.2 proposes to relax the infinite inertia of the upper body. Links are uniform rods;
-Lagrange's equations of the leg's two velocities and of four joints. In the angles a_i of the links
-from the x axis the kinetic energy is ``sum A_ij cos(a_i - a_j) da_i da_j / 2``, with constants A,
-and what couples it to the leg are first moments s; a joint turns all links beyond it.
+Thesis section 6.2 proposes to relax the infinite inertia of the upper body. The links are uniform
+rods; the equations of motion are Lagrange's for the two velocities of the leg and four joints. In
+the angles a_i of the links from the x axis, the kinetic energy of the links is ``sum A_ij cos(a_i -
+a_j) da_i da_j / 2`` with constants A; first moments s couple them to the leg. A joint turns all
+links beyond it.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ def _mass(default: float, part: str) -> Any:
     )
 
 
-def _work(of: str, rate: str) -> Any:
-    return State("J", rate=rate, nominal=1e-3, output=True, doc=of)
+def _work(doc: str, rate: str) -> Any:
+    return State("J", rate=rate, nominal=1e-3, output=True, doc=doc)
 
 
 def _velocity(doc: str, rate: str) -> Any:
@@ -39,7 +39,7 @@ def _velocity(doc: str, rate: str) -> Any:
     )
 
 
-def solved(matrix: Sequence[Sequence[Any]], right: Sequence[Any]) -> list[Any]:
+def solve(matrix: Sequence[Sequence[Any]], right: Sequence[Any]) -> list[Any]:
     """Solve a linear system whose matrix is symmetric and positive definite, without pivoting.
 
     Parameters
@@ -70,12 +70,12 @@ class Contact(NamedTuple):
     Attributes
     ----------
     turns : list of tuple
-        The joints that turn it, each by its place, with the distance of the point from it along x
-        and y in m.
+        Index of each joint that turns the point, with the distance of the point from that joint
+        along x and y in m.
     velocity : tuple of two
-        Over the ground along x and y, in m/s.
+        Velocity over the ground along x and y, in m/s.
     force : tuple of two
-        Of the ground on it along x and y, in N.
+        Force of the ground on the point along x and y, in N.
     """
 
     turns: list[tuple[int, Any, Any]]
@@ -89,7 +89,7 @@ class FootFree(Ground, FootDynamic):
     """
 
     name = "foot_free"
-    # a force on the toe works along its way in space, which no output is
+    # no port at the toe: its force does work along a path in space, which is not an output
     ports = (
         *FootDynamic.muscles,
         PowerPort(
@@ -102,7 +102,7 @@ class FootFree(Ground, FootDynamic):
         ),
         PowerPort("leg_forward", "translational", "leg_advance", "leg_force_y", ("leg_flange_y",)),
     )
-    tolerance = 1e-9  # touches are short, and what is off in one goes on
+    tolerance = 1e-9  # contacts are short, and an error in one persists
     experiment = (1.0, 0.005)
 
     leg_held = Parameter(
@@ -198,7 +198,7 @@ class FootFree(Ground, FootDynamic):
     load_work = _work("work that toe force and force on the leg have done", "load_power")
     joint_loss = _work("energy lost in the damping of the joints", "joint_loss_power")
 
-    # --- where things are, and how fast
+    # --- positions and velocities
     # ----------------------------------------------------------------------------------------------
 
     @shared
@@ -213,7 +213,7 @@ class FootFree(Ground, FootDynamic):
 
     @shared
     def directions(self) -> list[tuple[Any, Any]]:
-        """Directions of the four links, x and y."""
+        """Unit vectors along the four links, x and y."""
         first, second, third = self.link_angles()
         return [
             (cos(a), sin(a)) for a in (first, second, third, second + self.beta_p + self.mtp2_angle)
@@ -224,33 +224,33 @@ class FootFree(Ground, FootDynamic):
         return self.ankle_rate, self.tm_rate, self.mtp_rate, self.mtp2_rate
 
     def link_rates(self) -> tuple[Any, Any, Any, Any]:
-        """Angular velocities of the four links, each that of the joints before it."""
+        """Angular velocities of the four links, each the sum over the joints before it."""
         ankle, tm, mtp, mtp2 = self.joint_rates()
         second = ankle + tm
         return ankle, second, second + mtp, second + mtp2
 
     def leg_velocity(self) -> tuple[Any, Any]:
-        """Velocity of the leg along x and y; none where it is held."""
+        """Velocity of the leg along x and y; zero for a fixed leg."""
         return (
             where(self.leg_held, 0.0, self.leg_velocity_x),
             where(self.leg_held, 0.0, self.leg_velocity_y),
         )
 
     def touching_points(self) -> list[list[tuple[Any, Any]]]:
-        """Heel, ball, first toe and other toes, each by its distances from the joints that turn it.
+        """Distances of heel, ball, first toe and other toes from the joints that turn them.
 
-        The heel is where po is attached; the ball is where both toes are hinged.
+        The heel is the attachment of po; the ball is the common hinge of both toes.
         """
         links = zip(self.links(), self.directions(), strict=True)
         first, second, third, fourth = [(length * x, length * y) for length, (x, y) in links]
-        back = self.ankle_angle - self.beta_po
-        heel = self.scale * self.r_po * cos(back), self.scale * self.r_po * sin(back)
+        angle = self.ankle_angle - self.beta_po
+        heel = self.scale * self.r_po * cos(angle), self.scale * self.r_po * sin(angle)
         ball = [_sum(first, second), second]
         return [
             [heel],
             ball,
-            [*(_sum(at, third) for at in ball), third],
-            [*(_sum(at, fourth) for at in ball), fourth],
+            [*(_sum(distance, third) for distance in ball), third],
+            [*(_sum(distance, fourth) for distance in ball), fourth],
         ]
 
     # --- the ground
@@ -262,7 +262,7 @@ class FootFree(Ground, FootDynamic):
         leg, rates = self.leg_velocity(), self.joint_rates()
         contacts = []
         for joints, distances in zip(_TURNED_BY, self.touching_points(), strict=True):
-            turns = [(joint, *at) for joint, at in zip(joints, distances, strict=True)]
+            turns = [(joint, x, y) for joint, (x, y) in zip(joints, distances, strict=True)]
             down = leg[0] - sum(rates[joint] * y for joint, _, y in turns)
             forward = leg[1] + sum(rates[joint] * x for joint, x, _ in turns)
             pressure = self.ground_pressure(distances[0][0] - self.leg_height, down)
@@ -279,7 +279,7 @@ class FootFree(Ground, FootDynamic):
 
     @shared
     def moments_of_mass(self) -> tuple[Any, Any, Any, Any]:
-        """First moments s of the links: mass times distance that each moves by its turning."""
+        """First moments of mass s of the links, each with the links that it carries."""
         first, second, third, fourth = self.links()
         toes = self.m3 + self.m4
         return (
@@ -291,7 +291,7 @@ class FootFree(Ground, FootDynamic):
 
     @shared
     def moments_of_inertia(self) -> list[list[Any]]:
-        """Constants A of the kinetic energy of uniform rods in a row."""
+        """Constants A of the kinetic energy, those of uniform rods in a chain."""
         first, second, third, fourth = self.links()
         toes = self.m3 + self.m4
         a12 = first * second * (0.5 * self.m2 + toes)
@@ -305,7 +305,7 @@ class FootFree(Ground, FootDynamic):
         ]
 
     def joint_inertias(self) -> tuple[Any, Any, Any, Any]:
-        """Inertias that turn with a joint alone."""
+        """Constant inertias of the joints, in addition to those of the links."""
         return self.ankle_inertia, self.tm_inertia, self.mtp_inertia, self.mtp2_inertia
 
     def whole_mass(self) -> Any:
@@ -313,37 +313,35 @@ class FootFree(Ground, FootDynamic):
         return self.leg_mass + self.m1 + self.m2 + self.m3 + self.m4
 
     def mobility(self) -> Any:
-        """Acceleration of the leg per force: one over the whole mass, 0 where it is held."""
+        """Acceleration of the leg per force: one over the whole mass, 0 for a fixed leg."""
         return where(self.leg_held, 0.0, 1.0 / self.whole_mass())
 
     # --- equations of motion
     # ----------------------------------------------------------------------------------------------
 
     def mtp2_friction(self) -> Any:
-        """Torque that the second metatarsal-phalangeal joint takes to turn."""
+        """Friction torque of the second metatarsal-phalangeal joint."""
         return self.mtp2_damping * self.mtp2_rate
 
     def mtp2_torque(self) -> Any:
-        """Torque with which the second metatarsal-phalangeal joint is pulled back."""
+        """Restoring torque of the second metatarsal-phalangeal joint."""
         return self.mtp2_stiffness * self.mtp2_angle
 
     def joint_frictions(self) -> tuple[Any, Any, Any, Any]:
-        """Torques that the joints take to turn."""
+        """Friction torques of the four joints."""
         return self.ankle_friction(), self.tm_friction(), self.mtp_friction(), self.mtp2_friction()
 
     def beyond_stops(self) -> tuple[Any, Any, Any, Any]:
-        """How far each joint is in its stop; the second toe joint has those of the first."""
-        limits = (
-            (self.ankle_angle, self.ankle_lower, self.ankle_upper),
-            (self.tm_angle, self.tm_lower, self.tm_upper),
-            (self.mtp_angle, self.mtp_lower, self.mtp_upper),
-            (self.mtp2_angle, self.mtp_lower, self.mtp_upper),
+        """Angle of each joint beyond its stop; the second toe joint has the stops of the first."""
+        return (
+            outside(self.ankle_angle, self.ankle_lower, self.ankle_upper),
+            outside(self.tm_angle, self.tm_lower, self.tm_upper),
+            outside(self.mtp_angle, self.mtp_lower, self.mtp_upper),
+            outside(self.mtp2_angle, self.mtp_lower, self.mtp_upper),
         )
-        ankle, tm, mtp, mtp2 = (outside(*at) for at in limits)
-        return ankle, tm, mtp, mtp2
 
     def ground_torques(self) -> list[Any]:
-        """Torques of the ground on the four joints: moments of its forces."""
+        """Torques on the four joints by the forces of the ground."""
         torques: list[Any] = [0.0, 0.0, 0.0, 0.0]
         for contact in self.contacts():
             x, y = contact.force
@@ -352,8 +350,8 @@ class FootFree(Ground, FootDynamic):
         return torques
 
     def driving_torques(self) -> list[Any]:
-        """Torques on the joints but for gravity and inertia: tensions, loads, ground, arch,
-        friction and stops.
+        """Torques on the joints except gravity and inertia: tensions, loads, ground, arch, friction
+        and stops.
         """
         pulls = (*self.joint_torques(), 0.0)
         springs = (0.0, self.arch_torque(), 0.0, self.mtp2_torque())
@@ -372,7 +370,7 @@ class FootFree(Ground, FootDynamic):
         ]
 
     def outer_force(self) -> tuple[Any, Any]:
-        """Force on leg and foot together: loads, ground and weight."""
+        """External force on leg and foot: loads, ground and weight."""
         reactions = self.ground_reactions()
         x = self.toe_force_x + self.leg_force_x + sum(force[0] for force in reactions)
         y = self.toe_force_y + self.leg_force_y + sum(force[1] for force in reactions)
@@ -380,7 +378,7 @@ class FootFree(Ground, FootDynamic):
 
     @shared
     def accelerating_force(self) -> tuple[Any, Any]:
-        """Outer force less what it takes to turn the links' centres of mass at constant rates."""
+        """External force plus the centrifugal forces of the links."""
         x, y = self.outer_force()
         turning = zip(self.moments_of_mass(), self.directions(), self.link_rates(), strict=True)
         for moment, (down, forward), rate in turning:
@@ -389,7 +387,7 @@ class FootFree(Ground, FootDynamic):
         return x, y
 
     def coupled_inertias(self) -> list[list[Any]]:
-        """Inertias by which the links accelerate each other, less what the leg gives way."""
+        """Inertia matrix of the links after elimination of the acceleration of the leg."""
         s = self.moments_of_mass()
         a = self.moments_of_inertia()
         e = self.directions()
@@ -399,9 +397,7 @@ class FootFree(Ground, FootDynamic):
         ]
 
     def link_torques(self) -> list[Any]:
-        """Torques on the links by gravity, by inertia at constant rates, and by the force that
-        accelerates the leg.
-        """
+        """Torques on the links by gravity, centrifugal inertia and the acceleration of the leg."""
         s = self.moments_of_mass()
         a = self.moments_of_inertia()
         e = self.directions()
@@ -417,31 +413,29 @@ class FootFree(Ground, FootDynamic):
 
     @shared
     def accelerations(self) -> list[Any]:
-        """Angular accelerations of the joints, the leg's own put into them (Lagrange)."""
+        """Angular accelerations of the joints (Lagrange), that of the leg being eliminated."""
         coupled = self.coupled_inertias()
-        inertias = [
-            [sum(coupled[i][k] for i in of for k in by) for by in _BEYOND] for of in _BEYOND
-        ]
-        for joint, own in enumerate(self.joint_inertias()):
-            inertias[joint][joint] = inertias[joint][joint] + own
+        inertias = [[_block_sum(coupled, i, k) for k in _BEYOND] for i in _BEYOND]
+        for joint, inertia in enumerate(self.joint_inertias()):
+            inertias[joint][joint] = inertias[joint][joint] + inertia
         links = self.link_torques()
         torques = [
             driving + sum(links[i] for i in beyond)
             for driving, beyond in zip(self.driving_torques(), _BEYOND, strict=True)
         ]
-        return solved(inertias, torques)
+        return solve(inertias, torques)
 
     def leg_acceleration(self, axis: int) -> Any:
-        """Acceleration of the leg along x (0) or y (1), by what is left of the outer force."""
+        """Acceleration of the leg along x (0) or y (1), by the force that does not accelerate the
+        links.
+        """
         ankle, tm, mtp, mtp2 = self.accelerations()
-        turned = ankle, ankle + tm, ankle + tm + mtp, ankle + tm + mtp2
-        drawn = sum(
-            moment * (-way[1], way[0])[axis] * acceleration
-            for moment, way, acceleration in zip(
-                self.moments_of_mass(), self.directions(), turned, strict=True
-            )
+        of_links = ankle, ankle + tm, ankle + tm + mtp, ankle + tm + mtp2
+        terms = zip(self.moments_of_mass(), self.directions(), of_links, strict=True)
+        inertial = sum(
+            moment * (-y, x)[axis] * acceleration for moment, (x, y), acceleration in terms
         )
-        return self.mobility() * (self.accelerating_force()[axis] - drawn)
+        return self.mobility() * (self.accelerating_force()[axis] - inertial)
 
     def leg_acceleration_x(self) -> Any:
         """Acceleration of the leg along x."""
@@ -456,7 +450,7 @@ class FootFree(Ground, FootDynamic):
         return -self.leg_velocity()[0]
 
     def leg_advance_rate(self) -> Any:
-        """Rate at which the leg goes forward."""
+        """Rate of the leg's advance."""
         return self.leg_velocity()[1]
 
     def mtp2_rate_law(self) -> Any:
@@ -516,23 +510,22 @@ class FootFree(Ground, FootDynamic):
             a[i][k] * _dot(e[i], e[k]) * rates[i] * rates[k] for i in _LINKS for k in _LINKS
         )
         turning = zip(self.joint_inertias(), self.joint_rates(), strict=True)
-        return of_leg + of_both + of_links + 0.5 * sum(own * rate * rate for own, rate in turning)
+        of_joints = 0.5 * sum(inertia * rate * rate for inertia, rate in turning)
+        return of_leg + of_both + of_links + of_joints
 
     @Output("J", nominal=1e-3)
     def potential_energy(self) -> Any:
         """Potential energy of weight, arch, second toe joint and stops; not of the ground."""
-        lowered = sum(
-            moment * way[0]
-            for moment, way in zip(self.moments_of_mass(), self.directions(), strict=True)
-        )
-        weight = self.gravity * (self.whole_mass() * self.leg_height - lowered)
+        pairs = zip(self.moments_of_mass(), self.directions(), strict=True)
+        below_ankle = sum(moment * x for moment, (x, _) in pairs)
+        weight = self.gravity * (self.whole_mass() * self.leg_height - below_ankle)
         springs = self.arch_torque() * self.tm_angle + self.mtp2_torque() * self.mtp2_angle
         stop = self.stop_frequency * self.stop_frequency
-        held = sum(
+        stops = sum(
             inertia * stop * beyond * beyond
             for inertia, beyond in zip(self.joint_inertias(), self.beyond_stops(), strict=True)
         )
-        return weight + 0.5 * springs + 0.5 * held
+        return weight + 0.5 * springs + 0.5 * stops
 
     @Output("N")
     def ground_force_x(self) -> Any:
@@ -575,3 +568,8 @@ def _dot(a: tuple[Any, Any], b: tuple[Any, Any]) -> Any:
 
 def _cross(a: tuple[Any, Any], b: tuple[Any, Any]) -> Any:
     return a[0] * b[1] - a[1] * b[0]
+
+
+def _block_sum(matrix: list[list[Any]], rows: Sequence[int], columns: Sequence[int]) -> Any:
+    """Return the sum of the elements of a matrix in some rows and columns."""
+    return sum(matrix[i][k] for i in rows for k in columns)

@@ -1,8 +1,8 @@
-"""Stance phase of the gait, eqs. 5.13-5.16, and the joint angles that actuator lengths ask for.
+"""Stance phase of the gait, eqs. 5.13-5.16, and the joint angle of a given actuator length.
 
 Eq. 5.16 as printed repeats eq. 5.15; the plantar length is that of the M-file (``docs/errata.md``,
-row 14). Together the four lengths are no motion of a rigid foot: antagonists of unequal moment arms
-cannot both move by 1 mm.
+row 14). The four lengths together are not a motion of a rigid foot: antagonists of unequal moment
+arms cannot both move by 1 mm.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _PERIOD = 1.0  # s
 
 
 def length_changes(time: Any) -> dict[str, Any]:
-    """Change of each actuator's length in the stance phase (eqs. 5.13-5.16).
+    """Return the change of each actuator's length in the stance phase (eqs. 5.13-5.16).
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def length_changes(time: Any) -> dict[str, Any]:
 
 
 def lengths(time: Any, foot: FootKinematics) -> dict[str, Any]:
-    """Length of each actuator in the stance phase, in metres; see :func:`length_changes`."""
+    """Return the length of each actuator in the stance phase, in m; see :func:`length_changes`."""
     return {
         a: foot.scale * getattr(foot, f"l_{a}") + change
         for a, change in length_changes(time).items()
@@ -44,12 +44,12 @@ def lengths(time: Any, foot: FootKinematics) -> dict[str, Any]:
 
 
 def joint_angle(foot: FootKinematics, actuator: str, length: float) -> float:
-    """Angle of an actuator's joint at which it has a given length.
+    """Return the angle of an actuator's joint at which the actuator has a given length.
 
     Parameters
     ----------
     foot : FootKinematics
-        For its geometry; its posture does not matter.
+        Foot that has the geometry; its posture is not used.
     actuator : {"an", "po", "do", "pl"}
     length : float
         In metres.
@@ -57,9 +57,9 @@ def joint_angle(foot: FootKinematics, actuator: str, length: float) -> float:
     Returns
     -------
     float
-        In rad, on the side of the singular postures where the reference configuration is. For
-        ``an`` and ``po`` the angle of the ankle, for ``do`` and ``pl`` that of the
-        metatarsal-phalangeal joint.
+        In rad; of two solutions the one on the side of the reference configuration. For ``an`` and
+        ``po`` it is the angle of the ankle, for ``do`` and ``pl`` that of the metatarsal-phalangeal
+        joint.
 
     Raises
     ------
@@ -81,8 +81,7 @@ def joint_angle(foot: FootKinematics, actuator: str, length: float) -> float:
             f"length {length:g} m of actuator {actuator!r} cannot be reached: its triangle closes"
             f" between {abs(base - radius):.6g} m and {base + radius:.6g} m"
         )
-    # law of cosines for the angle at the joint, against that of the reference configuration
-    turned = math.acos((base**2 + radius**2 - length**2) / (2.0 * base * radius)) - math.atan2(
-        across, along
-    )
-    return turned if actuator == "po" else -turned
+    # angle at the joint by the law of cosines, less that of the reference configuration
+    cosine = (base**2 + radius**2 - length**2) / (2.0 * base * radius)
+    rotation = math.acos(cosine) - math.atan2(across, along)
+    return rotation if actuator == "po" else -rotation

@@ -1,4 +1,4 @@
-"""The ground: a contact law that pushes and never pulls, and takes energy at every touch.
+"""The ground: a dissipative contact law without adhesion, and friction.
 
 Hunt and Crossley, Coefficient of restitution interpreted as damping in vibroimpact, J. Appl. Mech.
 42 (1975) 440, with Hertz's exponent; Coulomb friction with a smooth sign.
@@ -10,7 +10,7 @@ from typing import Any
 
 from ..kit import Component, Constant, Parameter, maximum, sqrt, tanh
 
-# Depth below which its root is taken of this one: the slope stays finite where nothing touches.
+# Smallest depth under the square root, which keeps its slope finite without contact.
 _SHALLOW = Constant(1e-12, "m")
 
 
@@ -59,17 +59,14 @@ class Ground(Component):
     )
 
     def ground_pressure(self, depth: Any, rate: Any) -> Any:
-        """Force across the surface, k d sqrt(d / d0) (1 + 3/2 alpha dd/dt), 0 where it would pull
-        or nothing touches.
+        """Normal force, k d sqrt(d / d0) (1 + 3/2 alpha dd/dt); 0 without contact and where it
+        would pull.
         """
-        pressed = maximum(depth, 0.0)
-        elastic = pressed * sqrt(maximum(depth, _SHALLOW) / self.ground_depth)
-        return (
-            self.ground_stiffness * elastic * maximum(1.0 + 1.5 * self.restitution_loss * rate, 0.0)
-        )
+        penetration = maximum(depth, 0.0)
+        elastic = penetration * sqrt(maximum(depth, _SHALLOW) / self.ground_depth)
+        damping = maximum(1.0 + 1.5 * self.restitution_loss * rate, 0.0)
+        return self.ground_stiffness * elastic * damping
 
     def ground_drag(self, pressure: Any, slip: Any) -> Any:
-        """Force along the surface, against the velocity along it: Coulomb friction with a smooth
-        sign.
-        """
+        """Tangential force against the slip velocity: Coulomb friction with a smooth sign."""
         return -self.ground_friction * pressure * tanh(slip / self.slip_velocity)

@@ -1,4 +1,4 @@
-"""Kinematics of the foot: joint angles to actuator lengths and to the toe, and their derivatives.
+"""Kinematics of the foot: actuator lengths and toe position by joint angles, and derivatives.
 
 Thesis eqs. 5.2-5.4, table 5-1. Three revolute joints in a row, ``ankle``, ``tm`` and ``mtp``; four
 actuators, ``an`` and ``po`` on the ankle, ``do`` and ``pl`` on the toe. Angles are zero in the
@@ -36,16 +36,16 @@ def _length(metres: float, low: float, high: float, doc: str) -> Any:
 
 
 def attached_length(length: Any, radius: Any, angle: Any, turn: Any) -> Any:
-    """Length of an actuator whose attachment has turned about the joint, by the law of cosines.
+    """Return the length of an actuator after a rotation of its attachment, by the law of cosines.
 
     Parameters
     ----------
     length : float
-        Length at no turn, in metres.
+        Length without rotation, in metres.
     radius : float
         From the joint to the attachment, in metres.
     angle : float
-        Between actuator and radius at the attachment, at no turn, in rad.
+        Between actuator and radius at the attachment, without rotation, in rad.
     turn : float
         Rotation of the attachment about the joint in rad, positive where it lengthens the actuator.
 
@@ -64,8 +64,8 @@ def attached_length(length: Any, radius: Any, angle: Any, turn: Any) -> Any:
 
 
 def attached_arm(length: Any, radius: Any, angle: Any, turn: Any) -> Any:
-    """Moment arm of such an actuator, the derivative of :func:`attached_length` with respect to
-    ``turn``, in m/rad.
+    """Return the moment arm of the actuator, the derivative of :func:`attached_length` with respect
+    to ``turn``, in m/rad.
     """
     along = radius - length * cos(angle)
     across = length * sin(angle)
@@ -77,16 +77,16 @@ def attached_arm(length: Any, radius: Any, angle: Any, turn: Any) -> Any:
 
 
 def attached_arm_slope(length: Any, radius: Any, angle: Any, turn: Any) -> Any:
-    """Derivative of :func:`attached_arm` with respect to ``turn``, in m/rad^2."""
+    """Return the derivative of :func:`attached_arm` with respect to ``turn``, in m/rad^2."""
     along = radius - length * cos(angle)
     across = length * sin(angle)
     arm = attached_arm(length, radius, angle, turn)
-    turned = radius * (along * cos(turn) - across * sin(turn))
-    return (turned - arm * arm) / attached_length(length, radius, angle, turn)
+    product_slope = radius * (along * cos(turn) - across * sin(turn))  # of arm times length
+    return (product_slope - arm * arm) / attached_length(length, radius, angle, turn)
 
 
 class FootKinematics(Component):
-    """Geometry of the foot in a posture and its rate."""
+    """Geometry of the foot, in a posture and with its rates."""
 
     scale = Parameter(
         1.0, "1", min=0.1, max=10.0, source=_TABLE, doc="size of the foot relative to table 5-1"
@@ -127,7 +127,7 @@ class FootKinematics(Component):
     gamma_po = _angle(12.9, 0.0, 0.3, "angle of the po actuator from the leg")
     gamma_do = _angle(15.1, 0.05, 0.6, "angle between the do actuator and its attachment radius")
 
-    # Posture and its rate, in rad and rad/s: inputs of one form, states of the other.
+    # Posture and its rates, in rad and rad/s: inputs of `Foot`, states of `FootDynamic`.
     ankle_angle: Any
     tm_angle: Any
     mtp_angle: Any
@@ -135,30 +135,24 @@ class FootKinematics(Component):
     tm_rate: Any
     mtp_rate: Any
 
-    # --- actuators: lengths, and R = dl/dtheta, which has one entry for each
-    # ---------------------------------------
+    # --- actuators: lengths, and R = dl/dtheta, with one entry for each
+    # ----------------------------------------------------------------------------------------------
 
     def an_triangle(self) -> tuple[Any, Any, Any, Any]:
-        """Length, radius and angle of an, and how far its attachment has turned: dorsiflexion
-        shortens it.
-        """
+        """Length, radius, angle and rotation of an's attachment; dorsiflexion shortens it."""
         return self.l_an, self.r_an, self.beta_an - self.gamma_an, -self.ankle_angle
 
     def po_triangle(self) -> tuple[Any, Any, Any, Any]:
-        """Length, radius and angle of po, and how far its attachment has turned: dorsiflexion
-        lengthens it.
-        """
+        """Length, radius, angle and rotation of po's attachment; dorsiflexion lengthens it."""
         return self.l_po, self.r_po, self.beta_po - self.gamma_po, self.ankle_angle
 
     def do_triangle(self) -> tuple[Any, Any, Any, Any]:
-        """Length, radius and angle of do, and how far its attachment has turned: dorsiflexion
-        shortens it.
-        """
+        """Length, radius, angle and rotation of do's attachment; dorsiflexion shortens it."""
         return self.l_do, self.r_do, self.gamma_do, -self.mtp_angle
 
     @shared
     def arms(self) -> tuple[Any, Any, Any, Any]:
-        """Moment arms of an, po, do and pl at the size of table 5-1; only scale multiplies them."""
+        """Moment arms of an, po, do and pl at the size of table 5-1, without ``scale``."""
         an, do = -attached_arm(*self.an_triangle()), -attached_arm(*self.do_triangle())
         return an, attached_arm(*self.po_triangle()), do, self.r_pl
 
@@ -201,7 +195,7 @@ class FootKinematics(Component):
         return an, po, self.do_arm() * self.mtp_rate, self.pl_arm() * self.mtp_rate
 
     # --- toe: position and J = dx/dtheta (eq. 5.3)
-    # ------------------------------------------------------------------
+    # ----------------------------------------------------------------------------------------------
 
     def link_angles(self) -> tuple[Any, Any, Any]:
         """Angles of the three links from the x axis."""
@@ -210,11 +204,11 @@ class FootKinematics(Component):
         return first, second, second + self.beta_p + self.mtp_angle
 
     def toe_position(self) -> tuple[Any, Any]:
-        """Middle of the first phalanx, x and y."""
-        pairs = list(zip((self.l1, self.l2, self.l3), self.link_angles(), strict=True))
-        return self.scale * sum(l * cos(a) for l, a in pairs), self.scale * sum(
-            l * sin(a) for l, a in pairs
-        )
+        """Position of the toe, the middle of the first phalanx, x and y."""
+        links = list(zip((self.l1, self.l2, self.l3), self.link_angles(), strict=True))
+        x = self.scale * sum(length * cos(angle) for length, angle in links)
+        y = self.scale * sum(length * sin(angle) for length, angle in links)
+        return x, y
 
     @shared
     def shape_jacobian(self) -> tuple[tuple[Any, Any], tuple[Any, Any], tuple[Any, Any]]:

@@ -1,4 +1,4 @@
-"""The humanoid foot with its posture given; those that move under forces are named here, too.
+"""The humanoid foot with a given posture; this module offers the moving ones, too.
 
 Thesis chapter 5: geometry in ``kinematics.py``, forces in ``statics.py``, motion in ``dynamic.py``,
 with a leg that moves and a ground in ``free.py``.
@@ -15,7 +15,7 @@ __all__ = ["Foot", "FootDynamic", "FootFree"]
 
 
 def _joint(name: str) -> PowerPort:
-    """Return the port of a joint, which whatever gives its angle holds against its torque."""
+    """Return the port of a joint; the source of the angle bears the torque."""
     angle = f"{name}_angle"
     torque = f"{name}_torque"
     return PowerPort(name, "rotational", angle, torque, (name,), delivers=True, rate=f"{name}_rate")

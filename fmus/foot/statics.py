@@ -1,8 +1,7 @@
 """Statics of the foot: joint torques, and stiffness and damping of the actuators seen at the toe.
 
 Antagonists act in parallel: their stiffnesses add at the joint, ``K = R^T K_l R`` with ``R =
-dl/dtheta``. That is not eq. 5.7, which adds compliances (``docs/errata.md``, row 13); eqs. 5.11 and
-5.12 as printed are in ``thesis.py``.
+dl/dtheta``. Eq. 5.7 adds compliances instead (``docs/errata.md``, row 13).
 """
 
 from __future__ import annotations
@@ -43,14 +42,14 @@ def _damping(actuator: str) -> Any:
 
 
 def _muscle(actuator: str) -> PowerPort:
-    """Return the port of an actuator that pulls on the foot, with its other end held."""
+    """Return the port of an actuator that pulls on the foot, its other end being fixed."""
     length = f"{actuator}_length_change"
     tension = f"{actuator}_tension"
     return PowerPort(actuator, "translational", length, tension, (actuator,), delivers=True)
 
 
 class FootStatics(FootKinematics):
-    """Forces in the foot: what both of its forms share."""
+    """Forces in the foot, common to given and dynamic posture."""
 
     muscles = tuple(map(_muscle, ("an", "po", "do", "pl")))
     ports = (
@@ -109,22 +108,22 @@ class FootStatics(FootKinematics):
 
     def compliance(self, row: int, column: int) -> Any:
         """Entry of C = J K^-1 J^T, toe displacement per toe force."""
-        pairs = list(zip(self.jacobian(), self.joint_stiffnesses(), strict=True))
+        pairs = zip(self.jacobian(), self.joint_stiffnesses(), strict=True)
         return sum(j[row] * j[column] / stiffness for j, stiffness in pairs)
 
     def damping(self, row: int, column: int) -> Any:
         """Entry of J^-T D J^-1 over ankle and mtp: toe force per toe velocity while the arch does
         not move.
 
-        Arms and J are equally long, so that it is the same at any scale.
+        Arms and J are proportional to ``scale``, so that the damping does not depend on it.
         """
         ankle, _, mtp = self.shape_jacobian()
-        turned_ankle, turned_mtp = (-ankle[1], ankle[0]), (-mtp[1], mtp[0])
+        ankle_normal, mtp_normal = (-ankle[1], ankle[0]), (-mtp[1], mtp[0])
         determinant = ankle[0] * mtp[1] - ankle[1] * mtp[0]
         of_ankle, of_mtp = self.shape_dampings()
         products = (
-            of_ankle * turned_mtp[row] * turned_mtp[column]
-            + of_mtp * turned_ankle[row] * turned_ankle[column]
+            of_ankle * mtp_normal[row] * mtp_normal[column]
+            + of_mtp * ankle_normal[row] * ankle_normal[column]
         )
         return products / maximum(determinant * determinant, _LOCKED * _LOCKED)
 

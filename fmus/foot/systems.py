@@ -5,11 +5,11 @@ from __future__ import annotations
 from ..kit.registry import MemberDeclaration, SystemDeclaration
 
 ACTUATORS = ("an", "po", "do", "pl")
-# N, under which the foot rests in its reference position: 5 N in those with the longer arms, and in
-# their antagonists what balances it. Two coulombs slacken an actuator by less than 1 N.
+# N, tensions under which the foot rests in its reference configuration: 5 N in the actuators with
+# the longer arms, balanced by their antagonists. A charge of 2 C lowers a tension by less than 1 N.
 TENSIONS = {"an": 11.624264677425735, "po": 5.0, "do": 13.543483552441367, "pl": 5.0}
-# N/m and N s/m, of the actuators by default. The compliance of the foot is what the toe yields
-# under a force before actuators creep: it has their stiffness and damping, and their tension.
+# N/m and N s/m, the defaults of the actuators. The foot's compliance is that of the toe under a
+# force before actuators creep, by their stiffness and tension.
 _STIFFNESS = 6300.0
 _DAMPING = 1.7e6
 
@@ -17,7 +17,7 @@ FOOT_GAIT = SystemDeclaration(
     name="foot_gait",
     summary="Foot that moves under four actuators, each driven by its current (thesis chapter 5).",
     members={
-        # its stiffness at the toe is also that of tensions on arms that change
+        # its stiffness at the toe includes that of tensions on changing moment arms
         "foot": MemberDeclaration(
             "foot_dynamic",
             {
@@ -28,7 +28,7 @@ FOOT_GAIT = SystemDeclaration(
             effects=("tension_stiffness",),
             model_name="taut_foot",
         ),
-        # an actuator that has flowed to a shorter length than it is held at is under tension
+        # a dashpot that has flowed to a shorter length puts the actuator under tension
         **{
             name: MemberDeclaration(
                 "ppy_actuator_length_driven",
@@ -50,6 +50,6 @@ FOOT_GAIT = SystemDeclaration(
         **{f"toe_force_{axis}": (f"foot.toe_force_{axis}",) for axis in "xy"},
     },
     outputs=("foot.ankle_angle", "foot.tm_angle", "foot.mtp_angle", "foot.toe_x", "foot.toe_y"),
-    step=1e-4,  # at 5e-4 a Jacobi master lets the toe oscillate ever more
+    step=1e-4,  # at 5e-4 the oscillation of the toe grows under a Jacobi master
     stop=2.0,
 )

@@ -20,7 +20,7 @@ class CurrentSaturation(GalvanostatEffect):
     """The drive clips at a lower current than declared: ``|i| <= (1 - l) I``.
 
     Relaxes assumption 1, that the current limit is the declared one (table 2-2); ``l = 0`` is the
-    base model. The parameter is seen only in a record whose command reaches the limit that is left.
+    base model. Only a record whose command reaches the lowered limit shows it.
     """
 
     id = "current_saturation"
@@ -79,7 +79,7 @@ class CurrentOffset(GalvanostatEffect):
     )
 
     def tolerated_current(self) -> Any:
-        """Wanted current and the offset."""
+        """Wanted current plus the offset b."""
         return super().tolerated_current() + self.drive_offset
 
 

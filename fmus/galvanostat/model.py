@@ -1,10 +1,9 @@
 """The potentiostat-galvanostat: limits, compliance, and the voltage protection of thesis section
 4.2.
 
-Thesis table 2-2 gives the numbers of the instrument (Hokuto Denko HA-151), fig. 4-4 and its text
-the protection. The voltage is looked at only at sample instants, so that no algebraic loop runs
-through the current and the voltage of the actuator; between them the current follows the command at
-once.
+Thesis table 2-2 has the ratings of the instrument (Hokuto Denko HA-151), fig. 4-4 and its text the
+protection. The voltage is sampled, so that current and voltage of the actuator form no algebraic
+loop; between samples the current follows the command without delay.
 """
 
 from __future__ import annotations
@@ -29,13 +28,13 @@ from ..kit import (
 )
 
 _TABLE = "thesis table 2-2 (HA-151)"
-# Response time below which the instrument counts as ideal, in seconds: no lag is integrated,
-# however stiff.
+# Response time in seconds below which the instrument counts as ideal: such a lag would be too stiff
+# to integrate.
 _SHORTEST_RESPONSE = 1e-6
-# Smallest share of the current that compliance leaves, so that it can grow again by a factor.
+# Smallest share of the current under compliance; from zero it could not grow again by a factor.
 _SMALLEST_SHARE = 1e-6
-# A recovery time this close to whole periods is that number of them; the quotient of two decimals
-# is rounded.
+# Tolerance, in periods, of a recovery time that is a whole number of them: the quotient of two
+# decimals is rounded.
 _SAME_COUNT = 1e-9
 
 
@@ -174,57 +173,53 @@ class Galvanostat(Component):
         return self.current_limit
 
     def upper_current(self) -> Any:
-        """Largest current; less than the maximum if the voltage is positive and at the
-        compliance.
-        """
+        """Largest current; reduced while the voltage is positive and at the compliance."""
         return self.maximum_current() * where(
             self.sampled_voltage > 0.0, self.compliance_share, 1.0
         )
 
     def lower_current(self) -> Any:
-        """Smallest current; less in magnitude if the voltage is negative and at the compliance."""
+        """Smallest current; reduced in magnitude while the voltage is negative and at the
+        compliance.
+        """
         return -(
             self.maximum_current() * where(self.sampled_voltage < 0.0, self.compliance_share, 1.0)
         )
 
     def next_compliance_share(self) -> Any:
-        """Scale the share by V_c / |v|, at most doubling it: into a resistance R the current
-        settles at V_c / R.
+        """Share times V_c / |v|, at most doubled; the current through a resistance R converges to
+        V_c / R.
         """
         factor = self.compliance_voltage / maximum(abs(self.voltage), 0.5 * self.compliance_voltage)
         return clip(self.compliance_share * factor, _SMALLEST_SHARE, 1.0)
 
     def next_sampled_voltage(self) -> Any:
-        """Sample of the voltage, whose sign tells which direction of the current the compliance
-        limits.
-        """
+        """Sample of the voltage; its sign is that of the current that the compliance limits."""
         return self.voltage
 
     # --- protection
     # ----------------------------------------------------------------------------------------------
 
     def recovery_count(self) -> Any:
-        """Number of protection periods that make the recovery time: rounded up, and at
-        least one.
-        """
+        """Recovery time in protection periods, rounded up and at least one."""
         return maximum(-floor(_SAME_COUNT - self.recovery_time / self.protection_period), 1.0)
 
     def next_recovery_samples(self) -> Any:
-        """Count down, then look at the voltage: beyond the limit, the (next) recovery begins
-        (fig. 4-4).
+        """Protection periods left without current; at the end of a recovery the next one begins
+        if the voltage is still beyond its limit (fig. 4-4).
         """
-        begun = where(abs(self.voltage) > self.voltage_limit, self.recovery_count(), 0.0)
-        return where(self.recovery_samples > 1.5, self.recovery_samples - 1.0, begun)
+        trip = where(abs(self.voltage) > self.voltage_limit, self.recovery_count(), 0.0)
+        return where(self.recovery_samples > 1.5, self.recovery_samples - 1.0, trip)
 
     def in_recovery(self) -> Any:
-        """State of the protection: true while it holds the current at zero."""
+        """True while the protection keeps the current at zero."""
         return self.recovery_samples > 0.5
 
     # --- potentiostat
     # ----------------------------------------------------------------------------------------------
 
     def voltage_error(self) -> Any:
-        """Command less voltage, beyond the tolerance."""
+        """Command less voltage, behind the dead band of the tolerance."""
         error = self.voltage_command - self.voltage
         return outside(error, -self.voltage_tolerance, self.voltage_tolerance)
 
@@ -233,39 +228,37 @@ class Galvanostat(Component):
         return self.voltage_error()
 
     def next_control_current(self) -> Any:
-        """PI law in its velocity form, i + k_i T e + k_p (e - e_before), held at the limits and in
-        recovery.
+        """PI law in its velocity form, i + k_i T e + k_p (e - e_before), clipped to the limits and
+        frozen in recovery.
         """
         error = self.voltage_error()
         change = self.integral_gain * self.control_period * error + self.proportional_gain * (
             error - self.control_error
         )
-        following = clip(self.control_current + change, self.lower_current(), self.upper_current())
+        clipped = clip(self.control_current + change, self.lower_current(), self.upper_current())
         return where(
-            self.potentiostat, where(self.in_recovery(), self.control_current, following), 0.0
+            self.potentiostat, where(self.in_recovery(), self.control_current, clipped), 0.0
         )
 
     # --- current
     # ----------------------------------------------------------------------------------------------
 
     def wanted_current(self) -> Any:
-        """Command of the galvanostat, or what the potentiostat makes of its own."""
+        """Command of the galvanostat, or output of the potentiostat's control law."""
         return where(self.potentiostat, self.control_current, self.current_command)
 
     def tolerated_current(self) -> Any:
-        """Wanted current less what is within the tolerance: a dead band, so that nothing jumps."""
+        """Wanted current behind the dead band of the tolerance, which is continuous."""
         wanted = self.wanted_current()
         return outside(wanted, -self.control_tolerance, self.control_tolerance)
 
     def setpoint(self) -> Any:
-        """Current within the limits; zero in recovery."""
+        """Current that the instrument regulates to: within the limits, zero in recovery."""
         limited = clip(self.tolerated_current(), self.lower_current(), self.upper_current())
         return where(self.in_recovery(), 0.0, limited)
 
     def lagged_current_rate(self) -> Any:
-        """First-order response to the setpoint, (i_set - i) / T; none if the instrument
-        is ideal.
-        """
+        """First-order response to the setpoint, (i_set - i) / T; zero for an ideal instrument."""
         response = maximum(self.response_time, _SHORTEST_RESPONSE)
         return where(
             self.response_time < _SHORTEST_RESPONSE,
@@ -274,16 +267,16 @@ class Galvanostat(Component):
         )
 
     def delivered_current(self) -> Any:
-        """Setpoint itself, or behind the response time."""
+        """Current of the instrument: the lagged one, or the setpoint if the instrument is ideal."""
         return where(self.response_time < _SHORTEST_RESPONSE, self.setpoint(), self.lagged_current)
 
     def is_saturated(self) -> Any:
-        """True if the current wanted is beyond its limits; that of the potentiostat, held there, is
-        at them.
+        """True if the wanted current is beyond its limits, or at them for the potentiostat, whose
+        current is clipped.
         """
         wanted, upper, lower = self.wanted_current(), self.upper_current(), self.lower_current()
-        held = logical_or(wanted >= upper, wanted <= lower)
-        return where(self.potentiostat, held, logical_or(wanted > upper, wanted < lower))
+        at_limit = logical_or(wanted >= upper, wanted <= lower)
+        return where(self.potentiostat, at_limit, logical_or(wanted > upper, wanted < lower))
 
     # --- outputs
     # ----------------------------------------------------------------------------------------------

@@ -1,7 +1,8 @@
 """Known ways the stand is wrong: a guide that rubs, weights that swing, an LVDT or frame askew.
 
 Each is a mixin that overrides one law (never an output) through ``super()``. At its neutral
-parameter value the laws give the bits of the base model: what it adds is multiplied by zero.
+parameter value the law equals that of the base model to the last bit: added terms are multiplied by
+zero.
 """
 
 from __future__ import annotations
@@ -24,10 +25,10 @@ class CoreFriction(StandEffect):
     """Dry friction of the core in its guide, which carries part of the load: ``F_c tanh(v / v_c)``
     less.
 
-    ``v = (x - s) / T`` with ``ds/dt = v`` is the velocity of the core, late by T. A weight that
-    sinks is held back, one that is raised pulls more: the load is not isotonic. Slower than ``v_c``
-    the core creeps where a real one sticks. Relaxes assumption 3, that the core moves freely; ``F_c
-    = 0`` is the base model.
+    ``v = (x - s) / T`` with ``ds/dt = v`` is the velocity of the core, late by T. Friction lowers
+    the load of a sinking weight and raises that of a rising one, so that the load is not isotonic.
+    Below ``v_c`` the core creeps where a real one sticks. Relaxes assumption 3, that the core moves
+    freely; ``F_c = 0`` is the base model.
     """
 
     id = "core_friction"
@@ -81,8 +82,8 @@ class SwingingWeight(StandEffect):
 
     With ``a`` the amplitude, ``w^2 = g / l`` and the swing ``q`` from 1, ``dq/dt = w p`` and
     ``dp/dt = -w q - 2 p / T``, the weight is multiplied by ``1 + a^2 (p^2 - q^2 / 2)``: cosine and
-    centripetal force, both to second order. It is written with ``c = a^2``, which has a slope at
-    zero. Relaxes assumption 2, that weights hang still; ``c = 0`` is the base model.
+    centripetal force, both to second order. The parameter is ``c = a^2``, whose derivative at zero
+    does not vanish. Relaxes assumption 2, that weights hang still; ``c = 0`` is the base model.
     """
 
     id = "swinging_weight"
@@ -124,7 +125,7 @@ class SwingingWeight(StandEffect):
         )
 
     def weight(self) -> Any:
-        """Weight times 1 + c (p^2 - q^2 / 2)."""
+        """Pull of the swinging weights, the weight times 1 + c (p^2 - q^2 / 2)."""
         pull = self.swing_velocity * self.swing_velocity - 0.5 * self.swing_angle * self.swing_angle
         return super().weight() * (1.0 + self.swing_square * pull)
 

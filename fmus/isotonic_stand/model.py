@@ -2,12 +2,12 @@
 
 Thesis section 2.1: an actuator hangs in a fixture, discrete weights are put on the core of an LVDT
 and taken off it, and LabVIEW samples the displacement and sets it to zero (section 3.3.1). The
-source prints no number of the stand; every default of it is an assumption, and says so.
+source prints no parameters of the stand; every default is an assumption and declared as such.
 
-The tension is a state. So the displacement of a force-driven actuator, which follows its load at
-once, closes no algebraic loop through the stand.
+The tension is a state, so that a force-driven actuator, whose displacement follows its load without
+delay, forms no algebraic loop with the stand.
 
-Outputs only show laws, and no law calls an output.
+An output returns the value of a law, and no law calls an output.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from ..kit import (
     where,
 )
 
-# the cubic u - u^3 times this is 1 at its largest
-_LARGEST_CUBIC = 1.5 * sqrt(3.0)
+# factor that scales the largest value of the cubic u - u^3 to 1
+_CUBIC_SCALE = 1.5 * sqrt(3.0)
 
 
 class IsotonicStand(Component):
@@ -202,22 +202,22 @@ class IsotonicStand(Component):
     # ----------------------------------------------------------------------------------------------
 
     def weight(self) -> Any:
-        """Weight of what hangs on the actuator, (m + m_c) g; it has no inertia."""
+        """Weight of the weights and the core, (m + m_c) g; their inertia is neglected."""
         return (self.mass + self.core_mass) * self.gravity
 
     def carried_load(self) -> Any:
-        """Load that the actuator carries once a weight is in place: all of the weight."""
+        """Load of the actuator once a weight is in place: all of the weight."""
         return self.weight()
 
     def tension_rate(self) -> Any:
-        """Placing of a weight: T_p dF/dt = load - F, the load pulling or not at all."""
+        """Rate of the tension as a weight is placed, T_p dF/dt = load - F; a load cannot push."""
         return (maximum(self.carried_load(), 0.0) - self.tension) / self.placing_time
 
     # --- LVDT
     # ----------------------------------------------------------------------------------------------
 
     def end_position(self) -> Any:
-        """Position of the actuator's lower end to the body of the LVDT: its displacement."""
+        """Position of the actuator's lower end over the body of the LVDT: its displacement."""
         return self.displacement
 
     def core_position(self) -> Any:
@@ -227,11 +227,11 @@ class IsotonicStand(Component):
     def lvdt_voltage(self) -> Any:
         """Amplitude of the LVDT in volts, S (x + e X c(x / X)), c(u) = 3/2 sqrt(3) (u - u^3).
 
-        The cubic is nothing in the middle and at both ends of the range, and 1 at its largest.
+        The cubic c is zero in the middle and at both ends of the range, and at most 1.
         """
         position = self.core_position()
         share = clip(position / self.full_scale, -1.0, 1.0)
-        deviation = _LARGEST_CUBIC * (share - share * share * share)
+        deviation = _CUBIC_SCALE * (share - share * share * share)
         return self.lvdt_sensitivity * (position + self.linearity * self.full_scale * deviation)
 
     def demodulator_rate(self) -> Any:
@@ -244,7 +244,7 @@ class IsotonicStand(Component):
         return self.carrier_ripple * sin(4.0 * pi * self.carrier_frequency * since)
 
     def sensor_signal(self) -> Any:
-        """Voltage of the LVDT and its demodulator."""
+        """Voltage of the LVDT behind its demodulator, with ripple."""
         return self.demodulated_voltage + self.ripple()
 
     # --- LabVIEW
@@ -255,7 +255,7 @@ class IsotonicStand(Component):
         return self.sensor_signal() / self.lvdt_sensitivity
 
     def next_zero(self) -> Any:
-        """What is read now while ``zero`` is true, so that it reads zero; else what it was."""
+        """Displacement to subtract: the present reading while ``zero`` is true, else unchanged."""
         return where(self.zero, self.read_displacement(), self.zero_displacement)
 
     # --- outputs

@@ -11,7 +11,7 @@ ISOTONIC_STAND = SystemDeclaration(
         " (thesis section 2.1)."
     ),
     members={
-        # by current; 15 V, its compliance, is no protection
+        # galvanostatic; at 15 V, its compliance, the protection does not act
         "galvanostat": MemberDeclaration(
             "galvanostat", {"voltage_command": 0.0, "voltage_limit": 15.0}
         ),

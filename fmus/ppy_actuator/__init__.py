@@ -1,4 +1,4 @@
-"""The polypyrrole actuator, force-driven and length-driven."""
+"""The polypyrrole actuator: force-driven, length-driven and voltage-driven."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ PACKAGE = ComponentPackage(
     },
     default_model="ppy_actuator",
     excitations={
-        # currents of the galvanostat, and forces that a film bears
+        # range of the galvanostat, and forces below the limit of the films
         "ppy_actuator": Excitation({"current": (-1.3, 1.3), "force": (0.0, 3.0)}, bandwidth=30.0)
     },
     experiment_folder=Path(__file__).with_name("experiments"),

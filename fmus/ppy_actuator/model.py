@@ -1,12 +1,11 @@
 """The polypyrrole actuator: RC charging, Burgers viscoelasticity, charge-to-displacement coupling.
 
-Thesis chapter 3, eqs. 3.1-3.9 and fig. 3-1. The charge does not feel the load and the creep does
-not feel the charge; the two displacements add (assumptions 1 and 5). The mechanical numbers are
-those of fig. 3-9 in N/m and N s/m; the printed N/mm is an error of the source (``docs/errata.md``,
-row 1).
+Thesis chapter 3, eqs. 3.1-3.9 and fig. 3-1. Charge does not depend on load, nor creep on charge;
+the two displacements add (assumptions 1 and 5). The mechanical parameters are those of fig. 3-9 in
+N/m and N s/m; the printed N/mm is an error of the source (``docs/errata.md``, row 1).
 
-Outputs only show laws, and no law calls an output: what is wrong with a measurement can then be
-laid over an output without changing the physics.
+An output returns the value of a law, and no law calls an output, so that an error of measurement
+can be added to an output without changing the physics.
 """
 
 from __future__ import annotations
@@ -168,7 +167,7 @@ class Actuator(Component):
         return self.charge / self.capacitance()
 
     def capacitor_voltage(self) -> Any:
-        """Voltage behind the resistance that answers at once: that of the films (fig. 3-1)."""
+        """Voltage behind the immediate resistance, here that of the films (fig. 3-1)."""
         return self.film_voltage()
 
     def series_resistance(self) -> Any:
@@ -176,11 +175,11 @@ class Actuator(Component):
         return self.R1
 
     def immediate_resistance(self) -> Any:
-        """Part of the series resistance whose voltage follows the current at once: all of it."""
+        """Part of the series resistance without memory: all of R1 in the base model (fig. 3-1)."""
         return self.series_resistance()
 
-    # The circuit solved for what is not given, by the causality: charging current of the films,
-    # voltage over R1 and C in series, and all of the current, with that through R2.
+    # Each causality solves the circuit for its unknowns: charging current of the films, voltage
+    # across R1 and C in series, and total current including that through R2.
     capacitor_current: Callable[[], Any]
     terminal_voltage: Callable[[], Any]
     drawn_current: Callable[[], Any]
@@ -195,7 +194,7 @@ class Actuator(Component):
     # --- mechanical
     # ----------------------------------------------------------------------------------------------
 
-    # Force through every element of the series chain, tension positive: given by the causality.
+    # Force through every element of the series chain, tension positive: set by the causality.
     load: Callable[[], Any]
 
     def kelvin_force(self) -> Any:
@@ -219,7 +218,7 @@ class Actuator(Component):
         return self.flow_force() / self.b1
 
     def creep(self) -> Any:
-        """Elongation of everything but the instantaneous spring, x_b1 + x_b2 (eq. 3.5)."""
+        """Elongation of all elements but the instantaneous spring, x_b1 + x_b2 (eq. 3.5)."""
         return self.kelvin_elongation + self.maxwell_elongation
 
     def spring_elongation(self, load: Any) -> Any:
@@ -255,16 +254,16 @@ class Actuator(Component):
 
 
 class CurrentDriven(Actuator):
-    """The circuit solved for the voltage; the instrument is a galvanostat (section 2.3)."""
+    """Laws of the circuit solved for the voltage, driven by a galvanostat (section 2.3)."""
 
     current = Input("A", doc="current into the actuator")
 
     def drawn_current(self) -> Any:
-        """Current that the instrument drives, which is given."""
+        """Current of the instrument, the input of this causality."""
         return self.current
 
     def supply_current(self) -> Any:
-        """Current that reaches the circuit of fig. 3-1: all of it."""
+        """Current into the circuit of fig. 3-1: all of the input in the base model."""
         return self.current
 
     def capacitor_current(self) -> Any:
@@ -284,10 +283,10 @@ class CurrentDriven(Actuator):
 
 
 class VoltageDriven(Actuator):
-    """The circuit solved for the current; the instrument is a potentiostat (section 2.3).
+    """Laws of the circuit solved for the current, driven by a potentiostat (section 2.3).
 
-    What of the voltage the films do not hold is across R1 and drives the charge, so that the
-    current follows at once from voltage and states, and no equation is left to be solved.
+    The difference between terminal and film voltage lies across R1, so that the current is an
+    explicit function of voltage and states.
     """
 
     R1 = Parameter(
@@ -302,7 +301,7 @@ class VoltageDriven(Actuator):
     voltage = Input("V", doc="voltage across the actuator")
 
     def terminal_voltage(self) -> Any:
-        """Voltage across the actuator, which is given."""
+        """Voltage across the actuator, the input of this causality."""
         return self.voltage
 
     def capacitor_current(self) -> Any:
@@ -310,7 +309,7 @@ class VoltageDriven(Actuator):
         return (self.terminal_voltage() - self.capacitor_voltage()) / self.immediate_resistance()
 
     def drawn_current(self) -> Any:
-        """Charging current, and that through the leakage R2 (fig. 3-1)."""
+        """Sum of the charging current and of the leakage through R2 (fig. 3-1)."""
         return self.capacitor_current() + self.terminal_voltage() / self.R2
 
     @Output("A")
@@ -320,7 +319,7 @@ class VoltageDriven(Actuator):
 
 
 class Elongating(Actuator):
-    """What is shown of the elongation, whatever drives it."""
+    """Outputs of the elongation, common to all causalities."""
 
     @Output("m", nominal=1e-4, display="mm")
     def electrochemical_displacement(self) -> Any:
@@ -334,14 +333,14 @@ class Elongating(Actuator):
 
 
 class ForceDriven(Elongating):
-    """The chain under a load that is given."""
+    """Laws of the mechanical chain under a given load."""
 
     force = Input(
         "N", doc="applied load, tension positive; films buckle under compression (assumption 3)"
     )
 
     def load(self) -> Any:
-        """The applied force itself."""
+        """Load of the chain, the input ``force``."""
         return self.force
 
     @Output("m", nominal=1e-4, display="mm")
@@ -362,10 +361,10 @@ class ForceDriven(Elongating):
 
 
 class LengthDriven(Elongating):
-    """The chain at a length that is given.
+    """Laws of the mechanical chain at a given length.
 
-    Only the instantaneous spring k1 answers at once; its elongation is what remains of the imposed
-    length change.
+    Only the spring k1 responds without delay: its elongation is the imposed length change less
+    creep and the elongation due to charge.
     """
 
     length_change = Input(
@@ -375,12 +374,12 @@ class LengthDriven(Elongating):
     limits = {"load": "taut_load"}
 
     def taut_load(self) -> Any:
-        """What the instantaneous spring makes of the elongation that remains for it."""
+        """Force of the spring k1, negative where a chain that cannot push is slack (eq. 3.8)."""
         elongation = self.length_change - self.charge_elongation(self.charge) - self.creep()
         return self.spring_force(elongation)
 
     def load(self) -> Any:
-        """Load of the chain while it is taut; slack instead of compression."""
+        """Load of the chain, zero while it is slack (assumption 3)."""
         return maximum(self.taut_load(), 0.0)
 
     @Output("N")
@@ -402,9 +401,10 @@ class LengthDriven(Elongating):
 
 
 class Watched(Actuator):
-    """How far the actuator is from the limits of its material; beyond them the laws mean nothing.
+    """Margins to the limits of the material, beyond which the laws are not valid.
 
-    A margin is what is left to a limit, negative beyond it: ``force_margin`` of ``force_limit``.
+    A margin is the limit less the value, negative beyond it: ``force_margin`` is the distance to
+    ``force_limit``.
     """
 
     @Output("N", measured=False)

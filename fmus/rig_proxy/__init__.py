@@ -81,7 +81,7 @@ PACKAGE = ComponentPackage(
 
 
 def __getattr__(name: str) -> Any:
-    """Load what speaks to a rig when it is first used: ZeroMQ takes its time."""
+    """Import the link when one of its names is first used: ZeroMQ is slow to import."""
     if name not in ("Link", "LinkError", "describe_latch"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from . import link

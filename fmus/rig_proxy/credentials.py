@@ -1,6 +1,6 @@
-"""A key file as a client of the rig reads it: TOML with CURVE keys, each forty characters of Z85.
+"""Key files of the rig's clients: TOML with CURVE keys, each forty characters of Z85.
 
-Needs Python alone: it travels inside the Python FMU, and ``ppy rig`` has it from here.
+Needs the standard library alone: it is part of the Python FMU, and ``ppy rig`` imports it.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ _LARGEST = 64 * 1024  # bytes; a key file has a few hundred
 
 @dataclass(frozen=True)
 class ClientKeys:
-    """Keys with which a client speaks to a server that has keys; each is Z85.
+    """Keys with which a client authenticates and encrypts; each is Z85.
 
     Attributes
     ----------
     server_key : str
         Public key of the server.
     public_key, secret_key : str
-        Its own.
+        Keys of the client.
     """
 
     server_key: str
@@ -67,8 +67,8 @@ def read_client_keys(path: Path, warn: Callable[[str], None] = lambda text: None
     Raises
     ------
     UserError
-        If there is no such file, it is no TOML, or a key is missing or no key: one line, which
-        shows no secret.
+        If there is no such file, it is not TOML, or a key is missing or not valid. The message is
+        one line and shows no secret.
     """
     table = read_table(path, warn)
     if "clients" in table:
@@ -81,8 +81,9 @@ def read_client_keys(path: Path, warn: Callable[[str], None] = lambda text: None
 
 
 def read_table(path: Path, warn: Callable[[str], None] = lambda text: None) -> dict[str, Any]:
-    """Read a key file without judging what is in it; parameters and errors as in
-    :func:`read_client_keys`.
+    """Read a key file without checking its keys.
+
+    Parameters and errors are those of :func:`read_client_keys`.
     """
     import tomllib
 
@@ -98,10 +99,8 @@ def read_table(path: Path, warn: Callable[[str], None] = lambda text: None) -> d
         raise UserError(f"{path}: more than {_LARGEST} bytes; this is no key file")
     try:
         table = tomllib.loads(content.decode())
-    except (
-        UnicodeDecodeError,
-        tomllib.TOMLDecodeError,
-    ) as error:  # its text may quote a secret and is not passed on
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        # the text of the error may quote a secret and is not passed on
         raise UserError(f"{path}: no key file: not TOML") from error
     if os.name != "nt" and mode & (stat.S_IRGRP | stat.S_IROTH):
         warn(f"{path} holds a secret key and can be read by others: chmod 600 {path}")
@@ -109,12 +108,12 @@ def read_table(path: Path, warn: Callable[[str], None] = lambda text: None) -> d
 
 
 def key(table: dict[str, Any], name: str, path: Path) -> str:
-    """Return a key from a key file's table.
+    """Return a key from the table of a key file.
 
     Raises
     ------
     UserError
-        If it is missing or no key.
+        If the key is missing or not valid.
     """
     if name not in table:
         raise UserError(f"{path}: {name} is missing")
@@ -122,12 +121,12 @@ def key(table: dict[str, Any], name: str, path: Path) -> str:
 
 
 def checked(text: Any, where: str) -> str:
-    """Return a text that is a key.
+    """Return a text after checking that it is a key in Z85.
 
     Raises
     ------
     UserError
-        If it is none; the message does not show it.
+        If it is not; the message begins with ``where`` and does not show the text.
     """
     if not isinstance(text, str):
         raise UserError(f"{where} must be a text of {_LENGTH} characters (Z85)")

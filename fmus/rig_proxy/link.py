@@ -1,6 +1,4 @@
-"""The client's end of the rig protocol, over ZeroMQ: connect, exchange, disconnect; every wait has
-a bound.
-"""
+"""Client of the rig protocol over ZeroMQ: connect, exchange, disconnect, all with bounded waits."""
 
 from __future__ import annotations
 
@@ -18,10 +16,10 @@ from ..kit import UserError
 from . import protocol
 from .credentials import read_client_keys
 
-FAREWELL = 0.2  # s, that a disconnect waits for its answer
-NEVER = -1e9  # s, our clock: some thirty years before the computer was switched on
-_QUEUE = 16  # messages on their way, in either direction
-_MOST = 1000  # messages that are looked at in one call
+FAREWELL = 0.2  # s, longest wait of a disconnect for its answer
+NEVER = -1e9  # s, our clock: earlier than any start of the computer
+_QUEUE = 16  # messages that are queued in either direction
+_MOST = 1000  # messages that are read in one call
 _LATCHED = {
     protocol.STOPPING: "is on the way to its safe state",
     protocol.SAFE: "is in its safe state",
@@ -30,47 +28,47 @@ _LATCHED = {
 
 
 def describe_latch(reply: Mapping[str, Any]) -> str:
-    """Return what a reply says of the latch of its rig; empty if there is none."""
+    """Return a sentence about the latch of a rig from its reply; empty if it is not latched."""
     phrase = _LATCHED.get(reply.get("state", ""))
     return f"the rig {phrase}: {reply['reason']}" if phrase else ""
 
 
 class LinkError(UserError):
-    """The rig does not answer, or does not want to; the text says which, and what to do."""
+    """The rig does not answer or refuses; the text says which, and the remedy."""
 
 
 class Link:
-    """A session with a rig's server. One that is over is not begun again: the next one is another.
+    """A session with a rig's server; it cannot be opened again after its end.
 
     Parameters
     ----------
     endpoint : str
         Like ``tcp://127.0.0.1:5570``.
     inputs, outputs : Mapping of str to str
-        Signals to command and to read, with their SI units; their order is that of all values.
+        SI units of the signals to command and to read, by name; values have the same order.
     credentials : Path, optional
         The client's keys (``ppy rig keys``); default is no encryption.
     client : str
-        Who this is, for the server's log.
+        Name of this client in the server's log.
     instance : str, optional
-        16 hexadecimal digits that nobody else has; default random ones.
+        16 hexadecimal digits that are unique; default random ones.
 
     Raises
     ------
     UserError
-        If the endpoint is none, or the file with the keys cannot be used.
+        If the endpoint is not valid, or the file with the keys cannot be used.
 
     Attributes
     ----------
     accepted : Mapping
-        What the server said when it accepted the session: its clock, mode, period, watchdog and
+        Message with which the server accepted the session: its clock, mode, period, watchdog and
         limits.
-    asked : float
+    unanswered_since : float
         Our clock when the oldest exchange without an answer was sent; infinite if all have one.
-    answered : float
+    last_answer : float
         Our clock at the newest answer.
     trip : float
-        From its question to it, s.
+        Time from the exchange to its answer, for the newest answer, s.
     """
 
     def __init__(
@@ -82,16 +80,14 @@ class Link:
         client: str = "ppy",
         instance: str | None = None,
     ):
-        self.endpoint, self.inputs, self.outputs, self.client = (
-            endpoint,
-            dict(inputs),
-            dict(outputs),
-            client,
-        )
+        self.endpoint = endpoint
+        self.inputs = dict(inputs)
+        self.outputs = dict(outputs)
+        self.client = client
         self.accepted: Mapping[str, Any] = {}
-        self.asked = self.answered = NEVER
+        self.unanswered_since = self.last_answer = NEVER
         self.trip = 0.0
-        self._overtaken: Mapping[str, Any] | None = None  # an answer to an exchange before
+        self._overtaken: Mapping[str, Any] | None = None  # answer to an earlier exchange
         self._instance = instance or token_hex(8)
         self._keys = None if credentials is None else read_client_keys(credentials)
         self._sequence, self._newest, self._seen = 0, 0, 0.0
@@ -115,8 +111,8 @@ class Link:
 
     @property
     def round_trip_time(self) -> float:
-        """From the sending of an exchange to its answer, s; without one, the time since."""
-        return max(self.trip, monotonic() - self.asked)
+        """Time from an exchange to its answer, s; up to now while there is no answer."""
+        return max(self.trip, monotonic() - self.unanswered_since)
 
     def connect(self, time: float, timeout: float) -> Mapping[str, Any]:
         """Begin the session.
@@ -153,9 +149,9 @@ class Link:
             if message["type"] == "accepted" and self._has_all(message):
                 self.accepted = message
                 self._seen = message["clock"]
-                self.answered = monotonic()
-                self.asked = inf
-                self.trip = self.answered - sent
+                self.last_answer = monotonic()
+                self.unanswered_since = inf
+                self.trip = self.last_answer - sent
                 return message
         keys = ", without keys" if self._keys is None else ", with these keys"
         raise LinkError(
@@ -191,7 +187,7 @@ class Link:
         self._sequence += 1
         self._overtaken = None
         sent = monotonic()
-        self.asked = min(self.asked, sent)
+        self.unanswered_since = min(self.unanswered_since, sent)
         self._send(
             "exchange",
             session=self.session,
@@ -209,7 +205,7 @@ class Link:
         return None
 
     def status(self, timeout: float) -> Mapping[str, Any] | None:
-        """Ask how the rig is, which commands nothing.
+        """Request the state of the rig, without a command.
 
         Parameters
         ----------
@@ -226,7 +222,7 @@ class Link:
         return next((message for message in answers if message["type"] == "status"), None)
 
     def late(self) -> Mapping[str, Any] | None:
-        """Return the newest sample that answers no exchange any more, without waiting for any."""
+        """Return the newest sample that came after its exchange had ended; do not wait for one."""
         newest, self._overtaken = self._overtaken, None
         for message in self._samples(monotonic()):
             newest = message
@@ -238,7 +234,7 @@ class Link:
         Parameters
         ----------
         longest : float
-            Wait for the answer, in s.
+            Longest wait for the answer, in s.
         """
         if self.session and self._socket is not None:
             self._send("disconnect", session=self.session)
@@ -249,19 +245,19 @@ class Link:
         self._leave()
 
     def close(self) -> None:
-        """Let go of the sockets; what was not sent yet is dropped."""
+        """Close the sockets; messages that are not sent yet are dropped."""
         if self._socket is not None:
             self._socket.close(linger=0)
             self._socket = None
         self._context.destroy(linger=0)
 
     def _leave(self) -> None:
-        """Have no session: no answer can come from now on, and the newest is growing old."""
+        """Forget the session: no more answers come, and the age of the newest one grows."""
         self.accepted = {}
-        self.asked = min(self.asked, self.answered)
+        self.unanswered_since = min(self.unanswered_since, self.last_answer)
 
     def _open(self) -> None:
-        """Open the socket, under a new name: a server may keep that of a connection for a while."""
+        """Open the socket under a new name, since a server may keep an old one for a while."""
         self._socket = socket = self._context.socket(zmq.DEALER)
         for option in (zmq.SNDHWM, zmq.RCVHWM):
             socket.setsockopt(option, _QUEUE)
@@ -284,10 +280,8 @@ class Link:
             self._socket.send(protocol.encode(kind, **fields), zmq.DONTWAIT)
 
     def _answers(self, until: float) -> Iterator[Mapping[str, Any]]:
-        """Give well-formed replies until a time of our clock; what has arrived already is given in
-        any case.
-        """
-        for _ in range(_MOST):  # a peer that floods us must not hold us
+        """Yield well-formed replies until a time of our clock, and all that are there already."""
+        for _ in range(_MOST):  # a peer that floods us must not block us
             if not self._socket.poll(ceil(max(0.0, until - monotonic()) * 1e3)):
                 return
             try:
@@ -296,7 +290,7 @@ class Link:
                 continue
 
     def _samples(self, until: float) -> Iterator[Mapping[str, Any]]:
-        """Give samples of this session that are newer than all before.
+        """Yield samples of this session that are newer than all previous ones.
 
         Raises
         ------
@@ -316,9 +310,11 @@ class Link:
             if self._newest < message["sequence"] <= self._sequence:
                 sent = message["sent"]
                 self._newest, self._seen = message["sequence"], max(self._seen, message["clock"])
-                self.answered = monotonic()
-                self.asked = inf if self._newest == self._sequence else max(self.asked, sent)
-                self.trip = self.answered - sent
+                self.last_answer = monotonic()
+                self.unanswered_since = (
+                    inf if self._newest == self._sequence else max(self.unanswered_since, sent)
+                )
+                self.trip = self.last_answer - sent
                 yield message
 
     def _has_all(self, message: Mapping[str, Any]) -> bool:

@@ -1,7 +1,6 @@
-"""The proxies that ship: their signals are those of the component, or the system, whose place they
-take, or of a calibration that ships.
+"""The proxies of this project, with the signals of a component, a system or a calibration.
 
-What a rig of one's own measures is declared in the same way, in a file of one's own::
+The proxy of another rig is declared in the same way, in a file of its own::
 
     from fmus.rig_proxy.proxy import Measured, Proxy
     from fmus.kit import Input
@@ -33,7 +32,7 @@ class _Actuator(Proxy):
 
 
 class RigProxy(_Actuator):
-    """The force-driven actuator of a real rig: what ppy_actuator computes, measured."""
+    """The force-driven actuator of a real rig: the signals of ppy_actuator, measured."""
 
     name = "rig_proxy"
 
@@ -42,8 +41,8 @@ class RigProxy(_Actuator):
 
 
 class RigProxyLengthDriven(_Actuator):
-    """The length-driven actuator of a real rig: what ppy_actuator_length_driven
-    computes, measured.
+    """The length-driven actuator of a real rig: the signals of ppy_actuator_length_driven,
+    measured.
     """
 
     name = "rig_proxy_length_driven"
@@ -55,8 +54,8 @@ class RigProxyLengthDriven(_Actuator):
 
 
 class RigProxyBench(Proxy):
-    """The whole test bench with its force loop and the actuator on it: what the system dma_bench
-    computes, measured.
+    """The whole test bench with its force loop and the actuator on it: the signals of the system
+    dma_bench, measured.
     """
 
     name = "rig_proxy_bench"
@@ -70,7 +69,7 @@ class RigProxyBench(Proxy):
 
 
 class RigProxyThesis(Proxy):
-    """The analyzer of the thesis without its force loop: what the calibration thesis describes."""
+    """The analyzer of the thesis without its force loop: the signals of the calibration thesis."""
 
     name = "rig_proxy_thesis"
 
@@ -82,8 +81,8 @@ class RigProxyThesis(Proxy):
 
 
 class RigProxyThesisGenerator(Proxy):
-    """The actuator behind a function generator and a galvanostat: what the calibration
-    thesis_generator describes.
+    """The actuator behind a function generator and a galvanostat: the signals of the calibration
+    thesis_generator.
     """
 
     name = "rig_proxy_thesis_generator"

@@ -1,7 +1,6 @@
-"""The rig protocol, version 2: what its messages are and how they stand in a frame
-(``docs/reference/protocol.md``).
+"""The rig protocol, version 2: its messages and their encoding (``docs/reference/protocol.md``).
 
-Needs Python alone: it travels inside the Python FMU, and the server has it from here.
+Needs the standard library alone: it is part of the Python FMU, and the server imports it.
 """
 
 from __future__ import annotations
@@ -15,19 +14,19 @@ from ..kit import UserError
 
 VERSION = 2
 MAX_FRAME = 65536  # bytes
-PORT = 5570  # of a client's requests; of telemetry and of an operator's requests see below
-TELEMETRY, OPERATOR = 1, 2  # how much higher their ports are
+PORT = 5570  # of a client's requests
+TELEMETRY, OPERATOR = 1, 2  # offsets of the ports of telemetry and of an operator's requests
 ENDPOINT = f"tcp://127.0.0.1:{PORT}"
 
 REAL_TIME, LOCKSTEP = "real-time", "lockstep"
 IDLE, RUNNING = "idle", "running"
-# latched: on the way to the safe state, confirmed to be there, and not there within the bound
+# latched: on the way to the safe state, confirmed to be in it, and not in it within the bound
 STOPPING, SAFE, NOT_REACHED = "stopping", "safe", "not reached"
 LATCHED = (STOPPING, SAFE, NOT_REACHED)
 
 
 class ProtocolError(UserError):
-    """A frame that is no message of the protocol; the text says why."""
+    """A frame is not a message of the protocol; the text says why."""
 
 
 def _is_text(value: Any) -> bool:
@@ -35,7 +34,7 @@ def _is_text(value: Any) -> bool:
 
 
 def _is_number(value: Any) -> bool:
-    # a whole number may have more digits than a float can stand for
+    # an integer may be too large for a float
     return (
         isinstance(value, (int, float))
         and not isinstance(value, bool)
@@ -83,8 +82,8 @@ LIMIT_KEYS = ("min", "max", "rate")
 
 _SAMPLE = {"values": _is_values, "ages": _is_values}
 _RIG = {"mode": _is_text, "period": _is_number, "watchdog": _is_number, "limits": _is_limits}
-# `latch` names the latch that holds the rig, `reached` is how long the safe state took from then,
-# s, and `alarm` what an operator has to know until it is acknowledged
+# `latch` is the name of the active latch, `reached` the time from it to the safe state in s, and
+# `alarm` a text for the operator that stays until it is acknowledged
 _STATE = {
     "state": _is_text,
     "reason": _is_text,
@@ -96,7 +95,7 @@ _STATE = {
 }
 _NAMED = {"inputs": _is_units, "outputs": _is_units}
 
-# What each message must have, beside its version and type.
+# Fields that each message must have, in addition to its version and type.
 REQUESTS = {
     "connect": {"client": _is_text, "instance": _is_text, **_NAMED, "time": _is_number},
     "exchange": {
@@ -141,19 +140,19 @@ REPLIES = {
 
 
 def new_name() -> bytes:
-    """Return a name for a connection, which a server demands, and which no other one has."""
+    """Return a unique name for a connection, which a server requires."""
     return f"ppy-{token_hex(8)}".encode()
 
 
 def encode(kind: str, **fields: Any) -> bytes:
-    """Write a message.
+    """Encode a message.
 
     Parameters
     ----------
     kind : str
-        Its type.
+        Type of the message.
     **fields
-        Everything else; numbers are finite.
+        Its other fields; numbers are finite.
 
     Returns
     -------
@@ -171,24 +170,25 @@ def encode(kind: str, **fields: Any) -> bytes:
 
 
 def decode(frame: bytes, known: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """Read a message.
+    """Decode a message.
 
     Parameters
     ----------
     frame : bytes
-        Whatever arrived.
+        Frame as received.
     known : dict
         :data:`REQUESTS` for a server, :data:`REPLIES` for a client.
 
     Returns
     -------
     dict of str to object
-        Its fields, ``type`` among them.
+        Fields of the message, including ``type``.
 
     Raises
     ------
     ProtocolError
-        If it is too long, no JSON object, of another version, of no known type, or lacks a field.
+        If the frame is too long, not a JSON object, of another version or an unknown type, or if a
+        field is missing or not valid.
     """
     if len(frame) > MAX_FRAME:
         raise ProtocolError(f"a frame of {len(frame)} bytes; {MAX_FRAME} are allowed")

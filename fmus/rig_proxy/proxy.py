@@ -1,4 +1,4 @@
-"""Base of the rig proxies: how to reach the rig, how long to wait, how well it answers."""
+"""Base of the rig proxies: address of the rig, bounds of waits, outputs about the link."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LINK_STATES = ("connected", "commands refused", "stale", "lost")
 HOLD, FAIL = "hold", "fail"
 AGE = "{}_age"  # name of the output with the age of a value
 
-# the rest of the C files has no header of its own
+# C files with a header; the others of the engine have none
 _NATIVE = (
     "clock",
     "sockets",
@@ -37,8 +37,8 @@ _ENGINE = Engine(
 )
 
 
-def _unlawful(self: Any) -> float:
-    """Stand for a value that no law gives: it depends on no other variable."""
+def _no_law(self: Any) -> float:
+    """Return a placeholder for a value that depends on no other variable."""
     return 0.0
 
 
@@ -48,13 +48,13 @@ def Measured(unit: str, doc: str = "", **about: Any) -> Any:
     Parameters
     ----------
     unit : str
-        SI unit as pint reads it, the one that the rig has.
+        SI unit as pint reads it, the same as at the rig.
     doc : str
         One sentence for the FMI ``description``.
     **about
         Range, nominal value, display unit: see :class:`fmus.kit.declare.Declaration`.
     """
-    return OutputDeclaration(unit=unit, doc=doc, law=_unlawful, **about)
+    return OutputDeclaration(unit=unit, doc=doc, law=_no_law, **about)
 
 
 class Proxy(Component):
@@ -95,8 +95,9 @@ class Proxy(Component):
         measured = [v for v in vars(cls).values() if isinstance(v, OutputDeclaration)]
         for value in measured:
             setattr(cls, AGE.format(value.name), _age_of(value))
-        for name, declaration in _link().items() if cls.name else ():
-            setattr(cls, name, declaration)
+        if cls.name:
+            for name, declaration in _link_outputs().items():
+                setattr(cls, name, declaration)
         super().__init_subclass__(**options)
         if cls.name and not any(
             AGE.format(output.name) in cls.layout.names for output in cls.layout.outputs
@@ -107,33 +108,32 @@ class Proxy(Component):
 
 
 def _age_of(value: Declaration) -> Any:
-    age = OutputDeclaration(
-        unit="s", doc=f"age of {value.name}", law=_unlawful, min=0.0, nominal=0.1
-    )
+    """Return the output for the age of a measured value."""
+    age = OutputDeclaration(unit="s", doc=f"age of {value.name}", law=_no_law, min=0.0, nominal=0.1)
     return name_declaration(age, AGE.format(value.name))
 
 
-def _link() -> dict[str, Any]:
-    """Outputs about the link, behind those of the rig."""
+def _link_outputs() -> dict[str, Any]:
+    """Return the outputs on the state of the link, which follow those of the rig."""
     outputs = {
         "round_trip_time": OutputDeclaration(
             unit="s",
             doc="from the sending of a command to its answer; without one, the time since",
-            law=_unlawful,
+            law=_no_law,
             min=0.0,
             nominal=1e-3,
         ),
         "missed_deadlines": OutputDeclaration(
             unit="1",
             doc="steps whose values did not come in time",
-            law=_unlawful,
+            law=_no_law,
             min=0.0,
             type="integer",
         ),
         "link_state": OutputDeclaration(
             unit="1",
             doc=", ".join(f"{n} {state}" for n, state in enumerate(LINK_STATES)),
-            law=_unlawful,
+            law=_no_law,
             min=0.0,
             max=float(LOST),
             type="integer",

@@ -1,8 +1,8 @@
 """The Python build of a proxy: an FMU instance over its memory, and a link to the rig.
 
-A step sends the commands, waits on the rig's clock for its own end, and takes the values of then.
-So the values are those of the communication point that the master reads them at, whatever master it
-is. All waits together stay below ``communication_timeout``.
+A step sends the commands, waits until its end on the rig's clock, and takes the values measured
+then. So any master reads the values of its communication point. All waits together stay below
+``communication_timeout``.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from .proxy import AGE, CONNECTED, FAIL, HOLD, LOST, REFUSED, STALE
 
 _TEXT_SIZE = 512  # bytes, of fmi/engine.h
 _START_TIME = 1  # among the internals, of fmi/engine.h
-# share of the rig's watchdog time after which held commands are sent again during a long step
-_AWAKE = 0.25
+# share of the rig's watchdog time after which the commands of a long step are sent again
+_RESEND_SHARE = 0.25
 _ROUNDING = 1e-6  # s
 
 
@@ -53,22 +53,22 @@ class ProxySlave:
         self._instance = token_hex(8)
         self._link: Link | None = None
         self._warning: str | None = None
-        self._rig: Mapping[str, Any] = {}  # what it said when it accepted the session
+        self._rig: Mapping[str, Any] = {}  # message with which it accepted the session
         # our clock at the start of the simulation; it runs from the first step on
         self._begin: float | None = None
         self._start = 0.0  # simulation time
         self._forget()
 
     def _forget(self) -> None:
-        """Begin with nothing of a run before."""
+        """Reset the values, ages and counters of an earlier run."""
         self._values = dict.fromkeys(self._outputs, 0.0)
-        # our clock when each value was measured, at the earliest that it can have been
+        # earliest time of our clock at which each value can have been measured
         self._born = dict.fromkeys(self._outputs, NEVER)
         self._missed = 0
         self._refusing = False
 
     def initialize(self) -> str | None:
-        """Connect to the rig; a message means that it cannot be used."""
+        """Connect to the rig; return an error message if it cannot be used."""
         try:
             self.terminate()
             self._forget()
@@ -96,16 +96,16 @@ class ProxySlave:
         return None
 
     def evaluate(self, time: float) -> str | None:
-        """Write what was measured, and how old it is now."""
+        """Write the measured values and their present ages."""
         self._write_outputs()
         return None
 
     def differentiate(self, time: float) -> str | None:
-        """There are no states."""
+        """Do nothing: a proxy has no states."""
         return None
 
     def advance(self, time: float, step: float) -> str | None:
-        """Command the rig for a step, and measure at its end.
+        """Command the rig for a step, and take the values measured at its end.
 
         Parameters
         ----------
@@ -115,7 +115,7 @@ class ProxySlave:
         Returns
         -------
         str or None
-            Message of an error.
+            Error message.
         """
         timeout = self._value("communication_timeout")
         last = monotonic() + timeout
@@ -131,12 +131,12 @@ class ProxySlave:
             self._publish()
         except BaseException as error:
             text = describe_error(error)
-            self._end(last - monotonic())  # a rig that nobody steers any more is to be at zero
+            self._end(last - monotonic())  # a rig without a client must go to zero
             return text
         return None
 
     def warning(self) -> str | None:
-        """Say what is to be told of the last step."""
+        """Return the warning of the last step, if any."""
         return self._warning
 
     def terminate(self) -> None:
@@ -144,14 +144,14 @@ class ProxySlave:
         self._end(FAREWELL)
 
     def close(self) -> None:
-        """Let go of the link and of the memory before the front-end frees it."""
+        """Close the link and release the memory before the front-end frees it."""
         try:
             self.terminate()
         finally:
             self._memory.release()
 
     def _end(self, longest: float) -> None:
-        """End the session in order, and wait no longer than that (s) for the rig to say so."""
+        """End the session in order; wait at most ``longest`` s for the rig to confirm it."""
         if self._link is not None:
             try:
                 self._link.disconnect(max(0.0, min(longest, FAREWELL)))
@@ -162,7 +162,7 @@ class ProxySlave:
     # ----------------------------------------------------------------------------------------------
 
     def _make(self, link: Link, time: float, step: float, last: float) -> None:
-        """Make one step, which ends before a time of our clock."""
+        """Make one step, which ends before the time ``last`` of our clock."""
         self._refusing = False
         self._receive(link.late)
         if self._rig["mode"] == LOCKSTEP:
@@ -175,10 +175,10 @@ class ProxySlave:
             self._missed += 1
 
     def _reach(self, link: Link, time: float, step: float, last: float) -> bool:
-        """Exchange until the step is due; return whether an answer of that moment is there."""
+        """Exchange until the end of the step; return whether the last exchange was answered."""
         due = self._due(time - self._start, step)
         deadline = self._value("deadline")
-        wait = self._rig["watchdog"] * _AWAKE
+        wait = self._rig["watchdog"] * _RESEND_SHARE
         while True:
             sent = monotonic()
             ends = sent >= due - _ROUNDING
@@ -191,12 +191,12 @@ class ProxySlave:
             sleep(max(0.0, min(due - monotonic(), wait)))
 
     def _due(self, begin: float, step: float) -> float:
-        """Return when a step ends that begins some time after the start of the simulation, s.
+        """Return the time of our clock at the end of a step, which begins ``begin`` s after the
+        start of the simulation.
 
-        What a master does before its first step takes no time of the rig; nor is more than a step
-        of a delay made up for: what is measured would be as old as ever in a time that goes faster,
-        and a loop over it diverges. That one step is what a proxy lags behind another one of the
-        same master, which waits for the clock as well.
+        The clock starts with the first step. Of a delay, no more than one step is made up for:
+        otherwise simulation time would run faster than the rig, and a loop over it diverge. One
+        step is the lag behind another proxy of the same master, which waits for the clock as well.
         """
         now = monotonic()
         if self._begin is None:
@@ -218,7 +218,7 @@ class ProxySlave:
         Raises
         ------
         LinkError
-            If the rig has ended the session, and the FMU is to fail then.
+            If the rig has ended the session and the FMU must fail then.
         """
         try:
             sample = answer()
@@ -232,7 +232,7 @@ class ProxySlave:
         return sample is not None
 
     def _take(self, sample: Mapping[str, Any]) -> None:
-        """Take the values of a sample; one that is missing is held and goes on growing older.
+        """Take the values of a sample; a missing one keeps its last value, and its age grows.
 
         Raises
         ------
@@ -240,23 +240,23 @@ class ProxySlave:
             If the rig is latched.
         """
         assert self._link is not None
-        measured = self._link.answered - self._link.trip
+        measured = self._link.last_answer - self._link.trip
         for name, value, age in zip(self._outputs, sample["values"], sample["ages"], strict=True):
             if value is not None and age is not None:
                 self._values[name] = float(value)
-                self._born[name] = measured - max(0.0, age)  # it cannot be older than that
+                self._born[name] = measured - max(0.0, age)
         if latch := describe_latch(sample):
             raise UserError(latch)
         refused = sample.get("refused")
         self._refusing = bool(refused)
-        if refused and self._value("link_state") != REFUSED:  # told once, when it begins
+        if refused and self._value("link_state") != REFUSED:  # once, at its begin
             self._warning = f"refused by the rig: {refused[0]}"
 
     # --- outputs
     # ----------------------------------------------------------------------------------------------
 
     def _write_outputs(self) -> None:
-        """Write values, ages and the state of the link, as they are now."""
+        """Write the values, their present ages and the state of the link."""
         now = monotonic()
         for name, value in self._values.items():
             self._set(name, value)
@@ -272,7 +272,7 @@ class ProxySlave:
         Raises
         ------
         UserError
-            If a value is too old, or the link is lost, and the FMU is to fail then.
+            If a value is too old or the link is lost, and the FMU must fail then.
         """
         self._write_outputs()
         if self._text("on_stale") != FAIL:
@@ -285,14 +285,14 @@ class ProxySlave:
             raise UserError(f"{oldest} is {age:.3g} s old; max_age is {limit:g} s")
         if self._is_lost(now):
             assert self._link is not None
-            raise UserError(f"no answer from the rig for {now - self._link.answered:.3g} s")
+            raise UserError(f"no answer from the rig for {now - self._link.last_answer:.3g} s")
 
     def _is_lost(self, now: float) -> bool:
         """Return whether the session is over, or the rig has been silent for too long."""
         link = self._link
         if link is None or not link.session:
             return True
-        return now - link.answered > self._value("communication_timeout")
+        return now - link.last_answer > self._value("communication_timeout")
 
     def _link_state(self, now: float) -> int:
         if self._is_lost(now):
@@ -323,5 +323,5 @@ class ProxySlave:
 
     def _text(self, name: str) -> str:
         place = [text.name for text in self._cls.layout.texts].index(name)
-        held = bytes(self._texts[place * _TEXT_SIZE : (place + 1) * _TEXT_SIZE])
-        return held.partition(b"\0")[0].decode(errors="replace")
+        content = bytes(self._texts[place * _TEXT_SIZE : (place + 1) * _TEXT_SIZE])
+        return content.partition(b"\0")[0].decode(errors="replace")

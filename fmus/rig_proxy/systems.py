@@ -18,6 +18,6 @@ HIL_BENCH = SystemDeclaration(
     connections=("bench.position -> proxy.length_change", "proxy.tension -> bench.tension"),
     inputs={"force_reference": ("bench.force_reference",), "current": ("proxy.current",)},
     outputs=("proxy.tension", "proxy.voltage", "bench.position", "bench.force_measured"),
-    step=1e-3,  # each needs an exchange with the rig, and a link can do 1 kHz
+    step=1e-3,  # each step exchanges with the rig, which a link can do at 1 kHz
     stop=30.0,
 )

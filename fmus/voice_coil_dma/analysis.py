@@ -1,9 +1,9 @@
-"""The force loop as linear analysis sees it: eq. 2.1, the loop's Bode data, margins and closed-loop
-step.
+"""Linear analysis of the force loop: plant of eq. 2.1, Bode data, margins and closed-loop step.
 
-Not part of the FMU, for it needs python-control. Defaults are those of thesis appendix A1. Equation
-2.1 gives the force of the coil over its voltage with the actuator as a spring k1 beside a spring k2
-in series with a dashpot b2; the load cell shows the same force but for slide friction and inertia.
+Not part of the FMU, since it needs python-control. Defaults are those of thesis appendix A1.
+Equation 2.1 is the force of the coil over its voltage, with the actuator as a spring k1 in parallel
+with a spring k2 and a dashpot b2 in series. The load cell measures that force less slide friction
+and inertia.
 """
 
 from __future__ import annotations
@@ -58,18 +58,17 @@ def plant(
     b2: float = 2300.0,
     back_emf: bool = True,
 ) -> Any:
-    """Coil force over coil voltage, F(s)/V(s) of eq. 2.1 in N/V.
+    """Return the transfer function of the plant, F(s)/V(s) of eq. 2.1 in N/V.
 
     Parameters
     ----------
     R, L, K, m, b_vc : float
-        Coil resistance in ohm, inductance in H, force constant in N/A, moving mass in kg, slide
-        damping in N s/m.
+        Coil resistance in ohm, inductance in H, force constant in N/A, moving mass in kg, damping
+        of the slide in N s/m.
     k1, k2, b2 : float
-        Actuator: stiffness in N/m at once and delayed, damping in N s/m.
+        Instantaneous and delayed stiffness of the actuator in N/m, its damping in N s/m.
     back_emf : bool
-        False leaves the back-EMF out, which is the plant that appendix A1 designs for: (K/R) /
-        ((L/R) s + 1).
+        If False, the back-EMF is left out, as in the design of appendix A1: (K/R) / ((L/R) s + 1).
 
     Returns
     -------
@@ -86,12 +85,20 @@ def plant(
 
 
 def controller(gain: float = 18.0, zero_time: float = 0.02) -> Any:
-    """PI controller gain (zero_time s + 1)/s, from N to V; the defaults are what eq. 2.2 came from
-    (errata 3).
+    """Return the PI controller gain (zero_time s + 1)/s of eq. 2.2.
+
+    Parameters
+    ----------
+    gain : float
+        In V/(N s).
+    zero_time : float
+        Time constant of the zero, s.
 
     Returns
     -------
     control.TransferFunction
+        From force error in N to voltage in V. With the defaults, Tustin's rule at 30 Hz gives the
+        coefficients of eq. 2.2 (errata 3).
     """
     return control.tf([gain * zero_time, gain], [1.0, 0.0])
 
@@ -99,7 +106,7 @@ def controller(gain: float = 18.0, zero_time: float = 0.02) -> Any:
 def discrete_coefficients(
     gain: float, zero_time: float, period: float = SAMPLE_PERIOD
 ) -> tuple[float, float]:
-    """Coefficients b0 and b1 of eq. 2.2 by Tustin's rule, in V/N.
+    """Return the coefficients of eq. 2.2 for a PI controller, by Tustin's rule.
 
     Parameters
     ----------
@@ -107,6 +114,11 @@ def discrete_coefficients(
         Of :func:`controller`, in V/(N s) and s.
     period : float
         Sample period in s.
+
+    Returns
+    -------
+    b0, b1 : float
+        In V/N.
     """
     return gain * (zero_time + period / 2.0), gain * (period / 2.0 - zero_time)
 
@@ -114,13 +126,15 @@ def discrete_coefficients(
 def continuous_coefficients(
     b0: float, b1: float, period: float = SAMPLE_PERIOD
 ) -> tuple[float, float]:
-    """Inverse of :func:`discrete_coefficients`: gain in V/(N s) and time of the zero in s."""
+    """Return gain in V/(N s) and time of the zero in s, the inverse of
+    :func:`discrete_coefficients`.
+    """
     gain = (b0 + b1) / period
     return gain, (b0 - b1) / (2.0 * gain)
 
 
 def sample_and_hold(period: float = SAMPLE_PERIOD) -> Any:
-    """Appendix A1's stand-in for the zero-order hold, (2/T) / (s + 2/T).
+    """Return appendix A1's approximation of the zero-order hold, (2/T) / (s + 2/T).
 
     Returns
     -------
@@ -130,7 +144,7 @@ def sample_and_hold(period: float = SAMPLE_PERIOD) -> Any:
 
 
 def force_filter(cutoff: float = 100.0) -> Any:
-    """First-order filter of the load cell; ``cutoff`` in Hz.
+    """Return the first-order filter of the load cell; ``cutoff`` in Hz.
 
     Returns
     -------
@@ -145,9 +159,9 @@ def loop(
     *,
     period: float | None = SAMPLE_PERIOD,
     cutoff: float | None = 100.0,
-    **about_plant: Any,
+    **plant_parameters: Any,
 ) -> Any:
-    """Loop transfer function: controller, hold, plant and filter.
+    """Return the loop transfer function: controller, hold, plant and filter.
 
     Parameters
     ----------
@@ -157,14 +171,14 @@ def loop(
         Sample period in s; None leaves the hold out.
     cutoff : float or None
         Cutoff frequency of the load-cell filter in Hz; None leaves the filter out.
-    **about_plant
-        Passed to :func:`plant`.
+    **plant_parameters
+        Of :func:`plant`.
 
     Returns
     -------
     control.TransferFunction
     """
-    result = controller(gain, zero_time) * plant(**about_plant)
+    result = controller(gain, zero_time) * plant(**plant_parameters)
     if period is not None:
         result = result * sample_and_hold(period)
     if cutoff is not None:
@@ -173,7 +187,7 @@ def loop(
 
 
 def margins(system: Any) -> Margins:
-    """Gain and phase margin of a loop transfer function, with their frequencies in Hz."""
+    """Return gain and phase margin of a loop transfer function, with their frequencies in Hz."""
     gain, phase, phase_crossover, crossover = control.margin(system)
     return Margins(
         float(phase),
@@ -184,7 +198,7 @@ def margins(system: Any) -> Margins:
 
 
 def bode(system: Any, frequencies: Array) -> tuple[Array, Array]:
-    """Bode data of fig. 2-5.
+    """Return Bode data of a transfer function, as in fig. 2-5.
 
     Parameters
     ----------
@@ -197,7 +211,7 @@ def bode(system: Any, frequencies: Array) -> tuple[Array, Array]:
     magnitude : ndarray, shape (n,)
         In dB.
     phase : ndarray, shape (n,)
-        In degrees, without jumps.
+        In degrees, unwrapped.
     """
     response = system(2j * pi * np.asarray(frequencies, dtype=float))
     return 20.0 * np.log10(np.abs(response)), np.degrees(np.unwrap(np.angle(response)))
@@ -210,16 +224,16 @@ def closed_loop_step(
     *,
     period: float | None = SAMPLE_PERIOD,
     cutoff: float | None = 100.0,
-    **about_plant: Any,
+    **plant_parameters: Any,
 ) -> Array:
-    """Force after a step of 1 N of the reference (fig. 2-6), the filter being in the feedback path
-    as in A1.
+    """Return the force after a reference step of 1 N (fig. 2-6), with the filter in the feedback
+    path as in A1.
 
     Parameters
     ----------
     time : ndarray, shape (n,)
         Evenly spaced seconds from 0.
-    gain, zero_time, period, cutoff, **about_plant
+    gain, zero_time, period, cutoff, **plant_parameters
         As for :func:`loop`.
 
     Returns
@@ -227,18 +241,20 @@ def closed_loop_step(
     ndarray, shape (n,)
         In N.
     """
-    forward = loop(gain, zero_time, period=period, cutoff=None, **about_plant)
-    back = 1.0 if cutoff is None else force_filter(cutoff)
-    return np.asarray(control.step_response(control.feedback(forward, back), time).outputs)
+    forward = loop(gain, zero_time, period=period, cutoff=None, **plant_parameters)
+    feedback = 1.0 if cutoff is None else force_filter(cutoff)
+    return np.asarray(control.step_response(control.feedback(forward, feedback), time).outputs)
 
 
 def rise_time(time: Array, response: Array, final: float = 1.0) -> float:
-    """Time in s at which a response first reaches 63.2 % of its final value, interpolated; NaN if
-    it does not.
+    """Return the time in s at which a response first reaches 63.2 % of its final value.
+
+    It is interpolated between samples, and NaN if the response does not get there.
     """
+    level = 1.0 - np.exp(-1.0)
     share = np.asarray(response) / final
-    above = np.flatnonzero(share >= 1.0 - np.exp(-1.0))
+    above = np.flatnonzero(share >= level)
     if not len(above):
         return float("nan")
     i = max(int(above[0]), 1)
-    return float(np.interp(1.0 - np.exp(-1.0), share[i - 1 : i + 1], time[i - 1 : i + 1]))
+    return float(np.interp(level, share[i - 1 : i + 1], time[i - 1 : i + 1]))

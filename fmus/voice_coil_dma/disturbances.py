@@ -1,8 +1,8 @@
-"""What disturbs the bench: noise, hum of the mains, a controller that comes late, a protection.
+"""Disturbances of the bench: bridge noise, mains hum, a late controller, a winding protection.
 
-Effects as those of :mod:`.effects`, each the base model to the bit at its neutral value. What is
-random comes out of registers that step by multiplication and remainder, exact in doubles: the same
-start gives the same numbers in every build and at every communication step.
+They are effects like those of :mod:`.effects`; each equals the base model to the last bit at its
+neutral value. Random numbers come from multiplicative congruential generators that are exact in
+doubles: the same seed gives the same numbers in every build and at every communication step.
 """
 
 from __future__ import annotations
@@ -36,34 +36,34 @@ if TYPE_CHECKING:
 else:
     BenchEffect = Effect
 
-# Multipliers and moduli of the two registers of L'Ecuyer, Communications of the ACM 31(6), 1988; a
-# product of both is below 2^53.
+# Multipliers and moduli of the two generators of L'Ecuyer, Communications of the ACM 31(6), 1988;
+# the product of multiplier and modulus is below 2^53.
 _FIRST = (Constant(40014.0, "1"), Constant(2147483563.0, "1"))
 _SECOND = (Constant(40692.0, "1"), Constant(2147483399.0, "1"))
 _CLOCK: dict[str, Any] = {"period": "sample_period", "shift": ("sample_shift",)}
 _REGISTER: dict[str, Any] = {**_CLOCK, "nominal": 1e9}
 
 
-def _next(register: Any, step: tuple[float, float]) -> Any:
-    """Value of a register after this one, the remainder of multiplier times register."""
-    multiplier, modulus = step
+def _next(register: Any, generator: tuple[float, float]) -> Any:
+    """Return the next value of a register: multiplier times register, modulo the modulus."""
+    multiplier, modulus = generator
     product = multiplier * register
     return product - modulus * floor(product / modulus)
 
 
-def _share(register: Any, step: tuple[float, float]) -> Any:
-    """Value of a register between 0 and 1, neither of which it reaches, whatever is in it."""
-    _, modulus = step
+def _share(register: Any, generator: tuple[float, float]) -> Any:
+    """Scale any value of a register to the open interval from 0 to 1."""
+    _, modulus = generator
     return (register - modulus * floor(register / modulus) + 0.5) / (modulus + 1.0)
 
 
 class BridgeNoise(BenchEffect):
-    """White noise of the bridge and of the amplifier's input, anew for every sample of the
+    """White noise of the bridge and of the amplifier's input, new at every sample of the
     controller.
 
-    ``s n / S`` of force, ``n`` being normal after Box and Muller out of two registers. The start of
-    the first one is the seed; the first sample sees no noise. Relaxes assumption 9, that the
-    amplifier adds nothing; ``s = 0`` is the base model.
+    The noise of the force is ``s n / S``, with ``n`` a normal number by Box and Muller from two
+    registers. The start value of the first one is the seed; the first sample has no noise. Relaxes
+    assumption 9, that the amplifier adds nothing; ``s = 0`` is the base model.
     """
 
     id = "bridge_noise"
@@ -113,7 +113,7 @@ class BridgeNoise(BenchEffect):
         return _next(self.bridge_angle_register, _SECOND)
 
     def amplified(self, force: Any) -> Any:
-        """Force and the noise at the input, s n / S."""
+        """Force plus the noise at the input, s n / S."""
         noise = self.bridge_noise * self.bridge_sample
         return super().amplified(force) + noise / self.load_cell_sensitivity
 
@@ -121,9 +121,9 @@ class BridgeNoise(BenchEffect):
 class MainsHum(BenchEffect):
     """Mains hum that both inputs of the amplifier have in common, ``V_m sin(2 pi f t + p)``.
 
-    It takes ``V / (G S)`` of it for force, ``G`` being the common-mode rejection, 106 dB at 60 Hz.
-    Sampled at 30 Hz, 60 Hz are an offset and 50 Hz are 10 Hz. Relaxes assumption 9, that the
-    amplifier adds nothing; ``V_m = 0`` is the base model.
+    The amplifier reads ``V / (G S)`` of it as force, ``G`` being the common-mode rejection, 106 dB
+    at 60 Hz. Sampling at 30 Hz aliases 60 Hz to an offset and 50 Hz to 10 Hz. Relaxes assumption 9,
+    that the amplifier adds nothing; ``V_m = 0`` is the base model.
     """
 
     id = "mains_hum"
@@ -158,21 +158,22 @@ class MainsHum(BenchEffect):
     )
 
     def amplified(self, force: Any) -> Any:
-        """Force and what the amplifier makes of the hum."""
+        """Force plus the hum that the common-mode rejection leaves, V / (G S)."""
         hum = self.common_mode_voltage * sin(
             2.0 * pi * self.mains_frequency * self.time + self.mains_phase
         )
-        taken = self.common_mode_rejection * self.load_cell_sensitivity
-        return super().amplified(force) + hum / taken
+        return super().amplified(force) + hum / (
+            self.common_mode_rejection * self.load_cell_sensitivity
+        )
 
 
 class ClockJitter(BenchEffect):
-    """Controller that runs late by another time at each sample, up to ``J``: it reads late, and its
-    command goes out late.
+    """Controller with a random delay at each sample, up to ``J``: it reads late, and its command
+    goes out late.
 
-    At a sample it is late by ``d = J u``, u evenly between 0 and 1 out of a register whose start is
-    the seed. What it reads is ``F + (F_f - F) exp(-2 pi f_F d)``, the filtered force d later while
-    the tension F stays; the command before it is held for d longer. Relaxes assumption 8, that the
+    The delay is ``d = J u``, with ``u`` uniform between 0 and 1 from a register whose start value
+    is the seed. The reading is ``F + (F_f - F) exp(-2 pi f_F d)``, the filtered force d later at
+    constant tension F; the previous command lasts d longer. Relaxes assumption 8, that the
     controller runs at its instants; ``J = 0`` is the base model.
     """
 
@@ -224,7 +225,7 @@ class ClockJitter(BenchEffect):
         return _next(self.clock_register, _FIRST)
 
     def next_late_share(self) -> Any:
-        """Share by which the controller is late at this sample, u."""
+        """Delay at this sample as a share of the largest, u."""
         return _share(self.clock_register, _FIRST)
 
     def next_command_instant(self) -> Any:
@@ -232,30 +233,30 @@ class ClockJitter(BenchEffect):
         return self.time
 
     def next_previous_command(self) -> Any:
-        """Command that is held until the next one goes out."""
+        """Command until the next one goes out."""
         return self.voltage_command
 
     def sampled_force(self) -> Any:
-        """Filtered force when the controller gets to it, d after the instant."""
-        late = self.clock_jitter * self.next_late_share()
-        followed = 1.0 - exp(-2.0 * pi * self.force_cutoff * late)
-        return super().sampled_force() + followed * (self.tension - self.force_filtered)
+        """Filtered force when the controller reads it, d after the sample instant."""
+        delay = self.clock_jitter * self.next_late_share()
+        response = 1.0 - exp(-2.0 * pi * self.force_cutoff * delay)
+        return super().sampled_force() + response * (self.tension - self.force_filtered)
 
     def held_command(self) -> Any:
-        """Command of the sample before until the controller is done with this one."""
-        late = self.clock_jitter * self.late_share
-        waiting = logical_and(late > 0.0, self.time - self.command_instant < late)
-        return where(waiting, self.previous_command, super().held_command())
+        """Previous command during the delay, then that of the latest sample."""
+        delay = self.clock_jitter * self.late_share
+        is_delayed = logical_and(delay > 0.0, self.time - self.command_instant < delay)
+        return where(is_delayed, self.previous_command, super().held_command())
 
 
 class WindingProtection(BenchEffect):
-    """Protection of the coil by the temperature of its winding, which takes a share ``p`` of the
-    command while that is too hot.
+    """Thermal protection of the coil, which takes a share ``p`` off the command while the winding
+    is too hot.
 
-    ``T dq/dt = R_th R i^2 - q`` is the rise of the temperature, which the controller looks at when
-    it samples: above what the continuous force ``F_c`` leads to, ``R_th R (F_c / K)^2``, the
-    protection trips, below a share of that it lets go. Relaxes assumption 10, that nothing protects
-    the coil; ``p = 0`` is the base model, ``p = 1`` switches off.
+    The temperature rise ``q`` obeys ``T dq/dt = R_th R i^2 - q`` and is compared at each sample of
+    the controller: the protection trips above ``R_th R (F_c / K)^2``, the steady rise under the
+    continuous force ``F_c``, and releases below a share of it. Relaxes assumption 10, that nothing
+    protects the coil; ``p = 0`` is the base model, ``p = 1`` switches off.
     """
 
     id = "winding_protection"
@@ -333,15 +334,15 @@ class WindingProtection(BenchEffect):
         return (self.winding_thermal_resistance * power - self.winding_rise) / self.winding_time
 
     def trip_rise(self) -> Any:
-        """Rise at which the protection trips: that of the continuous force for long."""
+        """Rise at which the protection trips: the steady one under the continuous force."""
         current = self.continuous_force / self.K
         return self.winding_thermal_resistance * self.R * current * current
 
     def next_winding_hot(self) -> Any:
-        """Tripped above the rise of the trip, released below its share, between them as before."""
+        """True above the trip rise, false below its release share, unchanged in between."""
         cool = self.winding_rise < self.release_share * self.trip_rise()
-        kept = where(cool, 0.0, self.winding_hot)
-        return where(self.winding_rise > self.trip_rise(), 1.0, kept)
+        below_trip = where(cool, 0.0, self.winding_hot)
+        return where(self.winding_rise > self.trip_rise(), 1.0, below_trip)
 
     def issued_command(self) -> Any:
         """Command, less the share p while the winding is too hot."""

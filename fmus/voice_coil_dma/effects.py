@@ -1,9 +1,8 @@
-"""Known ways the bench model is wrong: dry friction, a force constant that is none, an amplifier
-that clips. Noise, hum, a late controller and the protection are in :mod:`.disturbances`.
+"""Known ways the bench model is wrong: friction, stops, force constant, amplifier, coil heating.
 
-Each is a mixin that overrides one law (never an output) through ``super()``. At its neutral
-parameter value the laws give the bits of the base model: what it adds is multiplied by zero, what
-it divides by is one.
+Noise, hum, a late controller and the protection are in :mod:`.disturbances`. Each effect is a mixin
+that overrides one law (never an output) through ``super()``. At its neutral parameter value the law
+equals that of the base model to the last bit: added terms are multiplied by zero, divisors are one.
 """
 
 from __future__ import annotations
@@ -18,18 +17,18 @@ from ..kit.generic import describe_effect
 from .disturbances import BenchEffect, BridgeNoise, ClockJitter, MainsHum, WindingProtection
 from .model import VoiceCoilDma
 
-# z^2 below which tanh(z)/z is taken from its series; what is left out is below rounding, and in the
-# slope below 1e-12.
+# z^2 below which tanh(z)/z is computed from its series; the truncation error is below rounding, and
+# that of the slope below 1e-12.
 _SMALL = 1e-6
 _STROKE = 12.7e-3  # m from end to end, thesis section 2.2.2
-_CONTINUOUS = 4.9 / 3.9  # A, of the force that the coil may give continuously
+_CONTINUOUS = 4.9 / 3.9  # A, current of the continuous force, thesis section 2.2.2
 
 
 class CoulombFriction(BenchEffect):
     """Dry friction of the slide, ``F_c tanh(v / v_c)``; a sign of the velocity that is smooth
     within ``v_c``.
 
-    Slower than ``v_c`` it is viscous: the slide creeps where a real one sticks. Relaxes assumption
+    Below ``v_c`` it is viscous: the slide creeps where a real one sticks. Relaxes assumption
     1, that friction is viscous; ``F_c = 0`` is the base model.
     """
 
@@ -63,10 +62,9 @@ class AsymmetricFriction(BenchEffect):
     """Dry friction that differs in the two directions: ``F_a s (1 + s) / 2`` more, with ``s =
     tanh(v / v_a)``.
 
-    That is ``F_a`` more friction while the coil pulls the actuator longer and none more while it
-    gives way, nothing at rest, and never a gain of energy if ``F_a`` is positive. Relaxes
-    assumption 1, that friction is viscous and the same in both directions; ``F_a = 0`` is the base
-    model.
+    Friction is ``F_a`` larger while the coil stretches the actuator and unchanged on return; the
+    term is zero at rest and never adds energy where ``F_a`` is positive. Relaxes assumption 1, that
+    friction is viscous and the same in both directions; ``F_a = 0`` is the base model.
     """
 
     id = "asymmetric_friction"
@@ -94,7 +92,7 @@ class AsymmetricFriction(BenchEffect):
     )
 
     def slide_friction(self) -> Any:
-        """Friction of the slide, more of it in the direction of stretching."""
+        """Friction of the slide, larger in the direction of stretching."""
         direction = tanh(self.velocity / self.asymmetric_velocity)
         return super().slide_friction() + self.asymmetric_force * (
             0.5 * direction * (1.0 + direction)
@@ -104,8 +102,8 @@ class AsymmetricFriction(BenchEffect):
 class PositionDependentForceConstant(BenchEffect):
     """Force constant that falls off the centre of the stroke: ``K / (1 + c (x - x_c)^2)``.
 
-    Force and back-EMF fall together, as power demands. Relaxes assumption 2, that K does not depend
-    on the position; ``c = 0`` is the base model.
+    Force and back-EMF fall together, by conservation of power. Relaxes assumption 2, that K does
+    not depend on the position; ``c = 0`` is the base model.
     """
 
     id = "position_dependent_force_constant"
@@ -152,10 +150,10 @@ class AmplifierSaturation(BenchEffect):
     """Amplifier that levels off below its rails: ``v = V_s tanh(u / V_s)``, written with ``c = 1 /
     V_s^2``.
 
-    The controller does not know of it; the limits of the base model it does. The voltage is
-    multiplied by ``tanh(z) / z``, ``z = sqrt(c) u``, which is 1 at ``c = 0``, the base model, and
-    has a slope there. Relaxes assumption 3, that the amplifier passes every voltage between its
-    limits unchanged.
+    The controller accounts for the limits of the base model, but not for this. The voltage is
+    multiplied by ``tanh(z) / z``, ``z = sqrt(c) u``, which is 1 at ``c = 0``, the base model, where
+    its slope by ``c`` is not zero. Relaxes assumption 3, that the amplifier passes every voltage
+    between its limits unchanged.
     """
 
     id = "amplifier_saturation"
@@ -184,7 +182,7 @@ class AmplifierSaturation(BenchEffect):
         voltage = super().drive_voltage()
         square = self.amplifier_saturation_coefficient * (voltage * voltage)
         small = square < _SMALL
-        z = sqrt(where(small, 1.0, square))  # at zero the root has no slope
+        z = sqrt(where(small, 1.0, square))  # the root is not differentiable at zero
         series = 1.0 - square * (1.0 / 3.0 - square * (2.0 / 15.0))
         return voltage * where(small, series, tanh(z) / z)
 
@@ -217,15 +215,15 @@ _STOPS = describe_effect(
         "position",
         "stops",
         "N",
-        scale=_STROKE,  # a stop to either side begins at half of it
+        scale=_STROKE,  # the stop at either side begins at half of it
         names=EffectNames(
             id="end_stops",
             variables=("slide_friction_stop_stiffness", "slide_friction_stop_position"),
         ),
     ),
     4,
-    """Stops at the ends of the stroke, as springs: ``k (x - clip(x, -w, w))`` more, w being half
-    the stroke of 12.7 mm to begin with: the position is 0 in its middle.
+    """Stops at the ends of the stroke, as springs: ``k (x - clip(x, -w, w))`` more, where w is by
+    default half of the 12.7 mm stroke; the position is 0 in its middle.
 
     Relaxes assumption 4, that the stroke is not limited; ``k = 0`` is the base model.
     """,
@@ -250,9 +248,8 @@ _HEATING = describe_effect(
     """Coil whose resistance rises as it warms: ``a s`` more, ``T ds/dt = i^2 - s``, a thermal node
     of the dissipation.
 
-    The 4.9 N that the coil may give for long are 1.26 A. Relaxes assumption 7, that its
-    resistance is constant;
-    ``a = 0`` is the base model.
+    The continuous force of the coil, 4.9 N, needs 1.26 A. Relaxes assumption 7, that its resistance
+    is constant; ``a = 0`` is the base model.
     """,
     "A coil whose resistance rises as it warms",
 )

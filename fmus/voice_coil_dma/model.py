@@ -1,13 +1,13 @@
 """The voice-coil dynamic mechanical analyzer (DMA): a coil that pulls on the actuator, and its
 sampled force loop.
 
-Thesis section 2.2, eqs. 2.1 and 2.2, appendix A1. Equation 2.1 is written here as its physics: the
-coil current, and the mass that the coil moves against slide damping and the tension of whatever is
-clamped to it. Coil force pulls, so the position grows as the actuator stretches; tension opposes.
-Parameter values are those of A1, whose comments in the source are shifted by one line
-(``docs/errata.md``, row 2).
+Thesis section 2.2, eqs. 2.1 and 2.2, appendix A1. Equation 2.1 is written as the differential
+equations of the coil current and of the moving mass, which slide damping and the tension of the
+clamped actuator oppose. The coil pulls, so the position grows as the actuator stretches. Parameter
+values are those of A1, whose comments in the source are shifted by one line (``docs/errata.md``,
+row 2).
 
-Outputs only show laws, and no law calls an output.
+An output returns the value of a law, and no law calls an output.
 """
 
 from __future__ import annotations
@@ -34,9 +34,7 @@ _SECTION = "thesis section 2.2.2"
 
 
 def _limited(value: Any, low: Any, high: Any) -> Any:
-    """Limit to a range; unlike ``clip`` a value that is not a number stays one, so that it is
-    noticed.
-    """
+    """Return a value limited to a range; unlike ``clip``, NaN stays NaN, so that it is noticed."""
     return where(value > high, high, where(value < low, low, value))
 
 
@@ -261,16 +259,16 @@ class VoiceCoilDma(Component):
         return self.K
 
     def held_command(self) -> Any:
-        """Command that is held between samples: that of the latest, V(t) of eq. 2.2."""
+        """Command between samples: that of the latest sample, V(t) of eq. 2.2."""
         return self.voltage_command
 
     def issued_command(self) -> Any:
-        """Command as it reaches the converter: all of the one that is held."""
+        """Command at the input of the converter: the whole command between samples."""
         return self.held_command()
 
     def drive_voltage(self) -> Any:
-        """Voltage out of converter and unity-gain amplifier: the command within 0 to 10 V (section
-        2.2.3).
+        """Output voltage of converter and unity-gain amplifier: the command within its limits
+        (section 2.2.3).
         """
         return self.converted(_limited(self.issued_command(), self.voltage_min, self.voltage_max))
 
@@ -329,28 +327,28 @@ class VoiceCoilDma(Component):
         return where(self.converters_on, self.converted(value * sensitivity) / sensitivity, value)
 
     def amplified(self, force: Any) -> Any:
-        """Force that the output of the instrumentation amplifier stands for: the same."""
+        """Force as the output of the instrumentation amplifier represents it: unchanged here."""
         return force
 
     def acquired(self, force: Any) -> Any:
-        """Force as the computer knows one that is filtered: amplified, converted, calibrated."""
+        """Filtered force as the computer reads it: amplified, converted, calibrated."""
         return self.through_converter(
             self.amplified(force), self.load_cell_sensitivity * self.instrumentation_gain
         )
 
     def acquired_force(self) -> Any:
-        """Force as the computer knows it now."""
+        """Force as the computer reads it now."""
         return self.acquired(self.force_filtered)
 
     def acquired_position(self) -> Any:
-        """Position as the computer knows it: filtered, converted, calibrated."""
+        """Position as the computer reads it: filtered, converted, calibrated."""
         return self.through_converter(self.position_filtered, self.potentiometer_sensitivity)
 
     # --- controller
     # ----------------------------------------------------------------------------------------------
 
     def sampled_force(self) -> Any:
-        """Filtered force that the controller's sample takes: that at the sample instant."""
+        """Filtered force that the controller samples: that at the sample instant."""
         return self.force_filtered
 
     def force_error(self) -> Any:
@@ -358,10 +356,9 @@ class VoiceCoilDma(Component):
         return self.force_reference - self.acquired(self.sampled_force())
 
     def controller_law(self) -> Any:
-        """Voltage after eq. 2.2, V(t-1) + b0 E(t) + b1 E(t-1); on hold without its integral part.
+        """Voltage of eq. 2.2, V(t-1) + b0 E(t) + b1 E(t-1); on hold without its integral part.
 
-        Written b0 and b1 for both coefficients, Tustin's rule gives a proportional gain of (b0 -
-        b1)/2.
+        By Tustin's rule, the coefficients b0 and b1 belong to a proportional gain of (b0 - b1)/2.
         """
         error = self.force_error()
         full = self.error_gain * error + self.previous_error_gain * self.previous_error
@@ -371,9 +368,7 @@ class VoiceCoilDma(Component):
         return self.voltage_command + where(self.hold, proportional, full)
 
     def next_command(self) -> Any:
-        """Voltage to hold until the next sample; limited before it is remembered, so that it cannot
-        wind up.
-        """
+        """Voltage until the next sample; the anti-windup stores it as limited."""
         wanted = where(self.controller_on, self.controller_law(), self.force_reference)
         return where(self.anti_windup, _limited(wanted, self.voltage_min, self.voltage_max), wanted)
 

@@ -25,8 +25,8 @@ DMA_BENCH = SystemDeclaration(
     step=_STEP,
     stop=5.0,
 )
-# While the current is zero the films let their charge go, and the tension with it, which no force
-# controller is to learn: its integral part stands still (thesis section 4.2).
+# While the protection keeps the current at zero the films discharge and the tension changes; the
+# force controller must not integrate that, so its integral part is frozen (thesis section 4.2).
 PROTECTED_BENCH = SystemDeclaration(
     name="protected_bench",
     summary=(

@@ -1,4 +1,4 @@
-"""Linear models: a component, an FMU or a system about an operating point, and their properties."""
+"""Linear models of components, FMUs and systems about operating points."""
 
 import lazy_loader
 

@@ -1,17 +1,17 @@
-"""The Jacobians of a model about an operating point, before time is discretised.
+"""Jacobians of a model about an operating point, before discretisation.
 
 A model has continuous states x, discrete states d that are sampled by clocks, and inputs u. In
 deviations from the operating point,
 
     dx/dt = R (x, d, u),    y = S (x, d, u),    d = U_i (x, d, u) at the instants of clock i,
 
-where R, S and U_i are matrices whose columns are those of all of x, d and u. Prescribing a state,
-cutting a loop at one and leaving out what is on no path are operations on these matrices.
+where R, S and U_i are matrices with a column for each element of x, d and u. To prescribe a state,
+to cut a loop at a state and to remove states that are on no path are operations on these matrices.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -25,21 +25,23 @@ from orchestration.linear.operating_point import OperatingPoint
 from orchestration.reporting import option
 from orchestration.system import Connection
 
+_MOST_LISTED = 12  # names in a message
+
 
 @dataclass(frozen=True)
 class SampledUpdate:
-    """The update of some discrete states at the instants of a clock.
+    """Update of discrete states at the samples of a clock.
 
     Attributes
     ----------
     clock : str
-        Name of its period, for messages.
+        Name of the period, for messages.
     period, shift : float
         Sample k is at shift + k period, s.
     rows : tuple of int
-        Places of the states among the discrete ones.
+        Indices of the states among the discrete states.
     matrix : ndarray, shape (len(rows), n)
-        Their values after the sample.
+        Map of all columns to the states after the sample.
     """
 
     clock: str
@@ -51,17 +53,18 @@ class SampledUpdate:
 
 @dataclass(frozen=True)
 class LinearBlocks:
-    """The matrices of a linearised model.
+    """Matrices of a linearised model.
 
     Attributes
     ----------
     states, discretes, inputs : tuple of str
         Names of the n columns of every matrix, in this order.
     rates : ndarray, shape (states, n)
+        Derivatives of the continuous states with respect to time, per second.
     updates : tuple of SampledUpdate
     signals : dict of str to ndarray, shape (n,)
-        Every signal that can be an output: outputs, inputs and states, ``der(state)``, and
-        ``next(state)`` for the value that a discrete state gets at a sample.
+        Every signal that can be an output: outputs, inputs, states, ``der(state)``, and
+        ``next(state)``, a discrete state after the sample.
     """
 
     states: tuple[str, ...]
@@ -73,137 +76,143 @@ class LinearBlocks:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the columns."""
+        """Names of the columns of every matrix."""
         return (*self.states, *self.discretes, *self.inputs)
 
     def prescribing(self, names: Sequence[str]) -> LinearBlocks:
-        """Return the blocks with some states as inputs, whose own laws no longer count."""
-        chosen = [n for n in names if n in (*self.states, *self.discretes)]
-        kept = self._without(set(chosen))
-        return replace(kept, inputs=(*self.inputs, *chosen))._from(self)
+        """Return the blocks with some states as inputs, without the laws of these states."""
+        states = [n for n in names if n in (*self.states, *self.discretes)]
+        blocks = self._without(set(states))
+        return replace(blocks, inputs=(*self.inputs, *states))._from(self)
 
     def cut_at(self, state: str) -> LinearBlocks:
-        """Return the blocks in which a state is read from an input instead.
+        """Return the blocks of a loop that is cut at a state.
 
-        The new input ``cut(state)`` takes the place of the state in every law but the one that
-        makes the state itself, as if the wire behind an integrator or a hold were cut.
+        The new input ``cut(state)`` replaces the state in every law except that of the state
+        itself, like a cut behind an integrator or a hold.
         """
-        fed = f"cut({state})"
-        opened = replace(self, inputs=(*self.inputs, fed))._from(self)
+        opened = replace(self, inputs=(*self.inputs, f"cut({state})"))._from(self)
         place = self.columns.index(state)
         last = len(opened.columns) - 1
 
-        def rewired(matrix: Array, own: Sequence[bool]) -> Array:
+        def rewire(matrix: Array, own: Sequence[bool]) -> Array:
             others = ~np.array(own, dtype=bool)
-            changed = matrix.copy()
-            changed[others, last] = matrix[others, place]
-            changed[others, place] = 0.0
-            return changed
+            result = matrix.copy()
+            result[others, last] = matrix[others, place]
+            result[others, place] = 0.0
+            return result
 
         discrete = place - len(self.states)
         updates = tuple(
-            replace(u, matrix=rewired(u.matrix, [row == discrete for row in u.rows]))
+            replace(u, matrix=rewire(u.matrix, [row == discrete for row in u.rows]))
             for u in opened.updates
         )
         itself = {state, f"der({state})", f"next({state})"}
         names = list(opened.signals)
-        rows = rewired(np.array(list(opened.signals.values())), [n in itself for n in names])
+        rows = rewire(np.array(list(opened.signals.values())), [n in itself for n in names])
         return replace(
             opened,
-            rates=rewired(opened.rates, [n == state for n in opened.states]),
+            rates=rewire(opened.rates, [n == state for n in opened.states]),
             updates=updates,
             signals=dict(zip(names, rows, strict=True)),
         )
 
     def exchanging(self, connections: Sequence[Connection], step: float) -> LinearBlocks:
-        """Return the blocks with inputs that are connected, and held over a communication step.
+        """Return the blocks with connected inputs that are constant over a communication step.
 
-        That is a master that steps by Jacobi's method: at each communication point all inputs get
-        the outputs of that point, those that depend on inputs included, and keep them for a step.
+        This is a master with Jacobi's method: at each communication point all inputs take the
+        outputs of that point, including outputs that depend on inputs, and keep them for a step.
 
         Parameters
         ----------
         connections : sequence of Connection
-            To inputs, whose names are ``member.variable``.
+            Connections to inputs ``member.variable``.
         step : float
-            Seconds.
+            Communication step, s.
+
+        Returns
+        -------
+        LinearBlocks
+            The connected inputs are discrete states.
 
         Raises
         ------
         UserError
-            If outputs and inputs determine each other without a solution.
+            If an algebraic loop has no solution.
         """
-        received = {str(c.target): c.factor * self.signals[str(c.source)] for c in connections}
-        names = tuple(received)
+        sources = {str(c.target): c.factor * self.signals[str(c.source)] for c in connections}
+        names = tuple(sources)
         places = [self.columns.index(name) for name in names]
-        given = np.array(list(received.values())).reshape(len(names), len(self.columns))
-        through = np.eye(len(names)) - given[:, places]
-        if names and np.linalg.cond(through) > 1.0 / np.finfo(float).eps:
+        rows = np.array(list(sources.values())).reshape(len(names), len(self.columns))
+        feedthrough = np.eye(len(names)) - rows[:, places]
+        if names and np.linalg.cond(feedthrough) > 1.0 / np.finfo(float).eps:
             raise UserError(f"{', '.join(names)}: an algebraic loop without a solution")
-        given[:, places] = 0.0
-        resolved = np.linalg.solve(through, given)
+        rows[:, places] = 0.0
+        solution = np.linalg.solve(feedthrough, rows)
 
-        def seen(row: Array) -> Array:
+        def substitute(row: Array) -> Array:
             others = row.copy()
             others[places] = 0.0
-            return np.asarray(others + row[places] @ resolved)
+            return np.asarray(others + row[places] @ solution)
 
         first = len(self.discretes)
-        rows = tuple(range(first, first + len(names)))
-        exchange = SampledUpdate("the communication step", step, 0.0, rows, resolved)
-        opened = replace(
+        indices = tuple(range(first, first + len(names)))
+        exchange = SampledUpdate("the communication step", step, 0.0, indices, solution)
+        blocks = replace(
             self,
             discretes=(*self.discretes, *names),
-            inputs=tuple(name for name in self.inputs if name not in received),
+            inputs=tuple(name for name in self.inputs if name not in sources),
             updates=(exchange, *self.updates),
-            signals={name: seen(row) for name, row in self.signals.items()},
+            signals={name: substitute(row) for name, row in self.signals.items()},
         )
-        return opened._from(self)
+        return blocks._from(self)
 
     def between(self, inputs: Sequence[str], outputs: Sequence[str]) -> LinearBlocks:
-        """Return the blocks with chosen inputs and those states that are on a path to an output.
+        """Return the blocks with some inputs, and the states on paths from these to some outputs.
 
         Raises
         ------
         UserError
-            If there is no signal of a name.
+            If there is no such input or output.
         """
         for name in inputs:
             if name not in self.inputs:
                 known = (*self.inputs, *self.states, *self.discretes)
                 raise UserError(
                     f"{option('inputs', [name])}: no input or state of this name"
-                    f"{suggestion(name, known) or f'; there are {_listed(known)}'}"
+                    f"{_advice(name, known)}"
                 )
         for name in outputs:
             if name not in self.signals:
                 raise UserError(
                     f"{option('outputs', [name])}: no signal of this name"
-                    f"{suggestion(name, self.signals) or f'; there are {_listed(self.signals)}'}"
+                    f"{_advice(name, self.signals)}"
                 )
-        on_path = self._on_path(inputs, outputs)
-        dropped = {n for n in (*self.states, *self.discretes) if n not in on_path}
-        kept = self._without(dropped)
-        return replace(kept, inputs=tuple(inputs))._from(self)
+        others = {*self.states, *self.discretes} - self._on_path(inputs, outputs)
+        return replace(self._without(others), inputs=tuple(inputs))._from(self)
 
     def _on_path(self, inputs: Sequence[str], outputs: Sequence[str]) -> set[str]:
-        """Return the states that an input moves and that move an output, directly or not."""
+        """Return the columns that depend on an input and on which an output depends."""
         columns = self.columns
-        reads: dict[str, set[str]] = {n: set() for n in columns}
+
+        def dependencies(row: Array) -> set[str]:
+            return {columns[k] for k in np.flatnonzero(row)}
+
+        sources: dict[str, set[str]] = {name: set() for name in columns}
         for name, row in zip(self.states, self.rates, strict=True):
-            reads[name] |= {columns[k] for k in np.flatnonzero(row)}
+            sources[name] |= dependencies(row)
         for update in self.updates:
             for place, row in zip(update.rows, update.matrix, strict=True):
-                reads[self.discretes[place]] |= {columns[k] for k in np.flatnonzero(row)}
-        seen = {columns[k] for n in outputs for k in np.flatnonzero(self.signals[n])}
-        moves: dict[str, set[str]] = {n: set() for n in columns}
-        for name, sources in reads.items():
-            for source in sources:
-                moves[source].add(name)
-        return _reached(set(inputs), moves) & _reached(seen, reads)
+                sources[self.discretes[place]] |= dependencies(row)
+        targets: dict[str, set[str]] = {name: set() for name in columns}
+        for name, names in sources.items():
+            for source in names:
+                targets[source].add(name)
+        ends = set().union(*(dependencies(self.signals[name]) for name in outputs))
+        return _closure(set(inputs), targets) & _closure(ends, sources)
 
     def _without(self, dropped: set[str]) -> LinearBlocks:
-        """Return the blocks without the rows of some states, whose columns `_from` removes."""
+        """Return the blocks without the rows of some states; `_from` removes their columns."""
         states = [i for i, n in enumerate(self.states) if n not in dropped]
         discretes = [i for i, n in enumerate(self.discretes) if n not in dropped]
         places = {old: new for new, old in enumerate(discretes)}
@@ -222,54 +231,54 @@ class LinearBlocks:
         )
 
     def _from(self, before: LinearBlocks) -> LinearBlocks:
-        """Arrange columns, which are still those of other blocks, as the names say."""
+        """Return the blocks with columns in the order of their names, from that of other blocks."""
         places = {name: k for k, name in enumerate(before.columns)}
         width = len(places)
         order = [places.get(name, width) for name in self.columns]
 
-        def arranged(matrix: Array) -> Array:
+        def arrange(matrix: Array) -> Array:
             padded = np.hstack([matrix, np.zeros((len(matrix), 1))])
             return np.asarray(padded[:, order])
 
         names = list(self.signals)
-        rows = arranged(np.array(list(self.signals.values())).reshape(len(names), width))
+        rows = arrange(np.array(list(self.signals.values())).reshape(len(names), width))
         signals = dict(zip(names, rows, strict=True))
-        fresh = [name for name in self.inputs if name not in places]
-        for name in fresh:
-            signals[name] = np.array([float(column == name) for column in self.columns])
+        for name in self.inputs:
+            if name not in places:
+                signals[name] = np.array([float(column == name) for column in self.columns])
         return replace(
             self,
-            rates=arranged(self.rates),
-            updates=tuple(replace(u, matrix=arranged(u.matrix)) for u in self.updates),
+            rates=arrange(self.rates),
+            updates=tuple(replace(u, matrix=arrange(u.matrix)) for u in self.updates),
             signals=signals,
         )
 
 
-def _reached(start: set[str], follows: Mapping[str, set[str]]) -> set[str]:
-    reached = set(start)
-    waiting = list(start)
-    while waiting:
-        for name in follows[waiting.pop()] - reached:
-            reached.add(name)
-            waiting.append(name)
-    return reached
+def _closure(start: set[str], edges: Mapping[str, set[str]]) -> set[str]:
+    """Return all nodes of a graph that can be reached from some of them."""
+    nodes = set(start)
+    queue = list(start)
+    while queue:
+        new = edges[queue.pop()] - nodes
+        nodes |= new
+        queue += new
+    return nodes
 
 
-def _listed(names: Sequence[str] | Mapping[str, object]) -> str:
-    shown = list(names)
-    more = "" if len(shown) <= _MOST_LISTED else f" and {len(shown) - _MOST_LISTED} more"
-    return ", ".join(shown[:_MOST_LISTED]) + more
-
-
-_MOST_LISTED = 12
+def _advice(name: str, known: Collection[str]) -> str:
+    """Return the end of a message on an unknown name: similar names, or else the first ones."""
+    names = list(known)
+    rest = len(names) - _MOST_LISTED
+    more = f" and {rest} more" if rest > 0 else ""
+    return suggestion(name, names) or f"; there are {', '.join(names[:_MOST_LISTED])}{more}"
 
 
 @uninterrupted()
 def jacobians(graph: Graph) -> ca.Function:
-    """Return the Jacobians of all laws by states, discrete states and inputs, as a function."""
-    moving = ca.vertcat(graph.states, graph.discretes, graph.inputs)
+    """Return the function of the Jacobians of all laws with respect to states and inputs."""
+    variables = ca.vertcat(graph.states, graph.discretes, graph.inputs)
     laws = [graph.rates, graph.outputs, *graph.updates]
-    matrices = [ca.densify(ca.jacobian(law, moving)) for law in laws]
+    matrices = [ca.densify(ca.jacobian(law, variables)) for law in laws]
     return ca.Function("jacobians", graph.arguments, ca.cse(matrices))
 
 
@@ -277,14 +286,14 @@ def jacobians(graph: Graph) -> ca.Function:
 def blocks_of(
     graph: Graph, point: OperatingPoint, function: ca.Function | None = None
 ) -> LinearBlocks:
-    """Linearise a traced component or a fused system about an operating point.
+    """Return the blocks of a component or a fused system about an operating point.
 
     Parameters
     ----------
     graph : Graph
     point : OperatingPoint
     function : casadi.Function, optional
-        Its Jacobians, where they are made once for several points.
+        Its Jacobians, if they are used at several points.
 
     Returns
     -------
@@ -323,15 +332,7 @@ def blocks_of(
 def _updates(
     graph: Graph, point: OperatingPoint, matrices: Sequence[Array]
 ) -> tuple[SampledUpdate, ...]:
-    """Return the updates of all clocks.
-
-    Parameters
-    ----------
-    graph : Graph
-    point : OperatingPoint
-    matrices : sequence of ndarray, shape (discretes, n)
-        The discrete states after a sample, by clocks.
-    """
+    """Return the updates of all clocks, from a matrix of all discrete states for each clock."""
     layout = graph.layout
     place_of = {discrete.name: k for k, discrete in enumerate(layout.discretes)}
     updates = []

@@ -1,9 +1,9 @@
-"""From blocks to one state-space model: continuous, or exact between the samples of all clocks.
+"""State-space models from blocks: continuous, or exactly discretised between the samples of clocks.
 
-Inputs are held over the period of the model. Within it, every clock samples when it is due, in the
-order in which the engine of a component does; between two samples the continuous states follow
-their matrix exponential. Outputs are those at the beginning of the period, before a sample that is
-due there, which is what an FMU shows at a communication point.
+Inputs are constant over the period of the model. Within it the clocks sample in the order of the
+engine of a component, and between two samples the continuous states follow the matrix exponential.
+Outputs are those at the beginning of the period, before a sample at that instant, as an FMU shows
+them at a communication point.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.linear.blocks import LinearBlocks
 
-_SAME = 1e-9  # relative difference of periods that are in a ratio of whole numbers but for rounding
-_LARGEST_RATIO = 10_000  # numerator or denominator of such a ratio
+_SAME = 1e-9  # largest relative difference due to rounding
+_LARGEST_RATIO = 10_000  # numerator or denominator of the ratio of two periods
 _MOST_SAMPLES = 100_000  # of all clocks in a hyper-period
 
 
@@ -32,8 +32,10 @@ class Matrices:
     ----------
     A, B, C, D : ndarray
     period : float
-        Sample period, s; 0 of a continuous model, where x' is the derivative, not the next value.
+        Sample period, s, where x' is the next state; 0 of a continuous model, where it is the
+        derivative of the state.
     states : tuple of str
+        Names of the states.
     """
 
     A: Array
@@ -45,19 +47,24 @@ class Matrices:
 
 
 def hyper_period(periods: Mapping[str, float]) -> float:
-    """Return the least common multiple of the periods of clocks, s.
+    """Return the least common multiple of the periods of clocks.
 
     Parameters
     ----------
     periods : Mapping of str to float
-        Seconds, by the name of the clock.
+        Period by clock, s.
+
+    Returns
+    -------
+    float
+        Seconds.
 
     Raises
     ------
     UserError
-        If their ratios are none of small whole numbers.
+        If a ratio of periods is not one of small whole numbers, or the result is too long.
     """
-    name, shortest = min(periods.items(), key=lambda one: one[1])
+    name, shortest = min(periods.items(), key=lambda item: item[1])
     ratios = []
     for other, period in periods.items():
         exact = period / shortest
@@ -79,20 +86,20 @@ def hyper_period(periods: Mapping[str, float]) -> float:
 
 
 def assemble(blocks: LinearBlocks, outputs: Sequence[str], step: float = 0.0) -> Matrices:
-    """Make one model of blocks.
+    """Return a state-space model of blocks.
 
     Parameters
     ----------
     blocks : LinearBlocks
     outputs : sequence of str
     step : float
-        Time over which inputs are held, s, where nothing is sampled; 0 of a continuous model.
+        Time over which inputs are constant, s; 0 if they are continuous.
 
     Returns
     -------
     Matrices
-        Continuous where nothing is sampled or held; else discrete, its states the continuous ones
-        and then the discrete ones before the sample.
+        Continuous if there is neither a clock nor a step. Else discrete, with the continuous states
+        and then the discrete states before the sample.
 
     Raises
     ------
@@ -100,35 +107,34 @@ def assemble(blocks: LinearBlocks, outputs: Sequence[str], step: float = 0.0) ->
         If the clocks have no common hyper-period.
     """
     width = len(blocks.columns)
-    inputs = len(blocks.inputs)
-    n = width - inputs
-    read = np.array([blocks.signals[name] for name in outputs]).reshape(len(outputs), width)
+    n = width - len(blocks.inputs)
+    rows = np.array([blocks.signals[name] for name in outputs]).reshape(len(outputs), width)
     names = (*blocks.states, *blocks.discretes)
-    C, D = read[:, :n], read[:, n:]
+    C = rows[:, :n]
+    D = rows[:, n:]
     clocks = {update.clock: update.period for update in blocks.updates}
     if step:
         clocks["the communication step"] = step
     if not clocks:
         return Matrices(blocks.rates[:, :n], blocks.rates[:, n:], C, D, 0.0, names)
     period = hyper_period(clocks)
-    whole = _over_period(blocks, period)
-    return Matrices(whole[:n, :n], whole[:n, n:], C, D, period, names)
+    transition = _transition(blocks, period)
+    return Matrices(transition[:n, :n], transition[:n, n:], C, D, period, names)
 
 
-def _over_period(blocks: LinearBlocks, period: float) -> Array:
-    """Return the map of states, discrete states and inputs over a hyper-period."""
+def _transition(blocks: LinearBlocks, period: float) -> Array:
+    """Return the transition matrix of states, discrete states and inputs over a hyper-period."""
     from scipy.linalg import expm
 
     width = len(blocks.columns)
     n = len(blocks.states)
     generator = np.zeros((width, width))
     generator[:n] = blocks.rates
-    instants = sorted(
-        (shift + k * update.period, order)
-        for order, update in enumerate(blocks.updates)
-        for shift in [update.shift % update.period]
-        for k in range(round(period / update.period))
-    )
+    instants: list[tuple[float, int]] = []
+    for order, update in enumerate(blocks.updates):
+        shift = update.shift % update.period
+        count = round(period / update.period)
+        instants += [(shift + k * update.period, order) for k in range(count)]
     flows: dict[float, Array] = {}
 
     def flow(duration: float) -> Array:
@@ -138,16 +144,16 @@ def _over_period(blocks: LinearBlocks, period: float) -> Array:
             flows[key] = expm(generator * duration)
         return flows[key]
 
-    whole = np.eye(width)
+    result = np.eye(width)
     now = 0.0
-    for instant, order in instants:
+    for instant, order in sorted(instants):
         if instant - now > _SAME * period:
-            whole = flow(instant - now) @ whole
+            result = flow(instant - now) @ result
             now = instant
         update = blocks.updates[order]
         sample = np.eye(width)
         sample[[n + row for row in update.rows]] = update.matrix
-        whole = sample @ whole
+        result = sample @ result
     if period - now > _SAME * period:
-        whole = flow(period - now) @ whole
-    return whole
+        result = flow(period - now) @ result
+    return result

@@ -1,9 +1,9 @@
-"""Trim: the equilibrium of a model, with signals that are fixed and signals that are free.
+"""Trim: the equilibrium of a model, with fixed and free signals.
 
-States and discrete states are unknown. An input or parameter that is named free is unknown, too; a
-state or an output that is fixed adds an equation. In an equilibrium rates are zero and a sample
-changes nothing. States that may drift move at a constant rate r instead, in a way that leaves all
-others at rest: the rates F are the same a moment later, dF/dx F = 0, and so are sampled values.
+States and discrete states are unknown, as are free inputs and parameters; a fixed state or output
+adds an equation. In an equilibrium rates are zero and samples change no state. States that may
+drift have a constant rate instead, and all others stay at rest: the rates F do not change, dF/dx F
+= 0, nor do sampled values.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from orchestration.linear.operating_point import OperatingPoint
 from orchestration.reporting import option
 
 _MOST_STEPS = 100
-_SOLVED = 1e-9  # residual relative to the size of the terms that it is the sum of
+_SOLVED = 1e-9  # largest residual, relative to the size of its terms
 _HALVINGS = 20
-_ROUNDING = 1e-15  # step relative to the largest unknown, both in nominal values
-_INDEPENDENT = 1e-10  # smallest singular value of independent equations, relative to the largest
-_VISIBLE = 1e-6  # share of an unknown in a direction in which nothing changes
+_ROUNDING = 1e-15  # least step, relative to the largest unknown, both in nominal values
+_INDEPENDENT = 1e-10  # least singular value of independent equations, relative to the largest
+_VISIBLE = 1e-6  # least share in a null direction of an unknown that is undetermined
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class TrimRequest:
     fixed : Mapping of str to float
         Values of inputs, states and outputs.
     free : sequence of str
-        Inputs and parameters that take the value that it needs.
+        Inputs and parameters to be determined.
     drift : sequence of str
         States that need not be at rest.
     """
@@ -51,25 +51,25 @@ class TrimRequest:
 
 
 class _Equations(NamedTuple):
-    """The equations of an equilibrium, scaled, as functions of the unknowns in nominal values."""
+    """Equations of an equilibrium, scaled, as functions of the unknowns over their nominals."""
 
     residual: ca.Function
-    rows: list[str]  # what each equation is of
+    rows: list[str]  # each equation in words
     unknowns: list[Declaration]
-    values: Array  # nominal
+    nominal: Array
     start: Array
 
 
 @uninterrupted()
 def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingPoint:
-    """Find an equilibrium.
+    """Return an equilibrium of a model.
 
     Parameters
     ----------
     graph : Graph
     near : OperatingPoint
-        Where the search starts: parameters and inputs have their values, and states that nothing
-        drives stay where they are.
+        Start of the search, with the values of parameters and inputs. States that the equilibrium
+        does not determine keep their values.
     request : TrimRequest
 
     Returns
@@ -79,14 +79,14 @@ def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingP
     Raises
     ------
     UserError
-        If a name is of no such signal, the counts of free and fixed signals differ, or there is no
-        equilibrium, or a free signal does not matter to it.
+        If there is no signal of a name, more signals are free than fixed, there is no equilibrium,
+        or it does not determine a free signal.
     """
     inputs = {v.name for v in graph.layout.inputs}
-    given = {name: value for name, value in request.fixed.items() if name in inputs}
+    constants = {name: value for name, value in request.fixed.items() if name in inputs}
     targets = {name: value for name, value in request.fixed.items() if name not in inputs}
     _check(graph, request, targets)
-    start = replace(near, inputs=near.inputs | given)
+    start = replace(near, inputs=near.inputs | constants)
     equations = _equations(graph, start, request, targets)
     solution, residual = _solve(equations)
     undetermined = _undetermined(equations, solution)
@@ -106,20 +106,20 @@ def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingP
 
 
 def _check(graph: Graph, request: TrimRequest, targets: Mapping[str, float]) -> None:
-    """Refuse names that are of no such signal, and counts that cannot be met."""
+    """Raise if there is no signal of a name, or more signals are free than fixed."""
     layout = graph.layout
     known = {
         "fix": [v.name for v in (*layout.inputs, *layout.states, *layout.outputs)],
         "free": [v.name for v in (*layout.inputs, *layout.parameters)],
         "drift": [v.name for v in layout.states],
     }
-    meant = {"fix": "input, state or output", "free": "input or parameter", "drift": "state"}
-    named = {"fix": list(request.fixed), "free": request.free, "drift": request.drift}
-    for role, names in named.items():
+    kinds = {"fix": "input, state or output", "free": "input or parameter", "drift": "state"}
+    roles = {"fix": list(request.fixed), "free": request.free, "drift": request.drift}
+    for role, names in roles.items():
         for name in names:
             if name not in known[role]:
                 raise UserError(
-                    f"{graph.name}: {option(role)} names {name!r}, which is no {meant[role]}"
+                    f"{graph.name}: {option(role)} names {name!r}, which is no {kinds[role]}"
                     f"{suggestion(name, known[role])}"
                 )
     both = next((name for name in request.free if name in request.fixed), None)
@@ -135,13 +135,13 @@ def _check(graph: Graph, request: TrimRequest, targets: Mapping[str, float]) -> 
 def _equations(
     graph: Graph, start: OperatingPoint, request: TrimRequest, targets: Mapping[str, float]
 ) -> _Equations:
-    """Make the equations, with the values of all variables that are not unknown."""
-    fixed = _integrals(graph) - {*targets}
-    sought = ({*start.states, *start.discretes} - fixed) | {*request.free}
+    """Return the equations, with values for all variables that are known."""
+    constants = _integrals(graph) - {*targets}
+    names = ({*start.states, *start.discretes} - constants) | {*request.free}
     variables = _variables(graph, start)
-    unknowns = [v for v in variables if v.declared.name in sought]
-    known = [v for v in variables if v.declared.name not in sought]
-    nominal = np.array([v.declared.nominal for v in unknowns])
+    unknowns = [v for v in variables if v.declaration.name in names]
+    known = [v for v in variables if v.declaration.name not in names]
+    nominal = np.array([v.declaration.nominal for v in unknowns])
     scaled = ca.SX.sym("scaled", len(unknowns))
     rows, laws = _laws(graph, request, targets)
     symbols = ca.vertcat(*(v.symbol for v in (*unknowns, *known)), graph.time)
@@ -150,16 +150,16 @@ def _equations(
     return _Equations(
         ca.Function("equations", [scaled], [residual, ca.densify(ca.jacobian(residual, scaled))]),
         rows,
-        [v.declared for v in unknowns],
+        [v.declaration for v in unknowns],
         nominal,
         np.array([v.value for v in unknowns]) / nominal,
     )
 
 
 class _Variable(NamedTuple):
-    """A variable of a graph, with its value where the search starts."""
+    """A variable of a graph, with its start value in the search."""
 
-    declared: Declaration
+    declaration: Declaration
     symbol: ca.SX
     value: float
 
@@ -174,14 +174,14 @@ def _variables(graph: Graph, start: OperatingPoint) -> list[_Variable]:
         (layout.discretes, graph.discretes, start.discretes),
     )
     return [
-        _Variable(declared, symbols[k], values[declared.name])
+        _Variable(declaration, symbols[k], values[declaration.name])
         for group, symbols, values in groups
-        for k, declared in enumerate(group)
+        for k, declaration in enumerate(group)
     ]
 
 
 def _integrals(graph: Graph) -> set[str]:
-    """Return the states that no rate and no sample depends on, which are where they started."""
+    """Return the states on which no rate and no sample depends, and which keep their values."""
     laws = ca.vertcat(graph.rates, *graph.updates)
     names = [state.name for state in graph.layout.states]
     return {
@@ -194,7 +194,7 @@ def _integrals(graph: Graph) -> set[str]:
 def _laws(
     graph: Graph, request: TrimRequest, targets: Mapping[str, float]
 ) -> tuple[list[str], list[ca.SX]]:
-    """Return what must be zero, and what each is of."""
+    """Return the equations in words, and the expressions that must be zero."""
     layout = graph.layout
     rows: list[str] = []
     laws: list[ca.SX] = []
@@ -224,15 +224,15 @@ def _laws(
     return rows, laws
 
 
-@np.errstate(over="ignore")  # a residual without bounds is no equilibrium, which is told
+@np.errstate(over="ignore")  # an infinite residual is reported as no equilibrium
 def _solve(equations: _Equations) -> tuple[Array, Array]:
-    """Solve by Gauss-Newton with steps of least norm; return the unknowns and the residual.
+    """Return the solution by Gauss-Newton with steps of least norm, and its relative residual.
 
-    What the equations do not determine stays where it started. A residual is relative to the terms
-    that it is the sum of, so that rounding ends the search.
+    Unknowns that the equations do not determine keep their start values. Residuals are relative to
+    the size of their terms, so that rounding does not matter.
     """
     x = equations.start
-    r, jacobian = _evaluated(equations, x)
+    r, jacobian = _evaluate(equations, x)
     for _ in range(_MOST_STEPS):
         if not np.isfinite(r).all() or not np.isfinite(jacobian).all():
             break
@@ -241,31 +241,33 @@ def _solve(equations: _Equations) -> tuple[Array, Array]:
             break
         for halving in range(_HALVINGS):
             candidate = x + step * 0.5**halving
-            following, slopes = _evaluated(equations, candidate)
-            if np.linalg.norm(following) < np.linalg.norm(r):
+            next_r, next_jacobian = _evaluate(equations, candidate)
+            if np.linalg.norm(next_r) < np.linalg.norm(r):
                 break
         else:
             break
-        x, r, jacobian = candidate, following, slopes
+        x, r, jacobian = candidate, next_r, next_jacobian
     scale = 1.0 + np.abs(jacobian) @ np.abs(x) if r.size else np.ones(0)
     return x, r / scale
 
 
-def _evaluated(equations: _Equations, x: Array) -> tuple[Array, Array]:
+def _evaluate(equations: _Equations, x: Array) -> tuple[Array, Array]:
+    """Return the residual, shape (m,), and its Jacobian, shape (m, n)."""
     residual, jacobian = equations.residual(x)
     return residual.full().ravel(), jacobian.full()
 
 
 def _undetermined(equations: _Equations, x: Array) -> list[str]:
-    """Return the unknowns that the equations leave open."""
-    _, jacobian = _evaluated(equations, x)
+    """Return the unknowns that the equations do not determine, from the null space."""
+    _, jacobian = _evaluate(equations, x)
     if not jacobian.size:
         return [v.name for v in equations.unknowns]
     scale = np.abs(jacobian).max(axis=1, keepdims=True)
     _, sizes, directions = np.linalg.svd(jacobian / np.where(scale > 0.0, scale, 1.0))
     rank = int((sizes > _INDEPENDENT * sizes.max(initial=0.0)).sum())
-    open_ones = np.abs(directions[rank:]).max(axis=0, initial=0.0) > _VISIBLE
-    return [v.name for v, one in zip(equations.unknowns, open_ones, strict=True) if one]
+    shares = np.abs(directions[rank:]).max(axis=0, initial=0.0)
+    pairs = zip(equations.unknowns, shares, strict=True)
+    return [unknown.name for unknown, share in pairs if share > _VISIBLE]
 
 
 def _point(
@@ -276,23 +278,22 @@ def _point(
     request: TrimRequest,
     undetermined: Sequence[str],
 ) -> OperatingPoint:
-    solved = {
-        v.name: float(value)
-        for v, value in zip(equations.unknowns, solution * equations.values, strict=True)
-    }
+    """Return the operating point of a solution."""
+    names = [v.name for v in equations.unknowns]
+    unknowns = dict(zip(names, (solution * equations.nominal).tolist(), strict=True))
 
-    def updated(values: Mapping[str, float]) -> dict[str, float]:
-        return {name: solved.get(name, value) for name, value in values.items()}
+    def update(values: Mapping[str, float]) -> dict[str, float]:
+        return {name: unknowns.get(name, value) for name, value in values.items()}
 
     point = replace(
         start,
-        parameters=updated(start.parameters),
-        inputs=updated(start.inputs),
-        states=updated(start.states),
-        discretes=updated(start.discretes),
+        parameters=update(start.parameters),
+        inputs=update(start.inputs),
+        states=update(start.states),
+        discretes=update(start.discretes),
         trimmed=True,
         undetermined=tuple(undetermined),
     )
     rates = ca.Function("rates", graph.arguments, [graph.rates])(*point.arguments(graph)).full()
-    moving = dict(zip(point.states, rates.ravel().tolist(), strict=True))
-    return replace(point, drift={name: moving[name] for name in request.drift})
+    by_state = dict(zip(point.states, rates.ravel().tolist(), strict=True))
+    return replace(point, drift={name: by_state[name] for name in request.drift})

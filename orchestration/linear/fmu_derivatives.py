@@ -1,10 +1,10 @@
-"""FMUs without equations, linearised by the derivatives that they give or by differences.
+"""Linearisation of FMUs without equations, by directional derivatives or by differences.
 
-An FMU for model exchange shows its states, rates and outputs: the derivatives are its directional
-derivatives where it provides them, else central differences. Where an FMU hides its states, which
-all do for co-simulation, and those in which something is sampled, the differences are of
-trajectories: a pulse on one input for one communication step, and its negative. The responses are
-realised with python-control (eigensystem realisation: Juang, Pappa, Journal of Guidance 8, 1985).
+An FMU for model exchange shows its states, rates and outputs: its derivatives are directional
+derivatives if it provides them, else central differences. For co-simulation, and for an FMU that
+samples, the states are hidden, and the differences are of trajectories: responses to a pulse on one
+input for one communication step, and to its negative. python-control realises the responses
+(eigensystem realisation: Juang, Pappa, Journal of Guidance 8, 1985).
 """
 
 from __future__ import annotations
@@ -28,29 +28,30 @@ from orchestration.linear.model import LinearModel
 from orchestration.linear.operating_point import OperatingPoint
 from orchestration.reporting import option
 
-_GIVEN = "directional derivatives of the FMU"
+_DIRECTIONAL = "directional derivatives of the FMU"
 _DIFFERENCES = "central differences of the FMU's laws"
 _PULSES = "central differences of responses to pulses"
-_RELATIVE = np.finfo(float).eps ** (1.0 / 3.0)  # step of a central difference
-_PULSE = 1e-3  # of an input, relative to its magnitude or to one
-_RESPONSE = 400  # communication steps after a pulse
-_NOISE = 1e-6  # singular values relative to the largest, above the FMU's integration error
+_RELATIVE = np.finfo(float).eps ** (1.0 / 3.0)  # relative step of a central difference
+_PULSE = 1e-3  # height of a pulse, relative to the magnitude of the input or to one
+_RESPONSE = 400  # communication steps of a response
+_NOISE = 1e-6  # singular values due to the integration error, relative to the largest one
 _MOST_ORDER = 20
-# error of a realisation, relative to its largest singular value, and of a response a step later
+# largest error of a realisation, relative to the largest singular value, and largest change of a
+# response that begins a step later
 _FAITHFUL = 1e-4
 
 
 @dataclass(frozen=True)
 class FmuRequest:
-    """The variables and the point of an FMU that are linearised.
+    """Variables and operating point for the linearisation of an FMU.
 
     Attributes
     ----------
     model : Model
     time : float
-        Of the operating point, s.
+        Time of the operating point, s.
     settings : Mapping of str to float or str
-        Parameters, and inputs that stay at a value.
+        Parameters and constant inputs.
     inputs, outputs : sequence of str
     step : float
         Communication step, s.
@@ -65,29 +66,30 @@ class FmuRequest:
 
     @property
     def path(self) -> Path:
-        """The file."""
+        """Path of the FMU."""
         return self.model.path
 
 
 def linearise_fmu(request: FmuRequest, sampled: bool = False) -> LinearModel:
-    """Linearise an FMU from outside.
+    """Linearise an FMU by its interface.
 
     Parameters
     ----------
     request : FmuRequest
     sampled : bool
-        Whether a model with the FMU's communication step is wanted.
+        Return a model sampled at the communication step, even if the FMU shows its states.
 
     Returns
     -------
     LinearModel
-        Continuous, with the FMU's own states, where it shows them; else sampled at the
-        communication step, with states of a realisation.
+        Continuous with the FMU's states if it shows them; else sampled at the communication step,
+        with the states of a realisation.
 
     Raises
     ------
     UserError
-        If the FMU fails, or its responses give no model.
+        If there is no signal of a name, the FMU fails, or its responses are not those of a linear
+        model.
     """
     _check_names(request, "input", request.inputs, request.model.inputs)
     _check_names(request, "output", request.outputs, request.model.outputs)
@@ -99,8 +101,8 @@ def linearise_fmu(request: FmuRequest, sampled: bool = False) -> LinearModel:
             )
     with Fmu(request.path, request.settings) as probe:
         exchange = probe.description.modelExchange
-        shown = exchange is not None and bool(probe.description.derivatives)
-    if shown and not sampled:
+        has_states = exchange is not None and bool(probe.description.derivatives)
+    if has_states and not sampled:
         model = _by_laws(request, bool(exchange.providesDirectionalDerivative))
         if model is not None:
             return model
@@ -110,6 +112,7 @@ def linearise_fmu(request: FmuRequest, sampled: bool = False) -> LinearModel:
 def _check_names(
     request: FmuRequest, role: str, names: Sequence[str], signals: Mapping[str, Signal]
 ) -> None:
+    """Raise if a name is not one of the real signals."""
     known = [name for name, signal in signals.items() if signal.type == "real"]
     for name in names:
         if name not in known:
@@ -119,50 +122,49 @@ def _check_names(
             )
 
 
-def _by_laws(request: FmuRequest, given: bool) -> LinearModel | None:
-    """Linearise by model exchange; None if something is sampled in the FMU, which it hides."""
+def _by_laws(request: FmuRequest, directional: bool) -> LinearModel | None:
+    """Linearise by model exchange; return None if the FMU has hidden samples."""
     with ExchangeFmu(request.path, request.settings) as fmu:
         states = fmu.states
-        reached = _states_at(request, states)
+        simulated = _states_at(request, states)
         fmu.start()
-        fmu.hold(request.time, fmu.start_states() if reached is None else reached)
+        fmu.hold(request.time, fmu.start_states() if simulated is None else simulated)
         if fmu.samples:
             return None
-        reached = fmu.start_states()
+        state = fmu.start_states()
         values = np.empty(len(request.inputs))
         fmu.reader(request.inputs)(values)
-        if given:
+        if directional:
             knowns = [*states, *request.inputs]
-            whole = fmu.directional_derivatives([*fmu.rates, *request.outputs], knowns)
+            jacobian = fmu.directional_derivatives([*fmu.rates, *request.outputs], knowns)
         else:
-            whole = _differences(fmu, request, np.array(reached), values)
+            jacobian = _differences(fmu, request, np.array(state), values)
     n = len(states)
     inputs = tuple(request.inputs)
     identity = np.eye(n + len(inputs))
     signals = {name: identity[k] for k, name in enumerate((*states, *inputs))}
-    signals |= dict(zip(request.outputs, whole[n:], strict=True))
-    blocks = LinearBlocks(tuple(states), (), inputs, whole[:n], (), signals)
-    kept = blocks.between(inputs, request.outputs)
+    signals |= dict(zip(request.outputs, jacobian[n:], strict=True))
+    blocks = LinearBlocks(tuple(states), (), inputs, jacobian[:n], (), signals)
+    matrices = assemble(blocks.between(inputs, request.outputs), request.outputs)
     now = dict(zip(inputs, values.tolist(), strict=True))
-    point = _point(request, now, dict(zip(states, reached, strict=True)))
-    return _model(
-        request, assemble(kept, request.outputs), point, _GIVEN if given else _DIFFERENCES
-    )
+    point = _point(request, now, dict(zip(states, state, strict=True)))
+    return _model(request, matrices, point, _DIRECTIONAL if directional else _DIFFERENCES)
 
 
 def _states_at(request: FmuRequest, states: Sequence[str]) -> list[float] | None:
-    """Return the states that a co-simulation up to the time of the operating point reaches."""
+    """Return the states at the operating point by co-simulation; None at the start."""
     if request.time == 0.0:
         return None
-    reached = np.empty(len(states))
+    values = np.empty(len(states))
     with Fmu(request.path, request.settings) as fmu:
         fmu.start()
         _advance(fmu, request)
-        fmu.reader(states)(reached)
-    return reached.tolist()
+        fmu.reader(states)(values)
+    return values.tolist()
 
 
 def _advance(fmu: Fmu, request: FmuRequest) -> None:
+    """Step an FMU to the time of the operating point."""
     if request.time > 0.0:
         points = grid(0.0, request.time, min(request.step, request.time))
         for begin, end in pairwise(points):
@@ -170,7 +172,7 @@ def _advance(fmu: Fmu, request: FmuRequest) -> None:
 
 
 def _differences(fmu: ExchangeFmu, request: FmuRequest, states: Array, inputs: Array) -> Array:
-    """Return central differences of rates and outputs by states and inputs."""
+    """Return central differences of rates and outputs with respect to states and inputs."""
     write = fmu.writer(request.inputs)
     read = fmu.reader(request.outputs)
     n = states.size
@@ -186,47 +188,48 @@ def _differences(fmu: ExchangeFmu, request: FmuRequest, states: Array, inputs: A
     nominal = np.array([_nominal(fmu, name) for name in (*fmu.states, *request.inputs)])
     columns = []
     for k, size in enumerate(_RELATIVE * np.maximum(np.abs(centre), nominal)):
-        aside = np.zeros(centre.size)
-        aside[k] = size
-        columns.append((laws(centre + aside) - laws(centre - aside)) / (2.0 * size))
+        step = np.zeros(centre.size)
+        step[k] = size
+        columns.append((laws(centre + step) - laws(centre - step)) / (2.0 * size))
     return np.array(columns).T
 
 
 def _nominal(fmu: Fmu, name: str) -> float:
-    given = fmu.variable(name).nominal
-    return abs(float(given)) if given else 1.0
+    """Return the absolute nominal value of a variable; 1 if the FMU states none."""
+    value = fmu.variable(name).nominal
+    return abs(float(value)) if value else 1.0
 
 
 def _by_pulses(request: FmuRequest) -> LinearModel:
-    """Linearise by responses to pulses, whose realisation is sampled at the communication step."""
+    """Linearise by a realisation of responses to pulses, sampled at the communication step."""
     levels = {
         name: float(request.settings.get(name, request.model.inputs[name].start))
         for name in request.inputs
     }
-    responses, later = (
+    responses, delayed = (
         np.stack([_pulse(request, name, levels, at) for name in request.inputs], axis=1)
         for at in (0, 1)
     )
     scale = np.abs(responses).max(axis=(1, 2), keepdims=True)
     scale[scale == 0.0] = 1.0
     responses /= scale
-    changed = np.abs(later[:, :, 1:] / scale - responses[:, :, :-1]).max(initial=0.0)
+    change = np.abs(delayed[:, :, 1:] / scale - responses[:, :, :-1]).max(initial=0.0)
     order, error = _order(responses[:, :, 1:])
-    if error > _FAITHFUL or changed > _FAITHFUL:
+    if error > _FAITHFUL or change > _FAITHFUL:
         raise UserError(
             f"{request.model.name}: its responses are not those of a linear model of up to"
             f" {_MOST_ORDER} states that is the same at every step of {request.step:g} s; if"
-            f" something is sampled in it, take a multiple of that period as {option('step')}"
+            f" it samples, take a multiple of its sample period as {option('step')}"
         )
-    realised = _realised(responses, order)
+    A, B, C = _realisation(responses, order)
     D = responses[:, :, 0] * scale[:, :, 0]
     states = tuple(f"x{k + 1}" for k in range(order))
-    matrices = Matrices(*realised[:2], realised[2] * scale[:, :, 0], D, request.step, states)
+    matrices = Matrices(A, B, C * scale[:, :, 0], D, request.step, states)
     return _model(request, matrices, _point(request, levels, {}), _PULSES)
 
 
-def _realised(responses: Array, order: int) -> tuple[Array, Array, Array]:
-    """Return A, B and C of an order whose responses to pulses are (outputs, inputs, steps)."""
+def _realisation(responses: Array, order: int) -> tuple[Array, Array, Array]:
+    """Return A, B and C of an order for pulse responses of shape (outputs, inputs, steps)."""
     with optional():
         import control
 
@@ -234,14 +237,14 @@ def _realised(responses: Array, order: int) -> tuple[Array, Array, Array]:
     if not order:
         return np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((outputs, 0))
     rows = (steps - 1) // 2
-    realised, _ = control.eigensys_realization(responses, order, rows, rows, dt=True)
-    return realised.A, realised.B, realised.C
+    system, _ = control.eigensys_realization(responses, order, rows, rows, dt=True)
+    return system.A, system.B, system.C
 
 
 def _order(responses: Array) -> tuple[int, float]:
     """Return the order of a realisation, and its error relative to the Hankel matrix.
 
-    The order is the number of singular values of the matrix that are above its noise.
+    The order is the number of singular values of the Hankel matrix above its noise.
     """
     rows = responses.shape[2] // 2
     hankel = np.block([[responses[:, :, i + j] for j in range(rows)] for i in range(rows)])
@@ -254,7 +257,7 @@ def _order(responses: Array) -> tuple[int, float]:
 
 
 def _pulse(request: FmuRequest, name: str, levels: Mapping[str, float], at: int) -> Array:
-    """Return the responses (outputs, steps) to a pulse in one step, per its size."""
+    """Return responses, shape (outputs, steps), to a pulse of height one in step `at`."""
     size = _PULSE * max(1.0, abs(levels[name]))
     up, down = (
         _response(request, {**levels, name: levels[name] + s}, levels, at) for s in (size, -size)
@@ -265,6 +268,7 @@ def _pulse(request: FmuRequest, name: str, levels: Mapping[str, float], at: int)
 def _response(
     request: FmuRequest, pulse: Mapping[str, float], levels: Mapping[str, float], at: int
 ) -> Array:
+    """Return the outputs, shape (outputs, steps), with inputs of a pulse in step `at`."""
     names = list(levels)
     responses = np.empty((_RESPONSE, len(request.outputs)))
     with Fmu(request.path, request.settings) as fmu:

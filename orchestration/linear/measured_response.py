@@ -1,8 +1,8 @@
-"""Frequency response measured: a system co-simulated under sines of rising frequency.
+"""Frequency response of a system by co-simulation with sines of rising frequency.
 
-Nothing of the linear model is used. Each frequency is run twice, with a sine and with its negative,
-about the constant inputs of the operating point: half the difference is free of whatever the system
-does by itself, and of even powers of the amplitude.
+The linear model is not used. Each frequency is run twice, with a sine and with its negative, about
+the constant inputs of the operating point: half the difference is free of the response to these
+inputs, and of even powers of the amplitude.
 """
 
 from __future__ import annotations
@@ -18,29 +18,29 @@ from fmus.kit.arrays import Array
 from orchestration.master import run
 from orchestration.system import System
 
-_CYCLES = 12  # that are evaluated, after as many or more
-_TREND = 3  # power of time to which a slow transient is taken out
-_FEWEST = 4.0  # samples in a cycle
+_CYCLES = 12  # cycles that are evaluated, and least number of cycles before them
+_TREND = 3  # degree of the polynomial in time that removes a slow transient
+_FEWEST = 4.0  # least number of samples in a cycle
 
 
 @dataclass(frozen=True)
 class SineSweep:
-    """How a frequency response is measured.
+    """Settings of a sine sweep.
 
     Attributes
     ----------
     frequencies : ndarray, shape (n,)
-        In Hz.
+        Frequencies, Hz.
     amplitude : float
-        Of the sine, in the unit of the input.
+        Amplitude of the sine, in the unit of the input.
     period : float
-        Time for which each value of the sine is held, and after which outputs are read, s.
+        Duration of each value of the sine, and interval at which outputs are read, s.
     step : float
-        Communication step, s, at most; it is shortened so that the period is a multiple of it.
+        Largest communication step, s; it is reduced so that the period is a multiple of it.
     at : float
-        Time of the operating point, s, from which on there is a sine.
+        Time of the operating point, s, at which the sine starts.
     settling : float
-        Time of the sine before it is evaluated, s, at least; it covers twelve cycles, too.
+        Least time of the sine before its evaluation, s, which is never less than twelve cycles.
 
     Raises
     ------
@@ -82,14 +82,14 @@ def sine_sweep(
         Variables ``member.variable``.
     sweep : SineSweep
     constant : Mapping of str to float, optional
-        Inputs of the operating point.
+        Constant inputs of the operating point.
     method : {"gauss-seidel", "jacobi"}
-        Of the master.
+        Method of the master.
 
     Returns
     -------
     dict of str to ndarray, shape (n,)
-        Complex responses by output, as samples at the beginning of each period have them.
+        Complex frequency responses by output, of samples at the beginning of each period.
 
     Raises
     ------
@@ -99,20 +99,20 @@ def sine_sweep(
     highest = float(np.max(sweep.frequencies))
     if highest * sweep.period * _FEWEST > 1.0:
         raise UserError(
-            f"{highest:g} Hz: a sine that is held for {sweep.period:g} s has {_FEWEST:g} values in"
-            f" a cycle up to {1.0 / (_FEWEST * sweep.period):g} Hz"
+            f"{highest:g} Hz: a period of {sweep.period:g} s allows frequencies up to"
+            f" {1.0 / (_FEWEST * sweep.period):g} Hz, with {_FEWEST:g} values in a cycle"
         )
 
     def signals(frequency: float, amplitude: float) -> tuple[Array, list[Array]]:
-        """Return the instants at which outputs are read, and these for a sine."""
+        """Return the instants at which outputs are read, and the outputs for a sine."""
         instants, time, wave = _sine(sweep, frequency)
         inputs = {name: np.full(time.size, value) for name, value in (constant or {}).items()}
         inputs[input] = inputs.get(input, np.zeros(time.size)) + amplitude * wave
         result = run(system, time, inputs, record=list(outputs), method=method)
         if not result.complete:
             raise UserError(result.message)
-        held = (time.size - 1) // (instants.size - 1)
-        return instants, [result.signals[name][::held] for name in outputs]
+        steps = (time.size - 1) // (instants.size - 1)
+        return instants, [result.signals[name][::steps] for name in outputs]
 
     responses: dict[str, list[complex]] = {name: [] for name in outputs}
     for frequency in sweep.frequencies.tolist():
@@ -121,27 +121,28 @@ def sine_sweep(
         last = slice(-ceil(_CYCLES / frequency / sweep.period), None)
         for name, plus, minus in zip(outputs, up, down, strict=True):
             half = (plus - minus)[last] / (2.0 * sweep.amplitude)
-            responses[name].append(_fitted(half, instants[last], frequency))
+            responses[name].append(_complex_amplitude(half, instants[last], frequency))
     return {name: np.array(values) for name, values in responses.items()}
 
 
 def _sine(sweep: SineSweep, frequency: float) -> tuple[Array, Array, Array]:
-    """Return instants of the held values, communication points, and the sine at these.
+    """Return the instants of new values, the communication points, and the sine at the latter.
 
-    Instants count from the operating point; the sine is zero before.
+    Instants are counted from the operating point, before which the sine is zero.
     """
-    held = ceil(sweep.period / sweep.step - 1e-9)
+    steps = ceil(sweep.period / sweep.step - 1e-9)
     before = ceil(sweep.at / sweep.period - 1e-9)
     cycles = _CYCLES / frequency
-    driven = ceil(cycles / sweep.period) + ceil(max(cycles, sweep.settling) / sweep.period)
-    instants = (np.arange(before + driven + 1) - before) * sweep.period
-    time = np.linspace(0.0, (before + driven) * sweep.period, (before + driven) * held + 1)
+    after = ceil(cycles / sweep.period) + ceil(max(cycles, sweep.settling) / sweep.period)
+    count = before + after
+    instants = (np.arange(count + 1) - before) * sweep.period
+    time = np.linspace(0.0, count * sweep.period, count * steps + 1)
     sine = np.where(instants >= 0.0, np.sin(2.0 * pi * frequency * instants), 0.0)
-    return np.asarray(instants), np.asarray(time), np.append(np.repeat(sine[:-1], held), sine[-1])
+    return np.asarray(instants), np.asarray(time), np.append(np.repeat(sine[:-1], steps), sine[-1])
 
 
-def _fitted(values: Array, time: Array, frequency: float) -> complex:
-    """Return the complex amplitude of a sine in values that have a slow trend besides."""
+def _complex_amplitude(values: Array, time: Array, frequency: float) -> complex:
+    """Return the complex amplitude of a sine in values with a slow trend, by least squares."""
     angle = 2.0 * pi * frequency * time
     trend = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, time.size), _TREND)
     regressors = np.column_stack([np.sin(angle), np.cos(angle), trend])

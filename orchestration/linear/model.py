@@ -1,4 +1,4 @@
-"""The result of a linearisation: a state-space model with names, units, poles and margins."""
+"""Linear model: a state-space model with names, units, poles and stability margins."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 _MATLAB = ".mat"
-_UNITY = 1e-6  # |L| - 1 at a crossover that is one
-_POINTS = 4000  # of the frequencies between which margins are interpolated
-_DECADES = 1.0  # beyond the slowest and the fastest pole or zero
-FAR = 100.0  # times the fastest pole, beyond which a zero has no effect that is seen
-_FLOOR = 1e-6  # of the fastest pole or zero, below which one is an integrator's
+_UNITY = 1e-6  # largest error of the gain at a crossover
+_POINTS = 4000  # frequencies between which margins are interpolated
+_DECADES = 1.0  # of frequencies beyond the slowest and the fastest pole or zero
+FAR = 100.0  # times the fastest pole, beyond which a zero has no visible effect
+_FLOOR = 1e-6  # times the fastest pole or zero, below which one belongs to an integrator
 
 
 class LoopMargins(NamedTuple):
-    """The stability margins of a loop.
+    """Stability margins of a loop.
 
     Attributes
     ----------
@@ -61,21 +61,22 @@ class LinearModel(Displayable):
     Attributes
     ----------
     name : str
-        Of what was linearised.
+        Name of the component, FMU or system.
     matrices : Matrices
     inputs, outputs : tuple of str
     units : dict of str to str
-        Of inputs, outputs and states.
+        Unit by input, output and state.
     point : OperatingPoint
     method : str
-        What the derivatives are: of the laws, those that an FMU gives, or differences.
+        Origin of the derivatives: the laws, an FMU, or differences.
     loop : str
-        Where a loop was cut, of which this is the loop transfer function; empty otherwise.
+        Signal at which a loop is cut, if this is its loop transfer function; else empty.
     notes : tuple of str
+        Remarks for the user.
     further : tuple of LinearModel
-        The same at other operating points.
+        Models at other operating points.
     variations : tuple of LinearModel
-        The same with other values of parameters, which make a band.
+        Models with other values of parameters, which make a band.
     """
 
     name: str
@@ -102,11 +103,11 @@ class LinearModel(Displayable):
 
     @cached_property
     def state_space(self) -> control.StateSpace:
-        """The model as python-control has it.
+        """The model as a system of python-control.
 
-        A full stop, which that does not allow in names, is a slash there: ``bench/tension``.
+        Full stops, which are not allowed in its names, become slashes: ``bench/tension``.
         """
-        with optional(), uninterrupted():  # matplotlib, which it loads, discards a Ctrl-C
+        with optional(), uninterrupted():  # it loads matplotlib, which ignores a Ctrl-C
             import control
 
         m = self.matrices
@@ -119,46 +120,56 @@ class LinearModel(Displayable):
         )
 
     def part(self, input: str = "", output: str = "") -> control.StateSpace:
-        """Return the part from one input to one output; the first ones unless named.
+        """Return the system from one input to one output.
+
+        Parameters
+        ----------
+        input, output : str
+            The first ones if empty.
 
         Raises
         ------
         UserError
             If there is no such input or output.
         """
-        j = _place(input, self.inputs, "input")
-        i = _place(output, self.outputs, "output")
+        j = _index(input, self.inputs, "input")
+        i = _index(output, self.outputs, "output")
         return self.state_space[i, j]
 
     def response(self, frequencies: Array, input: str = "", output: str = "") -> Array:
-        """Return the frequency response (n,), complex, from one input to one output.
+        """Return the frequency response from one input to one output.
 
-        Of a sampled model it is that of samples: the input is a sine that is held for a period.
+        For a sampled model it is the response of samples to a sampled sine.
 
         Parameters
         ----------
         frequencies : ndarray, shape (n,)
-            In Hz.
+            Frequencies, Hz.
         input, output : str
-            The first ones unless named.
+            The first ones if empty.
+
+        Returns
+        -------
+        ndarray of complex, shape (n,)
+            In the unit of the output per unit of the input.
         """
         s = 2j * pi * np.asarray(frequencies, dtype=float)
         argument = np.exp(s * self.period) if self.period else s
         return np.asarray(self.part(input, output)(argument), dtype=complex)
 
     def poles(self) -> Array:
-        """Return the poles (n,), in 1/s, or in the z-plane of a sampled model."""
+        """Return the poles, shape (n,), in 1/s, or in the z-plane for a sampled model."""
         return np.asarray(self.state_space.poles())
 
     def zeros(self, input: str = "", output: str = "") -> Array:
-        """Return the zeros from one input to one output, as `poles` has its poles."""
+        """Return the zeros from one input to one output, in the same plane as `poles`."""
         return np.asarray(self.part(input, output).zeros())
 
     def margins(self, input: str = "", output: str = "") -> LoopMargins:
-        """Return the margins of the loop that a negative feedback from output to input closes.
+        """Return the stability margins for negative feedback from an output to an input.
 
-        A sampled loop is looked at in the w-plane, ``w = 2/T (z - 1)/(z + 1)``, and its frequencies
-        are converted back.
+        Margins of a sampled loop are computed in the w-plane, ``w = 2/T (z - 1)/(z + 1)``, and
+        their frequencies are converted back.
         """
         import control
 
@@ -171,7 +182,7 @@ class LinearModel(Displayable):
             gain, phase, at_phase, at_gain = control.margin(data)
         at_nyquist = float(plane.D[0, 0]) if self.period else 0.0
         if at_nyquist < 0.0 and abs(np.log(-at_nyquist)) < abs(np.log(gain)):
-            # the far end of the w-plane, which python-control leaves out
+            # the limit in the w-plane, which python-control ignores
             gain = -1.0 / at_nyquist
             at_phase = np.inf
         return LoopMargins(
@@ -179,34 +190,37 @@ class LinearModel(Displayable):
         )
 
     def _plane(self, frequencies: Array) -> Array:
-        """Return frequencies in the w-plane, Hz, for those of a sampled signal."""
+        """Return frequencies in the w-plane, Hz; unchanged for a continuous model."""
         if not self.period:
             return frequencies
         return np.tan(pi * frequencies * self.period) / (pi * self.period)
 
     def _hertz(self, omega: float) -> float:
-        """Return the frequency in Hz of an angular frequency in the w-plane or the s-plane."""
+        """Return the frequency, Hz, of an angular frequency in the w-plane or the s-plane."""
         if not self.period:
             return omega / (2.0 * pi)
         return float(np.arctan(0.5 * omega * self.period)) / (pi * self.period)
 
     def frequencies(self, count: int = 400) -> Array:
-        """Return frequencies (count,), Hz, over which poles and zeros show, up to half the rate."""
-        poles = self._speeds(self.poles())
-        zeros = [self._speeds(self.zeros(i, o)) for i in self.inputs for o in self.outputs]
-        both = np.concatenate([poles, *zeros])
-        # a zero at infinity is computed as one that is far away
-        beyond = FAR * poles.max() if poles.size else np.inf
-        every = both[both <= beyond] / (2.0 * pi)
-        high = 0.5 / self.period if self.period else np.inf
-        seen = every[(every > _FLOOR * every.max(initial=0.0)) & (every < high)]
-        slowest, fastest = (seen.min(), seen.max()) if seen.size else (1.0, 1.0)
-        top = min(fastest * 10.0**_DECADES, 0.999 * high)
-        bottom = min(slowest * 10.0**-_DECADES, 1e-3 * top)
+        """Return frequencies, shape (count,), Hz, over all poles and zeros, up to half the rate."""
+        poles = self._angular_frequencies(self.poles())
+        zeros = [
+            self._angular_frequencies(self.zeros(i, o)) for i in self.inputs for o in self.outputs
+        ]
+        roots = np.concatenate([poles, *zeros])
+        # zeros at infinity are computed as very fast ones
+        limit = FAR * poles.max() if poles.size else np.inf
+        hertz = roots[roots <= limit] / (2.0 * pi)
+        nyquist = 0.5 / self.period if self.period else np.inf
+        visible = hertz[(hertz > _FLOOR * hertz.max(initial=0.0)) & (hertz < nyquist)]
+        if not visible.size:
+            visible = np.ones(1)
+        top = min(visible.max() * 10.0**_DECADES, 0.999 * nyquist)
+        bottom = min(visible.min() * 10.0**-_DECADES, 1e-3 * top)
         return np.geomspace(bottom, top, count)
 
-    def _speeds(self, roots: Array) -> Array:
-        """Return the angular frequencies of poles or zeros."""
+    def _angular_frequencies(self, roots: Array) -> Array:
+        """Return the angular frequencies of finite poles or zeros, rad/s."""
         finite = np.asarray(roots)[np.isfinite(roots)]
         if not self.period:
             return np.abs(finite)
@@ -215,7 +229,7 @@ class LinearModel(Displayable):
     # --- forms
 
     def overview(self) -> Iterator[RenderableType]:
-        """Yield what it is of, its signals with units, its poles, and the margins of a loop."""
+        """Yield operating point, margins of a loop, signals with units, and poles."""
         time = f"sampled every {self.period:g} s" if self.period else "continuous"
         yield f"{self.name} {self.point.words}, {time}, by {self.method}"
         if self.loop:
@@ -229,8 +243,8 @@ class LinearModel(Displayable):
         for kind in ("inputs", "states", "outputs"):
             for name in getattr(self, kind):
                 value = self.point.values.get(name)
-                shown = "" if value is None else f"{value:.6g}"
-                table.add_row(name, kind.removesuffix("s"), shown, self.units.get(name, ""))
+                text = "" if value is None else f"{value:.6g}"
+                table.add_row(name, kind.removesuffix("s"), text, self.units.get(name, ""))
         yield table
         if self.matrices.states:
             yield poles_table(self.matrices.A, self.period)
@@ -241,17 +255,17 @@ class LinearModel(Displayable):
         return one_line(f"LinearModel {self.name} {self.point.words}: {ends}")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all of it, complex numbers as pairs of real and imaginary part."""
+        """Return a dictionary for JSON, with poles as pairs of real and imaginary part."""
         m = self.matrices
         point = self.point
-        listed = {
+        result = {
             "model": self.name,
             "method": self.method,
             "period": self.period,
             "loop": self.loop or None,
-            "inputs": _described(self.inputs, self.units),
-            "outputs": _described(self.outputs, self.units),
-            "states": _described(self.states, self.units),
+            "inputs": _with_units(self.inputs, self.units),
+            "outputs": _with_units(self.outputs, self.units),
+            "states": _with_units(self.states, self.units),
             "A": m.A.tolist(),
             "B": m.B.tolist(),
             "C": m.C.tolist(),
@@ -267,18 +281,27 @@ class LinearModel(Displayable):
             "notes": list(self.notes),
         }
         if self.loop:
-            listed["margins"] = self.margins()._asdict()
+            result["margins"] = self.margins()._asdict()
         if self.further:
-            listed["further"] = [one.to_dict() for one in self.further]
-        return listed
+            result["further"] = [one.to_dict() for one in self.further]
+        return result
 
     def to_mat(self, path: str | Path) -> Path:
-        """Write A, B, C, D, the sample period Ts, names and units as a MATLAB file.
+        """Write A, B, C, D, the sample period Ts, names and units to a MATLAB file.
+
+        Parameters
+        ----------
+        path : str or Path
+            Its name must end in ``.mat``.
+
+        Returns
+        -------
+        Path
 
         Raises
         ------
         UserError
-            If it cannot be written, or its name has another ending than ``.mat``.
+            If the file cannot be written, or its name has another ending.
         """
         import io
 
@@ -296,33 +319,33 @@ class LinearModel(Displayable):
             f"{kind}_units": np.array([self.units.get(n, "") for n in names], dtype=object)
             for kind, names in cells.items()
         }
-        held = io.BytesIO()
+        content = io.BytesIO()
         savemat(
-            cast(Any, held),
+            cast(Any, content),
             {"A": m.A, "B": m.B, "C": m.C, "D": m.D, "Ts": m.period, **cells, **units},
         )
-        files.write(Path(path), held.getvalue())
+        files.write(Path(path), content.getvalue())
         return Path(path)
 
 
 def w_plane(sampled: control.StateSpace) -> control.StateSpace:
-    """Return a sampled system in the w-plane, ``w = 2/T (z - 1)/(z + 1)``, as a continuous one.
+    """Return a sampled system as a continuous one in the w-plane, ``w = 2/T (z - 1)/(z + 1)``.
 
     Raises
     ------
     UserError
-        If it has a pole at z = -1, which is at infinity there, or is not sampled.
+        If it is not sampled, or has a pole at z = -1, which the w-plane has at infinity.
     """
     with optional():
         import control
 
     if not sampled.dt:
-        raise UserError("a continuous system has no w-plane; it is that of a sampled one")
+        raise UserError("a continuous system has no w-plane; only a sampled one has")
     n = sampled.nstates
-    beside = np.eye(n) + sampled.A
-    if n and np.linalg.cond(beside) > 1.0 / np.finfo(float).eps:
+    shifted = np.eye(n) + sampled.A
+    if n and np.linalg.cond(shifted) > 1.0 / np.finfo(float).eps:
         raise UserError("a pole at z = -1, half the sampling rate, has no place in the w-plane")
-    inverse = np.linalg.inv(beside)
+    inverse = np.linalg.inv(shifted)
     scale = 2.0 / sampled.dt
     return control.StateSpace(
         scale * inverse @ (sampled.A - np.eye(n)),
@@ -334,11 +357,12 @@ def w_plane(sampled: control.StateSpace) -> control.StateSpace:
 
 
 def _is_unity(plane: Any, omega: float) -> bool:
-    """Return whether the gain is one where polynomials, which lose digits, have the crossover."""
+    """Return whether the gain is one at a crossover, which polynomials may compute inaccurately."""
     return bool(np.isfinite(omega)) and abs(abs(plane(1j * omega)) - 1.0) <= _UNITY
 
 
-def _place(name: str, names: Sequence[str], kind: str) -> int:
+def _index(name: str, names: Sequence[str], kind: str) -> int:
+    """Return the index of a name, 0 if it is empty; raise if it is unknown."""
     if not name:
         return 0
     if name not in names:
@@ -346,11 +370,12 @@ def _place(name: str, names: Sequence[str], kind: str) -> int:
     return names.index(name)
 
 
-def _described(names: Sequence[str], units: Mapping[str, str]) -> list[dict[str, str]]:
+def _with_units(names: Sequence[str], units: Mapping[str, str]) -> list[dict[str, str]]:
     return [{"name": name, "unit": units.get(name, "")} for name in names]
 
 
 def _margin_words(margins: LoopMargins) -> str:
+    """Return phase and gain margin in words."""
     phase = "no crossover"
     if np.isfinite(margins.crossover):
         phase = f"phase margin {margins.phase:.1f}° at {margins.crossover:.4g} Hz"

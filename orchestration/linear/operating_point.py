@@ -1,4 +1,4 @@
-"""Operating points: the values about which a model is linearised, and a simulation up to one."""
+"""Operating points about which models are linearised, and simulations up to one."""
 
 from __future__ import annotations
 
@@ -27,12 +27,13 @@ class OperatingPoint:
     parameters, inputs, states, discretes : dict of str to float
         In the units of the model.
     outputs : dict of str to float
+        In the units of the model.
     trimmed : bool
-        Whether it is an equilibrium that was searched.
+        True if it is an equilibrium.
     drift : dict of str to float
-        Rates of states that are not at rest in an equilibrium, in their unit per second.
+        Rates of states that drift in the equilibrium, in their unit per second.
     undetermined : tuple of str
-        States that the equilibrium leaves open, which stay where they started.
+        States that the equilibrium does not determine, which keep their start values.
     """
 
     time: float
@@ -47,7 +48,7 @@ class OperatingPoint:
 
     @property
     def words(self) -> str:
-        """Where it is, for messages: ``at 2 s`` or ``in the equilibrium``."""
+        """Text for messages: ``at 2 s`` or ``in the equilibrium``."""
         return "in the equilibrium" if self.trimmed else f"at {self.time:g} s"
 
     @property
@@ -55,9 +56,9 @@ class OperatingPoint:
         """Inputs, states, discrete states and outputs by name."""
         return self.inputs | self.states | self.discretes | self.outputs
 
-    def seconds(self, given: str | float) -> float:
-        """Return a period: a number, or the value of a parameter."""
-        return self.parameters[given] if isinstance(given, str) else float(given)
+    def seconds(self, period: str | float) -> float:
+        """Return a period in s, which is a number or the name of a parameter."""
+        return self.parameters[period] if isinstance(period, str) else float(period)
 
     def arguments(self, graph: Graph) -> list[Array]:
         """Return the arguments of the functions of a graph."""
@@ -74,29 +75,29 @@ class OperatingPoint:
 
 @uninterrupted()
 def with_outputs(graph: Graph, point: OperatingPoint) -> OperatingPoint:
-    """Return an operating point with the values of outputs that belong to its other values."""
+    """Return an operating point with outputs, which are computed from its other values."""
     values = ca.Function("outputs", graph.arguments, [graph.outputs])(*point.arguments(graph))
     names = [v.name for v in graph.layout.outputs]
     return replace(point, outputs=dict(zip(names, values.full().ravel().tolist(), strict=True)))
 
 
 def start_point(graph: Graph, settings: Mapping[str, float]) -> OperatingPoint:
-    """Return the operating point at which a model starts.
+    """Return the operating point at the start of a model.
 
     Parameters
     ----------
     graph : Graph
     settings : Mapping of str to float
-        Parameters and inputs in place of defaults.
+        Values of parameters and inputs that differ from their defaults.
     """
     vectors = graph.point(**settings)
     layout = graph.layout
     groups = (layout.parameters, layout.inputs, layout.states, layout.discretes)
-    named = [
+    values = [
         {v.name: float(value) for v, value in zip(group, vector, strict=True)}
         for group, vector in zip(groups, vectors, strict=True)
     ]
-    parameters, inputs, states, discretes = named
+    parameters, inputs, states, discretes = values
     return OperatingPoint(0.0, parameters, inputs, states, discretes)
 
 
@@ -118,13 +119,13 @@ def point_at(
     time : float
         Seconds from the start.
     settings : Mapping of str to float
-        Parameters and inputs in place of defaults; inputs stay at their value.
+        Values of parameters and constant inputs that differ from their defaults.
     stimulus : Mapping of str to ndarray, shape (n,), optional
-        Inputs that vary, at `points`, held until the next.
+        Values of other inputs at `points`, constant between them.
     points : ndarray, shape (n,), optional
         Seconds.
     compiled : CompiledModel, optional
-        The same model, where it is compiled once for several points.
+        The compiled model, if it is used for several points.
 
     Returns
     -------
@@ -140,21 +141,20 @@ def point_at(
         raise UserError(f"{option('at', f'{time:g}')}: a time from {earliest:g} s on")
     start = start_point(graph, settings)
     instants = np.zeros(1) if points is None else points[points <= time]
-    driven = {v.name: np.full(instants.size, start.inputs[v.name]) for v in graph.layout.inputs}
-    driven |= {name: values[: instants.size] for name, values in (stimulus or {}).items()}
-    now = {name: float(values[-1]) for name, values in driven.items()}
+    inputs = {v.name: np.full(instants.size, start.inputs[v.name]) for v in graph.layout.inputs}
+    inputs |= {name: values[: instants.size] for name, values in (stimulus or {}).items()}
+    now = {name: float(values[-1]) for name, values in inputs.items()}
     if instants[-1] < time:
         instants = np.append(instants, time)
-        driven = {name: np.append(values, values[-1]) for name, values in driven.items()}
+        inputs = {name: np.append(values, values[-1]) for name, values in inputs.items()}
     if instants.size == 1:
         return replace(start, inputs=now)
-    known = {p.name: start.parameters[p.name] for p in graph.layout.parameters}
-    run = (compiled or CompiledModel(graph)).run(instants, driven, known)
-    reached = {name: float(values[-1]) for name, values in run.signals.items()}
+    run = (compiled or CompiledModel(graph)).run(instants, inputs, start.parameters)
+    end = {name: float(values[-1]) for name, values in run.signals.items()}
     return OperatingPoint(
         time,
         start.parameters,
         now,
-        {name: reached[name] for name in start.states},
-        {name: reached[name] for name in start.discretes},
+        {name: end[name] for name in start.states},
+        {name: end[name] for name in start.discretes},
     )

@@ -1,6 +1,6 @@
-"""The picture of linear models: Bode diagram, step response, poles and zeros, in one.
+"""Picture of a linear model: Bode diagram, step response, poles and zeros.
 
-Operating points are lines of different shades; values of parameters that vary make a band.
+Operating points are lines of different shades; variations of parameters make a band.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _POINTS = 500  # of a curve
-_SLOWEST = 5.0  # time constants of the slowest pole that a step response shows
-_CYCLES = 3.0  # of the crossover frequency, that a closed loop's step response shows
+_SLOWEST = 5.0  # duration of a step response, in time constants of the slowest pole
+_CYCLES = 3.0  # duration of a closed loop's step response, in periods of the crossover frequency
 _PALEST = 0.35
 
 
 @draw.register(LinearModel)
 def draw_linear_model(model: LinearModel) -> Figure:
-    """Draw Bode diagram, step response, poles and zeros, at all operating points in one."""
+    """Draw Bode diagram, step response, poles and zeros at all operating points."""
     title = f"{model.name}: {model.inputs[0]} to {model.outputs[0]}"
     if model.loop:
         title = f"{model.name}: loop transfer function, cut at {model.loop}"
@@ -45,49 +45,51 @@ def draw_linear_model(model: LinearModel) -> Figure:
 def _draw_one(
     model: LinearModel, frequencies: Array, shade: float, axes: tuple[Axes, Axes, Axes, Axes]
 ) -> None:
+    """Draw the model at one operating point."""
     gain, phase, step, plane = axes
     decibel, degrees = _bode(model, frequencies)
-    look: dict[str, Any] = {"color": pictures.MODEL, "alpha": shade}
-    gain.semilogx(frequencies, decibel, label=model.point.words, **look)
-    phase.semilogx(frequencies, degrees, **look)
+    style: dict[str, Any] = {"color": pictures.MODEL, "alpha": shade}
+    gain.semilogx(frequencies, decibel, label=model.point.words, **style)
+    phase.semilogx(frequencies, degrees, **style)
     if model.loop:
         margins = model.margins()
         if np.isfinite(margins.crossover):
-            gain.plot(margins.crossover, 0.0, "o", **look)
+            gain.plot(margins.crossover, 0.0, "o", **style)
             turns = np.interp(margins.crossover, frequencies, degrees)
-            phase.plot(margins.crossover, turns, "o", **look)
+            phase.plot(margins.crossover, turns, "o", **style)
     time, response = _step(model)
     if model.period:
-        step.step(time, response, where="post", **look)
+        step.step(time, response, where="post", **style)
     else:
-        step.plot(time, response, **look)
+        step.plot(time, response, **style)
     poles = _in_plane(model, model.poles())
     zeros = _in_plane(model, model.zeros())
     farthest = FAR * np.abs(poles).max() if poles.size else np.inf
     near = zeros[np.abs(zeros) <= farthest]
-    plane.plot(poles.real, poles.imag, "x", **look)
-    plane.plot(near.real, near.imag, "o", markerfacecolor="none", **look)
+    plane.plot(poles.real, poles.imag, "x", **style)
+    plane.plot(near.real, near.imag, "o", markerfacecolor="none", **style)
 
 
 def _draw_band(model: LinearModel, frequencies: Array, gain: Axes, phase: Axes, step: Axes) -> None:
-    """Shade what the variations of the first model cover."""
+    """Shade the band of the variations of a model."""
     if not model.variations:
         return
     curves = [_bode(one, frequencies) for one in model.variations]
-    look: dict[str, Any] = {"color": pictures.FITTED, "alpha": 0.2, "linewidth": 0.0}
+    style: dict[str, Any] = {"color": pictures.FITTED, "alpha": 0.2, "linewidth": 0.0}
     label = f"{len(curves)} values of parameters"
     for axis, values in ((gain, [c[0] for c in curves]), (phase, [c[1] for c in curves])):
-        axis.fill_between(frequencies, np.min(values, 0), np.max(values, 0), label=label, **look)
+        axis.fill_between(frequencies, np.min(values, 0), np.max(values, 0), label=label, **style)
     time = _times(model)
     steps = [_step(one, time)[1] for one in model.variations]
-    look["step"] = "post" if model.period else None
-    step.fill_between(time, np.min(steps, 0), np.max(steps, 0), **look)
+    style["step"] = "post" if model.period else None
+    step.fill_between(time, np.min(steps, 0), np.max(steps, 0), **style)
 
 
 def _label(model: LinearModel, gain: Axes, phase: Axes, step: Axes, plane: Axes) -> None:
+    """Label all axes."""
     units = model.units.get(model.outputs[0], "1"), model.units.get(model.inputs[0], "1")
-    below = units[1] if units[1].isalpha() else f"({units[1]})"
-    quotient = f"{units[0]}/{below}"
+    denominator = units[1] if units[1].isalpha() else f"({units[1]})"
+    quotient = f"{units[0]}/{denominator}"
     pictures.label(gain, "gain", "dB" if units[0] == units[1] else f"dB re {quotient}")
     pictures.label(phase, "phase", "deg")
     closed = ", loop closed" if model.loop else ""
@@ -104,17 +106,17 @@ def _label(model: LinearModel, gain: Axes, phase: Axes, step: Axes, plane: Axes)
 
 
 def _bode(model: LinearModel, frequencies: Array) -> tuple[Array, Array]:
-    """Return gain (n,) in dB and phase (n,) in degrees without jumps; NaN for a gain of 0."""
+    """Return gain in dB, NaN for a gain of 0, and phase in degrees without jumps, shape (n,)."""
     response = model.response(frequencies)
     size = np.abs(response)
     size[size == 0.0] = np.nan
     angles = np.degrees(np.unwrap(np.angle(response)))
-    # an angle is known up to turns; the first is what a loop that has integrators begins with
+    # whole turns are arbitrary; the first angle is made at most 180 degrees
     return 20.0 * np.log10(size), angles - 360.0 * np.ceil((angles[0] - 180.0) / 360.0)
 
 
 def _times(model: LinearModel) -> Array:
-    """Return instants (n,) in s over which a step response settles."""
+    """Return instants of a step response, s, shape (n,), until it settles."""
     if model.loop and np.isfinite(model.margins().crossover):
         last = _CYCLES / model.margins().crossover
         return _instants(model, last)
@@ -127,6 +129,7 @@ def _times(model: LinearModel) -> Array:
 
 
 def _instants(model: LinearModel, last: float) -> Array:
+    """Return instants up to a last one, s; samples of a sampled model."""
     if model.period:
         count = min(int(np.ceil(last / model.period)), 10 * _POINTS)
         return np.asarray(model.period * np.arange(max(count, 10) + 1))
@@ -134,6 +137,7 @@ def _instants(model: LinearModel, last: float) -> Array:
 
 
 def _step(model: LinearModel, time: Array | None = None) -> tuple[Array, Array]:
+    """Return instants, s, and the step response, of the closed loop if the model is of a loop."""
     import control
 
     instants = _times(model) if time is None else time
@@ -143,9 +147,9 @@ def _step(model: LinearModel, time: Array | None = None) -> tuple[Array, Array]:
 
 
 def _in_plane(model: LinearModel, roots: Sequence[complex] | Array) -> Array:
-    """Return roots as they are, or those of a sampled model in the w-plane."""
+    """Return finite roots in the s-plane, or in the w-plane for a sampled model."""
     finite = np.asarray(roots, dtype=complex)[np.isfinite(roots)]
     if not model.period:
         return finite
-    z = finite[finite != -1.0]  # which is at infinity there
+    z = finite[finite != -1.0]  # which the w-plane has at infinity
     return 2.0 / model.period * (z - 1.0) / (z + 1.0)

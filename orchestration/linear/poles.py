@@ -1,4 +1,4 @@
-"""The poles of a linear model as people read them: frequencies and damping."""
+"""Table of the poles of a linear model, with frequency and damping."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from orchestration.reporting import plain_table
 
 
 def poles_table(A: Array, period: float = 0.0) -> Any:
-    """Return poles with their frequencies and damping; an integrator has none of these.
+    """Return a table of poles with frequency and damping, which integrators do not have.
 
     Parameters
     ----------
     A : ndarray, shape (n, n)
-        State matrix, 1/s, or that of a sampled model.
+        State matrix, in 1/s for a continuous model.
     period : float
-        Of its samples, s; 0 of a continuous one.
+        Sample period, s; 0 of a continuous model.
 
     Returns
     -------
@@ -27,29 +27,29 @@ def poles_table(A: Array, period: float = 0.0) -> Any:
     """
     columns = ("pole", "frequency [Hz]", "damping")
     table = plain_table(None, *columns, right=columns)
-    computed, roundings = _rounded_poles(A)
-    rest = 1.0 if period else 0.0
-    poles = np.where(np.abs(computed - rest) <= roundings, rest, computed)
+    poles, errors = _poles(A)
+    integrator = 1.0 if period else 0.0
+    poles = np.where(np.abs(poles - integrator) <= errors, integrator, poles)
     with np.errstate(divide="ignore", invalid="ignore"):
         rates = np.log(poles) / period if period else poles
     for pole, rate in zip(poles, rates, strict=True):
         size = abs(rate)
-        shown = f"{pole.real:.6g}" if pole.imag == 0.0 else f"{pole.real:.6g}{pole.imag:+.6g}j"
+        text = f"{pole.real:.6g}" if pole.imag == 0.0 else f"{pole.real:.6g}{pole.imag:+.6g}j"
         damping = f"{-rate.real / size:.4g}" if 0.0 < size < np.inf else ""
-        table.add_row(shown, f"{size / (2.0 * pi):.4g}", damping)
+        table.add_row(text, f"{size / (2.0 * pi):.4g}", damping)
     return table
 
 
-def _rounded_poles(A: Array) -> tuple[Array, Array]:
-    """Return the poles, and how far rounding may have moved each.
+def _poles(A: Array) -> tuple[Array, Array]:
+    """Return the poles and the rounding error of each.
 
-    That is the rounding of the matrix over the cosine between left and right eigenvector (Golub,
-    Van Loan: Matrix Computations, 2013, section 7.2.2), which is zero at a double pole: that one is
-    moved by the square root of the rounding.
+    The error is the rounding of the matrix over the cosine between left and right eigenvector
+    (Golub, Van Loan: Matrix Computations, 2013, section 7.2.2). For a double pole, where the cosine
+    is zero, it is the square root of the rounding.
     """
     from scipy.linalg import eig
 
-    eigen: Any = eig  # whose stubs know no left eigenvectors
+    eigen: Any = eig  # its stubs do not know left eigenvectors
     poles, left, right = eigen(A, left=True, right=True)
     eps = float(np.finfo(float).eps)
     cosines = np.abs(np.sum(left.conj() * right, axis=0))

@@ -1,4 +1,4 @@
-"""What is linearised by its equations: a component, or a system of components."""
+"""Linearisation of a component or a system of components by its equations."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ _BY_LAWS = "Jacobians of the laws"
 
 @dataclass(frozen=True)
 class LinearSubject:
-    """The equations that are linearised.
+    """Equations of a component or a system, for linearisation.
 
     Attributes
     ----------
     name : str
     graph : Graph
     outputs : dict of str to str
-        The signal that each output is: itself of a component, ``member.variable`` of a system.
+        Signal of the graph by output: the same name for a component, ``member.variable`` for a
+        system.
     system : System, optional
     cls : type[Component], optional
         The class of a component.
@@ -45,7 +46,7 @@ class LinearSubject:
     outputs: dict[str, str]
     system: System | None = None
     cls: type[Component] | None = None
-    _opened: dict[tuple[tuple[Connection, ...], bool], tuple[Graph, ca.Function]] = field(
+    _parts: dict[tuple[tuple[Connection, ...], bool], tuple[Graph, ca.Function]] = field(
         default_factory=dict, repr=False, compare=False
     )
 
@@ -56,7 +57,7 @@ class LinearSubject:
 
     @property
     def units(self) -> dict[str, str]:
-        """Units of all signals by name."""
+        """Unit by name of all signals."""
         units = {v.name: v.unit for v in self.graph.layout.variables}
         units |= dict(self.graph.layout.derivatives)
         units |= {f"next({v.name})": v.unit for v in self.graph.layout.discretes}
@@ -78,13 +79,12 @@ class LinearSubject:
         ----------
         point : OperatingPoint
         inputs : sequence of str
-            Inputs, and states that are prescribed: their own laws do not count then. All inputs
-            unless given.
+            Inputs, and states to prescribe, whose laws are removed. All inputs if empty.
         outputs : sequence of str
-            Outputs, states, ``der(state)`` and ``next(state)``. All outputs unless given.
+            Outputs, states, ``der(state)`` and ``next(state)``. All outputs if empty.
         step : float
-            Communication step, s, over which inputs are held, connected ones included; 0 of a
-            continuous exchange.
+            Communication step, s, over which all inputs are constant, including connected ones; 0
+            for a continuous exchange.
 
         Returns
         -------
@@ -96,15 +96,14 @@ class LinearSubject:
             If there is no signal of a name, a derivative is not finite, or the clocks have no
             common hyper-period.
         """
-        chosen_inputs = list(inputs or self.inputs)
-        chosen_outputs = list(outputs or self.outputs)
-        named = self._named(self._blocks(point, (), step)).prescribing(chosen_inputs)
-        blocks = named.between(chosen_inputs, chosen_outputs)
+        inputs = tuple(inputs or self.inputs)
+        outputs = tuple(outputs or self.outputs)
+        blocks = self._with_output_names(self._blocks(point, (), step)).prescribing(inputs)
         return LinearModel(
             self.name,
-            assemble(blocks, chosen_outputs, step),
-            tuple(chosen_inputs),
-            tuple(chosen_outputs),
+            assemble(blocks.between(inputs, outputs), outputs, step),
+            inputs,
+            outputs,
             self.units,
             self._complete(point),
             _BY_LAWS,
@@ -112,64 +111,66 @@ class LinearSubject:
         )
 
     def _complete(self, point: OperatingPoint) -> OperatingPoint:
-        """Return an operating point with outputs, by the names of the system, too."""
+        """Return an operating point with outputs, also by their names in the system."""
         point = with_outputs(self.graph, point)
-        named = {name: point.values[signal] for name, signal in self.outputs.items()}
-        return replace(point, outputs=named | point.outputs)
+        values = {name: point.values[signal] for name, signal in self.outputs.items()}
+        return replace(point, outputs=values | point.outputs)
 
-    def _named(self, blocks: LinearBlocks) -> LinearBlocks:
-        """Return blocks whose signals have the names of the system's outputs, too."""
-        known = blocks.signals
-        added = {name: known[signal] for name, signal in self.outputs.items() if name not in known}
-        return replace(blocks, signals=known | added)
+    def _with_output_names(self, blocks: LinearBlocks) -> LinearBlocks:
+        """Return blocks whose signals also have their names as outputs of the system."""
+        signals = dict(blocks.signals)
+        for name, signal in self.outputs.items():
+            signals.setdefault(name, signals[signal])
+        return replace(blocks, signals=signals)
 
     def _blocks(
-        self, point: OperatingPoint, cut_ones: Sequence[Connection], step: float
+        self, point: OperatingPoint, cuts: Sequence[Connection], step: float
     ) -> LinearBlocks:
-        """Return the blocks without some connections, the others held over a step if any."""
-        if self.system is None or not (step or cut_ones):
+        """Return the blocks without some connections, with a step for the others unless it is 0."""
+        if self.system is None or not (step or cuts):
             return blocks_of(*self._part((), False, point))
         values = self._complete(point).values
         connections = self.system.connections
-        received = {str(c.target): c.factor * values[str(c.source)] + c.offset for c in connections}
-        at = replace(point, inputs=point.inputs | received)
-        blocks = blocks_of(*self._part(tuple(cut_ones), step > 0.0, at))
-        kept = [c for c in connections if c not in cut_ones]
-        return blocks.exchanging(kept, step) if step else blocks
+        inputs = {str(c.target): c.factor * values[str(c.source)] + c.offset for c in connections}
+        at = replace(point, inputs=point.inputs | inputs)
+        blocks = blocks_of(*self._part(tuple(cuts), step > 0.0, at))
+        others = [c for c in connections if c not in cuts]
+        return blocks.exchanging(others, step) if step else blocks
 
     def _part(
-        self, cut_ones: tuple[Connection, ...], apart: bool, point: OperatingPoint
+        self, cuts: tuple[Connection, ...], is_disconnected: bool, point: OperatingPoint
     ) -> tuple[Graph, OperatingPoint, ca.Function]:
-        """Return a graph without some or all connections, a point, and its Jacobians, made once."""
-        key = (cut_ones, apart)
-        if key not in self._opened:
+        """Return arguments of `blocks_of`, for a graph without some or all connections."""
+        key = (cuts, is_disconnected)
+        if key not in self._parts:
             graph = self.graph
-            if self.system and (cut_ones or apart):
-                gone = self.system.connections if apart else cut_ones
-                kept = tuple(c for c in self.system.connections if c not in gone)
-                graph = fuse(replace(self.system, connections=kept))
-            self._opened[key] = graph, jacobians(graph)
-        graph, function = self._opened[key]
+            if self.system and is_disconnected:
+                graph = fuse(replace(self.system, connections=()))
+            elif self.system and cuts:
+                others = tuple(c for c in self.system.connections if c not in cuts)
+                graph = fuse(replace(self.system, connections=others))
+            self._parts[key] = graph, jacobians(graph)
+        graph, function = self._parts[key]
         return graph, point, function
 
     @cached_property
     def compiled(self) -> CompiledModel:
-        """The equations compiled for this machine, to simulate up to operating points."""
+        """Compiled equations, for simulations up to operating points."""
         return CompiledModel(self.graph)
 
     def loop(self, point: OperatingPoint, cut: str, step: float = 0.0) -> LinearModel:
-        """Return the loop transfer function of the loop that is cut at a signal.
+        """Return the loop transfer function L of a loop that is cut at a signal.
 
-        It is what comes back to the cut for what is fed behind it, with its sign changed: where the
-        loop closes by negative feedback, one plus it has the poles of the closed loop as zeros.
+        L is the response of the signal before the cut to the signal behind it, with the opposite
+        sign. With negative feedback the zeros of 1 + L are the poles of the closed loop.
 
         Parameters
         ----------
         point : OperatingPoint
         cut : str
-            A state, or of a system a connected input or an output that is connected.
+            A state, or a connected input or output of a system.
         step : float
-            As in `linearise`.
+            Communication step, s, see `linearise`.
 
         Returns
         -------
@@ -180,36 +181,36 @@ class LinearSubject:
         UserError
             If there is no such signal, or nothing is connected to it.
         """
-        fed_name = f"cut({cut})"
-        cut_ones = self._connections(cut)
-        if cut_ones:
-            blocks = self._blocks(point, cut_ones, step)
-            fed = {str(c.target): c.factor for c in cut_ones}
-            back = str(cut_ones[0].source)
+        input = f"cut({cut})"
+        cuts = self._connections(cut)
+        if cuts:
+            blocks = self._blocks(point, cuts, step)
+            factors = {str(c.target): c.factor for c in cuts}
+            output = str(cuts[0].source)
         else:
             self._check_state(cut)
             blocks = self._blocks(point, (), step).cut_at(cut)
-            fed = {fed_name: 1.0}
-            back = cut
-        kept = blocks.between(list(fed), [back])
-        matrices = assemble(kept, [back], step)
-        factors = np.array(list(fed.values()))[:, None]
-        turned = replace(matrices, B=matrices.B @ factors, C=-matrices.C, D=-matrices.D @ factors)
+            factors = {input: 1.0}
+            output = cut
+        path = blocks.between(list(factors), [output])
+        matrices = assemble(path, [output], step)
+        column = np.array(list(factors.values()))[:, None]
+        loop = replace(matrices, B=matrices.B @ column, C=-matrices.C, D=-matrices.D @ column)
         notes = _notes(point)
-        if matrices.period and any(kept.rates[:, -len(fed) :].ravel()):
+        if matrices.period and path.rates[:, -len(factors) :].any():
             notes += (
-                f"{cut} is read between samples, too: behind the cut it is held for"
+                f"{cut} also acts between samples, but behind the cut it is constant for"
                 f" {matrices.period:g} s, which is another loop than the closed one; cut at a"
                 " signal that is only sampled",
             )
         if not matrices.states and not matrices.D.any():
             notes += (f"nothing comes back to the cut: no loop goes through {cut} here",)
-        units = self.units | {fed_name: self.units.get(cut, self.units.get(back, ""))}
+        units = self.units | {input: self.units.get(cut, self.units.get(output, ""))}
         return LinearModel(
             self.name,
-            turned,
-            (fed_name,),
-            (back,),
+            loop,
+            (input,),
+            (output,),
             units,
             self._complete(point),
             _BY_LAWS,
@@ -223,6 +224,7 @@ class LinearSubject:
         return [c for c in connections if cut in (str(c.source), str(c.target))]
 
     def _check_state(self, cut: str) -> None:
+        """Raise if there is no state of a name."""
         layout = self.graph.layout
         if cut in [v.name for v in (*layout.states, *layout.discretes)]:
             return
@@ -240,6 +242,7 @@ def _arrow(connection: Connection) -> str:
 
 
 def _notes(point: OperatingPoint) -> tuple[str, ...]:
+    """Return notes on undetermined and drifting states of an equilibrium."""
     lines = [
         f"{name} is not determined by the equilibrium; it stays at {point.values[name]:.6g}"
         for name in point.undetermined
@@ -253,13 +256,13 @@ def _real(variables: Sequence[Declaration]) -> list[str]:
 
 
 def subject_of(model: type[Component] | System, name: str = "") -> LinearSubject:
-    """Return what is linearised of a component or of a system of components.
+    """Return the equations of a component or a system of components, for linearisation.
 
     Parameters
     ----------
     model : type[Component] or System
     name : str
-        For messages and results; its own unless given.
+        Name for messages and results; that of the model if empty.
 
     Raises
     ------
@@ -280,6 +283,7 @@ def subject_of(model: type[Component] | System, name: str = "") -> LinearSubject
 
 
 def _check_laws(cls: type[Component], name: str) -> None:
+    """Raise if a component has an engine in place of laws."""
     if cls.engine is not None:
         raise UserError(
             f"{name} is computed by an engine, such as a rig at the end of a cable, and has no laws"

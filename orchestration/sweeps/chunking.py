@@ -1,6 +1,6 @@
-"""Chunks of cases for workers, whose size follows how long cases take.
+"""Chunks of cases for workers, of a size that adapts to the time that cases take.
 
-A chunk is so large that handing it over costs little, and so small that little is lost with it.
+A chunk is large enough to make its transfer cheap, and small enough to lose little with it.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from collections.abc import Sequence
 from orchestration.sweeps.task import Task
 
 LARGEST = 1024  # cases
-SECONDS = 0.05  # that a chunk is to take, and a Ctrl-C has to wait for
+SECONDS = 0.05  # duration of a chunk, for which a Ctrl-C must wait
 _BYTES = 16_000_000  # of the traces of a chunk, at most, unless one case has more
-_GROWTH = 4  # at most, from one chunk to the next
-QUEUED = 2  # chunks that each worker is given ahead of need
+_GROWTH = 4  # largest ratio of the sizes of consecutive chunks
+QUEUED = 2  # chunks in the queue of each worker
 
 
 class Chunks:
-    """The cases that are still to be run, handed out in chunks.
+    """Queue of the cases that are still to be run, in chunks.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class Chunks:
     which : sequence of int
         Rows of the cases.
     count : int
-        Workers that run them in parallel: none gets so much that others have nothing to do.
+        Workers that run them in parallel, and among which the cases are divided.
     """
 
     def __init__(self, task: Task, which: Sequence[int], count: int = 1):
@@ -40,11 +40,11 @@ class Chunks:
         return bool(self._waiting)
 
     def next(self) -> list[int]:
-        """Take the rows of the next chunk."""
+        """Remove the next chunk from the queue and return its rows."""
         share = -(-len(self._waiting) // (2 * self._count))  # rounded up
         return [self._waiting.popleft() for _ in range(min(self._size, share))]
 
-    def took(self, cases: int, seconds: float) -> None:
-        """Adapt the size of chunks to how long some cases took."""
-        wanted = int(SECONDS * cases / max(seconds, 1e-9))
-        self._size = max(1, min(self._most, wanted, _GROWTH * max(cases, self._size)))
+    def adapt(self, cases: int, seconds: float) -> None:
+        """Adapt the size of chunks to the time that a number of cases took."""
+        target = int(SECONDS * cases / max(seconds, 1e-9))
+        self._size = max(1, min(self._most, target, _GROWTH * max(cases, self._size)))

@@ -1,6 +1,6 @@
 """Workers of a Dask cluster that run the cases of a sweep.
 
-Their machines need this package, and nothing else of the sweep: its files travel with it.
+Their machines need this package alone: the files of the sweep are sent to them.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from fmus.kit.storage import scratch
 from orchestration.reporting import option
 from orchestration.sweeps.chunking import QUEUED, Chunks
 from orchestration.sweeps.local_workers import RowsAndOutcomes
-from orchestration.sweeps.task import CaseRunner, Outcomes, Task, failed
+from orchestration.sweeps.task import CaseRunner, Outcomes, Task, failed_case
 
-_PATIENCE = 30.0  # s without a result, after which the cluster must still have workers
+_PATIENCE = 30.0  # s without a result after which the cluster is checked for workers
 
 
 @dataclass(frozen=True)
 class TaskBundle:
-    """A task bundled with the files that it names, which the machines of a cluster do not have.
+    """A task with the contents of its files, for machines that do not have these files.
 
     Attributes
     ----------
     task : Task
     files : tuple of bytes
-        Those of its source.
+        Contents of the files of its source.
     library : bytes
-        Compiled code; empty without.
+        Compiled code; empty if the FMU runs the cases.
     digest : str
-        Of all of these.
+        SHA-256 of all of these.
     """
 
     task: Task
@@ -49,7 +49,7 @@ class TaskBundle:
 
 
 def bundle(task: Task) -> TaskBundle:
-    """Bundle a task with its files."""
+    """Return a task with the contents of its files."""
     contents = tuple(path.read_bytes() for path in task.source.files)
     library = task.equations.library.read_bytes() if task.equations else b""
     inputs = b"".join(values.tobytes() for values in task.inputs.values())
@@ -60,12 +60,12 @@ def bundle(task: Task) -> TaskBundle:
 def run_on_cluster(
     address: str, task: Task, cases: Array, which: Sequence[int]
 ) -> Iterator[RowsAndOutcomes]:
-    """Run cases on a cluster, and yield their outcomes as they come.
+    """Run cases on a cluster, and yield their outcomes in the order of completion.
 
     Parameters
     ----------
     address : str
-        Of its scheduler, such as ``tcp://10.0.0.5:8786``.
+        Address of its scheduler, such as ``tcp://10.0.0.5:8786``.
     task : Task
     cases : ndarray, shape (n, p)
     which : sequence of int
@@ -74,7 +74,7 @@ def run_on_cluster(
     Yields
     ------
     list of int and Outcomes
-        Rows and their outcomes, in any order. A case fails that ends its worker again and again.
+        Rows and their outcomes. A case fails if it crashes its worker repeatedly.
 
     Raises
     ------
@@ -82,40 +82,39 @@ def run_on_cluster(
         If `distributed` is not installed, there is no such cluster, it has no workers, or they
         cannot run the task.
     """
-    with CaseRunner(task):  # raises here, in one line, if the FMU cannot be opened
+    with CaseRunner(task):  # raises an error here if the FMU cannot be opened
         pass
-    client, threads = _connected(address)
+    client, threads = _connect(address)
     chunks = Chunks(task, which, threads)
-    # cases of chunks whose worker ended, which need not be to blame
+    # cases of chunks whose worker ended; only one of them may be the cause
     suspects: deque[list[int]] = deque()
     running: dict[Any, list[int]] = {}
     try:
-        # as a result, which is made again where the workers that have it end; scattered data would
-        # be lost with them
-        bundled = client.submit(identity, bundle(task), pure=False)
+        # as a result, which Dask computes again if its workers end; scattered data would be lost
+        task_bundle = client.submit(identity, bundle(task), pure=False)
         while chunks or running or suspects:
             is_alone = not chunks and not running  # a suspect runs alone
             while (chunks or is_alone) and len(running) < (1 if is_alone else QUEUED * threads):
                 rows = suspects.popleft() if is_alone else chunks.next()
-                # not pure: a chunk that is submitted again is run again
-                running[client.submit(work, bundled, cases[rows], pure=False)] = rows
-            for future in _done(client, running, address):
+                # not pure, so that a chunk that is submitted again is run again
+                running[client.submit(work, task_bundle, cases[rows], pure=False)] = rows
+            for future in _wait_for_chunks(client, running, address):
                 rows = running.pop(future)
                 outcomes = _result(future, task, is_alone, address)
                 if outcomes is None:
                     suspects.extend([row] for row in rows)
                     continue
-                chunks.took(len(rows), outcomes.seconds)
+                chunks.adapt(len(rows), outcomes.seconds)
                 yield rows, outcomes
     finally:
         client.cancel([*running])
-        with suppress(OSError, TimeoutError):  # workers that are gone have nothing to release
+        with suppress(OSError, TimeoutError):  # of workers that have ended
             client.run(release, on_error="ignore")
         client.close()
 
 
-def _connected(address: str) -> tuple[Any, int]:
-    """Return a client of a cluster, and how many cases it can run at once."""
+def _connect(address: str) -> tuple[Any, int]:
+    """Return a client of a cluster, and the number of cases that it runs in parallel."""
     with optional():
         from distributed import Client
     _check_address(address)
@@ -132,9 +131,9 @@ def _connected(address: str) -> tuple[Any, int]:
 
 
 def _check_address(address: str) -> None:
-    """Refuse an address with which no client can be made.
+    """Raise if no client can be made for an address.
 
-    A client that fails half-way waits for long, and says so only at the end.
+    Dask itself would report that only after a long timeout.
     """
     import dask
     from distributed.comm import get_address_host_port
@@ -148,17 +147,18 @@ def _check_address(address: str) -> None:
         raise UserError(
             f"{option('scheduler', address)}: no address of a scheduler, such as tcp://10.0.0.5:8786"
         ) from error
-    certified = Security().get_connection_args("client").get("ssl_context") is not None
-    certified = certified or bool(dask.config.get("distributed.client.security-loader", None))
-    if address.startswith(("tls:", "wss:")) and not certified:
+    has_certificates = Security().get_connection_args("client").get(
+        "ssl_context"
+    ) is not None or dask.config.get("distributed.client.security-loader", None)
+    if address.startswith(("tls:", "wss:")) and not has_certificates:
         raise UserError(
             f"{option('scheduler', address)}: Dask has no certificates for it"
             " (distributed.comm.tls)"
         )
 
 
-def _done(client: Any, running: dict[Any, list[int]], address: str) -> list[Any]:
-    """Wait until some chunks are done, and return them."""
+def _wait_for_chunks(client: Any, running: dict[Any, list[int]], address: str) -> list[Any]:
+    """Wait until at least one chunk is finished, and return the finished ones."""
     from distributed import wait
 
     while True:
@@ -168,15 +168,15 @@ def _done(client: Any, running: dict[Any, list[int]], address: str) -> list[Any]
         except TimeoutError as error:
             if not client.nthreads():
                 raise UserError(
-                    f"{option('scheduler', address)}: all its workers are gone; with"
-                    f" {option('folder')} the same sweep goes on where it was"
+                    f"{option('scheduler', address)}: all its workers have ended; with"
+                    f" {option('folder')} the same sweep goes on after the finished cases"
                 ) from error
 
 
 def _result(future: Any, task: Task, is_alone: bool, address: str) -> Outcomes | None:
-    """Return the outcomes of a chunk; None if its worker ended, and the chunk need not be to blame.
+    """Return the outcomes of a chunk; None if its worker ended, perhaps because of another chunk.
 
-    Dask blames every chunk that a worker was given, including those that it had not begun.
+    Dask reports every chunk in the queue of a worker that ended, also those that had not begun.
     """
     from distributed.scheduler import KilledWorker
 
@@ -186,7 +186,7 @@ def _result(future: Any, task: Task, is_alone: bool, address: str) -> Outcomes |
     except KilledWorker:
         if not is_alone:
             return None
-        return failed(task, f"{task.source.name}: the process that ran it ended")
+        return failed_case(task, f"{task.source.name}: the process that ran it ended")
     except UserError:
         raise
     except Exception as error:
@@ -194,27 +194,26 @@ def _result(future: Any, task: Task, is_alone: bool, address: str) -> Outcomes |
         raise UserError(f"{option('scheduler', address)}: a worker failed ({line})") from error
 
 
-# ---- on a worker
-# --------------------------------------------------------------------------------------------------
+# ---- on a worker ---------------------------------------------------------------------------------
 
-_lock = Lock()  # a worker may have several threads; an instance has one
-# of the newest task: its digest, its runner, the folder of its files
+_lock = Lock()  # a worker may have several threads, an FMU instance only one
+# digest, runner and folder of the newest task
 _open: tuple[str, CaseRunner, Any] | None = None
 
 
-def identity(bundled: TaskBundle) -> TaskBundle:
-    """Return the bundle, which the cluster then keeps as a result for all chunks."""
-    return bundled
+def identity(task_bundle: TaskBundle) -> TaskBundle:
+    """Return the bundle, so that the cluster has it as a result for all chunks."""
+    return task_bundle
 
 
-def work(bundled: TaskBundle, cases: Array) -> Outcomes:
-    """Run cases (k, p) on a worker, which keeps the task open for the next chunk."""
+def work(task_bundle: TaskBundle, cases: Array) -> Outcomes:
+    """Run cases, shape (k, p), on a worker, which keeps the task open for the next chunk."""
     with _lock, _in_worker_folder():
-        return _runner(bundled).run(cases)
+        return _runner(task_bundle).run(cases)
 
 
 def release() -> None:
-    """Close and remove the open task of a worker, unless it is at work; its end removes it, too."""
+    """Close the open task of a worker and remove its files, unless it is running."""
     if _lock.acquire(blocking=False):
         try:
             _close()
@@ -224,7 +223,7 @@ def release() -> None:
 
 @contextmanager
 def _in_worker_folder() -> Iterator[None]:
-    """Unpack files in the folder of the worker while the context lasts.
+    """Make the folder of the worker that of temporary files while the context lasts.
 
     Dask removes that folder even if the process is killed.
     """
@@ -246,35 +245,35 @@ def _close() -> None:
         _open = None
 
 
-def _runner(bundled: TaskBundle) -> CaseRunner:
-    """Return the runner of a task, opened if it is not the newest one."""
+def _runner(task_bundle: TaskBundle) -> CaseRunner:
+    """Return the open runner of a task, which replaces that of another task."""
     global _open
-    if _open is not None and _open[0] == bundled.digest:
+    if _open is not None and _open[0] == task_bundle.digest:
         return _open[1]
     _close()
     folder = scratch.make("sweep")
     try:
         with scratch.written(folder):
-            runner = CaseRunner(_unpack(bundled, folder))
+            runner = CaseRunner(_unpack(task_bundle, folder))
         runner.__enter__()
     except BaseException:
         scratch.remove(folder)
         raise
-    _open = bundled.digest, runner, folder
+    _open = task_bundle.digest, runner, folder
     return runner
 
 
-def _unpack(bundled: TaskBundle, folder: Path) -> Task:
-    """Write the files of a task into a folder, and return the task with them."""
-    source = bundled.task.source
+def _unpack(task_bundle: TaskBundle, folder: Path) -> Task:
+    """Write the files of a task into a folder, and return the task with their new paths."""
+    source = task_bundle.task.source
     copies = []
-    for k, (path, contents) in enumerate(zip(source.files, bundled.files, strict=True)):
-        (folder / str(k)).mkdir()  # two members may have files of one name
+    for k, (path, contents) in enumerate(zip(source.files, task_bundle.files, strict=True)):
+        (folder / str(k)).mkdir()  # files of two members may have the same name
         copies.append(folder / str(k) / path.name)
         copies[-1].write_bytes(contents)
-    task = replace(bundled.task, source=source.with_files(copies))
+    task = replace(task_bundle.task, source=source.with_files(copies))
     if not task.equations:
         return task
     library = folder / task.equations.library.name
-    library.write_bytes(bundled.library)
+    library.write_bytes(task_bundle.library)
     return replace(task, equations=replace(task.equations, library=library))

@@ -1,4 +1,4 @@
-"""Compiled engine of sweeps: cases of a component run by compiled equations, without an FMU."""
+"""Compiled engine of sweeps, which runs cases of a component by compiled equations."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from orchestration.fmu import Model, Value, read_description
 from orchestration.reporting import option
 
 ENGINES = ("auto", "fmu", "compiled")
-# Internal steps of a case, beyond which its FMU runs it: a few tenths of a second, in which no
-# Ctrl-C is heard. Nothing is lost, for there it is the equations that take the time.
+# Most internal steps of a case: a few tenths of a second, during which Ctrl-C has no effect. A case
+# of more steps is run by the FMU, which is as fast then, as the equations take most of the time.
 _MOST = 2e6
 
 
 @dataclass(frozen=True)
 class Equations:
-    """A compiled component, in paths and numbers only, so that it can be sent to a worker.
+    """A compiled component as paths and numbers, which can be sent to a worker.
 
     Attributes
     ----------
     library : Path
-        Of :func:`fmus.kit.record.compiled.plain_library`.
+        Library of :func:`fmus.kit.record.compiled.plain_library`.
     parameters : dict of str to tuple of float
-        Start value, smallest and largest value of each, SI.
+        Start value, minimum and maximum by parameter, SI.
     inputs : dict of str to tuple of float and bool
-        Start value, SI, and whether it is real.
+        Start value, SI, and True for a real, by input.
     outputs, remembered : tuple of str
-        Its outputs, and its states and discrete states, which may be outputs of the FMU, too.
+        Outputs; and states and discrete states, which may also be outputs of the FMU.
     periods : tuple of str
         Parameters that are periods, s.
     tolerance : float
-        Of the integration, relative.
+        Relative tolerance of the integration.
     """
 
     library: Path
@@ -49,24 +49,24 @@ class Equations:
 
 
 def choose_equations(model: Model, engine: str) -> Equations | None:
-    """Choose the engine that runs the cases of a model.
+    """Return the compiled equations for the cases of a model, if the engine uses them.
 
     Parameters
     ----------
     model : Model
     engine : {"auto", "fmu", "compiled"}
-        ``auto`` compiles a component of which the FMU is a native build, and runs the FMU of any
-        other model.
+        ``auto`` compiles a component whose FMU is a native build, and runs the FMU of any other
+        model.
 
     Returns
     -------
     Equations or None
-        None for the FMU.
+        None if the FMU runs the cases.
 
     Raises
     ------
     UserError
-        If there is no such engine, or ``compiled`` is impossible.
+        If there is no such engine, or the model cannot be compiled.
     """
     if engine not in ENGINES:
         raise UserError(f"{option('engine', engine)}: it is one of {', '.join(ENGINES)}")
@@ -81,6 +81,7 @@ def choose_equations(model: Model, engine: str) -> Equations | None:
 
 
 def _equations(model: Model) -> Equations:
+    """Return the equations of a model; raise if it is not a native build of a component here."""
     from fmus.kit.record import plain_library
 
     cls = model.cls
@@ -103,10 +104,10 @@ def _equations(model: Model) -> Equations:
 
 
 class CompiledCases:
-    """Runner of cases by compiled code, in several threads at once if wanted.
+    """Runner of cases by compiled code, which several threads may use.
 
-    A case with a value out of its range, or with a step that fails, stays undecided: it is for the
-    FMU, which says what is wrong, or comes to the same numbers.
+    A case with a value out of its range, or with a step that fails, is left to the FMU, which
+    reports the error or computes the same numbers.
 
     Parameters
     ----------
@@ -126,8 +127,8 @@ class CompiledCases:
         self._starts, self._smallest, self._largest = ranges.T
         self._index = {name: k for k, name in enumerate(equations.parameters)}
         self._periods = [self._index[name] for name in equations.periods]
-        computed = (*equations.outputs, *equations.remembered)
-        self._column = {name: k for k, name in enumerate(computed)}
+        columns = (*equations.outputs, *equations.remembered)
+        self._column = {name: k for k, name in enumerate(columns)}
         try:
             library = equations.library
             self._library = RecordLibrary(
@@ -153,17 +154,17 @@ class CompiledCases:
         inputs : Mapping of str to ndarray, shape (n,)
             In the FMU's units.
         settings : Mapping of str to float or str
-            Parameters that all cases have, in the FMU's units.
+            Parameters of all cases, in the FMU's units.
         over : Mapping of str to ndarray, shape (k,)
-            Parameters of each case, or inputs that it holds.
+            Parameters of each case, or constant inputs.
         outputs : sequence of str
-            Whose traces are wanted, m of them.
+            Names of m outputs.
 
         Returns
         -------
         traces : ndarray, shape (k, n, m)
         decided : ndarray of bool, shape (k,)
-            True for a case that was run; the others are for the FMU.
+            False for cases that are left to the FMU.
         """
         count = len(next(iter(over.values())))
         parameters, has_valid_parameters = self._parameters(count, settings, over)
@@ -182,7 +183,7 @@ class CompiledCases:
     def _parameters(
         self, count: int, settings: Mapping[str, Value], over: Mapping[str, Array]
     ) -> tuple[Array, Mask]:
-        """Return values of parameters (k, p), and whether the FMU would accept them (k,)."""
+        """Return parameters, shape (k, p), and whether the FMU accepts them, shape (k,)."""
         values = np.tile(self._starts, (count, 1))
         is_valid = np.ones(count, bool)
         for name, value in {**settings, **over}.items():
@@ -201,14 +202,15 @@ class CompiledCases:
         settings: Mapping[str, Value],
         over: Mapping[str, Array],
     ) -> tuple[Array, Mask]:
-        """Return inputs (k, n, u), and whether the FMU would accept them (k,).
+        """Return inputs, shape (k, n, u), and whether the FMU accepts them, shape (k,).
 
-        Inputs without a trace are held. With the same inputs in all cases k is 1.
+        Inputs without a trace are constant. With the same inputs in all cases k is 1.
         """
-        described = self._equations.inputs
-        tables = np.empty((count if {*described} & {*over} else 1, points, len(described)))
-        is_valid = np.ones(len(tables), bool)
-        for k, (name, (start, is_real)) in enumerate(described.items()):
+        signals = self._equations.inputs
+        cases = count if {*signals} & {*over} else 1
+        tables = np.empty((cases, points, len(signals)))
+        is_valid = np.ones(cases, bool)
+        for k, (name, (start, is_real)) in enumerate(signals.items()):
             if name in over:
                 tables[:, :, k] = over[name][:, np.newaxis]
             else:

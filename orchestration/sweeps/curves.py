@@ -1,4 +1,4 @@
-"""Numbers of a sweep over its first parameter, as curves of a grid or as points."""
+"""Picture of a sweep: its numbers over the first parameter, as curves of a grid or as points."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from orchestration.reporting import option, pictures
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOST = 6  # panels of a picture, and curves of a legend
+MOST = 6  # panels of a picture, and curves in a legend
 
 
 def names_to_draw(names: Sequence[str]) -> list[str]:
-    """Return as many of the names as a picture has room for."""
+    """Return the first names, one for each panel of a picture."""
     return list(names[:MOST])
 
 
-def describe_left_out(names: Sequence[str]) -> list[str]:
-    """Say in a line, if at all, which of the names a picture has no room for."""
+def describe_omission(names: Sequence[str]) -> list[str]:
+    """Return a line on the names for which a picture has no panel; nothing if it has all."""
     if len(names) <= MOST:
         return []
     return [
@@ -40,7 +40,7 @@ def draw_curves(data: xarray.Dataset) -> Figure:
     Parameters
     ----------
     data : xarray.Dataset
-        Of `orchestration.sweeps.execution.dataset`.
+        As `orchestration.sweeps.execution.dataset` returns it.
 
     Raises
     ------
@@ -51,15 +51,15 @@ def draw_curves(data: xarray.Dataset) -> Figure:
     if not names:
         raise no_numbers()
     first = _parameters(data)[0]
-    across, unit = results.displayed(data[first])
+    x, unit = results.displayed(data[first])
     figure, panels = pictures.panels(len(names), str(data.attrs["model"]))
     for panel, name in zip(panels, names, strict=True):
-        values, own = results.displayed(data[name])
+        values, value_unit = results.displayed(data[name])
         if "case" in data[name].dims:
-            panel.plot(across, values, ".", color=pictures.MODEL)
+            panel.plot(x, values, ".", color=pictures.MODEL)
         else:
-            _draw_grid(panel, data, data[name].copy(data=values), first, across)
-        pictures.label(panel, name, own)
+            _draw_grid(panel, data, data[name].copy(data=values), first, x)
+        pictures.label(panel, name, value_unit)
     if 1 < _count_curves(data[names[0]], first) <= MOST:
         panels[0].legend()
     panels[-1].set_xlabel(first + ("" if unit == "1" else f" [{unit}]"))
@@ -67,18 +67,18 @@ def draw_curves(data: xarray.Dataset) -> Figure:
 
 
 def no_numbers() -> UserError:
-    """Return the refusal of a picture of numbers where none is kept."""
+    """Return the error for a picture of numbers of a sweep that kept none."""
     return UserError(
         "no picture: numbers are drawn over parameters, such as"
         f" {option('keep', ['last'])}, and there are none"
     )
 
 
-def left_out(data: xarray.Dataset) -> list[str]:
-    """Return what the picture of a sweep leaves out, in a line each."""
+def omissions(data: xarray.Dataset) -> list[str]:
+    """Return a line for each omission of the picture of a sweep."""
     numbers = _numbers(data)
     first, *others = _parameters(data)
-    return [*describe_left_out(numbers), *_describe_others(data[numbers[0]], first, others)]
+    return [*describe_omission(numbers), *_describe_others(data[numbers[0]], first, others)]
 
 
 def _numbers(data: xarray.Dataset) -> list[str]:
@@ -92,40 +92,40 @@ def _parameters(data: xarray.Dataset) -> list[str]:
 
 
 def _count_curves(value: xarray.DataArray, first: str) -> int:
-    """Return how many curves a number of a grid is; 0 where its cases are points."""
+    """Return the number of curves of a number of a grid; 0 if its cases are points."""
     return 0 if "case" in value.dims else value.size // value.sizes[first]
 
 
 def _describe_others(value: xarray.DataArray, first: str, others: Sequence[str]) -> list[str]:
-    """Say in a line, if at all, what is not seen of the parameters besides the first."""
-    named = ", ".join(others)
+    """Return a line if the picture does not show or label the parameters after the first."""
+    listed = ", ".join(others)
     curves = _count_curves(value, first)
     if others and not curves:
-        return [f"the picture shows the cases over {first} alone, not over {named}"]
+        return [f"the picture shows the cases over {first} alone, not over {listed}"]
     if curves > MOST:
         return [
-            f"the picture has {curves} curves, from dark to light in the order of {named},"
+            f"the picture has {curves} curves, from dark to light in the order of {listed},"
             " and no room for a legend"
         ]
     return []
 
 
 def _draw_grid(
-    panel: Any, data: xarray.Dataset, value: xarray.DataArray, first: str, across: Any
+    panel: Any, data: xarray.Dataset, value: xarray.DataArray, first: str, x: Any
 ) -> None:
-    """Draw a number over the first parameter of a grid, a curve for all values of the others."""
+    """Draw a number over the first parameter of a grid, a curve per combination of the others."""
     others = [str(dim) for dim in value.dims if dim != first]
-    curves = value.transpose(first, *others).values.reshape(len(across), -1).T
+    curves = value.transpose(first, *others).values.reshape(len(x), -1).T
     shades = np.linspace(1.0, 0.25, len(curves))
     for curve, shade, label in zip(curves, shades, _labels(data, others), strict=True):
-        panel.plot(across, curve, color=pictures.MODEL, alpha=float(shade), label=label)
+        panel.plot(x, curve, color=pictures.MODEL, alpha=float(shade), label=label)
 
 
 def _labels(data: xarray.Dataset, parameters: list[str]) -> list[str]:
-    """Return a label for every combination of values of parameters, the last changing fastest."""
+    """Return a label for every combination of values; the last parameter changes fastest."""
     texts = []
     for name in parameters:
         values, unit = results.displayed(data[name])
         suffix = "" if unit == "1" else f" {unit}"
         texts.append([f"{name} = {value:g}{suffix}" for value in values])
-    return [", ".join(one) for one in product(*texts)]
+    return [", ".join(combination) for combination in product(*texts)]

@@ -38,7 +38,7 @@ def run_sweep(
     progress: Callable[[int, int], None] = lambda done, whole: None,
     scheduler: str | None = None,
 ) -> SweepResult:
-    """Run all cases of a design that were not run yet.
+    """Run the cases of a design that are not in the journal yet.
 
     Parameters
     ----------
@@ -46,15 +46,14 @@ def run_sweep(
     task : Task
     cases : Design
     workers : int
-        Processes; the numbers are the same, bit for bit, however many there are.
+        Number of processes, which does not change a bit of the numbers.
     folder : Path, optional
-        Folder of the journal, from which an interrupted sweep goes on; it stays, and traces are
-        read from there when they are used.
+        Folder of the journal, from which an interrupted sweep is continued. It is not removed, and
+        traces are read from it when they are used.
     progress : callable
-        Called with the number of cases that are done, and of all.
+        Called with the number of finished cases and the number of all.
     scheduler : str, optional
-        Address of a Dask cluster that runs them in place of processes here; the numbers are the
-        same.
+        Address of a Dask cluster that runs the cases, with the same numbers.
 
     Returns
     -------
@@ -64,8 +63,8 @@ def run_sweep(
     Raises
     ------
     UserError
-        If the FMU cannot be opened, or the folder is of another sweep, of another process, or holds
-        something else.
+        If the FMU cannot be opened, or the folder belongs to another sweep, is in use by another
+        process, or has other contents.
     """
     if folder is None:
         check_memory(task, cases)
@@ -86,7 +85,7 @@ def run_sweep(
         result = dataset(model, task, cases, journal)
         if folder is None:
             result.load()
-        del journal  # before its folder is removed: Windows keeps open files
+        del journal  # closes its files, without which Windows does not remove the folder
     return result.assign_attrs(model=model.name, guid=guid, engine=task.engine)
 
 
@@ -96,7 +95,7 @@ def _write(
     outcomes: Outcomes,
     repeats: Mapping[int, Sequence[int]],
 ) -> int:
-    """Write the outcomes of rows for all cases that are identical; return how many these are."""
+    """Write the outcomes of rows for all their repeats, and return the number of written cases."""
     written: list[int] = []
     places: list[int] = []
     for place, row in enumerate(rows):
@@ -109,7 +108,7 @@ def _write(
 def _run_all(
     task: Task, cases: Array, rows: list[int], workers: int, scheduler: str | None
 ) -> Iterator[RowsAndOutcomes]:
-    """Run cases; the FMU runs afterwards those that compiled code leaves undecided."""
+    """Run cases; at the end the FMU runs those that compiled code left undecided."""
     undecided: list[int] = []
     for which, outcomes in _run(task, cases, rows, workers, scheduler):
         undecided += [which[place] for place in outcomes.undecided]
@@ -128,7 +127,7 @@ def _run(
 
 
 def check_memory(task: Task, cases: Design) -> None:
-    """Refuse a sweep whose traces would be held in memory, and are too large for that.
+    """Raise if the traces of a sweep without a folder are too large for the memory.
 
     Raises
     ------
@@ -140,14 +139,14 @@ def check_memory(task: Task, cases: Design) -> None:
     size = 8.0 * len(cases.cases) * len(task.outputs) * len(task.time)
     if size > _MOST_IN_MEMORY:
         raise UserError(
-            f"{option('keep', [TRACE])}: {size / 1e9:.3g} GB of traces, and at most"
-            f" {_MOST_IN_MEMORY / 1e9:g} GB are taken into memory; name a store, such as"
+            f"{option('keep', [TRACE])}: {size / 1e9:.3g} GB of traces, too large for"
+            f" memory (allowed: {_MOST_IN_MEMORY / 1e9:g} GB); name a store, such as"
             f" {option('folder', 'traces.zarr')}"
         )
 
 
 def _repeats(cases: Design, open_cases: Sequence[int]) -> Mapping[int, Sequence[int]]:
-    """Group identical cases by the first of them, which is run for all; only lists have some."""
+    """Return groups of identical cases by the first row, which is run; only lists have repeats."""
     if cases.kind != "list":
         return {row: (row,) for row in open_cases}
     groups: dict[bytes, list[int]] = {}
@@ -165,14 +164,14 @@ def dataset(model: Model, task: Task, cases: Design, journal: SweepJournal) -> S
     task : Task
     cases : Design
     journal : SweepJournal
-        Of all its cases.
+        Outcomes of all cases.
 
     Returns
     -------
     SweepResult
-        A variable for each output and reduction, such as ``displacement_last``, and for each trace;
-        over one dimension for each parameter of a grid, else over ``case`` with the parameters
-        beside it. ``failure`` is a text where a case failed. Everything has its unit.
+        A variable for each output and reduction, such as ``displacement_last``, and for each trace.
+        The dimensions are the parameters of a grid; of another design ``case``, with the parameters
+        as coordinates. ``failure`` has the reasons of failed cases. All variables have units.
     """
     reductions = [name for name in task.keep if name != TRACE]
     numbers = np.array(journal.numbers)
@@ -198,7 +197,7 @@ def dataset(model: Model, task: Task, cases: Design, journal: SweepJournal) -> S
 
 
 def _coordinates(model: Model, cases: Design) -> dict[str, _Variable]:
-    """Return the parameters of a design: dimensions of a grid, else columns beside the cases."""
+    """Return the parameters of a design as coordinates: dimensions of a grid, or values by case."""
     signals = {**model.parameters, **model.inputs}
     coordinates: dict[str, _Variable] = {}
     for one, column in zip(cases.ranges, cases.cases.T, strict=True):
@@ -211,6 +210,7 @@ def _coordinates(model: Model, cases: Design) -> dict[str, _Variable]:
 
 
 def _about(signal: Signal) -> dict[str, str]:
+    """Return units and description of a signal as attributes."""
     return {
         "units": signal.unit,
         "long_name": signal.doc or signal.name,

@@ -1,4 +1,4 @@
-"""Sweep described in a TOML file: an experiment, the values of parameters, and what is kept."""
+"""Sweep in a TOML file: an experiment, values of parameters, and the reductions to keep."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ENDINGS = (".toml",)
 
 
 class SweepTable(ValueTable):
-    """The keys of the file; ``docs/how-to/sweeps.md`` describes them."""
+    """The keys of a sweep file, see ``docs/how-to/sweeps.md``."""
 
     title: str = ""
     experiment: str | dict[str, Any]
@@ -39,35 +39,38 @@ class SweepTable(ValueTable):
     keep: Annotated[list[str], Field(min_length=1)] | None = None
 
     @model_validator(mode="after")
-    def _says_what_is_swept(self) -> SweepTable:
+    def _check_parameters(self) -> SweepTable:
+        """Raise if the values of the parameters are not given in exactly one way."""
         if bool(self.over) == (self.fitted is not None):
             raise ValueError(
-                "says in [over] what parameters go through, or names a fit to draw them from:"
-                " fitted = ..."
+                "needs either values of parameters in [over] or a fit to draw them from, fitted ="
+                " ..."
             )
         if self.fitted is not None and {"design"} & self.model_fields_set:
-            raise ValueError("has a fit to draw parameters from, and a design besides")
+            raise ValueError(
+                "has both a fit to draw parameters from and a design; remove one of them"
+            )
         if self.fitted is not None and self.samples is None:
             raise ValueError(
-                "has a fit to draw parameters from; say how many cases are drawn, such as samples"
-                " = 200"
+                "has a fit to draw parameters from; state the number of cases, such as samples ="
+                " 200"
             )
         return self
 
 
 @dataclass(frozen=True)
 class SweepRequest:
-    """A sweep as a file requests it, checked against its model.
+    """A sweep as a file requests it, after the checks against its model.
 
     Attributes
     ----------
     model : Model
     over : dict of str to str or ndarray
-        The values of each parameter.
+        Values by parameter.
     kind : str
         Design.
     samples : int or None
-        Of a design that chooses values.
+        Samples of a design that chooses values.
     keep : list of str
     time : ndarray, shape (n,)
         Communication points, s.
@@ -98,13 +101,17 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> S
     ----------
     path : Path
     note : callable
-        Called with a line for every remark: repairs in a file, inputs that stay at their start
+        Called with a line for every remark: repairs of a record, inputs that stay at their start
         value.
+
+    Returns
+    -------
+    SweepRequest
 
     Raises
     ------
     UserError
-        If the file cannot be read, or something in it is wrong: one line.
+        If the file cannot be read, or has an error.
     """
     where = str(path)
     if not is_file(path):
@@ -117,7 +124,7 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> S
     over: Mapping[str, str | Array] = (
         _over(table) if fit is None else fit.draws(table.samples, table.seed)
     )
-    # in a tornado a parameter stays at the value of the experiment while another one is moved
+    # in a tornado a parameter keeps the value of the experiment while another one changes
     replaced = {} if table.design == TORNADO else over
     experiment = _without(stated, replaced)
     with subject(experiment, where) as on:
@@ -144,7 +151,7 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> S
 def _model(stated: Experiment, where: str) -> Model:
     """Return the model of an experiment that can be swept."""
     if stated.noise:
-        raise UserError(f"{where}: noise is of what is measured; a sweep has none")
+        raise UserError(f"{where}: a sweep cannot have noise of measurements")
     if stated.component is None:
         system = find_system(str(stated.system), stated.chosen_runtime)
         return system_model(replace(system, step=stated.step or system.step), stated.master)
@@ -152,26 +159,23 @@ def _model(stated: Experiment, where: str) -> Model:
 
 
 def _over(table: SweepTable) -> dict[str, str]:
-    """Return values of parameters as the command line has them."""
+    """Return values of parameters in the notation of the command line."""
     over = {}
     for name, values in table.over.items():
         over[name] = values if isinstance(values, str) else ", ".join(map(str, values))
     return over
 
 
-def _experiment(given: str | dict[str, Any], path: Path) -> Experiment:
-    """Return the experiment that a file states itself or names.
-
-    A name is that of a file beside it, or of an experiment that ships.
-    """
-    if isinstance(given, dict):
-        return parse(given, f"{path}: experiment", str(path.parent))
-    beside = path.parent / given
-    return read(str(beside) if given not in shipped() and is_file(beside) else given)
+def _experiment(entry: str | dict[str, Any], path: Path) -> Experiment:
+    """Return the experiment of a sweep file: a table, or the name of a shipped one or a file."""
+    if isinstance(entry, dict):
+        return parse(entry, f"{path}: experiment", str(path.parent))
+    file = path.parent / entry
+    return read(str(file) if entry not in shipped() and is_file(file) else entry)
 
 
 def _without(experiment: Experiment, swept: Mapping[str, Any]) -> Experiment:
-    """Return an experiment without parameters and inputs that are swept."""
+    """Return an experiment without the parameters and inputs of a sweep."""
     update = {}
     for group in ("parameters", "inputs"):
         values = getattr(experiment, group)

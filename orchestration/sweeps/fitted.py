@@ -1,4 +1,4 @@
-"""Fit read from a file of ``ppy identify --json``, from which parameters of a sweep are drawn."""
+"""Fit in a file of ``ppy identify --json``, from which parameters of a sweep are drawn."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from orchestration.fmu import Model, Value
 from orchestration.fmu.signal import show
 from orchestration.identify.uncertainty import Distribution, Estimate, joint_distribution
 from orchestration.reporting import option
-from orchestration.sweeps.designs import MOST
+from orchestration.sweeps.designs import check_count
 
 
 class _Figures(BaseModel):
-    """A table of the file, in which keys that are not needed here are ignored."""
+    """A table of the file; unknown keys are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
@@ -53,16 +53,16 @@ class _Answer(_Figures):
 
 @dataclass(frozen=True)
 class SweepFit:
-    """A fit that was read from a file, for a model.
+    """A fit from a file, for a model.
 
     Attributes
     ----------
     path : Path
     model : Model
     distribution : Distribution
-        Of its parameters.
+        Distribution of its parameters.
     settings : dict of str to float or str
-        Settings that it was made with.
+        Settings of the model in the fit.
     """
 
     path: Path
@@ -71,13 +71,14 @@ class SweepFit:
     settings: dict[str, Value]
 
     def draws(self, samples: int | None, seed: int) -> dict[str, Array]:
-        """Draw values of the parameters.
+        """Return random values of the parameters.
 
         Parameters
         ----------
         samples : int or None
             Number of draws.
         seed : int
+            Seed of the random numbers.
 
         Returns
         -------
@@ -87,18 +88,17 @@ class SweepFit:
         Raises
         ------
         UserError
-            If the number is missing or out of range, or the model does not allow a drawn value.
+            If the number is missing or out of range, or a draw is out of range of the model.
         """
         if samples is None:
             raise UserError(
-                f"{self.path}: how many cases are drawn from it is said by {option('samples', 200)}"
+                f"{self.path}: state how many cases are drawn from it: {option('samples', 200)}"
             )
         if samples < 1:
             raise UserError(f"{option('samples', samples)}: one or more are drawn from {self.path}")
-        if samples > MOST:
-            raise UserError(f"{samples:.3g} cases; at most {MOST:,} are made")
-        drawn = self.distribution.draws(samples, seed)
-        for name, values in drawn.items():
+        check_count(samples)
+        draws = self.distribution.draws(samples, seed)
+        for name, values in draws.items():
             signal = self.model.parameters[name]
             beyond = values[(values < signal.min) | (values > signal.max)]
             if beyond.size:
@@ -107,10 +107,10 @@ class SweepFit:
                     f" {samples:,} draws are out of range, such as"
                     f" {show(float(beyond[0]), signal)}; allowed is {format_range(signal)}"
                 )
-        return drawn
+        return draws
 
     def differences(self, settings: Mapping[str, Value]) -> list[str]:
-        """Return lines on parameters that are set otherwise than they were in the fit."""
+        """Return a line for each parameter whose setting differs from that in the fit."""
         lines = []
         names = {*self.settings, *settings} & {*self.model.parameters} - {*self.distribution.names}
         for name in sorted(names):
@@ -126,20 +126,24 @@ class SweepFit:
 
 
 def read_fitted(path: Path, model: Model) -> SweepFit:
-    """Read a fit, to draw parameters from.
+    """Read the fit of a model from a file.
 
     Parameters
     ----------
     path : Path
-        What ``ppy identify --json`` or ``ppy compare --fit --json`` wrote.
+        Output of ``ppy identify --json`` or ``ppy compare --fit --json``.
     model : Model
-        Whose parameters they are.
+        Model with the parameters of the fit.
+
+    Returns
+    -------
+    SweepFit
 
     Raises
     ------
     UserError
-        If it cannot be read, is no fit, or of parameters that the model has not or has in another
-        unit.
+        If the file cannot be read or is no fit, or the model does not have its parameters in the
+        same units.
     """
     try:
         given = json.loads(path.read_text(encoding="utf-8"))
@@ -163,21 +167,21 @@ def read_fitted(path: Path, model: Model) -> SweepFit:
 
 
 def _estimate(path: Path, name: str, given: _Parameter, model: Model) -> Estimate:
-    """Return the estimate of a parameter, which the model must have in the same unit."""
+    """Return the estimate of a parameter; raise if the model does not have it in the same unit."""
     if name not in model.parameters:
         raise UserError(
             f"{path}: {model.name} has no parameter {name}; it is a fit of another model"
         )
     unit = model.parameters[name].unit
     if given.unit != unit:
-        raise UserError(f"{path}: {name} is in {given.unit}, and of {model.name} in {unit}")
+        raise UserError(f"{path}: {name} is in {given.unit}, but {model.name} has it in {unit}")
     low, high = given.ci95
     interval = (-np.inf if low is None else low, np.inf if high is None else high)
     return Estimate(given.value, given.value, interval, given.unit)
 
 
 def _correlations(path: Path, fitted: _Fitted) -> dict[tuple[str, str], float]:
-    """Return the correlations by pair; every pair must have one, as none is taken for zero."""
+    """Return the correlations by pair; raise if a pair of parameters does not have exactly one."""
     missing = {frozenset(pair) for pair in combinations(fitted.parameters, 2)}
     for one, other in (correlation.between for correlation in fitted.correlations):
         for name in (one, other):
@@ -194,7 +198,7 @@ def _correlations(path: Path, fitted: _Fitted) -> dict[tuple[str, str], float]:
     for one, other in combinations(fitted.parameters, 2):
         if frozenset((one, other)) in missing:
             raise UserError(
-                f"{path}: the correlation of {one} and {other} is missing; without it nothing can"
+                f"{path}: the correlation of {one} and {other} is missing, so that no case can"
                 " be drawn"
             )
     return {correlation.between: correlation.value for correlation in fitted.correlations}

@@ -1,6 +1,6 @@
 """Local workers that run the cases of a sweep: this process, its threads, or other processes.
 
-A worker that ends takes no case with it.
+If a worker ends, its cases are run again.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from math import inf
 from fmus.kit.arrays import Array
 from orchestration.fmu.isolation import Ended, Limits, Pool
 from orchestration.sweeps.chunking import QUEUED, Chunks
-from orchestration.sweeps.task import CaseRunner, Outcomes, Task, failed
+from orchestration.sweeps.task import CaseRunner, Outcomes, Task, failed_case
 
 RowsAndOutcomes = tuple[list[int], Outcomes]
 Submit = Callable[[Array], "Future[Outcomes]"]
 
-_runner: CaseRunner | None = None  # in a worker
+_runner: CaseRunner | None = None  # of a worker process
 
 
 def run_cases(
     task: Task, cases: Array, which: Sequence[int], count: int = 1
 ) -> Iterator[RowsAndOutcomes]:
-    """Run cases, and yield their outcomes as they come.
+    """Run cases, and yield their outcomes in the order of completion.
 
     Parameters
     ----------
@@ -33,14 +33,14 @@ def run_cases(
     which : sequence of int
         Rows to run.
     count : int
-        Workers: processes besides this one, or its threads for compiled code; with one the cases
-        run here, unless an FMU has limits, which can be kept on another process only.
+        Number of workers: other processes, or threads for compiled code. A single worker is this
+        process, unless an FMU has limits, which can only be enforced on another process.
 
     Yields
     ------
     list of int and Outcomes
-        Rows and their outcomes, in any order with several workers. Cases whose worker ends are run
-        again in smaller chunks; a case fails that ends its worker in a chunk of its own.
+        Rows and their outcomes. If a worker ends, its cases are run again in smaller chunks; a case
+        that ends its worker alone fails.
 
     Raises
     ------
@@ -49,13 +49,13 @@ def run_cases(
     """
     may_run_here = task.limits is None or task.equations
     if may_run_here:
-        with CaseRunner(task) as runner:  # raises here, in one line, if the FMU cannot be opened
+        with CaseRunner(task) as runner:  # raises an error here if the FMU cannot be opened
             if count == 1 or len(which) < 2:
                 chunks = Chunks(task, which)
                 while chunks:
                     rows = chunks.next()
                     outcomes = runner.run(cases[rows])
-                    chunks.took(len(rows), outcomes.seconds)
+                    chunks.adapt(len(rows), outcomes.seconds)
                     yield rows, outcomes
                 return
     with _pool(task, count) as submit:
@@ -79,9 +79,9 @@ def _pool(task: Task, count: int) -> Iterator[Submit]:
 def _run_in_parallel(
     submit: Submit, task: Task, cases: Array, chunks: Chunks, count: int
 ) -> Iterator[RowsAndOutcomes]:
-    """Let workers run all chunks.
+    """Run all chunks by workers.
 
-    A chunk whose worker ends is halved, and halved again, until the case to blame is alone.
+    A chunk whose worker ends is halved again and again, until the case that causes it is alone.
     """
     running: dict[Future[Outcomes], list[int]] = {}
     suspects: list[list[int]] = []
@@ -100,20 +100,20 @@ def _run_in_parallel(
                     suspects += [rows[:half], rows[half:]]
                 else:
                     where = end.state.words(task.source.points(task.time), task.source.name)
-                    yield rows, failed(task, f"{where}: {end.reason}")
+                    yield rows, failed_case(task, f"{where}: {end.reason}")
                 continue
-            chunks.took(len(rows), outcomes.seconds)
+            chunks.adapt(len(rows), outcomes.seconds)
             yield rows, outcomes
 
 
 def _open(task: Task) -> None:
-    """Open the FMU of a worker for as long as the worker lives."""
+    """Open the runner of a worker process for its lifetime."""
     global _runner
     _runner = CaseRunner(task)
     _runner.__enter__()
 
 
 def _work(cases: Array) -> Outcomes:
-    """Run cases (k, p) in a worker."""
+    """Run cases, shape (k, p), in a worker process."""
     assert _runner is not None
     return _runner.run(cases)

@@ -1,4 +1,4 @@
-"""The page of a sweep: what comes out, what moves it, how sure that is, and how it was run."""
+"""Page of a sweep: ranges of its numbers, influence of parameters, failures and reproduction."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from orchestration.sweeps.storage import iterate_pieces
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_REDUCED = {
+_TITLES = {
     "last": "{} at the end",
     "smallest": "smallest {}",
     "largest": "largest {}",
     "mean": "mean of {}",
     "rms": "root mean square of {}",
 }
-_NOTABLE = 0.3  # rank correlation from which on a parameter counts as moving a number
-_NAMED = 2  # parameters in a sentence
-_FEWEST = 8  # cases, below which no correlation is given
+_NOTABLE = 0.3  # least rank correlation of a parameter in the verdict
+_MENTIONS = 2  # most parameters in the verdict
+_FEWEST = 8  # least number of cases for a correlation
 
 
 class Extreme(NamedTuple):
@@ -45,21 +45,21 @@ class Extreme(NamedTuple):
     unit: str
 
     def written(self, digits: int) -> list[str]:
-        """Return both ends to so many digits, in one unit."""
+        """Return smallest and largest value as text, with one prefix of the unit."""
         largest = max(abs(self.smallest), abs(self.largest))
         ends = (self.smallest, self.largest)
         return [write_prefixed(x, self.unit, digits, like=largest) for x in ends]
 
     @property
     def title(self) -> str:
-        """Name for people."""
+        """Title for people."""
         output, _, reduction = self.name.rpartition("_")
-        template = _REDUCED.get(reduction, "")
+        template = _TITLES.get(reduction, "")
         return template.format(in_words(output)) if template and output else in_words(self.name)
 
 
 def extremes(data: xarray.Dataset) -> Iterator[Extreme]:
-    """Yield the smallest and the largest value of everything that a sweep kept.
+    """Yield the range of every number and trace of a sweep.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def extremes(data: xarray.Dataset) -> Iterator[Extreme]:
     Yields
     ------
     Extreme
-        None of what has no finite value.
+        For each variable with a finite value.
     """
     for name, array in data.items():
         if name == "failure":
@@ -90,18 +90,18 @@ def sweep_page(
     tables: list[Table],
     command: str,
 ) -> Page:
-    """Make the page.
+    """Return the page of a sweep.
 
     Parameters
     ----------
     data : xarray.Dataset
-        Of a sweep.
+        Outcomes of the sweep.
     draw : callable
-        Draws the picture of the sweep, or raises a UserError where there is none.
+        Draws the picture of the sweep, or raises a UserError if it has none.
     tables : list of rich.table.Table
-        Of the analysis that belongs to the design of the sweep.
+        Tables of the analysis of the design.
     command : str
-        That made it, to be repeated.
+        Command that repeats the sweep.
 
     Returns
     -------
@@ -128,12 +128,12 @@ def sweep_page(
 
 
 def case_count(data: xarray.Dataset) -> int:
-    """Return how many cases a sweep has."""
+    """Return the number of cases of a sweep."""
     return int(np.prod([data.sizes[d] for d in data.dims if d != "time"]))
 
 
 def _range_sentence(data: xarray.Dataset, ranges: list[Extreme]) -> str:
-    """Return from where to where the first number goes."""
+    """Return a sentence on the range of the first number."""
     cases = case_count(data)
     if not ranges:
         return f"Not one of the {cases:,} cases could be run."
@@ -143,7 +143,7 @@ def _range_sentence(data: xarray.Dataset, ranges: list[Extreme]) -> str:
 
 
 def _verdict(data: xarray.Dataset, ranges: list[Extreme]) -> str:
-    """Return which parameters move the first number most, by rank correlation."""
+    """Return a sentence on the parameters with the largest effect on the first number."""
     correlations = _correlations(data, ranges[0].name) if ranges else {}
     moves = [
         f"{'rises' if r > 0.0 else 'falls'} with {in_words(name)} (rank correlation {r:+.2f})"
@@ -151,34 +151,35 @@ def _verdict(data: xarray.Dataset, ranges: list[Extreme]) -> str:
         if abs(r) > _NOTABLE
     ]
     if moves:
-        return f"It {' and '.join(moves[:_NAMED])}."
+        return f"It {' and '.join(moves[:_MENTIONS])}."
     return f"Swept: {', '.join(map(in_words, parameters_of(data)))}."
 
 
 def _correlations(data: xarray.Dataset, name: str) -> dict[str, float]:
-    """Return how the ranks of a number go with those of every parameter over all cases."""
+    """Return the rank correlation of a number with every parameter that varies."""
     value = data[name]
     if "time" in value.dims or value.size < _FEWEST:
         return {}
     correlations = {}
     for parameter in parameters_of(data):
-        swept, number = xarray.broadcast(data[parameter], value)
-        known = np.isfinite(number.values)
-        one, other = (ranks(x.values[known]) for x in (swept, number))
-        if np.ptp(one) > 0.0 and np.ptp(other) > 0.0:
-            correlations[parameter] = float(np.corrcoef(one, other)[0, 1])
+        values, number = xarray.broadcast(data[parameter], value)
+        finite = np.isfinite(number.values)
+        x = ranks(values.values[finite])
+        y = ranks(number.values[finite])
+        if np.ptp(x) > 0.0 and np.ptp(y) > 0.0:
+            correlations[parameter] = float(np.corrcoef(x, y)[0, 1])
     return correlations
 
 
 def _add_table(page: Page, table: Table) -> None:
-    """Add a table of a terminal."""
+    """Add a table of the terminal to the page."""
     head = [str(column.header) for column in table.columns]
     columns = [[str(cell) for cell in column.cells] for column in table.columns]
     page.table(head, [list(row) for row in zip(*columns, strict=True)])
 
 
 def _add_picture(page: Page, draw: Callable[[], Figure]) -> None:
-    """Add the picture of the sweep, if it has one."""
+    """Add the picture of the sweep to the page, if it has one."""
     try:
         figure = draw()
     except UserError:
@@ -191,7 +192,7 @@ def _add_picture(page: Page, draw: Callable[[], Figure]) -> None:
 
 
 def _next_steps(data: xarray.Dataset) -> list[str]:
-    """Return what to ask next, by the design of the sweep."""
+    """Return suggestions for further sweeps, by the design of this one."""
     steps = {
         "grid": (
             "Find out which parameters matter most:"
@@ -199,28 +200,28 @@ def _next_steps(data: xarray.Dataset) -> list[str]:
         ),
         "tornado": "Sweep the parameters at the top of the tornado alone, on a finer grid.",
     }
-    design = str(data.attrs["design"])
-    return [
-        *([f"Look at the {len(failures(data))} cases that failed."] if failures(data) else []),
-        steps.get(design, "Sweep the parameters that matter alone, on a grid."),
+    lines = [
+        steps.get(str(data.attrs["design"]), "Sweep the parameters that matter alone, on a grid."),
         f"Keep the cases for other tools with {option('out', 'sweep.nc')}.",
     ]
+    reasons = failures(data)
+    return [f"Look at the {len(reasons)} cases that failed.", *lines] if reasons else lines
 
 
 def _certainty(data: xarray.Dataset) -> list[str]:
-    """Return how many cases the numbers rest on, and which of them failed."""
-    failed = failures(data)
-    lines = [f"{case_count(data):,} cases were run; {len(failed)} of them failed."]
-    if failed:
-        lines.append(f"The first: {failed[0]}.")
-    kept = {str(name).rpartition("_")[2] for name in data} & set(REDUCTIONS)
-    if kept:
-        lines.append(f"Of every trace the {', '.join(sorted(kept))} was kept.")
+    """Return sentences on the numbers of cases and failures, and on the reductions."""
+    reasons = failures(data)
+    lines = [f"{case_count(data):,} cases were run; {len(reasons)} of them failed."]
+    if reasons:
+        lines.append(f"The first: {reasons[0]}.")
+    reductions = {str(name).rpartition("_")[2] for name in data} & set(REDUCTIONS)
+    if reductions:
+        lines.append(f"Of every trace the {', '.join(sorted(reductions))} was kept.")
     return lines
 
 
 def _ranges(data: xarray.Dataset) -> Iterator[list[str]]:
-    """Yield every parameter with the ends of what it went through."""
+    """Yield every parameter with its smallest and largest value."""
     for name in parameters_of(data):
         values: Array = data[name].values
         unit = str(data[name].units)

@@ -1,4 +1,4 @@
-"""Picture of a sweep, or of its analysis: the one that its dimensions call for."""
+"""Picture of a sweep or its analysis, chosen by the dimensions of the dataset."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ if TYPE_CHECKING:
 
 @draw.register(SweepResult)
 def draw_sweep(data: SweepResult) -> Figure:
-    """Draw numbers over parameters; indices, a tornado or bands of what was analysed.
+    """Draw a sweep as numbers over parameters, or its analysis as indices, tornado or bands.
 
     Raises
     ------
     UserError
-        If there is nothing to draw, or it is a part of a sweep only.
+        If there is nothing to draw, or the dataset is only a part of a sweep.
     """
     dimensions = {str(name) for name in data.dims}
-    swept = {*str(data.attrs.get("over", "")).split()}
+    parameters = {*str(data.attrs.get("over", "")).split()}
     if {"parameter", "index"} <= dimensions:
         return indices.draw(data)
     if {"parameter", "end"} <= dimensions:
         return one_at_a_time.draw(data)
     if "quantile" in dimensions:
         return prediction_bands.draw(data)
-    if swept and ("case" in dimensions or swept <= dimensions):
+    if parameters and ("case" in dimensions or parameters <= dimensions):
         return draw_curves(data)
-    raise UserError("this is a part of a sweep, of which there is no picture; draw the whole")
+    raise UserError("a part of a sweep has no picture; draw the whole sweep")

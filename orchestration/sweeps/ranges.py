@@ -1,6 +1,6 @@
-"""Ranges: the values that a parameter of a sweep goes through, written in one line.
+"""Ranges: the values of a parameter of a sweep, in a line.
 
-Such as ``R1=0.3..0.7:41``, ``C=1e-3..1e-1:7 log`` or ``k1=6.3 N/mm, 9 N/mm``.
+Examples are ``R1=0.3..0.7:41``, ``C=1e-3..1e-1:7 log`` and ``k1=6.3 N/mm, 9 N/mm``.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Range:
-    """The values that a parameter goes through.
+    """The values of a parameter in a sweep.
 
     Attributes
     ----------
     name : str
-        Parameter, or an input that is held.
+        Parameter, or constant input.
     unit : str
-        Of the signal in the model.
+        Unit in the model.
     values : ndarray, shape (n,)
-        In that unit; both ends of a range whose values a design chooses.
+        In that unit; only both ends if a design chooses the values.
     logarithmic : bool
-        True if values have equal ratios, not equal differences.
+        True if values have equal ratios instead of equal differences.
     counted : bool
-        True if the values are given, and not only the ends.
+        True if `values` has all values, not only the ends.
     """
 
     name: str
@@ -55,20 +55,24 @@ class Range:
 
 
 def read_range(text: str, model: Model) -> Range:
-    """Read the range of one parameter.
+    """Read the range of a parameter.
 
     Parameters
     ----------
     text : str
-        ``NAME=FROM..TO:COUNT``, both ends among the values; ``NAME=FROM..TO`` for a design that
-        chooses them; either with ``log`` behind it for equal ratios; or ``NAME=VALUE, VALUE, ...``.
-        Values may have units; that of TO holds for a FROM without one.
+        ``NAME=FROM..TO:COUNT``, including both ends; ``NAME=FROM..TO`` for a design that chooses
+        the values; either with a final ``log`` for equal ratios; or ``NAME=VALUE, VALUE, ...``.
+        Values may have units; a FROM without a unit has that of TO.
     model : Model
+
+    Returns
+    -------
+    Range
 
     Raises
     ------
     UserError
-        If it is no such line, the model has no such parameter, or a value is not allowed.
+        If the text is not of this form, the model has no such parameter, or a value is not allowed.
     """
     name, equals, given = (part.strip() for part in text.partition("="))
     if not equals or not given:
@@ -76,29 +80,29 @@ def read_range(text: str, model: Model) -> Range:
     signal = _signal(name, model, text)
     match = _RANGE.match(given)
     if match is None:
-        listed = [_value(one, signal, text) for one in given.split(",")]
-        return Range(name, signal.unit, np.array(listed))
+        numbers = [_value(word, signal, text) for word in given.split(",")]
+        return Range(name, signal.unit, np.array(numbers))
     low = _value(_with_unit_of(match["high"], match["low"]), signal, text)
     high = _value(match["high"], signal, text)
     is_logarithmic = bool(match["log"])
     if not low < high:
         raise UserError(
-            f"{_over(text)}: a range goes up, which {low:g} to {high:g} {signal.unit} does not"
+            f"{_over(text)}: a range goes up, but {low:g} to {high:g} {signal.unit} does not"
         )
     if is_logarithmic and low <= 0.0:
         raise UserError(
-            f"{_over(text)}: equal ratios need positive ends, which {low:g} {signal.unit} is not"
+            f"{_over(text)}: equal ratios need positive ends, not {low:g} {signal.unit}"
         )
     if match["count"] is None:
         ends = np.array((low, high))
         return Range(name, signal.unit, ends, is_logarithmic, counted=False)
-    divide = np.geomspace if is_logarithmic else np.linspace
-    values = divide(low, high, _count(match["count"].strip(), text))
+    spaced = np.geomspace if is_logarithmic else np.linspace
+    values = spaced(low, high, _count(match["count"].strip(), text))
     return Range(name, signal.unit, values, is_logarithmic)
 
 
 def given_range(name: str, values: Sequence[float] | Array, model: Model) -> Range:
-    """Return the range of values that are given as numbers; a million of them cost nothing.
+    """Return the range of values that are numbers already.
 
     Parameters
     ----------
@@ -118,13 +122,13 @@ def given_range(name: str, values: Sequence[float] | Array, model: Model) -> Ran
         raise UserError(f"{name}: values of shape {array.shape}; a row of them is swept")
     if not np.isfinite(array).all():
         raise UserError(f"{name}: a value is not a number, or not finite")
-    for extreme in (array.min(), array.max()):  # if both are allowed, all between them are
+    for extreme in (array.min(), array.max()):  # all values between them are allowed if they are
         _value(repr(float(extreme)), signal, f"{name}={extreme:g}")
     return Range(name, signal.unit, array)
 
 
 def _signal(name: str, model: Model, text: str) -> Signal:
-    """Return the real parameter or input of a name."""
+    """Return the real parameter or input of a name; raise if the model has none."""
     known = {**model.parameters, **model.inputs}
     if name not in known:
         raise UserError(
@@ -138,21 +142,22 @@ def _signal(name: str, model: Model, text: str) -> Signal:
 
 
 def _over(text: str) -> str:
-    """Return the option that gives a range, as it is written."""
+    """Return the option with a range, for messages."""
     name, equals, values = (part.strip() for part in text.partition("="))
     return option("over", {name: values} if equals else name)
 
 
 def _count(given: str, text: str) -> int:
+    """Return the number of values of a range; raise if it is not 2 to `MOST`."""
     if not given.isdigit() or not 2 <= int(given) <= MOST:
         raise UserError(
-            f"{_over(text)}: {given or 'nothing'} is no count of values, which is 2 to {MOST:,}"
+            f"{_over(text)}: {given or 'nothing'} is no number of values (allowed: 2 to {MOST:,})"
         )
     return int(given)
 
 
 def _with_unit_of(other: str, given: str) -> str:
-    """Return an amount that has the unit of another one unless it has its own."""
+    """Return a value with the unit of another one if it has none."""
     return f"{given} {_unit(other)}" if not _unit(given) else given
 
 
@@ -164,5 +169,5 @@ def _unit(given: str) -> str:
 def _value(given: str, signal: Signal, text: str) -> float:
     value = read_setting(given.strip(), signal, _over(text))
     if isinstance(value, str) or not np.isfinite(value):
-        raise UserError(f"{_over(text)}: {given.strip()!r} is no number")
+        raise UserError(f"{_over(text)}: {given.strip()!r} is not a number")
     return float(value)

@@ -1,4 +1,4 @@
-"""Reductions of an output's trace to the numbers that a sweep keeps of it."""
+"""Reductions of the trace of an output to numbers."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ KEPT = ("last", "smallest", "largest")  # by default
 
 
 def checked_reductions(names: Sequence[str]) -> list[str]:
-    """Return the names of what is kept, each once.
+    """Return names of reductions without repeats.
 
     Raises
     ------
     UserError
-        If a name is not known, or there is none.
+        If a name is not known, or there are no names.
     """
     known = [*REDUCTIONS, TRACE]
     for name in names:
@@ -42,19 +42,19 @@ def checked_reductions(names: Sequence[str]) -> list[str]:
 
 
 def reduce_traces(traces: Array, names: Sequence[str]) -> Array:
-    """Reduce traces to numbers.
+    """Return numbers of traces.
 
     Parameters
     ----------
     traces : ndarray, shape (k, n, m)
-        Of k cases, over n points, of m outputs.
+        Traces of m outputs in k cases, at n points.
     names : sequence of str
-        Reductions, r of them; ``trace`` is ignored.
+        Names of r reductions; ``trace`` is ignored.
 
     Returns
     -------
     ndarray, shape (k, r, m)
     """
     cases, _, outputs = traces.shape
-    kept = [REDUCTIONS[name](traces) for name in names if name != TRACE]
-    return np.stack(kept, axis=1) if kept else np.empty((cases, 0, outputs))
+    numbers = [REDUCTIONS[name](traces) for name in names if name != TRACE]
+    return np.stack(numbers, axis=1) if numbers else np.empty((cases, 0, outputs))

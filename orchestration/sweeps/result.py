@@ -1,4 +1,4 @@
-"""The result of a sweep, or of its analysis: a dataset with a picture."""
+"""Result of a sweep or its analysis: a dataset with a picture."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ if TYPE_CHECKING:
 
 
 class SweepResult(ResultDataset):
-    """The cases of a sweep, or what an analysis makes of them; a dataset of xarray.
+    """The cases of a sweep, or an analysis of them; a dataset of xarray.
 
-    A notebook shows its picture beside its variables; ``plot()`` draws it, and
-    ``plot("file.png")`` writes it as well.
+    A notebook shows its picture and its variables; ``plot()`` draws the picture, and
+    ``plot("file.png")`` also writes it.
     """
 
     __slots__ = ()
 
     def to_frame(self) -> pandas.DataFrame:
-        """Return a table with a row for each case; of a sweep that kept traces alone, over time."""
+        """Return a DataFrame with a row per case; per case and time if only traces were kept."""
         numbers = [name for name, value in self.items() if "time" not in value.dims]
         return (self[numbers] if numbers else self).to_dataframe().reset_index()

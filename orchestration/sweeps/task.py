@@ -1,4 +1,4 @@
-"""Task of a sweep, which all its cases share, and the runner that turns cases into outcomes."""
+"""Task of a sweep, which is common to its cases, and the runner of cases."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from orchestration.sweeps.reductions import TRACE, reduce_traces
 
 @dataclass(frozen=True)
 class Task:
-    """The part of a sweep that all cases share: numbers and paths only, so that it can be sent.
+    """The part of a sweep that is common to all cases, as numbers and paths, which can be sent.
 
     Attributes
     ----------
     source : Source
-        Of its runs: an FMU or a system.
+        Source of the runs: an FMU or a system.
     names : tuple of str
-        Names of the values of a case: parameters, or inputs that are held.
+        Names of the values of a case: parameters or constant inputs.
     settings : dict of str to float or str
         Other parameters, in the FMU's units.
     time : ndarray, shape (n,)
@@ -34,13 +34,13 @@ class Task:
     inputs : dict of str to ndarray, shape (n,)
         In the FMU's units.
     outputs : tuple of str
-        Outputs that are kept, m of them.
+        Names of m outputs to keep.
     keep : tuple of str
-        Reductions, r of them, and ``trace`` for the whole trace.
+        Names of r reductions, and ``trace`` for the whole trace.
     equations : Equations, optional
-        Compiled code that runs the cases; else the FMU does.
+        Compiled code that runs the cases; without it the FMU does.
     limits : Limits, optional
-        Of a process beside this one in which the FMU runs; else it may run in this one.
+        Limits of a separate process for the FMU; without them it may run in this process.
     """
 
     source: Source
@@ -71,15 +71,15 @@ class Outcomes:
     Attributes
     ----------
     numbers : ndarray, shape (k, r, m)
-        By reductions and outputs, in the FMU's units; NaN where a case failed.
+        Numbers by case, reduction and output, in the FMU's units; NaN where a case failed.
     traces : ndarray, shape (k, n, m) or (k, 0, m)
-        The whole traces, where they are kept.
+        Whole traces, if they are kept.
     failures : dict of int to str
-        The reason of each failed case, by its place.
+        Reasons of failed cases by index.
     undecided : tuple of int
-        Places of cases that only the FMU can run.
+        Indices of cases that only the FMU can run.
     seconds : float
-        Time that all took.
+        Duration of all cases.
     """
 
     numbers: Array
@@ -89,14 +89,14 @@ class Outcomes:
     seconds: float = 0.0
 
     def at(self, places: Sequence[int]) -> Outcomes:
-        """Return the outcomes at some places, as often as they are named."""
+        """Return the outcomes at indices, which may be repeated."""
         failures = {
             k: self.failures[place] for k, place in enumerate(places) if place in self.failures
         }
         return Outcomes(self.numbers[[*places]], self.traces[[*places]], failures, (), self.seconds)
 
 
-def failed(task: Task, reason: str) -> Outcomes:
+def failed_case(task: Task, reason: str) -> Outcomes:
     """Return the outcomes of one case that failed."""
     return _reduce(task, np.full((1, len(task.time), len(task.outputs)), np.nan), {0: reason})
 
@@ -104,7 +104,7 @@ def failed(task: Task, reason: str) -> Outcomes:
 def _reduce(
     task: Task, traces: Array, failures: dict[int, str], undecided: Sequence[int] = ()
 ) -> Outcomes:
-    """Return outcomes with what the task keeps of traces (k, n, m)."""
+    """Return outcomes with the numbers and traces, shape (k, n, m), that a task keeps."""
     kept = traces if TRACE in task.keep else traces[:, :0]
     return Outcomes(reduce_traces(traces, task.keep), kept, failures, tuple(undecided))
 
@@ -119,7 +119,7 @@ class CaseRunner:
     Raises
     ------
     UserError
-        If it cannot be opened.
+        If the FMU or the library of compiled code cannot be opened.
     """
 
     def __init__(self, task: Task):
@@ -137,12 +137,16 @@ class CaseRunner:
             self._fmu.__exit__(*error)
 
     def run(self, cases: Array) -> Outcomes:
-        """Run cases from the start; a case that the FMU refuses fails.
+        """Run cases from their start values; errors of the FMU become failures.
 
         Parameters
         ----------
         cases : ndarray, shape (k, p)
             Values of the task's names, in the FMU's units.
+
+        Returns
+        -------
+        Outcomes
         """
         begin = time.perf_counter()
         compiled = self._compiled
@@ -150,14 +154,14 @@ class CaseRunner:
         return replace(outcomes, seconds=time.perf_counter() - begin)
 
     def _by_equations(self, compiled: CompiledCases, cases: Array) -> Outcomes:
-        """Run cases together; what compiled code does not decide is left to the FMU."""
+        """Run all cases together by compiled code, which may leave some undecided."""
         task = self.task
         over = dict(zip(task.names, cases.T, strict=True))
         traces, decided = compiled.run(task.time, task.inputs, task.settings, over, task.outputs)
         return _reduce(task, traces, {}, np.flatnonzero(~decided).tolist())
 
     def _by_fmu(self, cases: Array) -> Outcomes:
-        """Run cases one after another; a value is set as a parameter, or held as an input."""
+        """Run cases one after another by the FMU, with values as parameters or constant inputs."""
         task = self.task
         fmu = self._fmu
         assert fmu is not None

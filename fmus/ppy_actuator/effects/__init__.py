@@ -1,10 +1,10 @@
 """Known ways the actuator model is wrong, each relaxing one assumption of the README.
 
 Every effect is a mixin that overrides laws (never an output) through ``super()``, so that it serves
-the force-driven and the length-driven actuator, and stacks with the others. At its neutral
-parameter value the laws give the bits of the base model whatever the effect's own state holds: what
-it adds is multiplied by zero. An id is that of a family; its further shapes have the same one, and
-a qualifier.
+all causalities of the actuator, and stacks with the others. At its neutral parameter value the laws
+equal those of the base model to the last bit, for any value of the effect's own states, because
+added terms are multiplied by zero. Effects of one family share an id; all but the first have a
+qualifier.
 """
 
 from __future__ import annotations

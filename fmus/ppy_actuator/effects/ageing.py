@@ -159,8 +159,8 @@ class SelfHeating(ActuatorEffect):
     )
 
     def dissipation(self) -> Any:
-        """Power turned into heat: V i less what the films store; over the base model R1 (dQ/dt)^2 +
-        V^2 / R2.
+        """Dissipated power, V i less the power stored in the films; R1 (dQ/dt)^2 + V^2 / R2 over
+        the base model.
         """
         return (
             self.terminal_voltage() * self.drawn_current()

@@ -7,24 +7,23 @@ from typing import Any
 from ...kit import Parameter, Size, State, Term, absolute, exp, sqrt, tanh, where
 from .base import ActuatorEffect
 
-# Time constant below which a lag is not resolved, in seconds. A lag of zero time would be
-# infinitely stiff.
+# Time constant in seconds below which a lag is not resolved; at zero it would be infinitely stiff.
 _SHORTEST_LAG = 0.05
 
 
 def _regular(time: Any) -> Any:
-    """Time constant of a lag, which is not zero where the lag is: T + m exp(-T / m).
+    """Return the regularised time constant of a lag, T + m exp(-T / m).
 
-    It rises with the lag from m on and is the lag's own where that is several times m, as that of a
-    sensor (`fmus.kit.sensors.sensor_lag`).
+    It is m at T = 0 and approaches T where T is several times m, as in
+    `fmus.kit.sensors.sensor_lag`.
     """
     return time + _SHORTEST_LAG * exp(-time / _SHORTEST_LAG)
 
 
-# z^2 below which tanh(z)/z is taken from its series; what is left out is below rounding, and in the
-# slope below 1e-12.
+# z^2 below which tanh(z)/z is computed from its series; the truncation error is below rounding, and
+# that of the slope below 1e-12.
 _SMALL = 1e-6
-# Charge of both signs parts what is even in it from what is odd, so these are two causes.
+# Charge of both signs separates the even from the odd part, so these are two causes.
 _EVEN, _ODD = (f"{part} part of charge_elongation over charge" for part in ("even", "odd"))
 _BEHIND = "charge_elongation remembering charge"
 _SOFTNESS = "spring_elongation over charge"
@@ -92,9 +91,8 @@ class QuadraticStrain(ActuatorEffect):
 class UnequalStrain(ActuatorEffect):
     """Elongation that differs between oxidation and reduction: ``x_e = alpha Q + beta_1 |Q|``.
 
-    Another shape of what depends on the charge: `QuadraticStrain` bends everywhere, this at zero
-    only. Relaxes assumption 5, that elongation is proportional to charge (eq. 3.4); ``beta_1 = 0``
-    is the base model.
+    It has a corner at zero, while `QuadraticStrain` is curved everywhere. Relaxes assumption 5,
+    that elongation is proportional to charge (eq. 3.4); ``beta_1 = 0`` is the base model.
     """
 
     id = "quadratic_strain"
@@ -123,10 +121,9 @@ class StrainSaturation(ActuatorEffect):
     """Elongation that levels off: ``x_e = alpha Q_sat tanh(Q / Q_sat)``, written with ``c = 1 /
     Q_sat^2``.
 
-    The elongation of the layers below is multiplied by ``tanh(z) / z``, ``z = sqrt(c) Q``, which is
-    1 at ``c = 0``, the base model. With ``1 / Q_sat`` itself for the parameter, its sensitivity
-    there would be zero. Relaxes assumption 5, the proportionality of eq. 3.4, at large charge (fig.
-    3-11).
+    The elongation of the base model is multiplied by ``tanh(z) / z``, ``z = sqrt(c) Q``, which is 1
+    at ``c = 0``. With ``1 / Q_sat`` as the parameter, the sensitivity would be zero there. Relaxes
+    assumption 5, the proportionality of eq. 3.4, at large charge (fig. 3-11).
     """
 
     id = "strain_saturation"
@@ -151,7 +148,7 @@ class StrainSaturation(ActuatorEffect):
         """
         square = self.strain_saturation_coefficient * (charge * charge)
         small = square < _SMALL
-        z = sqrt(where(small, 1.0, square))  # at zero the root has no slope
+        z = sqrt(where(small, 1.0, square))  # the root is not differentiable at zero
         series = 1.0 - square * (1.0 / 3.0 - square * (2.0 / 15.0))
         return super().charge_elongation(charge) * where(small, series, tanh(z) / z)
 
@@ -159,8 +156,8 @@ class StrainSaturation(ActuatorEffect):
 class SlowStrainSaturation(ActuatorEffect):
     """Elongation that levels off from the first charge on: ``x_e = alpha Q / (1 + c_1 |Q|)``.
 
-    Where tanh (`StrainSaturation`) is straight until it bends, this bends most at zero; its limit
-    is ``alpha / c_1``. Relaxes assumption 5, the proportionality of eq. 3.4; ``c_1 = 0`` is the
+    Its curvature is largest at zero, where `StrainSaturation` is nearly straight; its limit is
+    ``alpha / c_1``. Relaxes assumption 5, the proportionality of eq. 3.4; ``c_1 = 0`` is the
     base model.
     """
 
@@ -188,12 +185,12 @@ class SlowStrainSaturation(ActuatorEffect):
 class StrainLag(ActuatorEffect):
     """Elongation that follows the charge with a time constant ``T``.
 
-    The charge ``q`` that has not yet acted obeys ``dq/dt = dQ/dt - q / D``; the elongation of the
-    layers below is that of the charge that has, ``Q - T / D q``. ``D = T + m exp(-T / m)`` with m =
-    0.05 s keeps the equations regular at ``T = 0``, the base model. Over that this is ``X_e / Q =
-    alpha ((D - T) s + 1) / (D s + 1)``, the first-order lag of time T where that is several times
-    m. Starting at zero, ``q`` means a start at rest. Relaxes assumption 5, that elongation is
-    proportional to charge at every instant (eq. 3.4, fig. 3-10).
+    The charge ``q`` that has not yet acted obeys ``dq/dt = dQ/dt - q / D``; the elongation is that
+    of the base model at the charge that has acted, ``Q - T / D q``. ``D = T + m exp(-T / m)`` with
+    m = 0.05 s keeps the equations regular at ``T = 0``, the base model. The transfer function is
+    ``X_e / Q = alpha ((D - T) s + 1) / (D s + 1)``, a first-order lag of time T where T is several
+    times m. ``q`` starts at zero, which is a start at rest. Relaxes assumption 5, that elongation
+    is proportional to charge at every instant (eq. 3.4, fig. 3-10).
     """
 
     id = "strain_lag"
@@ -225,11 +222,10 @@ class TwoStageStrainLag(ActuatorEffect):
 
     The charge behind the first stage ``q_1`` and behind the second ``q_2`` obey ``dq_1/dt = dQ/dt -
     q_1 / D`` and ``dq_2/dt = q_1 / D - q_2 / D`` with ``D = T/2 + m exp(-T / (2 m))``; the
-    elongation of the layers below is that of ``Q - (T/2) / D (q_1 + q_2)``. Both start at rest; the
-    short ``m`` is that of `StrainLag`, and so is the lag of a ramp, ``T``, but it sets in without a
-    corner. Relaxes
-    assumption 5, that elongation is proportional to charge at every instant (eq. 3.4, fig. 3-10);
-    ``T = 0`` is the base model.
+    elongation is that of the base model at ``Q - (T/2) / D (q_1 + q_2)``. Both stages start at
+    rest. ``m`` is that of `StrainLag`; a ramp lags by ``T`` in both, but here the lag sets in
+    without a corner. Relaxes assumption 5, that elongation is proportional to charge at every
+    instant (eq. 3.4, fig. 3-10); ``T = 0`` is the base model.
     """
 
     id = "strain_lag"
@@ -250,7 +246,7 @@ class TwoStageStrainLag(ActuatorEffect):
     second_stage_charge = State("C", rate="second_stage_rate", doc="charge between the stages")
 
     def stage_time(self) -> Any:
-        """Time constant of one stage, T/2 and what keeps it regular."""
+        """Regularised time constant of one stage, D."""
         return _regular(0.5 * self.staged_lag_time)
 
     def first_stage_rate(self) -> Any:
@@ -272,10 +268,10 @@ class TwoStageStrainLag(ActuatorEffect):
 class StrainHysteresis(ActuatorEffect):
     """Rate-independent hysteresis of the elongation over the charge, after Duhem and Dahl.
 
-    A charge ``z`` trails behind, ``dz/dt = dQ/dt - |dQ/dt| z / w``, and is held within ``-w`` and
-    ``w`` whatever the speed; the elongation of the layers below is that of ``Q - h z``. A large
-    loop is ``2 h w`` wide; after a reversal the elongation starts with the share ``1 - 2 h`` of its
-    slope. Starting at zero, ``z`` means a start in the middle of the loop. Relaxes assumption 5,
+    A trailing charge ``z`` obeys ``dz/dt = dQ/dt - |dQ/dt| z / w`` and stays within ``-w`` and
+    ``w`` at any speed; the elongation is that of the base model at ``Q - h z``. A large loop is
+    ``2 h w`` wide; after a reversal the elongation starts with the share ``1 - 2 h`` of its slope.
+    ``z`` starts at zero, the middle of the loop. Relaxes assumption 5,
     that elongation is one function of charge (the loops of figs. 3-11 and 3-12); ``h = 0`` is the
     base model.
     """
@@ -375,7 +371,7 @@ class ChargeDependentStiffness(ActuatorEffect):
         return super().spring_elongation(load) * self.softening()
 
     def spring_force(self, elongation: Any) -> Any:
-        """Force of the softened spring, the inverse."""
+        """Force of the softened spring, the inverse of :meth:`spring_elongation`."""
         return super().spring_force(elongation / self.softening())
 
     def kelvin_force(self) -> Any:

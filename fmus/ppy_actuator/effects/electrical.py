@@ -1,6 +1,4 @@
-"""Effects of the circuit: what the films, their surface and the paths to and past them do beyond
-R1, R2 and C.
-"""
+"""Effects of the circuit beyond R1, R2 and C: double layer, diffusion, leakage, capacitance."""
 
 from __future__ import annotations
 
@@ -10,10 +8,10 @@ from typing import Any
 from ...kit import Parameter, Size, State, Term, absolute, exp, maximum, sign, sqrt, where
 from .base import ActuatorEffect
 
-# Sections that stand for a diffusion; what is left to the immediate resistance is 4 % of the
-# diffusion's.
+# RC sections that approximate a diffusion; 4 % of its resistance stays immediate.
 _SECTIONS = (1, 2, 3, 4, 5)
-# |z| below which (exp(z) - 1)/z is taken from its series; what is left out is below rounding.
+# |z| below which (exp(z) - 1)/z is computed from its series; the truncation error is below
+# rounding.
 _SMALL = 1e-3
 _CAPACITANCE = "film_voltage over charge"
 
@@ -71,13 +69,13 @@ class DoubleLayer(ActuatorEffect):
 
 
 def _diffusion_current(section: int) -> Any:
-    """Declare the current through one section."""
+    """Declare the state of one section, the current through it."""
     about = f"current through section {section} of the diffusion"
     return State("A", rate=f"diffusion_rate_{section}", doc=about)
 
 
 def _diffusion_rate(section: int) -> Any:
-    """Write the law of one section, its lag with a time constant of T / ((k - 1/2)^2 pi^2)."""
+    """Return the law of one section, a lag with a time constant of T / ((k - 1/2)^2 pi^2)."""
 
     def rate(self: Any) -> Any:
         lag = self.diffusion_time / ((section - 0.5) * pi) ** 2
@@ -93,8 +91,8 @@ class Diffusion(ActuatorEffect):
     The thesis counts ion diffusion in R1 (section 3.1.1). Here ``d R1`` becomes the impedance of a
     layer of diffusion time ``T`` (thickness squared over diffusivity), ``d R1 tanh(sqrt(s T)) /
     sqrt(s T)``; resistance at rest, total capacitance and DC gain are those of the base model. Five
-    RC sections in series stand for it, the first partial fractions of tanh: ``tanh(z)/z = sum_k 2 /
-    (z^2 + (k - 1/2)^2 pi^2)``; the 4 % of ``d R1`` that belong to the faster ones answer at once.
+    RC sections in series approximate it, the first partial fractions of tanh: ``tanh(z)/z = sum_k
+    2 / (z^2 + (k - 1/2)^2 pi^2)``; the 4 % of ``d R1`` of the faster sections have no memory.
     Relaxes assumption 8, that the circuit is one R1 and one C; ``d = 0`` is the base model.
     """
 
@@ -164,8 +162,8 @@ class NonlinearLeakage(ActuatorEffect):
 
     The terminal voltage then obeys a quadratic equation, solved here in closed form, and the
     current left for the circuit of fig. 3-1 is ``i - sign(V) g (|V| - V_on)^2``. Relaxes assumption
-    8, that leakage is the resistance R2; ``g = 0`` is the base model. It is seen only in a record
-    whose voltage passes the onset.
+    8, that leakage is the resistance R2; ``g = 0`` is the base model. Only a record whose
+    voltage passes the onset shows it.
     """
 
     id = "nonlinear_leakage"
@@ -201,22 +199,20 @@ class NonlinearLeakage(ActuatorEffect):
         """Current that reaches the circuit, less the additional leakage."""
         current, resistance = super().supply_current(), self.immediate_resistance()
         share = self.R2 / (resistance + self.R2)
-        without = share * (
-            resistance * current + self.capacitor_voltage()
-        )  # terminal voltage at g = 0
-        above = maximum(abs(without) - self.leakage_onset, 0.0)
+        # terminal voltage at g = 0
+        voltage = share * (resistance * current + self.capacitor_voltage())
+        unloaded = maximum(abs(voltage) - self.leakage_onset, 0.0)
         slope = self.leakage_growth * (share * resistance)
-        above = (
-            2.0 * above / (1.0 + sqrt(1.0 + 4.0 * slope * above))
-        )  # |V| - V_on, smaller for the leakage itself
-        return current - sign(without) * (self.leakage_growth * (above * above))
+        # |V| - V_on: the leakage itself lowers the voltage
+        excess = 2.0 * unloaded / (1.0 + sqrt(1.0 + 4.0 * slope * unloaded))
+        return current - sign(voltage) * (self.leakage_growth * (excess * excess))
 
 
 class ChargeDependentCapacitance(ActuatorEffect):
     """Capacitance that changes with the charge: ``dQ/dV = C exp(-a Q)``.
 
     The voltage of the films is multiplied by ``(exp(z) - 1) / z``, ``z = a Q``; it rises with the
-    charge whatever the sign of ``a``. Relaxes assumption 8, that C is constant; ``a = 0`` is the
+    charge for either sign of ``a``. Relaxes assumption 8, that C is constant; ``a = 0`` is the
     base model.
     """
 
@@ -288,8 +284,8 @@ class EvenCapacitance(ActuatorEffect):
     and even.
 
     Where ``b`` is negative, ``V_C = Q/C / sqrt(1 - b Q^2)``: the capacitance rises, and the voltage
-    with the charge still. About zero, ``dQ/dV = C (1 - 3/2 b Q^2)`` of either sign. Relaxes
-    assumption 8, that C is constant; ``b = 0`` is the base model.
+    still rises with the charge. Near zero, ``dQ/dV = C (1 - 3/2 b Q^2)`` for either sign of ``b``.
+    Relaxes assumption 8, that C is constant; ``b = 0`` is the base model.
     """
 
     id = "charge_dependent_capacitance"
@@ -319,14 +315,13 @@ class EvenCapacitance(ActuatorEffect):
         """Voltage of the films, times sqrt(1 + b Q^2), or divided by sqrt(1 - b Q^2)."""
         bend = self.capacitance_bend * (self.charge * self.charge)
         rises = bend < 0.0
-        root = sqrt(
-            1.0 + where(rises, -bend, bend)
-        )  # whose slope at zero is that of one side, not of a modulus
+        # not abs(bend), which has no derivative at zero
+        root = sqrt(1.0 + where(rises, -bend, bend))
         return super().film_voltage() * where(rises, 1.0 / root, root)
 
 
 def _mean_of_exp(z: Any) -> Any:
-    """Mean of the exponential between zero and z, (exp(z) - 1) / z; 1 at zero."""
+    """Return the mean of the exponential between zero and z, (exp(z) - 1) / z; 1 at zero."""
     small = abs(z) < _SMALL
     series = 1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0 * (1.0 + z / 5.0)))
     return where(small, series, (exp(z) - 1.0) / where(small, 1.0, z))

@@ -55,7 +55,7 @@ class SecondKelvin(ActuatorEffect):
         return (self.load() - self.second_kelvin_force) / self.second_creep_time
 
     def creep(self) -> Any:
-        """Elongation of everything but the instantaneous spring, J f more."""
+        """Elongation of all elements but the instantaneous spring, J f more."""
         return super().creep() + self.second_creep_compliance * self.second_kelvin_force
 
 
@@ -63,9 +63,9 @@ class NonlinearStiffness(ActuatorEffect):
     """Instantaneous spring that softens or stiffens with load: ``x_0 = (F + n (sqrt(F^2 + S^2) -
     S)) / k1``.
 
-    Its compliance goes from ``1/k1`` without load to ``(1 + n)/k1`` under one much larger than
-    ``S``: it softens with ``n`` above 0 and stiffens below. Relaxes assumption 9, that the springs
-    are linear (eq. 3.2); ``n = 0`` is the base model.
+    Its compliance goes from ``1/k1`` without load to ``(1 + n)/k1`` under loads much larger than
+    ``S``: it softens where ``n > 0`` and stiffens where ``n < 0``. Relaxes assumption 9, that the
+    springs are linear (eq. 3.2); ``n = 0`` is the base model.
     """
 
     id = "nonlinear_stiffness"
@@ -120,8 +120,8 @@ class AsymmetricCreep(ActuatorEffect):
     ``1 + r``.
 
     Relaxes assumption 9, that the dashpots are linear; the thesis itself finds the response not
-    completely symmetric (section 3.2.1). ``r = 0`` is the base model. It is seen only in a record
-    with unloading.
+    completely symmetric (section 3.2.1). ``r = 0`` is the base model. Only a record with
+    unloading shows it.
     """
 
     id = "asymmetric_creep"
@@ -175,7 +175,7 @@ class YieldThreshold(ActuatorEffect):
     )
 
     def flow_force(self) -> Any:
-        """Force under which the dashpot flows, what exceeds F_y."""
+        """Force under which the dashpot flows, the excess over F_y."""
         force = super().flow_force()
         return force - sign(force) * minimum(abs(force), self.yield_force)
 
@@ -229,8 +229,8 @@ class SmoothSlack(ActuatorEffect):
     """Compliance that fades with the load: ``x_0 = (F + m F P / (P + |F|)) / k1``, more by ``m /
     k1`` without load.
 
-    A catenary that is pulled straight by and by, where `Slack` ends at once. Relaxes assumption 3,
-    that the actuator is taut; ``m = 0`` is the base model.
+    The catenary is pulled straight gradually, while `Slack` ends abruptly at its preload. Relaxes
+    assumption 3, that the actuator is taut; ``m = 0`` is the base model.
     """
 
     id = "slack"
@@ -261,7 +261,7 @@ class SmoothSlack(ActuatorEffect):
     )
 
     def sagging(self, load: Any) -> Any:
-        """Load that would add the elongation, m F P / (P + |F|)."""
+        """Load equivalent to the additional elongation, m F P / (P + |F|)."""
         return (
             self.fading_compliance * (load * self.fading_load) / (self.fading_load + absolute(load))
         )

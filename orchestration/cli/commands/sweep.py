@@ -116,7 +116,7 @@ def _check(out: Path | None, plot: Path | None) -> Callable[[Task, Design], None
 def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> None:
     """Print the summary of a sweep, write it and draw it."""
     from orchestration.reporting import console
-    from orchestration.sweeps.curves import left_out as left_out_of_sweep
+    from orchestration.sweeps.curves import omissions as omissions_of_sweep
     from orchestration.sweeps.page import sweep_page
     from orchestration.sweeps.sensitivity import analysis_of, merge_analysis
 
@@ -127,11 +127,11 @@ def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> No
     analysis = analysis_of(data.attrs["design"])
     shown = data
     whole: xarray.Dataset = data
-    left_out: Callable[[xarray.Dataset], list[str]] = left_out_of_sweep
+    omissions: Callable[[xarray.Dataset], list[str]] = omissions_of_sweep
     try:
         if analysis is not None:
             shown = analysis.analyse(data)
-            left_out = analysis.left_out
+            omissions = analysis.omissions
             tables = [analysis.table(shown)]
             console.out.print(*tables)
             whole = merge_analysis(data, shown)
@@ -141,7 +141,7 @@ def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> No
     if plot is not None:
         shown.plot(plot)
         console.wrote(plot)
-        for line in left_out(shown):
+        for line in omissions(shown):
             console.note(line)
     if report is not None:
         sweep_page(data, shown.draw, tables, typed_command()).write(report)

@@ -221,7 +221,7 @@ class _Drive:
 
     def _silence(self) -> str:
         """Raise the alarm where the rig is silent; return the reason to end, or an empty text."""
-        answered = self._link.answered
+        answered = self._link.last_answer
         silent = monotonic() - answered
         if silent > _ALARM and answered != self._alarmed:
             self._alarmed = answered

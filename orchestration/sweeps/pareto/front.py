@@ -1,4 +1,4 @@
-"""The front of an optimisation: its points, as a table, a picture and JSON."""
+"""Pareto front of an optimisation, with its table and JSON."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Front(Displayable):
-    """Points none of which is better in every objective than another.
+    """Points of which none is dominated by another.
 
     Attributes
     ----------
     model : str
     objectives : dict of str to str
-        Unit of each of m objectives.
+        Unit by objective, m of them.
     maximised : tuple of bool, shape (m,)
     values : ndarray, shape (k, m)
-        In the objectives' units, in order of the first.
+        Objectives of k points, in their units and in order of the first objective.
     parameters : dict of str to ndarray, shape (k,)
         In the model's units.
     units : dict of str to str
-        Of the parameters.
+        Unit by parameter.
     display : dict of str to str
-        Unit in which each objective and parameter is displayed.
+        Display unit by objective and parameter.
     nominal : ndarray, shape (m,)
-        Of the model as it is.
+        Objectives of the model with its nominal parameters.
     evaluations : int
-        Simulations that it took.
+        Number of simulations of the search.
     """
 
     model: str
@@ -55,24 +55,25 @@ class Front(Displayable):
 
     @classmethod
     def of(cls, objectives: Objectives, shares: Array) -> Front:
-        """Return the front of points, without those that another is better than.
+        """Return the front of points, without those that are dominated.
 
         Parameters
         ----------
         objectives : Objectives
         shares : ndarray, shape (n, p)
+            Points as shares of the ranges of the parameters.
         """
-        values = np.array([objectives.worst(one) for one in shares])
-        kept = np.flatnonzero(undominated(values))
-        order = kept[np.argsort(values[kept, 0])]
+        values = np.array([objectives.worst(point) for point in shares])
+        members = np.flatnonzero(undominated(values))
+        order = members[np.argsort(values[members, 0])]
         signs = np.array([one.sign for one in objectives.objectives])
-        drawn = [objectives.parameters(one) for one in shares[order]]
+        points = [objectives.parameters(point) for point in shares[order]]
         return cls(
             objectives.model_name,
             {one.name: one.unit for one in objectives.objectives},
             tuple(one.sign > 0.0 for one in objectives.objectives),
             signs * values[order],
-            {one.name: np.array([p[one.name] for p in drawn]) for one in objectives.ranges},
+            {one.name: np.array([p[one.name] for p in points]) for one in objectives.ranges},
             {one.name: one.unit for one in objectives.ranges},
             objectives.display,
             signs * objectives.nominal(),
@@ -83,7 +84,7 @@ class Front(Displayable):
         return one_line(f"front of {self.model}, {len(self.values)} points: {self.objectives}")
 
     def overview(self) -> Iterable[RenderableType]:
-        """Return the words on the front and its table."""
+        """Yield a line on the front and its table."""
         from orchestration.reporting import plain_table
 
         count = len(self.values)
@@ -101,7 +102,7 @@ class Front(Displayable):
         yield "in " + ", ".join(f"{name} {unit}" for name, unit in units.items() if unit != "1")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the front as JSON has it."""
+        """Return a dictionary for JSON."""
         return {
             "model": self.model,
             "objectives": [
@@ -121,38 +122,40 @@ class Front(Displayable):
         }
 
     def to_frame(self) -> pandas.DataFrame:
-        """Return a row for each point: objectives, then parameters."""
+        """Return a DataFrame with a row per point: objectives, then parameters."""
         import pandas
 
         columns = dict(zip(self.objectives, self.values.T, strict=True))
         return pandas.DataFrame(columns | self.parameters)
 
     def by_objective(self, values: Array) -> list[tuple[str, Array]]:
-        """Return the objectives with their values, shape (m, ...)."""
+        """Return pairs of an objective and its values, from values of shape (m, ...)."""
         return list(zip(self.objectives, values, strict=True))
 
     def shown(self, name: str, values: Array) -> Array:
-        """Return values of an objective or a parameter in the unit in which they are displayed."""
+        """Return values of an objective or a parameter in its display unit."""
         return convert(values, {**self.objectives, **self.units}[name], self.display[name])
 
 
 def undominated(values: Array) -> Mask:
-    """Return which points are not dominated: no other is as good in all objectives, better in one.
+    """Return a mask of the points that no other point dominates.
+
+    A point dominates another one if it is as good in all objectives, and better in at least one.
 
     Parameters
     ----------
     values : ndarray, shape (k, m)
-        More is better.
+        Objectives, of which more is better.
 
     Returns
     -------
     ndarray of bool, shape (k,)
-        Of equal points the first.
+        Of equal points only the first is in the mask.
     """
-    kept = np.ones(len(values), dtype=bool)
+    mask = np.ones(len(values), dtype=bool)
     for k, one in enumerate(values):
         others = np.delete(values, k, axis=0)
         better = (others >= one).all(axis=1) & (others > one).any(axis=1)
         equal = (values[:k] == one).all(axis=1).any()
-        kept[k] = not better.any() and not equal
-    return kept
+        mask[k] = not better.any() and not equal
+    return mask

@@ -1,6 +1,6 @@
 """Objectives of an optimisation: outputs at the end of a run of a compiled component.
 
-Their derivatives by the parameters are exact, those of the equations.
+Their derivatives with respect to the parameters are exact, from the equations.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ _AND = "&"
 
 @dataclass(frozen=True)
 class Objective:
-    """What is made as large, or as small, as possible.
+    """An output, or the worst of several outputs, that is maximised or minimised.
 
     Attributes
     ----------
     outputs : tuple of str
-        One output, or several of which the worst counts.
+        One output, or several, of which the worst counts.
     unit : str
     sign : float
         1 if it is maximised, -1 if it is minimised.
@@ -42,7 +42,7 @@ class Objective:
 
     @property
     def name(self) -> str:
-        """Its outputs, as they are written."""
+        """Name in the notation of options, ``OUTPUT & OUTPUT``."""
         return f" {_AND} ".join(self.outputs)
 
 
@@ -54,10 +54,15 @@ def read_objective(text: str, sign: float, outputs: Mapping[str, str], argument:
     text : str
         ``OUTPUT``, or ``OUTPUT & OUTPUT`` for the worst of several.
     sign : float
+        1 if it is maximised, -1 if it is minimised.
     outputs : Mapping of str to str
-        Units of the outputs that there are.
+        Unit by output of the model.
     argument : str
-        That gives it, for messages.
+        Name of the argument, for messages.
+
+    Returns
+    -------
+    Objective
 
     Raises
     ------
@@ -73,34 +78,37 @@ def read_objective(text: str, sign: float, outputs: Mapping[str, str], argument:
     units = list(dict.fromkeys(outputs[name] for name in names))
     if len(units) > 1:
         raise UserError(
-            f"{option(argument, [text])}: the worst of {' and '.join(units)} cannot be told"
+            f"{option(argument, [text])}: the worst of several outputs needs equal"
+            f" units, not {' and '.join(units)}"
         )
     return Objective(names, units[0], sign)
 
 
 class Objectives:
-    """Values and derivatives of objectives, over shares of the ranges of parameters.
+    """Values and derivatives of objectives as functions of shares of the ranges of parameters.
 
     Parameters
     ----------
     cls : type[Component]
     ranges : sequence of Range
-        Of p parameters: both ends.
+        Both ends of the ranges of p parameters.
     objectives : sequence of Objective
-        m of them.
+        m objectives.
     time : ndarray, shape (n,)
+        Communication points, s.
     inputs : Mapping of str to ndarray, shape (n,)
+        SI.
     settings : Mapping of str to float
-        Parameters that stay at another value than their default, SI.
+        Values of other parameters that differ from their defaults, SI.
 
     Attributes
     ----------
     ranges, objectives : list
     model_name : str
     display : dict of str to str
-        Unit in which each parameter and each objective is displayed.
+        Display unit by parameter and objective.
     evaluations : int
-        Simulations so far.
+        Number of simulations so far.
     """
 
     def __init__(
@@ -116,45 +124,46 @@ class Objectives:
         self.objectives = list(objectives)
         self.model_name = cls.name
         self._cls = cls
-        known = declared_model_of(cls)
-        shown = {one.name: known.parameters[one.name] for one in ranges}
-        shown |= {one.name: known.outputs[one.outputs[0]] for one in objectives}
-        self.display = {name: signal.display for name, signal in shown.items()}
+        model = declared_model_of(cls)
+        signals = {one.name: model.parameters[one.name] for one in ranges}
+        signals |= {one.name: model.outputs[one.outputs[0]] for one in objectives}
+        self.display = {name: signal.display for name, signal in signals.items()}
         self.evaluations = 0
         self._model = CompiledModel(cls, [one.name for one in ranges])
         self._run = time, dict(inputs), dict(settings)
         self._last: tuple[bytes, tuple[list[Array], list[Array]]] | None = None
 
     def digests(self) -> dict[str, str]:
-        """Return digests of what defines them, by what that is."""
+        """Return digests of model, ranges, objectives, settings and inputs, by name."""
         graph = trace(self._cls)
         start = [parameter.start for parameter in graph.layout.parameters]
         time, inputs, settings = self._run
         ranges = [(one.name, one.logarithmic, *one.values.tolist()) for one in self.ranges]
-        held = sorted(settings.items()), time, sorted(inputs), *inputs.values()
         return {
             "the model": digest(graph.digest, start),
             "the ranges": digest(ranges),
             "the objectives": digest(self.objectives),
-            "settings and inputs": digest(*held),
+            "settings and inputs": digest(
+                sorted(settings.items()), time, sorted(inputs), *inputs.values()
+            ),
         }
 
     def parameters(self, shares: Array) -> dict[str, float]:
-        """Return the values of the parameters at their shares of the ranges, shape (p,)."""
+        """Return the values of the parameters by name, at shares of their ranges, shape (p,)."""
         pairs = zip(self.ranges, shares, strict=True)
         return {one.name: float(one.between(share)) for one, share in pairs}
 
     def nominal(self) -> Array:
-        """Return the objectives with the parameters as they are, turned as in `evaluate`."""
+        """Return the objectives, shape (m,), at nominal parameters, with signs as in `evaluate`."""
         time, inputs, settings = self._run
         signals = self._model.run(time, inputs, settings).signals
         pairs = [(one.sign, [signals[name][-1] for name in one.outputs]) for one in self.objectives]
         return np.array([min(sign * value for value in ends) for sign, ends in pairs])
 
     def evaluate(self, shares: Array) -> tuple[list[Array], list[Array]]:
-        """Return, for each objective, its outputs and their derivatives by the shares.
+        """Return the outputs of each objective and their derivatives with respect to the shares.
 
-        Those that are minimised are turned round, so that more is better everywhere.
+        Outputs that are minimised change their sign, so that more is always better.
 
         Parameters
         ----------
@@ -163,8 +172,9 @@ class Objectives:
         Returns
         -------
         values : list of ndarray, shape (k,)
-            Of each objective: its k outputs.
+            The k outputs of each objective.
         slopes : list of ndarray, shape (k, p)
+            Their derivatives.
 
         Raises
         ------
@@ -191,11 +201,11 @@ class Objectives:
         return values, slopes
 
     def forget(self) -> None:
-        """Forget the last run, so that the next counts as one, whatever was run before."""
+        """Forget the last run, so that the next one counts as an evaluation in any case."""
         self._last = None
 
     def worst(self, shares: Array) -> Array:
-        """Return the worst output of each objective, shape (m,); minus infinity if a run fails."""
+        """Return the worst output of each objective, shape (m,); -inf if the run fails."""
         try:
             values, _ = self.evaluate(shares)
         except UserError:
@@ -204,7 +214,7 @@ class Objectives:
 
 
 def _slope(one: Range, share: float) -> float:
-    """Return the derivative of a parameter by its share of the range."""
+    """Return the derivative of a parameter with respect to its share of the range."""
     low, high = one.values
     if one.logarithmic:
         return float(one.between(np.array(share))) * float(np.log(high / low))

@@ -1,4 +1,4 @@
-"""Sensitivity analyses of sweeps: Sobol indices, tornado plots, and bands of random draws."""
+"""Sensitivity analyses of sweeps: Sobol indices, tornado plots and prediction bands."""
 
 import lazy_loader
 

@@ -18,27 +18,27 @@ from orchestration.sweeps.sensitivity import prediction_bands as bands
 
 
 class Analysis(NamedTuple):
-    """The functions that analyse a swept dataset, print it, and say what its picture leaves out."""
+    """Functions that analyse a sweep, make a table of it, and list omissions of its picture."""
 
     analyse: Callable[[xarray.Dataset], SweepResult]
     table: Callable[[xarray.Dataset], Table]
-    left_out: Callable[[xarray.Dataset], list[str]]
+    omissions: Callable[[xarray.Dataset], list[str]]
 
 
 _BY_DESIGN = {
-    indices.SOBOL_INDICES: Analysis(indices.sensitivity, indices.table, indices.left_out),
-    bands.BANDS: Analysis(bands.bands, bands.table, bands.left_out),
-    tornado.TORNADO: Analysis(tornado.tornado, tornado.table, tornado.left_out),
+    indices.SOBOL_INDICES: Analysis(indices.sensitivity, indices.table, indices.omissions),
+    bands.BANDS: Analysis(bands.bands, bands.table, bands.omissions),
+    tornado.TORNADO: Analysis(tornado.tornado, tornado.table, tornado.omissions),
 }
 
 
 def analysis_of(design: str) -> Analysis | None:
-    """Return the analysis of a design; None for a design whose cases are the result."""
+    """Return the analysis of a design; None for a design without one."""
     return _BY_DESIGN.get(design)
 
 
 def check_picture(design: str, keep: Sequence[str]) -> None:
-    """Refuse a picture of values that a sweep will not keep, before it is run.
+    """Raise if a sweep will not keep the values of its picture, before it is run.
 
     Parameters
     ----------
@@ -49,6 +49,7 @@ def check_picture(design: str, keep: Sequence[str]) -> None:
     Raises
     ------
     UserError
+        If bands have no traces, or another design has no numbers.
     """
     if design == bands.BANDS and TRACE not in keep:
         raise bands.no_traces()
@@ -56,19 +57,19 @@ def check_picture(design: str, keep: Sequence[str]) -> None:
         raise no_numbers()
 
 
-def merge_analysis(data: xarray.Dataset, analysed: xarray.Dataset) -> xarray.Dataset:
-    """Merge cases and their analysis into one dataset.
+def merge_analysis(data: xarray.Dataset, analysis: xarray.Dataset) -> xarray.Dataset:
+    """Return one dataset of the cases of a sweep and their analysis.
 
     Raises
     ------
     UserError
-        If the model and the analysis have a name in common.
+        If a variable of the sweep has the name of another one of the analysis.
     """
-    shared = {*data.variables} & {*analysed.variables}
-    both = {str(name) for name in shared if not data[name].identical(analysed[name])}
-    if both:
+    names = {*data.variables} & {*analysis.variables}
+    conflicts = {str(name) for name in names if not data[name].identical(analysis[name])}
+    if conflicts:
         raise UserError(
-            f"{data.attrs['model']}: {', '.join(sorted(both))} is a name of the analysis, too; keep"
-            " them apart"
+            f"{data.attrs['model']}: {', '.join(sorted(conflicts))} is also a name of the analysis;"
+            " write cases and analysis to different files"
         )
-    return data.merge(analysed, combine_attrs="no_conflicts")
+    return data.merge(analysis, combine_attrs="no_conflicts")

@@ -12,7 +12,7 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.extras import optional
 from orchestration.reporting import pictures, plain_table
-from orchestration.sweeps.curves import describe_left_out, names_to_draw
+from orchestration.sweeps.curves import describe_omission, names_to_draw
 from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity.numbers import (
     numbers,
@@ -27,20 +27,20 @@ if TYPE_CHECKING:
 SOBOL_INDICES = "sobol-indices"
 ORDERS = ("first", "total")
 _RESAMPLES = 1000  # of the bootstrap
-_LARGEST = 4_000_000  # values of one array of the bootstrap, which holds half a dozen of them
+_LARGEST = 4_000_000  # most values of an array of the bootstrap, which has about six of them
 
 
-def sampled(count: int, samples: int, seed: int) -> Array:
-    """Choose cases from which indices are estimated.
+def saltelli_points(count: int, samples: int, seed: int) -> Array:
+    """Return points for the estimation of Sobol indices.
 
-    As in Saltelli et al., Comput. Phys. Commun. 181, 2010.
+    Source: Saltelli et al., Comput. Phys. Commun. 181, 2010.
 
     Parameters
     ----------
     count : int
-        Parameters, p.
+        Number of parameters, p.
     samples : int
-        Base points N, a power of two.
+        Number of base points, N, a power of two.
     seed : int
 
     Returns
@@ -56,6 +56,7 @@ def sampled(count: int, samples: int, seed: int) -> Array:
 
 
 def _problem(count: int) -> dict[str, object]:
+    """Return the description of parameters between 0 and 1 for SALib."""
     return {
         "num_vars": count,
         "names": [f"x{k}" for k in range(count)],
@@ -64,33 +65,34 @@ def _problem(count: int) -> dict[str, object]:
 
 
 def sensitivity(found: xarray.Dataset, *, level: float = 0.95, seed: int = 0) -> SweepResult:
-    """Return the share of an output's variance that each parameter explains.
+    """Return the Sobol indices of the parameters of a sweep of ``sobol-indices``.
 
-    It takes a sweep of ``sobol-indices``. Parameters vary independently and evenly over their
-    ranges, over the logarithm where a range has ``log`` behind it. The first-order index of a
-    parameter is the share of the variance that it explains by itself; the total index has what it
-    explains together with others besides (Sobol; Saltelli et al., Comput. Phys. Commun. 181, 2010).
+    Parameters are independent and uniformly distributed over their ranges, or over the logarithm of
+    a range with ``log``. The first-order index of a parameter is the share of an output's variance
+    that it explains alone; the total index includes its interactions with other parameters (Sobol;
+    Saltelli et al., Comput. Phys. Commun. 181, 2010).
 
     Parameters
     ----------
     found : xarray.Dataset
-        Of `sweep` with ``kind="sobol-indices"``; may have been written to a file and read.
+        Result of `sweep` with ``kind="sobol-indices"``, also if it was read from a file.
     level : float
-        Of the confidence intervals.
+        Level of the confidence intervals.
     seed : int
-        Of the bootstrap that these are from.
+        Seed of the bootstrap for these intervals.
 
     Returns
     -------
     SweepResult
-        For each number of the sweep its indices, such as ``voltage_last_index`` over ``index``
-        (``first``, ``total``) and ``parameter``, and ``voltage_last_index_interval`` with ``end``
-        (``lower``, ``upper``) besides. NaN for a number that does not vary.
+        Indices of each number of the sweep, such as ``voltage_last_index`` over ``index``
+        (``first``, ``total``) and ``parameter``, and their intervals,
+        ``voltage_last_index_interval``, also over ``end`` (``lower``, ``upper``). NaN for a number
+        that does not vary.
 
     Raises
     ------
     UserError
-        If it is no such sweep, or a case of it failed: nothing stands in for what is missing.
+        If it is not such a sweep, or one of its cases failed, as all are needed.
 
     Examples
     --------
@@ -105,14 +107,14 @@ def sensitivity(found: xarray.Dataset, *, level: float = 0.95, seed: int = 0) ->
     """
     require_design(found, SOBOL_INDICES)
     if not 0.0 < level < 1.0:
-        raise UserError(f"level {level:g}: of a confidence interval, between 0 and 1")
+        raise UserError(f"level {level:g} of a confidence interval (allowed: between 0 and 1)")
     require_complete(found, "Sobol indices")
     parameters = parameters_of(found)
     if found.sizes["case"] % (len(parameters) + 2):
         raise UserError(f"{found.sizes['case']} cases are not all of a sweep for Sobol indices")
     values: dict[str, object] = {}
     for name in numbers(found):
-        index, half = _analysed(found[name].values, len(parameters), level, seed)
+        index, half = _indices(found[name].values, len(parameters), level, seed)
         interval = np.stack([index - half, index + half], axis=-1)
         title = f"Sobol indices of {name}"
         values[f"{name}_index"] = (
@@ -131,8 +133,8 @@ def sensitivity(found: xarray.Dataset, *, level: float = 0.95, seed: int = 0) ->
     return SweepResult(values, coordinates, attributes)
 
 
-def _analysed(values: Array, count: int, level: float, seed: int) -> tuple[Array, Array]:
-    """Return indices (2, p) of values (n,), and half the widths of their intervals (2, p)."""
+def _indices(values: Array, count: int, level: float, seed: int) -> tuple[Array, Array]:
+    """Return first-order and total indices, shape (2, p), and half-widths of their intervals."""
     with optional():
         from SALib.analyze import sobol
 
@@ -146,17 +148,17 @@ def _analysed(values: Array, count: int, level: float, seed: int) -> tuple[Array
         calc_second_order=False,
         conf_level=level,
         num_resamples=resamples,
-        seed=seed + 1,  # SALib takes zero for none
+        seed=seed + 1,  # SALib ignores a seed of zero
     )
     half = np.array([indices["S1_conf"], indices["ST_conf"]])
     return np.array([indices["S1"], indices["ST"]]), half
 
 
 def table(indices: xarray.Dataset) -> Table:
-    """Return a table of indices; the parameter with the largest total is first."""
+    """Return a table of indices, with the parameter of the largest total index first."""
     interval = f"{100.0 * indices.attrs['level']:g} % interval"
     columns = ("first order", interval, "total", interval)
-    made = plain_table(None, "variance of", "from", *columns, right=columns[:3])
+    result = plain_table(None, "variance of", "from", *columns, right=columns[:3])
     for name in _numbers(indices):
         for parameter in _ranked(indices[f"{name}_index"]):
             at = indices.sel(parameter=parameter)
@@ -168,8 +170,8 @@ def table(indices: xarray.Dataset) -> Table:
                     cells += [f"{value:.3f}", f"{lower:.3f} … {upper:.3f}"]
                 else:
                     cells += ["none", ""]
-            made.add_row(name, parameter, *cells)
-    return made
+            result.add_row(name, parameter, *cells)
+    return result
 
 
 def draw(indices: xarray.Dataset) -> Figure:
@@ -205,9 +207,9 @@ def draw(indices: xarray.Dataset) -> Figure:
     return figure
 
 
-def left_out(indices: xarray.Dataset) -> list[str]:
-    """Return what the picture of indices leaves out, in a line each."""
-    return describe_left_out(_numbers(indices))
+def omissions(indices: xarray.Dataset) -> list[str]:
+    """Return a line for each omission of the picture of indices."""
+    return describe_omission(_numbers(indices))
 
 
 def _numbers(indices: xarray.Dataset) -> list[str]:
@@ -216,6 +218,6 @@ def _numbers(indices: xarray.Dataset) -> list[str]:
 
 
 def _ranked(index: xarray.DataArray) -> list[str]:
-    """Return the parameters, the one with the largest total index first."""
+    """Return the parameters in falling order of their total index."""
     totals = index.sel(index="total")
     return [str(p) for p in totals["parameter"].values[np.argsort(-totals.values, kind="stable")]]

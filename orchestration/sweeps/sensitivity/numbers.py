@@ -1,4 +1,4 @@
-"""Numbers and parameters of a swept dataset, and checks that it is the right one and whole."""
+"""Numbers and parameters of the dataset of a sweep, and checks of its design and completeness."""
 
 from __future__ import annotations
 
@@ -10,32 +10,33 @@ from orchestration.reporting import option
 
 
 def require_design(data: xarray.Dataset, needed: str) -> None:
-    """Refuse a dataset that is not of a sweep of a design, or has no dimension ``case`` any more.
+    """Raise if a dataset is not a sweep of a design with the dimension ``case``.
 
     Raises
     ------
     UserError
+        With the design of the dataset.
     """
-    given = data.attrs.get("design", "no sweep")
-    if given != needed:
+    design = data.attrs.get("design", "no sweep")
+    if design != needed:
         raise UserError(
-            f"this needs a sweep of the design {needed}, and the dataset is of {given}:"
+            f"this needs a sweep of the design {needed}, and the dataset is of {design}:"
             f" sweep(..., kind={needed!r})"
         )
     if "case" not in data.dims:
         raise UserError(
-            f"this sweep of the design {needed} has no dimension case, along which its cases are:"
-            f" pass it on as sweep(..., kind={needed!r}) returned it"
+            f"this sweep of the design {needed} has lost its dimension case: pass it as"
+            f" sweep(..., kind={needed!r}) returned it"
         )
 
 
 def parameters_of(data: xarray.Dataset) -> list[str]:
-    """Return the names of the parameters that were swept."""
+    """Return the names of the parameters of a sweep."""
     return str(data.attrs["over"]).split(" ")
 
 
 def numbers(data: xarray.Dataset) -> list[str]:
-    """Return the names of the numbers that a sweep has of each case."""
+    """Return the names of the variables with a number per case; raise if there are none."""
     names = [
         str(name) for name, value in data.items() if value.dims == ("case",) and name != "failure"
     ]
@@ -52,7 +53,7 @@ def failures(data: xarray.Dataset) -> list[str]:
 
 
 def require_complete(data: xarray.Dataset, analysis: str) -> None:
-    """Refuse a sweep with a failed case, or with a number that is not finite.
+    """Raise if a case of a sweep failed, or a number is not finite.
 
     Parameters
     ----------
@@ -63,14 +64,15 @@ def require_complete(data: xarray.Dataset, analysis: str) -> None:
     Raises
     ------
     UserError
+        With the first failure.
     """
-    failed = failures(data)
-    if failed:
+    reasons = failures(data)
+    if reasons:
         raise UserError(
-            f"no {analysis}: {len(failed)} of {data.sizes['case']:,} cases failed, and nothing"
-            f" stands in for them; the first: {failed[0]}"
+            f"no {analysis}: {len(reasons)} of {data.sizes['case']:,} cases failed, and nothing"
+            f" stands in for them; the first: {reasons[0]}"
         )
     for name, value in data.items():
         is_number = value.dims == ("case",) and name != "failure"
         if is_number and not np.isfinite(value.values).all():
-            raise UserError(f"no {analysis}: {name} is no finite number in a case")
+            raise UserError(f"no {analysis}: {name} is not a finite number in every case")

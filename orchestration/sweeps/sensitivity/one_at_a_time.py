@@ -1,4 +1,4 @@
-"""Tornado plot: each parameter by itself moves from one end of its range to the other."""
+"""Tornado plot: one parameter at a time goes to the ends of its range."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.experiment import results
 from orchestration.reporting import option, pictures, plain_table
-from orchestration.sweeps.curves import describe_left_out, names_to_draw
+from orchestration.sweeps.curves import describe_omission, names_to_draw
 from orchestration.sweeps.ranges import Range
 from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity.numbers import (
@@ -32,14 +32,14 @@ _WORDS = {"from": "low end of the range", "to": "high end"}
 
 
 def one_at_a_time(ranges: Sequence[Range], starts: Mapping[str, float]) -> Array:
-    """Choose cases: all parameters at their start value, then each at both its ends by itself.
+    """Return cases: all parameters at their start values, then one at a time at both its ends.
 
     Parameters
     ----------
     ranges : sequence of Range
-        Of p parameters.
+        Ranges of p parameters.
     starts : Mapping of str to float
-        In the units of the ranges.
+        Start value by parameter, in the units of the ranges.
 
     Returns
     -------
@@ -50,14 +50,14 @@ def one_at_a_time(ranges: Sequence[Range], starts: Mapping[str, float]) -> Array
     UserError
         If a start value is not in its range.
     """
-    usual = np.array([starts[one.name] for one in ranges])
-    cases = np.tile(usual, (2 * len(ranges) + 1, 1))
+    start = np.array([starts[one.name] for one in ranges])
+    cases = np.tile(start, (2 * len(ranges) + 1, 1))
     for k, one in enumerate(ranges):
         low, high = one.values
-        if not low <= usual[k] <= high:
+        if not low <= start[k] <= high:
             raise UserError(
                 f"{option('over', {one.name: f'{low:g}..{high:g}'})}: its start value"
-                f" {usual[k]:g} {one.unit} is not among these; set another with"
+                f" {start[k]:g} {one.unit} is not in this range; set another with"
                 f" {option('settings', {one.name: '...'})}, or widen the range"
             )
         cases[2 * k + 1, k] = low
@@ -66,33 +66,33 @@ def one_at_a_time(ranges: Sequence[Range], starts: Mapping[str, float]) -> Array
 
 
 def tornado(found: xarray.Dataset) -> SweepResult:
-    """Return how far each parameter by itself moves every number of a sweep of ``tornado``.
+    """Return the effect of each parameter alone on every number of a sweep of ``tornado``.
 
     Parameters
     ----------
     found : xarray.Dataset
-        Of `sweep` with ``kind="tornado"``; may have been written to a file and read.
+        Result of `sweep` with ``kind="tornado"``, also if it was read from a file.
 
     Returns
     -------
     SweepResult
-        For each number of the sweep, such as ``voltage_last_tornado``, its value over ``parameter``
-        and ``end`` (``from``, ``to``) of its range, the others at their start value, and
-        ``voltage_last_start``, with all of them there. ``ends`` has the ranges. NaN where a case
-        failed.
+        Each number of the sweep, such as ``voltage_last_tornado``, over ``parameter`` and ``end``
+        (``from``, ``to``) of its range, with the others at their start values; and
+        ``voltage_last_start`` with all at their start values. ``ends`` has the ranges. NaN where a
+        case failed.
 
     Raises
     ------
     UserError
-        If it is no such sweep, or the case with all at their start value failed.
+        If it is not such a sweep, or the case with all parameters at their start values failed.
 
     Examples
     --------
     >>> import ppy_rig as ppy
     >>> over = {"R1": "0.3..0.7", "C": "2..10"}
     >>> found = ppy.sweep("ppy_actuator", over, {"current": 0.5}, stop=10.0, kind="tornado")
-    >>> moved = ppy.tornado(found)["voltage_last_tornado"]
-    >>> bool(moved.sel(parameter="C", end="from") > moved.sel(parameter="C", end="to"))
+    >>> effects = ppy.tornado(found)["voltage_last_tornado"]
+    >>> bool(effects.sel(parameter="C", end="from") > effects.sel(parameter="C", end="to"))
     True
     """
     require_design(found, TORNADO)
@@ -100,7 +100,7 @@ def tornado(found: xarray.Dataset) -> SweepResult:
     if found.sizes["case"] != 2 * len(parameters) + 1:
         raise UserError(f"{found.sizes['case']} cases are not all of a sweep for a tornado plot")
     start = found.isel(case=slice(1))
-    require_complete(start, "tornado plot, for all else is held against the first case")
+    require_complete(start, "tornado plot without its first case")
     values: dict[str, object] = {}
     for name in numbers(found):
         value = found[name]
@@ -129,22 +129,22 @@ def _display_unit(parameter: xarray.DataArray) -> str:
     return str(parameter.attrs.get("display_units", parameter.units))
 
 
-def table(moved: xarray.Dataset) -> Table:
-    """Return a table of a tornado; the parameter that moves a number most is first."""
+def table(effects: xarray.Dataset) -> Table:
+    """Return a table of a tornado, with the most influential parameter first."""
     columns = ("from", "to", "at start", "at from", "at to")
-    made = plain_table(None, "moved", "by", *columns, "unit", right=columns)
-    for name in _numbers(moved):
-        start, unit = results.displayed(moved[f"{name}_start"])
-        for parameter in _ranked(moved, name):
-            at = moved.sel(parameter=parameter)
-            ends, own = _displayed_ends(at)
-            reached = [_shown(value) for value in results.displayed(at[f"{name}_tornado"])[0]]
-            texts = [f"{end:.6g}{_unit_suffix(own)}" for end in ends]
-            made.add_row(name, parameter, *texts, f"{start:.6g}", *reached, unit)
-    return made
+    result = plain_table(None, "moved", "by", *columns, "unit", right=columns)
+    for name in _numbers(effects):
+        start, unit = results.displayed(effects[f"{name}_start"])
+        for parameter in _ranked(effects, name):
+            at = effects.sel(parameter=parameter)
+            ends, end_unit = _displayed_ends(at)
+            values = [_cell(value) for value in results.displayed(at[f"{name}_tornado"])[0]]
+            texts = [f"{end:.6g}{_unit_suffix(end_unit)}" for end in ends]
+            result.add_row(name, parameter, *texts, f"{start:.6g}", *values, unit)
+    return result
 
 
-def _shown(value: float) -> str:
+def _cell(value: float) -> str:
     return f"{value:.6g}" if np.isfinite(value) else "failed"
 
 
@@ -152,66 +152,68 @@ def _unit_suffix(unit: str) -> str:
     return f" {unit}" if unit != "1" else ""
 
 
-def draw(moved: xarray.Dataset) -> Figure:
-    """Draw a tornado for each number, with a bar between its values at both ends of each range."""
-    names = names_to_draw(_numbers(moved))
-    count = moved.sizes["parameter"]
+def draw(effects: xarray.Dataset) -> Figure:
+    """Draw a tornado for each number, with a bar per parameter for both ends of its range."""
+    names = names_to_draw(_numbers(effects))
+    count = effects.sizes["parameter"]
     figure, panels = pictures.panels(
         len(names),
-        f"{moved.attrs['model']}: one parameter at a time",
+        f"{effects.attrs['model']}: one parameter at a time",
         "",
         0.9 + 0.3 * count,
         shared=False,
     )
     for panel, name in zip(panels, names, strict=True):
-        _draw_bars(panel, moved, name)
+        _draw_bars(panel, effects, name)
     panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
     return figure
 
 
-def left_out(moved: xarray.Dataset) -> list[str]:
-    """Return what the picture of a tornado leaves out, in a line each."""
-    return describe_left_out(_numbers(moved))
+def omissions(effects: xarray.Dataset) -> list[str]:
+    """Return a line for each omission of the picture of a tornado."""
+    return describe_omission(_numbers(effects))
 
 
-def _draw_bars(panel: Any, moved: xarray.Dataset, name: str) -> None:
+def _draw_bars(panel: Any, effects: xarray.Dataset, name: str) -> None:
     """Draw the bars of one number."""
-    start, unit = results.displayed(moved[f"{name}_start"])
-    ranked = _ranked(moved, name)[::-1]  # the largest at the top
+    start, unit = results.displayed(effects[f"{name}_start"])
+    ranked = _ranked(effects, name)[::-1]  # the largest at the top
     colours = (pictures.MEASURED, pictures.MODEL)
     for row, parameter in enumerate(ranked):
-        reached, _ = results.displayed(moved[f"{name}_tornado"].sel(parameter=parameter))
-        for value, end, colour in zip(reached, ENDS, colours, strict=True):
+        values, _ = results.displayed(effects[f"{name}_tornado"].sel(parameter=parameter))
+        for value, end, colour in zip(values, ENDS, colours, strict=True):
             label = _WORDS[end] if row == 0 else None
             panel.barh(row, value - start, 0.7, start, color=colour, alpha=0.85, label=label)
     panel.set_axisbelow(True)
     panel.axvline(start, color="black", lw=0.8)
-    panel.set_yticks(range(len(ranked)), [_range_label(moved, parameter) for parameter in ranked])
+    panel.set_yticks(range(len(ranked)), [_range_label(effects, parameter) for parameter in ranked])
     panel.set_xlabel(name.replace("_", " ") + (f" [{unit}]" if unit != "1" else ""))
 
 
-def _range_label(moved: xarray.Dataset, parameter: str) -> str:
-    (low, high), unit = _displayed_ends(moved.sel(parameter=parameter))
+def _range_label(effects: xarray.Dataset, parameter: str) -> str:
+    (low, high), unit = _displayed_ends(effects.sel(parameter=parameter))
     return f"{parameter}: {low:.4g}..{high:.4g}{_unit_suffix(unit)}"
 
 
 def _displayed_ends(at: xarray.Dataset) -> tuple[Array, str]:
     """Return both ends of the range of a parameter in its display unit, and that unit."""
-    own = {
+    units = {
         "units": str(at["parameter_units"].item()),
         "display_units": str(at["parameter_display_units"].item()),
     }
-    return results.displayed(at["ends"].assign_attrs(own))
+    return results.displayed(at["ends"].assign_attrs(units))
 
 
-def _numbers(moved: xarray.Dataset) -> list[str]:
-    """Return the names of the numbers that are moved."""
-    return [str(name).removesuffix("_tornado") for name in moved if str(name).endswith("_tornado")]
+def _numbers(effects: xarray.Dataset) -> list[str]:
+    """Return the names of the numbers of a tornado."""
+    return [
+        str(name).removesuffix("_tornado") for name in effects if str(name).endswith("_tornado")
+    ]
 
 
-def _ranked(moved: xarray.Dataset, name: str) -> list[str]:
-    """Return the parameters, the one that moves a number most first, those of failed cases last."""
-    reached = moved[f"{name}_tornado"].values
-    start = np.full(len(reached), moved[f"{name}_start"])
-    swing = np.nan_to_num(np.ptp(np.column_stack([reached, start]), axis=1))
-    return [str(p) for p in moved["parameter"].values[np.argsort(-swing, kind="stable")]]
+def _ranked(effects: xarray.Dataset, name: str) -> list[str]:
+    """Return the parameters in falling order of the range of a number; failed cases are last."""
+    values = effects[f"{name}_tornado"].values
+    start = np.full(len(values), effects[f"{name}_start"])
+    swing = np.nan_to_num(np.ptp(np.column_stack([values, start]), axis=1))
+    return [str(p) for p in effects["parameter"].values[np.argsort(-swing, kind="stable")]]

@@ -1,4 +1,4 @@
-"""Prediction bands: quantiles of outputs over cases whose parameters were drawn at random."""
+"""Prediction bands: quantiles of outputs over cases with random parameters."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.experiment import results
 from orchestration.reporting import option, pictures, plain_table
-from orchestration.sweeps.curves import describe_left_out, names_to_draw
+from orchestration.sweeps.curves import describe_omission, names_to_draw
 from orchestration.sweeps.result import SweepResult
 from orchestration.sweeps.sensitivity.numbers import require_complete
 
@@ -22,33 +22,33 @@ if TYPE_CHECKING:
 
 BANDS = "draws"
 _EVEN = (BANDS, "latin-hypercube", "sobol")  # designs whose cases have equal weights
-_USUAL = (0.05, 0.5, 0.95)
-_AT_ONCE = 1_000_000  # values that are sorted at a time
+_QUANTILES = (0.05, 0.5, 0.95)
+_AT_ONCE = 1_000_000  # most values that are sorted at a time
 
 
-def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> SweepResult:
-    """Return quantiles of every output over the cases of a sweep with randomly chosen parameters.
+def bands(found: xarray.Dataset, quantiles: Sequence[float] = _QUANTILES) -> SweepResult:
+    """Return quantiles of every output over the cases of a sweep with random parameters.
 
-    With the draws of a fit they show how uncertain parameters make the outputs. The noise of
-    measurements is not in them.
+    With the draws of a fit they show the uncertainty of outputs due to that of parameters, without
+    the noise of measurements.
 
     Parameters
     ----------
     found : xarray.Dataset
-        Of `sweep` with ``kind="draws"``, ``"latin-hypercube"`` or ``"sobol"``.
+        Result of `sweep` with ``kind="draws"``, ``"latin-hypercube"`` or ``"sobol"``.
     quantiles : sequence of float
-        Between 0 and 1, rising.
+        Between 0 and 1, in rising order.
 
     Returns
     -------
     SweepResult
-        For each trace, such as ``voltage``, its quantiles ``voltage_band`` over ``quantile`` and
-        ``time``, and for each number those over ``quantile``, with their units.
+        Quantiles of each trace, such as ``voltage_band`` of ``voltage``, over ``quantile`` and
+        ``time``, and those of each number over ``quantile``, in the units of the sweep.
 
     Raises
     ------
     UserError
-        If it is no such sweep, or a case of it failed.
+        If it is not such a sweep, or one of its cases failed.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> SweepRe
     """
     if found.attrs.get("design") not in _EVEN or "case" not in found.dims:
         raise UserError(
-            f"bands are of a sweep of the designs {', '.join(_EVEN)}, not"
+            f"bands need a sweep of the designs {', '.join(_EVEN)}, not"
             f" {found.attrs.get('design', 'none')}"
         )
     levels = _checked_levels(quantiles)
@@ -86,26 +86,26 @@ def bands(found: xarray.Dataset, quantiles: Sequence[float] = _USUAL) -> SweepRe
 
 
 def _checked_levels(quantiles: Sequence[float]) -> Array:
-    """Return quantiles as an array; they must be between 0 and 1, and rise."""
+    """Return quantiles as an array; raise if they are not between 0 and 1 in rising order."""
     levels = np.asarray(quantiles, dtype=float)
     is_row = levels.ndim == 1 and levels.size
     is_inside = ((levels >= 0) & (levels <= 1)).all()
     if not is_row or not is_inside or (np.diff(levels) <= 0).any():
-        raise UserError(f"quantiles {[*quantiles]}: between 0 and 1, and rising")
+        raise UserError(f"quantiles {[*quantiles]} (allowed: between 0 and 1, in rising order)")
     return levels
 
 
 def _over_time(trace: xarray.DataArray) -> Iterator[Array]:
-    """Yield the traces of all cases in stretches of time that fit into memory."""
+    """Yield the traces of all cases in intervals of time that fit into memory."""
     step = max(1, _AT_ONCE // trace.sizes["case"])
     for at in range(0, trace.sizes["time"], step):
         yield trace.isel(time=slice(at, at + step)).values
 
 
 def table(found: xarray.Dataset) -> Table:
-    """Return a table of bands; those of traces where they are widest, and at their end."""
+    """Return a table of bands; those of traces at their widest point and at their end."""
     columns = [f"{100.0 * level:g} %" for level in found["quantile"].values]
-    made = plain_table(None, "quantiles of", "at", *columns, "unit", right=["at", *columns])
+    result = plain_table(None, "quantiles of", "at", *columns, "unit", right=["at", *columns])
     for name, band in found.items():
         output = str(name).removesuffix("_band")
         places = [("", band)]
@@ -118,12 +118,12 @@ def table(found: xarray.Dataset) -> Table:
             ]
         for at, here in places:
             values, unit = results.displayed(here)
-            made.add_row(output, at, *(f"{value:.6g}" for value in values), unit)
-    return made
+            result.add_row(output, at, *(f"{value:.6g}" for value in values), unit)
+    return result
 
 
 def draw(found: xarray.Dataset) -> Figure:
-    """Draw bands over time, and below each the distance of its quantiles from the middle one.
+    """Draw bands over time, and below each band its quantiles minus the middle one.
 
     Raises
     ------
@@ -152,15 +152,15 @@ def draw(found: xarray.Dataset) -> Figure:
 
 
 def no_traces() -> UserError:
-    """Return the refusal of a picture of bands where no trace is kept."""
+    """Return the error for a picture of bands of a sweep that kept no trace."""
     return UserError(
         f"no picture: bands are drawn over time, which {option('keep', ['trace'])} keeps"
     )
 
 
-def left_out(found: xarray.Dataset) -> list[str]:
-    """Return what the picture of bands leaves out, in a line each."""
-    return describe_left_out(_traces(found))
+def omissions(found: xarray.Dataset) -> list[str]:
+    """Return a line for each omission of the picture of bands."""
+    return describe_omission(_traces(found))
 
 
 def _traces(found: xarray.Dataset) -> list[str]:
@@ -168,7 +168,7 @@ def _traces(found: xarray.Dataset) -> list[str]:
 
 
 def _draw_band(panel: Any, time: Array, band: Array, levels: Sequence[str]) -> None:
-    """Draw quantiles (q, n) of one output over time (n,), and the area between the outermost."""
+    """Draw quantiles of one output, shape (q, n), over time, shape (n,)."""
     panel.fill_between(
         time,
         band[0],

@@ -1,4 +1,4 @@
-"""Storage of sweeps on disk: the journal of a running sweep, and the store of its result."""
+"""Storage of sweeps on disk: journal of a running sweep, and store of its result."""
 
 import lazy_loader
 

@@ -16,7 +16,7 @@ from orchestration.journal import (
     no_longer_writable,
 )
 from orchestration.sweeps.storage.traces import TraceFile
-from orchestration.sweeps.task import Outcomes, Task, failed
+from orchestration.sweeps.task import Outcomes, Task, failed_case
 
 
 class SweepJournal(WorkJournal):
@@ -25,45 +25,45 @@ class SweepJournal(WorkJournal):
     Parameters
     ----------
     folder : Path
-        An existing one, which this process holds; the journal of the same sweep is continued.
+        An existing folder that this process has locked; a journal of the same sweep is continued.
     task : Task
     cases : ndarray, shape (n, p)
     guid : str
-        Of the FMU.
+        GUID of the FMU.
 
     Raises
     ------
     UserError
-        If the folder is of another sweep, or cannot be written.
+        If the folder belongs to another sweep, or cannot be written.
     """
 
     def __init__(self, folder: Path, task: Task, cases: Array, guid: str):
         self._cases = len(cases)
-        self._nothing = failed(task, "")
+        self._blank = failed_case(task, "")
         self._traces: TraceFile | None = None
-        numbers = self._nothing.numbers.shape[1:]
+        numbers = self._blank.numbers.shape[1:]
         super().__init__(folder, "sweep", _about(task, cases, guid), (len(cases), *numbers))
 
     def begin(self, mode: str) -> None:
-        """Begin or continue traces and failures."""
-        if self._nothing.traces.size:
-            _, points, outputs = self._nothing.traces.shape
+        """Open the files of traces and failures, new ones or those of the same sweep."""
+        if self._blank.traces.size:
+            _, points, outputs = self._blank.traces.shape
             shape = (self._cases, outputs, points)
             self._traces = TraceFile(self.folder / TRACES, mode, shape)
         self._failures = RowTexts(self, FAILURES, mode)
 
     @property
     def failures(self) -> dict[int, str]:
-        """Reasons of failed cases, by row."""
+        """Reasons of failed cases by row."""
         return dict(self._failures.pairs)
 
     def traces(self, output: int, shape: tuple[int, ...]) -> Any:
-        """Return traces of one output, over cases in a shape and time; they are read when used."""
+        """Return the traces of one output, shape (*shape, n), which are read lazily."""
         assert self._traces is not None
         return self._traces.traces(output, shape)
 
     def write(self, rows: Sequence[int], outcomes: Outcomes) -> None:
-        """Keep the outcomes of cases, which then count as done."""
+        """Write the outcomes of cases, which then count as finished."""
         try:
             if self._traces is not None:
                 self._traces.write(rows, outcomes.traces)
@@ -74,7 +74,7 @@ class SweepJournal(WorkJournal):
 
 
 def _about(task: Task, cases: Array, guid: str) -> dict[str, str]:
-    """Return digests of the parts that define a sweep."""
+    """Return digests of the parts that define a sweep, by name."""
     return {
         "the FMU": guid,
         "the cases": digest(task.names, cases),

@@ -1,4 +1,4 @@
-"""Traces of outputs on disk: written case by case and read in parts, as they may exceed memory."""
+"""Traces of outputs on disk, which may exceed the memory."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from xarray.core import indexing
 from fmus.kit.arrays import Array
 from orchestration.journal import opened, reserve
 
-_AT_ONCE = 8_000_000  # bytes of a piece
+_AT_ONCE = 8_000_000  # most bytes of a piece
 
 
 class TraceFile:
-    """File of all traces, by cases, outputs and points, with its whole size from the start.
+    """File of all traces by cases, outputs and points, of its final size from the start.
 
-    It is written into and not mapped: what is mapped counts as memory of the process, and where
-    there is no room for it, writing ends the process.
+    It is not written by a memory map, which would count as memory of the process and crash it if
+    the disk is full.
 
     Parameters
     ----------
     path : Path
     mode : {"w+", "r+"}
-        Made anew, or continued.
+        Create the file, or continue it.
     shape : tuple of int
         Cases n, outputs m and points.
 
     Raises
     ------
     OSError
-        If there is no room, or it cannot be written.
+        If the disk is full, or the file cannot be written.
     ValueError
-        If it is of another shape.
+        If the file has another shape.
     """
 
     def __init__(self, path: Path, mode: str, shape: tuple[int, int, int]):
@@ -50,14 +50,14 @@ class TraceFile:
         self._case_bytes = 8 * shape[1] * shape[2]
 
     def write(self, rows: Sequence[int], traces: Array) -> None:
-        """Write the traces (k, points, m) of cases."""
+        """Write the traces of cases, shape (k, points, m)."""
         with self.path.open("r+b") as file:
             for row, trace in zip(rows, traces, strict=True):
                 file.seek(self._first_byte + row * self._case_bytes)
                 file.write(np.ascontiguousarray(trace.T).data)
 
     def traces(self, output: int, case_shape: tuple[int, ...]) -> Any:
-        """Return the traces of one output, the cases in a shape, as an array read lazily."""
+        """Return a lazy array of the traces of one output, shape (*case_shape, points)."""
         points = self.shape[2]
         first = self._first_byte + 8 * output * points
         return indexing.LazilyIndexedArray(
@@ -66,17 +66,17 @@ class TraceFile:
 
 
 class _Traces(BackendArray):
-    """Traces of one output in a file, read when they are used.
+    """Lazy array of the traces of one output in a file.
 
     Parameters
     ----------
     path : Path
     first : int
-        Byte of the trace of the first case.
+        Position of the trace of the first case in the file.
     spacing : int
-        Bytes from the trace of one case to that of the next.
+        Bytes from the trace of a case to that of the next one.
     shape : tuple of int
-        Cases in any shape, and points.
+        Shape of the cases, and number of points.
     """
 
     def __init__(self, path: Path, first: int, spacing: int, shape: tuple[int, ...]):
@@ -92,7 +92,7 @@ class _Traces(BackendArray):
         )
 
     def _read(self, key: tuple[Any, ...]) -> Array:
-        """Read what a key of integers and slices selects, and nothing else."""
+        """Read only the part that a key of integers and slices selects."""
         *cases, points = key
         rows = np.arange(int(np.prod(self.shape[:-1]))).reshape(self.shape[:-1])[tuple(cases)]
         at = np.arange(self.shape[-1])[points]
@@ -109,11 +109,11 @@ class _Traces(BackendArray):
 
 
 def iterate_pieces(array: xarray.DataArray) -> Iterator[Array]:
-    """Yield the values of an array in pieces that fit into memory, one case after the other."""
-    divided = next((dim for dim in array.dims if array.sizes[dim] > 1), None)
-    if array.nbytes <= _AT_ONCE or divided is None:
+    """Yield the values of an array in pieces that fit into memory, in the order of its cases."""
+    dimension = next((dim for dim in array.dims if array.sizes[dim] > 1), None)
+    if array.nbytes <= _AT_ONCE or dimension is None:
         yield array.values
         return
-    half = array.sizes[divided] // 2
+    half = array.sizes[dimension] // 2
     for part in (slice(half), slice(half, None)):
-        yield from iterate_pieces(array.isel({divided: part}))
+        yield from iterate_pieces(array.isel({dimension: part}))

@@ -1,4 +1,4 @@
-"""Zarr store of a swept dataset, which may be larger than memory: it is written in parts."""
+"""Zarr store of the dataset of a sweep, which is written in parts as it may exceed the memory."""
 
 from __future__ import annotations
 
@@ -19,15 +19,14 @@ _OF_ZARR = re.compile(r"\.zgroup|\.zattrs|\.zmetadata|\.zarray|\d+(\.\d+)*")
 
 
 def check(path: Path) -> None:
-    """Refuse a place where no store can be written, before any work is done.
+    """Raise if no store can be written to a path, before the sweep is run.
 
     Raises
     ------
     UserError
-        If zarr is not installed, or there is anything else than a store of a sweep, which would be
-        overwritten.
+        If zarr is not installed, or the path has anything other than a store of a sweep.
     """
-    # they are imported after the sweep, when a failure leaves much to be cleared up
+    # they are imported only after the sweep, which would be lost without them
     require("zarr", "dask")
     if path.is_symlink():
         raise UserError(f"--out {path}: is a link; name the folder that it leads to")
@@ -36,12 +35,12 @@ def check(path: Path) -> None:
 
 
 def _check_ours(path: Path) -> None:
-    """Refuse a folder that is no store of a sweep, or that has anything else in it.
+    """Raise if a folder is not a store of a sweep, or has other contents.
 
-    A store is removed as a whole when it is replaced.
+    A store is replaced as a whole, with all contents of its folder.
     """
     if not (path / ".zgroup").is_file():
-        raise UserError(f"--out {path}: is there and is no Zarr store; it will not be overwritten")
+        raise UserError(f"--out {path}: is not a store of a sweep; it will not be overwritten")
     try:
         about = json.loads((path / ".zattrs").read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
@@ -54,14 +53,14 @@ def _check_ours(path: Path) -> None:
         here = Path(place)
         for name in (*names, *folders):
             if not _is_of_store(here / name):
-                strange = (here / name).relative_to(path)
+                other = (here / name).relative_to(path)
                 raise UserError(
-                    f"--out {path}: holds {strange}, which is not of a store; move it elsewhere"
+                    f"--out {path}: holds {other}, which is not of a store; move it elsewhere"
                 )
 
 
 def _is_of_store(path: Path) -> bool:
-    """Return True if a path in a store is an array of it, or a file of the Zarr format."""
+    """Return whether a path in a store is an array or a file of the Zarr format."""
     if path.is_symlink():
         return False
     if path.is_dir():
@@ -70,14 +69,14 @@ def _is_of_store(path: Path) -> bool:
 
 
 def write(data: xarray.Dataset, path: Path) -> None:
-    """Write a dataset whole or not at all, in chunks of cases with their whole traces.
+    """Write a dataset, whole or not at all, in chunks of cases with their whole traces.
 
     Parameters
     ----------
     data : xarray.Dataset
-        May be larger than memory.
+        It may exceed the memory.
     path : Path
-        A folder; a store that is there is replaced.
+        A folder; an existing store is replaced.
 
     Raises
     ------
@@ -93,9 +92,8 @@ def write(data: xarray.Dataset, path: Path) -> None:
     if "time" in data.dims:
         chunks["time"] = -1
     check(path)  # it may have changed during the sweep
-    # one chunk after the other: several threads would have as many in memory
-    in_turn = dask.config.set({"array.chunk-size": _CHUNK, "scheduler": "synchronous"})
-    with files.replacing(path) as new, in_turn:
-        # format 2 has a place in its specification for texts of one length, which format 3 has
-        # not yet
+    # one thread, as each has a chunk in memory
+    serial = dask.config.set({"array.chunk-size": _CHUNK, "scheduler": "synchronous"})
+    with files.replacing(path) as new, serial:
+        # format 2 specifies texts of fixed length, format 3 does not yet
         data.chunk(chunks).to_zarr(new, mode="w-", zarr_format=2)

@@ -7,7 +7,7 @@ import control
 import numpy as np
 import pytest
 
-from fmus.controllers.state_feedback import GAINS, StateFeedback, described
+from fmus.controllers.state_feedback import GAINS, StateFeedback, design_remark
 from fmus.ppy_actuator.model import PpyActuator
 from tests.support.displacement_loop import drive, worst
 from tests.support.sampled import run
@@ -150,7 +150,7 @@ def test_an_actuator_other_than_designed_for_gets_there_all_the_same(name, share
 
 
 def test_the_description_tells_the_gains():
-    text = described(GAINS, "ppy_actuator")
+    text = design_remark(GAINS, "ppy_actuator")
     assert StateFeedback.remark == text
     assert f"charge_gain {GAINS['charge_gain']:.6g}" in text
     assert len(text.splitlines()) == 1

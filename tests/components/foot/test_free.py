@@ -8,7 +8,7 @@ import casadi
 import numpy as np
 import pytest
 
-from fmus.foot.free import solved
+from fmus.foot.free import solve
 from fmus.foot.model import FootDynamic, FootFree
 from fmus.kit.record.compiled import CompiledModel
 from orchestration.fmu.instance import Fmu
@@ -105,12 +105,12 @@ def test_accelerations_are_those_of_lagrange_for_points():
         assert found == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
 
 
-def test_solved_is_what_numpy_solves():
+def test_solve_agrees_with_numpy():
     random = np.random.default_rng(4)
     for size in (1, 2, 4, 6):
         root = random.normal(size=(size, size))
         matrix, right = root @ root.T + np.eye(size), random.normal(size=size)
-        assert solved(matrix.tolist(), right.tolist()) == pytest.approx(
+        assert solve(matrix.tolist(), right.tolist()) == pytest.approx(
             np.linalg.solve(matrix, right), rel=1e-9
         )
 

@@ -114,7 +114,7 @@ def test_one_in_which_something_is_sampled_is_realised_at_its_period(folder):
         found.response(frequencies, "tension", "coil_voltage"), -law * lag, rtol=1e-5
     )
     between = request(model, ["force_reference"], ["coil_voltage"], 0.01, voltage_command_start=2.0)
-    with pytest.raises(UserError, match="take a multiple of that period"):
+    with pytest.raises(UserError, match="take a multiple of its sample period"):
         linearise_fmu(between)
 
 

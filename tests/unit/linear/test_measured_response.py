@@ -70,5 +70,5 @@ def test_a_sweep_of_nothing_is_refused(name, value):
 
 
 def test_a_frequency_that_is_too_high_for_the_hold_is_refused(system):
-    with pytest.raises(UserError, match=r"3 Hz: a sine that is held for 0\.1 s .* up to 2\.5 Hz"):
+    with pytest.raises(UserError, match=r"3 Hz: a period of 0\.1 s .* up to 2\.5 Hz"):
         sine_sweep(system, "u", ["lag.x"], SineSweep(np.array([3.0]), 0.1, 0.1, 0.1))

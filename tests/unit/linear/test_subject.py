@@ -205,7 +205,7 @@ def test_a_loop_whose_cut_is_read_between_samples_says_so():
     subject = subject_of(library.system("dma_bench"))
     point = point_at(subject.graph, 1.0, {"force_reference": 1.0})
     (line,) = subject.loop(point, "bench.tension").notes
-    assert "read between samples" in line
+    assert "acts between samples" in line
     assert subject.loop(point, "bench.force_filtered").notes == ()
 
 

@@ -23,7 +23,7 @@ def handed_out(chunks: Chunks, seconds_a_case: float) -> list[list[int]]:
     while chunks:
         rows = chunks.next()
         every.append(rows)
-        chunks.took(len(rows), seconds_a_case * len(rows))
+        chunks.adapt(len(rows), seconds_a_case * len(rows))
     return every
 
 
@@ -57,5 +57,5 @@ def test_a_chunk_has_a_largest_number_of_cases_and_of_bytes():
 def test_no_worker_gets_more_than_its_share():
     chunks = Chunks(task(), range(1000), 4)
     for _ in range(10):
-        chunks.took(1000, 0.0)  # as if cases took no time
+        chunks.adapt(1000, 0.0)  # as if cases took no time
     assert len(chunks.next()) == 125  # half of a quarter

@@ -54,7 +54,7 @@ def test_numbers_and_parameters_are_in_the_units_that_they_are_displayed_in():
     data["a"].attrs["display_units"] = "mA"
     data["b"].attrs["display_units"] = "mN"
     figure = curves.draw_curves(data)
-    assert curves.left_out(data) == []
+    assert curves.omissions(data) == []
     panel = figure.axes[0]
     assert panel.get_lines()[1].get_xdata() == pytest.approx([1e3, 2e3, 3e3])
     assert panel.get_lines()[1].get_ydata() == pytest.approx([1e3, 3e3, 5e3])
@@ -69,7 +69,7 @@ def test_what_a_picture_leaves_out_is_said():
     data = xarray.Dataset(cases, where, {"model": "m"})
     figure = curves.draw_curves(data)
     assert len(figure.axes) == 6
-    assert curves.left_out(data) == [
+    assert curves.omissions(data) == [
         "the picture shows the first 6 of 8 numbers, without y6_last, y7_last; outputs= and"
         " keep= choose others",
         "the picture shows the cases over a alone, not over b, c",
@@ -82,6 +82,6 @@ def test_curves_without_a_legend_are_explained():
     where = {"a": ("a", [1.0, 2.0, 3.0], about), "b": ("b", np.arange(9.0), about)}
     data = xarray.Dataset(values, where, {"model": "m"})
     figure = curves.draw_curves(data)
-    (line,) = curves.left_out(data)
+    (line,) = curves.omissions(data)
     assert line.startswith("the picture has 9 curves, from dark to light in the order of b")
     assert figure.axes[0].get_legend() is None

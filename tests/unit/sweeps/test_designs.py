@@ -58,8 +58,8 @@ def test_points_of_sobol_fill_every_box(model):
     ("texts", "about", "told"),
     [
         ((), {}, "nothing to sweep"),
-        (("R1=0.3..0.7",), {}, "names no count"),
-        (("R1=0.3,0.5", "C=5,10,20"), {"kind": "list"}, "as many values"),
+        (("R1=0.3..0.7",), {}, "needs the number of values"),
+        (("R1=0.3,0.5", "C=5,10,20"), {"kind": "list"}, "equal numbers of values"),
         (("R1=0.3..0.7:3", "R1=1..2:3"), {}, "R1 twice"),
         (("R1=0.5,0.6,0.5",), {}, "0.5 stands there twice"),
         (("R1=0.3..0.7:3",), {"kind": "sobol", "samples": 8}, "write from..to"),

@@ -126,7 +126,7 @@ def test_what_stays_where_it_was_is_told_of_inputs_that_are_not_swept(folder):
             'system = "ageing_actuator"',
             "no system named 'ageing_actuator'",
         ),
-        ("parameters.tau = 9", 'noise.x = { rms = "1e-3" }', "a sweep has none"),
+        ("parameters.tau = 9", 'noise.x = { rms = "1e-3" }', "a sweep cannot have noise"),
         ('title = "A lag"', "samples = 0", "samples"),
         ('title = "A lag"', 'design = "random"', "one of grid"),
     ],

@@ -192,8 +192,12 @@ def test_a_file_may_name_a_fit(folder):
     assert "quantiles of" in here("sweep", "s.toml", cwd=folder).stdout
     for old, new, told in (
         ("samples = 20\n", "", "such as samples = 200"),
-        ("samples = 20\n", 'samples = 20\ndesign = "sobol"\n', "a design besides"),
-        ("samples = 20\n", 'samples = 20\nover.tau = "1..2:3"\n', "names a fit to draw them from"),
+        (
+            "samples = 20\n",
+            'samples = 20\ndesign = "sobol"\n',
+            "both a fit to draw parameters from and a design",
+        ),
+        ("samples = 20\n", 'samples = 20\nover.tau = "1..2:3"\n', "or a fit to draw them from"),
     ):
         (folder / "t.toml").write_text(text.replace(old, new))
         with pytest.raises(UserError, match=told):

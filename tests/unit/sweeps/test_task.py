@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from orchestration.fmu.simulation import FmuSource
-from orchestration.sweeps.task import CaseRunner, Task, failed
+from orchestration.sweeps.task import CaseRunner, Task, failed_case
 
 TIME = 0.1 * np.arange(11)
 CASES = np.array([[0.5, 1.0], [2.0, -3.0], [-1.0, 1.0], [0.5, 1.0]])
@@ -59,7 +59,7 @@ def test_traces_are_kept_only_where_they_are_asked_for(task):
 
 
 def test_a_case_that_nobody_ran_has_its_reason_and_no_numbers(task):
-    lost = failed(task, "its worker died")
+    lost = failed_case(task, "its worker died")
     assert lost.failures == {0: "its worker died"}
     assert lost.traces.shape == (1, 11, 1)
     assert np.isnan(lost.numbers).all()

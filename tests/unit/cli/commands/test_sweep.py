@@ -178,7 +178,7 @@ def test_in_python_what_does_not_fit_into_memory_is_refused_too(folder, monkeypa
     monkeypatch.setattr(run, "run_cases", lambda *given: pytest.fail("a case was run"))
     call = {"time": np.linspace(0.0, 5.0, 1_000_001), "keep": ["trace"]}
     with pytest.raises(
-        UserError, match=r"8 GB of traces, and at most 4 GB .*such as folder='traces"
+        UserError, match=r"8 GB of traces, too large .*4 GB.*such as folder='traces"
     ):
         ppy_rig.sweep(str(folder / "one_state.fmu"), {"tau": "1..2:1000"}, **call)
 

@@ -39,7 +39,9 @@ def test_the_worst_of_several_is_one_objective():
     assert (found.outputs, found.unit, found.name) == (("a", "b"), "N", "a & b")
     with pytest.raises(UserError, match="no output named 'aa'"):
         read_objective("aa", 1.0, units, "maximise")
-    with pytest.raises(UserError, match="the worst of N and m cannot be told"):
+    with pytest.raises(
+        UserError, match="the worst of several outputs needs equal units, not N and m"
+    ):
         read_objective("a & c", 1.0, units, "maximise")
 
 

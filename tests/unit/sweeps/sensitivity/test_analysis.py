@@ -50,8 +50,8 @@ def test_nothing_stands_in_for_a_case_that_failed(fragile):
     ("call", "told"),
     [
         ({"samples": 100}, "powers of two"),
-        ({"samples": 1}, "samples=1: kind='sobol-indices' takes 16 or more"),
-        ({"samples": 8}, "samples=8: kind='sobol-indices' takes 16 or more"),
+        ({"samples": 1}, "samples=1: kind='sobol-indices' needs 16 or more"),
+        ({"samples": 8}, "samples=8: kind='sobol-indices' needs 16 or more"),
         ({"samples": None}, "needs samples="),
         ({"samples": 2**26}, "at most"),
         ({"keep": ["trace"]}, "asks for numbers"),

@@ -48,7 +48,7 @@ def test_another_design_is_refused_by_its_name(swept):
 
 @pytest.mark.parametrize("change", [lambda d: d.isel(case=0), lambda d: d.rename(case="run")])
 def test_a_sweep_that_has_lost_its_cases_is_not_called_one_of_another_design(swept, change):
-    with pytest.raises(UserError, match="of the design tornado has no dimension case"):
+    with pytest.raises(UserError, match="of the design tornado has lost its dimension case"):
         require_design(change(swept), "tornado")
 
 
@@ -66,7 +66,9 @@ def test_a_number_that_is_none_is_refused_and_a_trace_that_is_none_is_not(swept,
     swept["x"].values[0, 0] = np.nan
     require_complete(swept, "tornado plot")
     swept["x_last"].values[2] = value
-    with pytest.raises(UserError, match="no tornado plot: x_last is no finite number in a case"):
+    with pytest.raises(
+        UserError, match="no tornado plot: x_last is not a finite number in every case"
+    ):
         require_complete(swept, "tornado plot")
 
 

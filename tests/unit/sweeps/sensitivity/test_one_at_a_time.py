@@ -29,7 +29,9 @@ def test_a_tornado_is_that_of_the_closed_form():
         "V",
         ["V", "ohm", "A"],
     )
-    with pytest.raises(UserError, match=r"'b': '5..7'}: its start value 3 ohm is not among these"):
+    with pytest.raises(
+        UserError, match=r"'b': '5..7'}: its start value 3 ohm is not in this range"
+    ):
         swept(Laws, {"b": "5..7"}, **call)
 
 
