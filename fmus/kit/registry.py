@@ -131,6 +131,24 @@ class StimulusDeclaration:
 
 
 @dataclass(frozen=True)
+class RigDeclaration:
+    """Signals of a rig, with their units and hard limits.
+
+    Attributes
+    ----------
+    inputs, outputs : Mapping of str to str
+        SI unit by the name of the signal.
+    limits : Mapping of str to tuple of float
+        Lowest and highest value by the name of the signal and, for one that must not step, the
+        largest change per second; SI.
+    """
+
+    inputs: Mapping[str, str]
+    outputs: Mapping[str, str]
+    limits: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class ComponentPackage:
     """Components, and what belongs to them.
 
@@ -146,6 +164,8 @@ class ComponentPackage:
     declared_systems : tuple of SystemDeclaration
     stimuli : Mapping of str to StimulusDeclaration
         By the kind of stimulus.
+    rigs : Mapping of str to RigDeclaration
+        By the name of the rig, for ``--option signals=NAME``.
     experiment_folder, preset_folder : Path or None
         Folders of experiments, and of calibrations of rigs: ``.toml`` files.
     """
@@ -156,6 +176,7 @@ class ComponentPackage:
     excitations: Mapping[str, Excitation] = field(default_factory=dict)
     declared_systems: tuple[SystemDeclaration, ...] = ()
     stimuli: Mapping[str, StimulusDeclaration] = field(default_factory=dict)
+    rigs: Mapping[str, RigDeclaration] = field(default_factory=dict)
     experiment_folder: Path | None = None
     preset_folder: Path | None = None
 
@@ -194,6 +215,7 @@ _KINDS = {
     "models": "component",
     "systems": "system",
     "stimuli": "kind of stimulus",
+    "rigs": "rig",
     "experiments": "experiment",
     "presets": "calibration",
 }
@@ -298,6 +320,11 @@ def systems() -> dict[str, SystemDeclaration]:
 def stimuli() -> dict[str, StimulusDeclaration]:
     """Return every kind of stimulus by name."""
     return _merged("stimuli")
+
+
+def rigs() -> dict[str, RigDeclaration]:
+    """Return the signals of every rig by the name of the rig."""
+    return _merged("rigs")
 
 
 def experiments() -> dict[str, Path]:
