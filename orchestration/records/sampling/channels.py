@@ -196,6 +196,7 @@ def input_steps(inputs: Mapping[str, Array], count: int) -> Mask:
 
 
 def _steps(values: Array) -> Mask:
+    """Return where an input steps."""
     change = np.abs(np.diff(values, prepend=values[:1]))
     least = max(_STEP_SHARE * float(np.ptp(values)), _STEP_RATIO * float(np.median(change)))
     return np.asarray(change > least)
