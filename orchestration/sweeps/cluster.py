@@ -223,7 +223,7 @@ def release() -> None:
 
 @contextmanager
 def _in_worker_folder() -> Iterator[None]:
-    """Make the folder of the worker that of temporary files while the context lasts.
+    """Use the folder of the worker for temporary files within the context.
 
     Dask removes that folder even if the process is killed.
     """

@@ -37,7 +37,7 @@ Find = Callable[
 
 @dataclass
 class _Scales:
-    """Scales of objectives, which go from 0 to 1 over the sample."""
+    """Lower limits and widths of objectives in the sample, which scale them from 0 to 1."""
 
     low: Array
     width: Array

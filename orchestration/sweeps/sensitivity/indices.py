@@ -208,7 +208,7 @@ def draw(indices: xarray.Dataset) -> Figure:
 
 
 def omissions(indices: xarray.Dataset) -> list[str]:
-    """Return a line for each omission of the picture of indices."""
+    """Return a line on indices that the picture does not show, if there are any."""
     return describe_omission(_numbers(indices))
 
 

@@ -170,7 +170,7 @@ def draw(effects: xarray.Dataset) -> Figure:
 
 
 def omissions(effects: xarray.Dataset) -> list[str]:
-    """Return a line for each omission of the picture of a tornado."""
+    """Return a line on numbers that the picture of a tornado does not show, if there are any."""
     return describe_omission(_numbers(effects))
 
 

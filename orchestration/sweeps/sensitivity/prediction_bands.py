@@ -159,7 +159,7 @@ def no_traces() -> UserError:
 
 
 def omissions(found: xarray.Dataset) -> list[str]:
-    """Return a line for each omission of the picture of bands."""
+    """Return a line on bands that the picture does not show, if there are any."""
     return describe_omission(_traces(found))
 
 
