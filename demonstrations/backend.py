@@ -1,4 +1,4 @@
-"""Backend that emulates a rig, in real time or in lockstep."""
+"""Backend with an emulated rig, in real time or in lockstep."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from orchestration.rig.backends import Limit, Steppable
 
 _TICK = 1e-4  # s; real time passes in whole ticks, whose transitions come again
 _LONGEST = 60.0  # s, of one step
-_GAP = 2.0  # s; after a longer pause of this process the rig goes on as if it had been that long
+_GAP = 2.0  # s; longer pauses of this process count as this long
 _PLANTS: Mapping[str, type[ForceDriven] | type[LengthDriven] | type[BenchPlant]] = {
     "force-driven": ForceDriven,
     "length-driven": LengthDriven,
@@ -41,19 +41,19 @@ _PLANTS: Mapping[str, type[ForceDriven] | type[LengthDriven] | type[BenchPlant]]
 class Emulator(Steppable):
     """An emulated rig, at rest when it is opened.
 
-    Its time starts with the first :meth:`write`. Until :meth:`advance` is called for the first time
-    it is real time: every :meth:`read` goes on to the present. From then on it is the caller's.
+    Its time starts with the first :meth:`write`. It is real time, and every :meth:`read` advances
+    the rig to the present, until :meth:`advance` is called first; then only that advances the rig.
 
     Parameters
     ----------
     signals : {"force-driven", "length-driven", "bench"}
     seed : str
-        Whole number: of noise, hidden effect and specimen.
+        Whole number, the seed of noise, hidden effect and specimen.
     hidden : str
         ``none``, ``drawn`` by the seed, or the id of an effect of the actuator's catalogue.
     noise : {"on", "off"}
     specimen : {"nominal", "drawn"}
-        The thesis's 12-layer actuator, or another one made like it.
+        The thesis's 12-layer actuator, or one with parameters drawn about its own.
 
     Raises
     ------
@@ -74,7 +74,7 @@ class Emulator(Steppable):
         noise: str = "on",
         specimen: str = "nominal",
     ) -> None:
-        chosen = SIGNALS[one_of("signals", signals, SIGNALS)]
+        chosen = SIGNALS[one_of("signals", signals, _PLANTS)]
         number = integer("seed", seed)
         self.inputs = {name: UNITS[name] for name in chosen.inputs}
         self.outputs = {name: UNITS[name] for name in chosen.outputs}
@@ -95,8 +95,8 @@ class Emulator(Steppable):
         deviations = {name: width for name, width in DEVIATIONS.items() if name in self.outputs}
         plant: Plant = _PLANTS[signals](physics)
         sensor_noise = Noise(deviations, number) if noise == "on" else None
-        self._rig = SteppedRig(plant, chosen.outputs, sensor_noise)
-        # ticks of the clock that have been taken; None while time is not real
+        self._rig = SteppedRig(plant, tuple(chosen.outputs), sensor_noise)
+        # tick of the clock to which the rig has been advanced; None while time is not real
         self._ticks: int | None = None
         self._stepped = False
 
@@ -110,7 +110,7 @@ class Emulator(Steppable):
         return str(self._hidden)
 
     def read(self) -> Mapping[str, float]:
-        """Advance to the present if time is real, then measure.
+        """Measure, after an advance to the present if time is real.
 
         Returns
         -------
@@ -125,7 +125,7 @@ class Emulator(Steppable):
         return self._rig.measured()
 
     def write(self, values: Mapping[str, float]) -> None:
-        """Hold these commands from now on.
+        """Set the commands from now on.
 
         Parameters
         ----------
@@ -139,13 +139,13 @@ class Emulator(Steppable):
         """
         checked = commands(values, self.inputs)
         if self._ticks is not None:
-            self.read()  # what was held before holds until now
+            self.read()  # the commands before apply until now
         elif not self._stepped:
             self._ticks = _now()
         self._rig.command(checked)
 
     def advance(self, step: float) -> None:
-        """Let time pass with the commands held.
+        """Advance the rig by a step with constant commands.
 
         Parameters
         ----------
@@ -162,7 +162,7 @@ class Emulator(Steppable):
         self._rig.advance(checked_step(step, _LONGEST))
 
     def safe(self) -> None:
-        """Release the rig: no current, no force or coil voltage, the unloaded length."""
+        """Set zero current, zero force or coil voltage, and the unloaded length."""
         if self._ticks is not None:
             self.read()
         self._rig.release()

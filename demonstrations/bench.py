@@ -1,4 +1,4 @@
-"""A bench drawn at random: a specimen, its inputs, and the part of the run that is recorded."""
+"""Benches drawn at random: a specimen, its inputs, and the recorded part of a run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _RUN_IN = (100.0, 300.0)  # s, before a record that does not start at rest
 
 @dataclass(frozen=True)
 class Bench:
-    """An actuator, its inputs, and which part of the run is the record."""
+    """An actuator and its inputs; the record begins after the first `lead` samples."""
 
     parameters: RigParameters
     time: Array
@@ -39,12 +39,10 @@ class Bench:
         changed: Mapping[str, float],
         spread: float,
     ) -> Bench:
-        """Draw a bench: multilevel current within 1.3 A and steps of force, both at rest at first.
+        """Draw a bench with multilevel current within 1.3 A and force between a bias and 3 N.
 
-        The force steps between a bias and 3 N.
-
-        The parameters in `changed` are these factors of their nominal values, the others lie within
-        the `spread`.
+        Both are at rest at first. `changed` has factors of nominal values by parameter; all other
+        factors differ from 1 by at most `spread`.
         """
         nominal = asdict(RigParameters())
         factors = {name: random.uniform(1 - spread, 1 + spread) for name in nominal} | dict(changed)
@@ -78,13 +76,13 @@ class Bench:
         )
 
     def noise_free(self, physics: Callable[[RigParameters], Physics]) -> dict[str, Array]:
-        """Return the measured outputs (n,) of the record, without noise."""
+        """Return the outputs (n,) of the record without noise, by name."""
         rig = EmulatedRig(self.parameters, hidden=physics)
         rig.run(self.time, self.current, self.force)
         return {output: rig.truth[output][self.lead :] for output in self.outputs}
 
     def widths(self, outputs: Mapping[str, Array]) -> dict[str, float]:
-        """Return the rms residual of a refitted base over the noise, by noise-free output (n,)."""
+        """Return the noise widths of the refitted base in noise-free outputs (n,), by output."""
         current = self.current[self.lead :]
         force = self.force[self.lead :]
         residuals = refit_residuals(

@@ -1,6 +1,6 @@
-"""``ppy demo``, ``ppy thesis`` and ``ppy rig demo``, which the entry points announce.
+"""Commands ``ppy demo``, ``ppy thesis`` and ``ppy rig demo``, which are entry points.
 
-No ``from __future__ import annotations``: the options are read from their classes.
+No ``from __future__ import annotations``, with which the options in annotations could not be read.
 """
 
 from pathlib import Path
@@ -32,11 +32,11 @@ class DemoCommand(TypedDict, total=False):
 
 
 class PageOption(TypedDict, total=False):
-    """The page of the thesis."""
+    """Path of the page of the thesis."""
 
     out: Annotated[
         Path,
-        Option("Where the page goes.", default=Path("thesis.html"), metavar="FOLDER_OR_HTML"),
+        Option("Page or its folder.", default=Path("thesis.html"), metavar="FOLDER_OR_HTML"),
     ]
 
 
@@ -49,10 +49,10 @@ class RigDemoCommand(TypedDict, total=False):
 
     out: Annotated[
         Path,
-        Option("Everything that is made goes here.", default=Path("hil-output"), metavar="FOLDER"),
+        Option("Folder for all output.", default=Path("hil-output"), metavar="FOLDER"),
     ]
     seed: Annotated[
-        int, Option("Which emulated rig, and which effect is hidden in it.", default=1, least=0)
+        int, Option("Seed of the emulated rig and its hidden effect.", default=1, least=0)
     ]
 
 

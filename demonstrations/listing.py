@@ -1,4 +1,4 @@
-"""The commands of the demonstrations as ``ppy --help`` lists them; reading this loads nothing."""
+"""Commands of the demonstrations in the list of ``ppy --help``; this module imports nothing."""
 
 COMMANDS = {
     "Find out what is wrong": {
@@ -18,4 +18,4 @@ COMMANDS = {
         ),
     },
 }
-"""By heading of the help and name of the command: a line of help, and the function."""
+"""Line of help and function by heading of the help and name of the command."""

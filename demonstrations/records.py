@@ -1,9 +1,8 @@
-"""Records of the emulated rig with a hidden variation drawn at random.
+"""Records of the emulated rig with hidden variations drawn at random.
 
-It is scaled to what the base physics cannot follow.
-
-The size of a variation is set so that the residual of a refitted base has a wanted number of *noise
-widths*: its rms over the standard deviation of the noise, of the output where that is largest.
+The size of a variation is chosen for the residual that it leaves in the base physics with refitted
+parameters. It is measured in *noise widths*: the RMS of the residual over the standard deviation of
+the noise, in the output where that is largest.
 """
 
 from __future__ import annotations
@@ -27,26 +26,26 @@ from orchestration.records import write_record
 
 Array = NDArray[np.float64]
 UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
-_WIDTHS = (1.3, 20.0)  # noise widths that strength 1 leaves
-_CLOSE = 0.05  # relative, to the wanted number of noise widths
+_WIDTHS = (1.3, 20.0)  # noise widths of strength 1
+_CLOSE = 0.05  # relative tolerance of the wanted number of noise widths
 _STEPS = 15  # of the search for a size
 _TRIES = 60  # draws until a variation is given up
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """A variation that is hidden in a record, with its size.
+    """A variation that is hidden in a record, with its parameters.
 
     Attributes
     ----------
     id, output : str
-        Of the variation, and of the measured output it is made for (or empty).
+        Id of the variation, and the measured output that it affects, empty if that is no choice.
     parameters : dict
-        SI.
+        Parameters of its physics, SI.
     wanted, widths : float
-        Noise widths that the refitted base should leave of this variation alone, and does leave.
+        Noise widths of this variation alone in the refitted base, as wanted and as reached.
     alike : bool
-        Whether other parameters of the base do just the same; `wanted` is then not a number.
+        Whether other parameters of the base have the same effect; `wanted` is then not a number.
     """
 
     id: str
@@ -59,16 +58,16 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Truth:
-    """The truth behind a record: hidden variations, parameters, noiseless outputs.
+    """True values of a record: hidden variations, parameters, outputs without noise.
 
     Attributes
     ----------
     hidden : tuple of Hidden
     parameters : RigParameters
     outputs : dict of str to ndarray, shape (n,)
-        Without noise.
+        Outputs without noise.
     widths : dict of str to float
-        Noise widths that the refitted base leaves in every output.
+        Noise widths of the refitted base in every output.
     """
 
     hidden: tuple[Hidden, ...]
@@ -78,13 +77,13 @@ class Truth:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Of what was hidden."""
+        """Ids of the hidden variations."""
         return tuple(hidden.id for hidden in self.hidden)
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A drawn record: time (s), inputs and measured outputs of shape (n,), SI, and the truth."""
+    """A drawn record: time (s), inputs and measured outputs of shape (n,) in SI, and the truth."""
 
     time: Array
     inputs: dict[str, Array]
@@ -112,22 +111,22 @@ def draw(
     hidden : str, tuple of str, or None
         Ids of `VARIATIONS`; ``"sensor_lag.voltage"`` also chooses the output.
     seed : int
-        Of everything drawn.
+        Seed of all random numbers.
     strength : float
-        1 leaves 1.3 to 20 noise widths, with equal chance per ratio as far as that many are to be
-        had at plausible sizes; another strength leaves that many times more or less.
+        Factor of the noise widths, which are 1.3 to 20 at strength 1, log-uniformly distributed, if
+        plausible sizes reach them.
     noise_colour : float
         Lag-one correlation of the noise.
     duration, rate : float
         s, Hz.
     outputs : tuple of str
-        Those measured.
+        Measured outputs.
     at_rest : bool
-        Otherwise the rig has already been driven for some minutes.
+        Whether the record begins at rest, or after some minutes of operation.
     changed : Mapping[str, float], optional
-        Parameters to change, by factors of their nominal values; these do not scatter.
+        Factors of nominal values, by parameter; these parameters are not drawn.
     spread : float
-        The others are off nominal by up to this share, with equal chance.
+        Largest relative deviation of the other parameters, which are uniformly distributed.
 
     Returns
     -------
@@ -136,7 +135,7 @@ def draw(
     Raises
     ------
     ValueError
-        If a variation is unknown, or leaves too little in these outputs at any plausible size.
+        If a variation is unknown, or too small on these outputs at any plausible size.
     """
     ids = (hidden,) if isinstance(hidden, str) else hidden or ()
     for name in ids:
@@ -174,14 +173,14 @@ def draw(
 def draw_cached(
     folder: Path | None, hidden: str | tuple[str, ...] | None, seed: int, **options: Any
 ) -> Drawn:
-    """Draw a record, or read it from a folder where the same code has kept it.
+    """Draw a record, or read it from a cache of this version of the code.
 
     Parameters
     ----------
     folder : Path or None
-        A folder of this user's; None to keep nothing.
+        Folder of the cache, which belongs to this user; None for no cache.
     hidden, seed, **options
-        Of `draw`.
+        As in `draw`.
 
     Returns
     -------
@@ -198,12 +197,12 @@ def draw_cached(
 
 
 def write(drawn: Drawn, path: str | Path) -> None:
-    """Write what was measured as CSV, and nothing else."""
+    """Write time, inputs and measured outputs as CSV, without the truth."""
     write_record(path, drawn.time, drawn.inputs | drawn.outputs, UNITS)
 
 
 def _measured(bench: Bench, hidden: list[Hidden], noise_colour: float, seed: int) -> Drawn:
-    """Measure with noise."""
+    """Return the record of a bench with hidden variations and noise."""
     kind = together([_variation(h.id)[0].physics for h in hidden])
     values = {name: value for h in hidden for name, value in h.parameters.items()}
     physics = partial(kind, **values)  # type: ignore[arg-type]
@@ -227,13 +226,13 @@ def _measured(bench: Bench, hidden: list[Hidden], noise_colour: float, seed: int
 
 
 def _variation(name: str) -> tuple[Variation, str]:
-    """Return the variation that an id means, and the output it chooses (or nothing)."""
+    """Return the variation of an id, and the output in the id, empty if it has none."""
     identity, _, output = name.partition(".")
     return VARIATIONS[identity], output
 
 
 def _sized(name: str, bench: Bench, strength: float, random: np.random.Generator) -> Hidden | None:
-    """Draw a variation of a size that leaves the wanted noise widths; None if there is none."""
+    """Draw a variation, with a size for the wanted noise widths; None if there is no such size."""
     variation, output = _variation(name)
     choices = [o for o in variation.limits if (not o or o in bench.outputs) and output in ("", o)]
     if not output and any(o not in variation.alike for o in choices):
@@ -273,10 +272,10 @@ def _sized(name: str, bench: Bench, strength: float, random: np.random.Generator
 def _search(
     widths: Callable[[float], float], wanted: float, limit: float, most: float
 ) -> float | None:
-    """Return the size that leaves nearly the wanted widths, at most the limit; None if none does.
+    """Return the size, at most the limit, for nearly the wanted widths; None if there is none.
 
-    The widths are nearly a power of the size: steps follow it, or halve the bracket in the
-    logarithm.
+    The widths are nearly a power of the size. Steps follow that power, or else halve the bracket of
+    the logarithm.
     """
     low = 0.0
     high = limit
@@ -298,7 +297,7 @@ def _search(
 
 
 def _between(random: np.random.Generator, low: float, high: float) -> float:
-    """Draw with equal chance per ratio, or per difference from zero."""
+    """Draw a log-uniform number, or a uniform one if the range starts at zero."""
     return (
         float(np.exp(random.uniform(np.log(low), np.log(high))))
         if low > 0
@@ -307,7 +306,7 @@ def _between(random: np.random.Generator, low: float, high: float) -> float:
 
 
 def _digest(arguments: str) -> str:
-    """Name a record by its arguments and the code that draws it."""
+    """Return a digest of the arguments and of the code that draws records."""
     here = Path(__file__).parent
     files = here / "bench.py", here / "records.py", *sorted(here.glob("emulator/*.py"))
     code = b"".join(file.read_bytes() for file in files)

@@ -1,4 +1,4 @@
-"""Demonstrations on an emulated rig: everything once, and the loop closed in real time."""
+"""Demonstrations on an emulated rig: all tasks once, and a closed loop in real time."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Everything once, on an embedded default: what ``make demo`` and ``ppy demo`` run."""
+"""Demonstration of all tasks on an emulated rig, for ``make demo`` and ``ppy demo``."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _FITTED = ["R1", "R2", "C", "alpha", "k1", "b1", "k2", "b2"]
 _UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
 _SEED = 3
 _SEED_HIDDEN = 7
-_GROWN = 1.0  # C, around which the films stop growing where an effect is hidden
+_GROWN = 1.0  # C, at which the strain of the hidden effect saturates
 
 
 def run(out: Path) -> Path:
@@ -40,7 +40,7 @@ def run(out: Path) -> Path:
     Parameters
     ----------
     out : Path
-        Folder for everything made.
+        Folder for all output.
 
     Returns
     -------
@@ -87,7 +87,7 @@ def run(out: Path) -> Path:
 
 
 def _build(out: Path, tell: screen.Tell) -> dict[str, Model]:
-    """Build every component both ways for this machine; return the actuator's two builds."""
+    """Build every component as native and Python FMU; return both builds of the actuator."""
     work = [(name, runtime) for name in COMPONENTS for runtime in RUNTIMES]
     tell(f"building {len(work)} FMUs")
     for k, (name, runtime) in enumerate(work):
@@ -143,7 +143,7 @@ def _thesis(out: Path, models: Mapping[str, Model], tell: Callable[[str], None])
 
 
 def _diagnose(out: Path, truth: RigParameters, tell: Callable[[str], None]) -> DiagnosisResult:
-    """Hide an effect in a record and let a diagnosis find it."""
+    """Diagnose a record with a hidden effect."""
     hidden = partial(SaturatingStrain, saturation=1.0 / _GROWN)
     record = _measure(out / "hidden.csv", truth, _SEED_HIDDEN, hidden)
     result = diagnose(record, _MODEL, progress=tell)
@@ -159,7 +159,7 @@ def _measure(
     seed: int,
     hidden: Callable[[RigParameters], Physics] | None = None,
 ) -> Path:
-    """Let the emulated rig run for ten minutes at 10 Hz and write what its instruments show."""
+    """Write the measured signals of a run of the emulated rig, ten minutes at 10 Hz."""
     time = simulate.grid(0.0, 600.0, _STEP)
     current = waveforms.multilevel(time, [-0.9, -0.45, 0.0, 0.45, 0.9], (2.0, 8.0), seed)
     force = waveforms.multilevel(time, [0.5, 1.0, 1.75, 2.75], (15.0, 45.0), seed + 100)

@@ -1,4 +1,4 @@
-"""The loop closed on an emulated rig in real time: record, diagnose, run the extended model."""
+"""Closed loop on an emulated rig in real time: record, diagnose, run the extended model."""
 
 from __future__ import annotations
 
@@ -30,27 +30,27 @@ MODEL = "ppy_actuator"
 OUTPUTS = ("voltage", "displacement")
 _RATE = 30.0  # Hz, of the thesis's rig
 _SAMPLING = 120.0  # Hz, of the server, so that a command is applied early in its step
-_BESIDE = 20.0  # s, that the models run beside the rig
-_END = 10.0  # s, that the server has to end
+_BESIDE = 20.0  # s, duration of the run of models and rig
+_END = 10.0  # s, after which the server is killed
 
 
 @dataclass(frozen=True)
 class RigDemoResults:
-    """The results of the demonstration on a rig.
+    """Results of the demonstration on a rig.
 
     Attributes
     ----------
     diagnosis : DiagnosisResult
-        Of what was recorded on the rig.
+        Diagnosis of the record of the rig.
     beside : Run
-        Rig, nominal and extended model in one run.
+        Run of the rig, the nominal and the extended model.
     errors : Mapping of str to Mapping
-        By model and output: RMS of measured minus simulated over the standard deviation of what was
-        measured.
+        Normalised RMS error by model and output: of measured minus simulated values, over the
+        standard deviation of the measured ones.
     hidden : str
-        What the emulated rig hides, asked for at the end.
+        Hidden effect of the emulated rig.
     seconds : float
-        That all of it took.
+        Duration of the demonstration.
     """
 
     diagnosis: DiagnosisResult
@@ -61,14 +61,14 @@ class RigDemoResults:
 
 
 def run(out: Path, seed: int) -> Path:
-    """Serve, record, diagnose, run beside the rig, report.
+    """Serve and record a rig, diagnose it, run models together with it, and report.
 
     Parameters
     ----------
     out : Path
-        Folder for everything made.
+        Folder for all output.
     seed : int
-        Of the emulated rig and its hidden effect.
+        Seed of the emulated rig and its hidden effect.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def run(out: Path, seed: int) -> Path:
 
 
 def _diagnose(record: Path) -> tuple[DiagnosisResult, Path]:
-    """Diagnose a record, and build the extended model beside it; return both."""
+    """Return the diagnosis of a record, and the FMU of the extended model."""
     with screen.progress() as tell:
         diagnosed = diagnose(record, MODEL, progress=tell)
         report = record.with_name("diagnosis.html")
@@ -109,7 +109,7 @@ def _diagnose(record: Path) -> tuple[DiagnosisResult, Path]:
 
 
 def _run_beside(endpoint: str, extended: Path, seed: int) -> Run:
-    """Run the nominal and the extended model beside the rig, in real time."""
+    """Run the nominal and the extended model together with the rig, in real time."""
     time = np.arange(round(_BESIDE * _RATE) + 1) / _RATE
     with screen.progress() as tell:
         tell(f"the same rig, rested; the extended model runs beside it for {_BESIDE:g} s")
@@ -118,13 +118,13 @@ def _run_beside(endpoint: str, extended: Path, seed: int) -> Run:
             time,
             _inputs(time, seed),
             real_time=RealTime(makes_up=False),
-            feedthrough=False,  # all are read at the end of a step, as the rig can only be
+            feedthrough=False,  # outputs are read at the end of a step, as those of a rig
             progress=lambda done: tell.done(done, time.size),
         )
 
 
 def _summarise(found: RigDemoResults) -> None:
-    """Print how far both models were from the rig, and what that hides."""
+    """Print the errors of both models, and the hidden effect of the rig."""
     for name in OUTPUTS:
         before = 100.0 * found.errors["nominal"][name]
         after = 100.0 * found.errors["extended"][name]
@@ -136,12 +136,12 @@ def _summarise(found: RigDemoResults) -> None:
 
 
 def side_by_side(endpoint: str, extended: Path) -> System:
-    """Return the system of a rig and two models of it, all driven alike.
+    """Return the system of a rig and two models of it, all with the same inputs.
 
     Parameters
     ----------
     endpoint : str
-        Of the rig's server.
+        Address of the rig's server.
     extended : Path
         FMU of the extended model.
     """
@@ -157,9 +157,9 @@ def side_by_side(endpoint: str, extended: Path) -> System:
 
 
 def errors(run: Run) -> dict[str, dict[str, float]]:
-    """Compute how far each model is from the rig, by output: normalised RMS error.
+    """Return the normalised RMS error by model and output.
 
-    The first point does not count: the rig has not been commanded yet.
+    The first point is omitted, as it comes before the first command.
     """
     errors_of: dict[str, dict[str, float]] = {}
     for model in ("nominal", "extended"):
@@ -172,7 +172,7 @@ def errors(run: Run) -> dict[str, dict[str, float]]:
 
 
 def _inputs(time: Array, seed: int) -> dict[str, Array]:
-    """Draw levels that no record had."""
+    """Return inputs with levels that are not in the record."""
     return {
         "current": multilevel(time, [-0.9, -0.45, 0.0, 0.45, 0.9], (0.5, 3.0), seed + 1000),
         "force": multilevel(time, [0.5, 1.0, 1.5, 2.0, 2.75], (1.0, 4.0), seed + 2000),
@@ -180,12 +180,12 @@ def _inputs(time: Array, seed: int) -> dict[str, Array]:
 
 
 def _record(out: Path, endpoint: str) -> None:
-    """Record the rig; a diagnosis leaves out rows that lack a value.
+    """Record the rig; rows without a value are omitted by a diagnosis.
 
     Raises
     ------
     UserError
-        If it fails; it has said why.
+        If the command fails.
     """
     try:
         _command(
@@ -197,12 +197,12 @@ def _record(out: Path, endpoint: str) -> None:
 
 
 def _command(*words: object) -> None:
-    """Run a command of ours as a user would.
+    """Run a command ``ppy``, which prints its own errors.
 
     Raises
     ------
     UserError
-        If it fails; it has said why.
+        If the command fails.
     """
     texts = [str(word) for word in words]
     done = subprocess.run([sys.executable, "-m", "orchestration.cli", *texts])
@@ -212,7 +212,7 @@ def _command(*words: object) -> None:
 
 @contextmanager
 def _served(out: Path, options: Mapping[str, str]) -> Iterator[str]:
-    """Serve the emulated rig in processes of its own; yield where."""
+    """Serve the emulated rig in other processes, and yield its address."""
     command = [
         sys.executable,
         "-m",

@@ -1,4 +1,4 @@
-"""The page that ``ppy demo`` ends with."""
+"""Page of ``ppy demo``."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _DIGITS = 4
 
 @dataclass(frozen=True)
 class ThesisRun:
-    """An experiment of the thesis, simulated with both builds.
+    """Experiment of the thesis, simulated with both builds.
 
     Attributes
     ----------
     title : str
     picture : Path
     difference : float
-        Largest difference of the two builds, over the largest value.
+        Largest difference of the two builds over the largest value.
     """
 
     title: str
@@ -35,21 +35,21 @@ class ThesisRun:
 
 @dataclass(frozen=True)
 class DemoResults:
-    """The results of the demonstration.
+    """Results of the demonstration.
 
     Attributes
     ----------
     runs : sequence of ThesisRun
     truth : RigParameters
-        Of the emulated rig.
+        Parameters of the emulated rig.
     recalibrated : Comparison
-        With a fit to the first record.
+        Comparison with the first record, to which the model is fitted.
     before, after : Comparison
-        Of the nominal and the recalibrated model with the record that no fit has seen.
+        Comparisons of the nominal and the recalibrated model with the validation record.
     diagnosis : DiagnosisResult
-        Of the record in which an effect is hidden.
+        Diagnosis of the record with a hidden effect.
     saturation : float
-        Charge in C around which the films stop growing in that record.
+        Charge in C at which the strain of that effect saturates.
     """
 
     runs: Sequence[ThesisRun]
@@ -62,12 +62,12 @@ class DemoResults:
 
 
 def write(folder: Path, results: DemoResults) -> Path:
-    """Write the report beside the pictures.
+    """Write the report into the folder of the pictures.
 
     Parameters
     ----------
     folder : Path
-        Where ``diagnosis.png`` and ``compare.png`` are.
+        Folder with ``diagnosis.png`` and ``compare.png``.
     results : DemoResults
 
     Returns

@@ -1,4 +1,4 @@
-"""The page that ``ppy rig demo`` ends with."""
+"""Page of ``ppy rig demo``."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def write(folder: Path, results: RigDemoResults) -> Path:
     Parameters
     ----------
     folder : Path
-        Where ``diagnosis.html`` is.
+        Folder with ``diagnosis.html``.
     results : RigDemoResults
 
     Returns
@@ -101,7 +101,7 @@ def write(folder: Path, results: RigDemoResults) -> Path:
 
 
 def _link(run: Run) -> list[list[str]]:
-    """Return rows on age, round trip and missed deadlines."""
+    """Return the rows of a table on age, round trip and missed deadlines."""
     rows = []
     for name, signal in (
         ("age of the displacement", "displacement_age"),
@@ -116,7 +116,7 @@ def _link(run: Run) -> list[list[str]]:
 
 
 def _draw(path: Path, run: Run) -> None:
-    """Draw measured and simulated outputs, each above what the models leave."""
+    """Draw measured and simulated outputs, each above the residuals of the models."""
     from matplotlib.figure import Figure
 
     time = run.time[1:]

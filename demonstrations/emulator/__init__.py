@@ -1,4 +1,4 @@
-"""An emulated rig that shares no code with the models: physics and hidden effects."""
+"""Emulated rig that shares no code with the models: physics and hidden effects."""
 
 import lazy_loader
 

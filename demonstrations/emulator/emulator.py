@@ -1,7 +1,7 @@
-"""A rig to practise on: an actuator with measurement noise and, if wanted, a hidden effect.
+"""Emulated rig: an actuator with measurement noise and, as an option, a hidden effect.
 
-It shares no code with the models, so that agreement between the two means something: the laws are
-in :mod:`demonstrations.emulator.physics`, with an integrator of their own.
+It shares no code with the models, so that it is an independent reference: its laws and its own
+integrator are in :mod:`demonstrations.emulator.physics`.
 """
 
 from collections.abc import Callable
@@ -19,15 +19,15 @@ Array = NDArray[np.float64]
 
 @dataclass
 class EmulatedRig:
-    """An actuator on a bench with noisy, optionally quantised, sensors.
+    """An actuator on a bench, with sensors that have noise and, as an option, quantisation.
 
-    Every run starts afresh but draws new noise; rigs made alike repeat the same sequence of runs.
+    Every run starts from rest, with new noise. Rigs with equal arguments give the same runs.
 
     Parameters
     ----------
     parameters : RigParameters
     seed : int
-        Of the noise.
+        Seed of the noise.
     voltage_noise, displacement_noise : float
         Standard deviations (V, m).
     noise_colour : float
@@ -35,16 +35,16 @@ class EmulatedRig:
     initial_charge : float
         C.
     voltage_resolution, displacement_resolution : float
-        One converter count (V, m); zero means no quantisation.
+        Size of a converter count (V, m); zero means no quantisation.
     hidden : callable, optional
-        Makes the physics from the parameters: a subclass of `Physics`, or a `functools.partial` of
+        Returns the physics for parameters: a subclass of `Physics`, or a `functools.partial` of
         one.
 
     Attributes
     ----------
     truth : dict of str to ndarray, shape (n,)
-        Of the last run: voltage and displacement as sensors without noise measure them, the
-        actuator's two displacements, charge.
+        Noise-free signals of the last run: voltage and displacement at the sensors, both
+        displacements of the actuator, charge.
     """
 
     parameters: RigParameters = field(default_factory=RigParameters)
@@ -73,7 +73,7 @@ class EmulatedRig:
         self._random = np.random.default_rng(self.seed)
 
     def run(self, time: ArrayLike, current: ArrayLike, force: ArrayLike) -> dict[str, Array]:
-        """Apply inputs, each held from its sample to the next, and measure.
+        """Return the measured outputs for inputs that are constant from sample to sample.
 
         Parameters
         ----------
@@ -85,7 +85,7 @@ class EmulatedRig:
         Returns
         -------
         dict of str to ndarray, shape (n,)
-            ``voltage`` (V) and ``displacement`` (m), as the sensors report them.
+            ``voltage`` (V) and ``displacement`` (m) with noise and quantisation.
 
         Raises
         ------
@@ -126,9 +126,8 @@ class EmulatedRig:
     def _measure(self, signal: Array, deviation: float, resolution: float) -> Array:
         """Add stationary AR(1) noise, then round to whole converter counts."""
         white = self._random.standard_normal(signal.size)
-        white[1:] *= np.sqrt(
-            1 - self.noise_colour**2
-        )  # the first draw already has the stationary spread
+        # the first draw already has the stationary variance
+        white[1:] *= np.sqrt(1 - self.noise_colour**2)
         noisy = signal + deviation * self._coloured(white)
         return np.round(noisy / resolution) * resolution if resolution > 0 else noisy
 

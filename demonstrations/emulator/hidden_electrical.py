@@ -1,4 +1,4 @@
-"""Hidden variations of the circuit."""
+"""Hidden variations of the electrical circuit."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -9,12 +9,12 @@ from demonstrations.emulator.physics import Array, Physics
 
 _CELLS = 30  # of the diffusion layer
 _AMBIENT = 296.0  # K
-_BREEZE = 10.0  # K, rise at which convection has doubled the cooling
+_BREEZE = 10.0  # K, rise at which convection doubles the cooling
 
 
 @dataclass
 class DoubleLayer(Physics):
-    """A double layer at the interface, crossed with a voltage that bends like Butler-Volmer's."""
+    """A double layer at the interface, with a charge transfer like Butler-Volmer's."""
 
     linear: ClassVar[bool] = False
     extra_states: ClassVar[int] = 1  # voltage across the layer, V
@@ -27,7 +27,7 @@ class DoubleLayer(Physics):
         return super().capacitor_voltage(state, force) + self.own(DoubleLayer, state)[0]
 
     def rates(self, state: Array, current: Any, force: Any) -> list[Any]:
-        """Append the rate at which the current that does not cross charges the layer."""
+        """Append the rate of the layer's voltage."""
         rates = super().rates(state, current, force)
         crossing = self.bending_voltage * np.sinh(
             self.own(DoubleLayer, state)[0] / self.bending_voltage
@@ -37,10 +37,10 @@ class DoubleLayer(Physics):
 
 @dataclass
 class DiffusionLayer(Physics):
-    """Part of the series resistance is that of ions diffusing through a layer, in finite volumes.
+    """Part of the series resistance is the diffusion of ions through a layer, in finite volumes.
 
-    The concentration of each cell is expressed as the current that would sustain it; the films' end
-    of the layer holds it at zero.
+    The concentration of each cell is expressed as the current of its steady state; it is zero at
+    the end of the layer at the films.
     """
 
     extra_states: ClassVar[int] = _CELLS
@@ -48,7 +48,7 @@ class DiffusionLayer(Physics):
     diffusion_time: float = 10.0  # s, thickness squared over diffusivity
 
     def series_resistance(self, state: Array) -> Any:
-        """Leave what does not diffuse, and half a cell."""
+        """Return the resistance without diffusion, plus half a cell."""
         return super().series_resistance(state) * (1 - self.diffusing_share * (1 - 0.5 / _CELLS))
 
     def capacitor_voltage(self, state: Array, force: Any) -> Any:
@@ -61,7 +61,7 @@ class DiffusionLayer(Physics):
         return super().capacitor_voltage(state, force) + across
 
     def rates(self, state: Array, current: Any, force: Any) -> list[Any]:
-        """Append the balance of every cell."""
+        """Append the mass balance of every cell."""
         rates = super().rates(state, current, force)
         cells = self.own(DiffusionLayer, state)
         between = -_CELLS * np.diff(cells, axis=0)
@@ -72,7 +72,7 @@ class DiffusionLayer(Physics):
 
 @dataclass
 class OnsettingLeakage(Physics):
-    """A second leakage that sets in smoothly around a voltage, by the power 3/2 of the excess."""
+    """A second leakage that starts smoothly at a voltage, with the power 3/2 of the excess."""
 
     linear: ClassVar[bool] = False
     leakage_rise: float = 0.1  # A/V^1.5
@@ -80,7 +80,7 @@ class OnsettingLeakage(Physics):
     onset_width: float = 0.08  # V
 
     def leakage_current(self, voltage: Any) -> Any:
-        """Add the second leakage, zero without voltage and odd."""
+        """Add the second leakage, an odd function of the voltage."""
         exceeding = np.logaddexp(0, (np.abs(voltage) - self.onset_voltage) / self.onset_width)
         at_zero = np.logaddexp(0, -self.onset_voltage / self.onset_width)
         second = (self.onset_width * exceeding) ** 1.5 - (self.onset_width * at_zero) ** 1.5
@@ -89,7 +89,7 @@ class OnsettingLeakage(Physics):
 
 @dataclass
 class ChargeDependentCapacitance(Physics):
-    """The inverse capacitance rises with the charge, from one level to another."""
+    """The inverse capacitance rises with the charge, between two levels."""
 
     linear: ClassVar[bool] = False
     # 1/C, relative rise of the inverse capacitance, per charge and about zero
@@ -106,15 +106,15 @@ class ChargeDependentCapacitance(Physics):
 
 @dataclass
 class GrowingResistance(Physics):
-    """Series resistance that rises with the charge moved in and out, and levels off."""
+    """Series resistance that rises with the charge throughput, and saturates."""
 
     linear: ClassVar[bool] = False
     extra_states: ClassVar[int] = 1  # throughput, C
     growth: float = 0.5  # of the resistance, in the end
-    endurance: float = 500.0  # C, throughput that brings about half of it
+    endurance: float = 500.0  # C, throughput at half of the growth
 
     def series_resistance(self, state: Array) -> Any:
-        """Grow by a fraction that saturates with throughput, as sites for damage are used up."""
+        """Return the resistance with a growth that saturates, as sites of damage are exhausted."""
         throughput = self.own(GrowingResistance, state)[0]
         return super().series_resistance(state) * (
             1 + self.growth * throughput / (self.endurance + throughput)
@@ -128,7 +128,7 @@ class GrowingResistance(Physics):
 
 @dataclass
 class FadingCapacitance(Physics):
-    """Capacitance that falls exponentially, towards a rest, with the charge moved in and out."""
+    """Capacitance that falls exponentially with the charge throughput, to a final value."""
 
     linear: ClassVar[bool] = False
     extra_states: ClassVar[int] = 1  # throughput, C
@@ -136,7 +136,7 @@ class FadingCapacitance(Physics):
     fading_charge: float = 500.0  # C
 
     def capacitance(self, state: Array) -> Any:
-        """Lose active sites one by one."""
+        """Return the capacitance of the remaining active sites."""
         lost = -self.fade * np.expm1(-self.own(FadingCapacitance, state)[0] / self.fading_charge)
         return super().capacitance(state) * (1 - lost)
 
@@ -148,9 +148,9 @@ class FadingCapacitance(Physics):
 
 @dataclass
 class SelfHeating(Physics):
-    """Dissipation that warms the actuator: its resistance falls after Arrhenius.
+    """Dissipation warms the actuator, and its resistance falls by Arrhenius' law.
 
-    Its cooling improves with the rise of temperature.
+    The cooling by convection improves with the temperature.
     """
 
     linear: ClassVar[bool] = False
@@ -160,14 +160,14 @@ class SelfHeating(Physics):
     heat_time: float = 400.0  # s, of a small rise
 
     def series_resistance(self, state: Array) -> Any:
-        """Conduct better when warm."""
+        """Return the resistance at the present temperature."""
         rise = self.own(SelfHeating, state)[0]
         return super().series_resistance(state) * np.exp(
             -self.activation_temperature * rise / _AMBIENT / (_AMBIENT + rise)
         )
 
     def rates(self, state: Array, current: Any, force: Any) -> list[Any]:
-        """Append the heat balance: power supplied and not stored, less the loss by convection."""
+        """Append the heat balance: dissipated power minus the loss by convection."""
         rates = super().rates(state, current, force)
         rise = self.own(SelfHeating, state)[0]
         heat = (

@@ -13,9 +13,9 @@ _SHARPNESS = 6  # of the transition from slack to taut
 
 @dataclass
 class CreepSpectrum(Physics):
-    """More creep with three time constants in geometric progression.
+    """Additional creep with three time constants in geometric progression.
 
-    The middle one is as strong as the others together.
+    The middle one has the compliance of both others together.
     """
 
     extra_states: ClassVar[int] = 3  # N, force of every spring
@@ -24,7 +24,7 @@ class CreepSpectrum(Physics):
     time_ratio: float = 2.0
 
     def mechanical_length(self, state: Array, force: Any) -> Any:
-        """Add the three elongations."""
+        """Add the elongations of the three creep elements."""
         early, middle, late = self.own(CreepSpectrum, state)
         return (
             super().mechanical_length(state, force)
@@ -32,7 +32,7 @@ class CreepSpectrum(Physics):
         )
 
     def rates(self, state: Array, current: Any, force: Any) -> list[Any]:
-        """Append how the force moves from the dashpots to the springs."""
+        """Append the rates of the forces of the springs."""
         times = self.middle_time * self.time_ratio ** np.array([-1, 0, 1])
         forces = zip(self.own(CreepSpectrum, state), times, strict=True)
         return [
@@ -43,7 +43,7 @@ class CreepSpectrum(Physics):
 
 @dataclass
 class LoadDependentSpring(Physics):
-    """An instantaneous spring that softens (below zero: stiffens) with load, rationally."""
+    """An instantaneous spring whose compliance changes with load, by a rational function."""
 
     softening: float = 0.2  # relative rise of the compliance, under a load far above the middle
     middle_load: float = 1.0  # N
@@ -56,14 +56,14 @@ class LoadDependentSpring(Physics):
 
 @dataclass
 class ReluctantRecovery(Physics):
-    """The creep dashpot is stiffer on the way back, the more so the harder it is driven."""
+    """The creep dashpot has a higher viscosity in recovery, which rises with its force."""
 
     linear: ClassVar[bool] = False
     reluctance: float = 0.5  # relative rise of the viscosity, at most
-    reluctance_force: float = 0.1  # N, that brings about half of it
+    reluctance_force: float = 0.1  # N, at half of that rise
 
     def creep_drive(self, state: Array, force: Any) -> Any:
-        """Weaken a drive that shortens."""
+        """Return the force on the dashpot, reduced in recovery."""
         drive = super().creep_drive(state, force)
         back = np.maximum(-drive, 0.0)
         return drive / (1 + self.reluctance * back / (back + self.reluctance_force))
@@ -71,9 +71,9 @@ class ReluctantRecovery(Physics):
 
 @dataclass
 class YieldingFlow(Physics):
-    """A viscoplastic dashpot that hardly flows below a load: Bingham's law after Papanastasiou.
+    """A viscoplastic dashpot with a yield load: Bingham's law, regularised after Papanastasiou.
 
-    Its force is ``F = y + Fy (1 - exp(-y/f))``, ``y`` that of the viscosity alone.
+    Its force is ``F = y + Fy (1 - exp(-y/f))`` with the viscous force ``y``.
     """
 
     linear: ClassVar[bool] = False
@@ -81,7 +81,7 @@ class YieldingFlow(Physics):
     rounding: float = 0.03  # N
 
     def flow_drive(self, force: Any) -> Any:
-        """Solve for the viscous part of a load of any sign, by Lambert's function."""
+        """Return the viscous part of a load, by Lambert's function."""
         load = np.abs(super().flow_drive(force))
         f = self.rounding
         excess = (load - self.yield_load) / f
@@ -91,12 +91,12 @@ class YieldingFlow(Physics):
 
 @dataclass
 class SaggingFilm(Physics):
-    """More compliance below a preload, which ends smoothly where the film becomes taut."""
+    """Additional compliance below a preload, until the film is taut."""
 
     sag: float = 0.5  # additional compliance without load, relative to the spring's
     taut_load: float = 0.7  # N
 
     def spring_length(self, state: Array, force: Any) -> Any:
-        """Add the smaller of load and preload, rounded."""
+        """Add the elongation by the smaller of load and preload, with a smooth transition."""
         smaller = force / (1 + abs(force / self.taut_load) ** _SHARPNESS) ** (1 / _SHARPNESS)
         return super().spring_length(state, force + self.sag * smaller)

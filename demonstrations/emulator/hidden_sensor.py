@@ -7,8 +7,7 @@ from scipy.linalg import expm
 
 from demonstrations.emulator.physics import Array, Physics, Signals, Trajectory
 
-# of a sample period, how far from its end the value is taken that inputs have not yet changed
-_BEFORE = 1e-6
+_BEFORE = 1e-6  # of a step: the value before a jump of inputs is taken so shortly before its end
 
 
 @dataclass
@@ -19,7 +18,7 @@ class SluggishSensor(Physics):
     sensor_time: float = 0.2  # s, of both stages together
 
     def sensed(self, run: Trajectory, time: Array) -> Signals:
-        """Let the sensor follow a signal that is linear between knots and jumps with inputs."""
+        """Return the response to a signal that is linear between knots and jumps with inputs."""
         signals = super().sensed(run, time)
         if self.sensor_time == 0:
             return signals
@@ -34,60 +33,60 @@ class SluggishSensor(Physics):
         durations, kind = np.unique(np.round(steps, 9), return_inverse=True)
         transitions = [expm(system * duration)[:2] for duration in durations]
         stages = np.full((knots.size, 2), value[0])
-        for k, which in enumerate(kind.tolist()):
-            stages[k + 1] = transitions[which] @ np.array([*stages[k], value[k], slope[k]])
+        for k, duration_index in enumerate(kind.tolist()):
+            stages[k + 1] = transitions[duration_index] @ np.array([*stages[k], value[k], slope[k]])
         return signals | {self.lag_output: stages[np.searchsorted(knots, time), 1]}
 
 
 @dataclass
 class LateSensor(Physics):
-    """A sensor that gives what was, exactly; before the run all was as at its start."""
+    """A sensor with a pure delay; before the run its signal is that of the start."""
 
     late_output: str = "displacement"
     delay: float = 0.1  # s
 
     def sensed(self, run: Trajectory, time: Array) -> Signals:
-        """Look back."""
+        """Return the signals with one delayed."""
         late = super().sensed(run, time - self.delay)[self.late_output]
         return super().sensed(run, time) | {self.late_output: late}
 
 
 @dataclass
 class MisscaledSensor(Physics):
-    """A sensor that shows too much of everything."""
+    """A sensor with a gain error."""
 
     gain_output: str = "displacement"
     gain_error: float = 0.05  # relative
 
     def sensed(self, run: Trajectory, time: Array) -> Signals:
-        """Scale."""
+        """Return the signals with one scaled."""
         signals = super().sensed(run, time)
         return signals | {self.gain_output: (1 + self.gain_error) * signals[self.gain_output]}
 
 
 @dataclass
 class BiasedSensor(Physics):
-    """A sensor that shows something where there is nothing."""
+    """A sensor with an offset."""
 
     bias_output: str = "voltage"
     bias: float = 0.01  # V or m
 
     def sensed(self, run: Trajectory, time: Array) -> Signals:
-        """Add the bias."""
+        """Return the signals with an offset of one."""
         signals = super().sensed(run, time)
         return signals | {self.bias_output: signals[self.bias_output] + self.bias}
 
 
 @dataclass
 class DriftingSensor(Physics):
-    """A sensor that warms up after it was switched on at time zero, and drifts towards a limit."""
+    """A sensor that warms up from time zero, and drifts exponentially to a limit."""
 
     drift_output: str = "displacement"
     drift: float = 2e-8  # V/s or m/s, at first
     warming_time: float = 2000.0  # s
 
     def sensed(self, run: Trajectory, time: Array) -> Signals:
-        """Add the drift."""
+        """Return the signals with a drift of one."""
         signals = super().sensed(run, time)
         drifted = (
             -self.drift * self.warming_time * np.expm1(-np.maximum(time, 0.0) / self.warming_time)

@@ -1,4 +1,4 @@
-"""Hidden variations that no catalogue knows: disturbances of the bench."""
+"""Hidden variations that are in no catalogue: disturbances of the bench."""
 
 from dataclasses import dataclass
 
@@ -6,12 +6,12 @@ import numpy as np
 
 from demonstrations.emulator.physics import Array, Physics, Signals, Trajectory
 
-_GRID = 0.5  # s, on which temperatures are drawn
+_GRID = 0.5  # s, step of the random walk of temperature
 
 
 @dataclass
 class Hum(Physics):
-    """A machine nearby: a tone with some second harmonic."""
+    """Disturbance by a machine: a tone with a second harmonic."""
 
     hum_output: str = "displacement"
     hum_amplitude: float = 5e-6  # V or m
@@ -19,7 +19,7 @@ class Hum(Physics):
     hum_phase: float = 0.0  # rad
 
     def sensed(self, run: Trajectory, time: Array) -> Signals:
-        """Add the tone, even where sampling folds it."""
+        """Add the tone, also above half the sampling frequency, where it is aliased."""
         signals = super().sensed(run, time)
         angle = 2 * np.pi * self.hum_frequency * time + self.hum_phase
         tone = self.hum_amplitude * (np.sin(angle) + 0.3 * np.sin(2 * angle + 1.0))
@@ -28,7 +28,7 @@ class Hum(Physics):
 
 @dataclass
 class SlippingClamp(Physics):
-    """The clamp slips some times, each time for good and in the same direction."""
+    """The clamp slips a few times, permanently and in one direction."""
 
     slip: float = 2e-5  # m, mean
     slip_seed: int = 0
@@ -46,7 +46,7 @@ class SlippingClamp(Physics):
 
 @dataclass
 class RestlessAir(Physics):
-    """The temperature of the room walks at random, the frame of the bench follows and expands."""
+    """The room temperature is a random walk, which the frame follows with a lag and expands."""
 
     expansion: float = 1e-5  # m, standard deviation of a minute's walk
     frame_time: float = 20.0  # s
@@ -68,14 +68,14 @@ class RestlessAir(Physics):
 
 @dataclass
 class LooseContact(Physics):
-    """A contact of the supply line that comes and goes; its resistance only adds a voltage."""
+    """A contact of the supply line whose resistance comes and goes, and only adds a voltage."""
 
     contact_resistance: float = 0.02  # ohm, while bad
     contact_dwell: float = 15.0  # s, mean
     contact_seed: int = 0
 
     def sensed(self, run: Trajectory, time: Array) -> Signals:
-        """Add the voltage over the contact."""
+        """Add the voltage across the contact."""
         random = np.random.default_rng(self.contact_seed)
         signals = super().sensed(run, time)
         span = run.time[-1] - run.time[0]
@@ -87,13 +87,13 @@ class LooseContact(Physics):
 
 @dataclass
 class LooseFixture(Physics):
-    """A screw of the fixture that gives way at an instant: from then on the bench is compliant."""
+    """A fixture that comes loose at an instant, and is compliant afterwards."""
 
     fixture_compliance: float = 1e-5  # m/N
     loosening: float = 0.5  # instant, as a fraction of the run from time zero
 
     def sensed(self, run: Trajectory, time: Array) -> Signals:
-        """Add what the fixture yields."""
+        """Add the elongation of the loose fixture."""
         signals = super().sensed(run, time)
         force = run.at(time)[1][1]
         loose = time >= self.loosening * run.time[-1]

@@ -1,13 +1,12 @@
-"""Physics of the emulated actuator: currents at its terminal, a Burgers body, and its motion.
+"""Physics of the emulated actuator: an electrical circuit and a Burgers body, and their motion.
 
-A hidden variation overrides one law through ``super()``; laws are written to serve an instant or a
-whole record.
+A hidden variation overrides laws through ``super()``. Laws take states of one instant or of a whole
+record.
 
-States follow under held inputs, at every sample and, exactly too, anywhere between two. The linear
-part of the physics, inputs included, advances by matrix exponentials; what is not linear is small
-and smooth and enters by a fourth-order exponential Runge-Kutta method (Cox and Matthews, J. Comput.
-Phys. 176, 2002). Stiff cells of a diffusion cost no small steps that way, and linear physics is
-solved exactly.
+Inputs are constant between samples. The linear part of the physics advances by matrix exponentials,
+exactly; the rest is small and smooth and is integrated by a fourth-order exponential Runge-Kutta
+method (Cox and Matthews, J. Comput. Phys. 176, 2002), so that stiff cells of a diffusion need no
+small steps.
 """
 
 from __future__ import annotations
@@ -22,17 +21,15 @@ from scipy.linalg import expm
 
 Array = NDArray[np.float64]
 Signals = dict[str, Array]
-_PROBES = np.array(
-    [-1e-6, 0.0, 1e-6]
-)  # V, about the voltage at which the slope of the leakage is wanted
+_PROBES = np.array([-1e-6, 0.0, 1e-6])  # V, about the voltage, for the slope of the leakage
 _LONGEST = 0.1  # s, step of physics that is not linear
-_SMALL = 1e-6  # states and inputs about zero between which the linear part is taken
-_SAME = 1e-10  # s, instants that are one
+_SMALL = 1e-6  # difference of states and inputs from zero, for the linear part
+_SAME = 1e-10  # s, largest difference of equal instants
 
 
 @dataclass(frozen=True)
 class RigParameters:
-    """Parameters of the emulated actuator, in SI units.
+    """Parameters of the emulated actuator in SI units.
 
     Defaults are the thesis' 12-layer actuator (ERRATA row 1).
     """
@@ -53,7 +50,7 @@ class RigParameters:
 
     @classmethod
     def scattered(cls, seed: int, spread: float = 0.15) -> RigParameters:
-        """Draw another specimen: each nominal value times a log-normal factor.
+        """Draw a specimen: each nominal value times a log-normal factor.
 
         The log standard deviation is `spread`.
         """
@@ -63,16 +60,15 @@ class RigParameters:
 
 @dataclass
 class Physics:
-    """The true physics of the emulated rig, to which variations are added as subclasses.
+    """Physics of the emulated rig, of which variations are subclasses.
 
     The state is ``[charge (C), creep elongation (m), plastic elongation (m), ...]`` along the first
-    axis; behind these stand the states of the variations, in the order in which their `rates`
-    append them.
+    axis, followed by the states of the variations in the order in which their `rates` append them.
     """
 
-    # the rates are linear in state and inputs; a variation that breaks this says False
+    # whether rates are linear in state and inputs; False in a variation that is not linear
     linear: ClassVar[bool] = True
-    extra_states: ClassVar[int] = 0  # appended by a variation, zero at the start of a run
+    extra_states: ClassVar[int] = 0  # number of states of a variation, zero at the start of a run
     parameters: RigParameters
 
     def __post_init__(self) -> None:
@@ -87,7 +83,7 @@ class Physics:
         self._plain_leakage = type(self).leakage_current is Physics.leakage_current
 
     def own(self, variation: type[Physics], state: Array) -> Array:
-        """Return the states that a variation has appended."""
+        """Return the states of a variation."""
         return state[self._place[variation]]
 
     # --- electrical
@@ -102,7 +98,7 @@ class Physics:
         return self.parameters.C
 
     def film_voltage(self, state: Array) -> Any:
-        """Return the voltage (V) that the charge causes."""
+        """Return the voltage (V) of the charge on the films."""
         return state[0] / self.capacitance(state)
 
     def capacitor_voltage(self, state: Array, force: Any) -> Any:
@@ -110,11 +106,11 @@ class Physics:
         return self.film_voltage(state)
 
     def leakage_current(self, voltage: Any) -> Any:
-        """Return the leakage current (A) past the films; it rises with the voltage (V)."""
+        """Return the leakage current (A) at a voltage (V), with which it rises."""
         return voltage / self.parameters.R2
 
     def terminal_voltage(self, state: Array, current: Any, force: Any) -> Any:
-        """Return the voltage (V) at which the films' current plus leakage equals `current` (A)."""
+        """Return the voltage (V) at which films' current and leakage have the sum `current` (A)."""
         films = self.capacitor_voltage(state, force)
         resistance = self.series_resistance(state)
         share = self.parameters.R2 / (resistance + self.parameters.R2)
@@ -141,7 +137,7 @@ class Physics:
         return state[0]
 
     def electrochemical_length(self, charge: Any) -> Any:
-        """Return the elongation (m) caused by a record of charge (C)."""
+        """Return the elongation (m) by a record of charge (C)."""
         return self.parameters.alpha * charge
 
     # --- mechanical
@@ -186,7 +182,7 @@ class Physics:
 
 
 def together(variations: Sequence[type[Physics]]) -> type[Physics]:
-    """Return the physics with all of these variations."""
+    """Return a physics with all of the variations."""
     return make_dataclass("Together", [], bases=(*variations, Physics)) if variations else Physics
 
 
@@ -206,7 +202,7 @@ class Motion(Protocol):
 
 
 class Transition:
-    """Transition over one duration (s) of states (order,) or (order, m), inputs held.
+    """Transition of states (order,) or (order, m) over one duration (s) with constant inputs.
 
     Inputs have the shape (2,) or (2, m).
     """
@@ -236,7 +232,7 @@ class Transition:
             )
 
     def __call__(self, state: Array, inputs: Array) -> Array:
-        """Return the states a duration later."""
+        """Return the states after the duration."""
         if self.physics.is_linear:
             return self.whole @ np.concatenate([state, inputs])
         first, middle, last = self.gains
@@ -260,7 +256,7 @@ class Transition:
         return state
 
     def _nonlinear(self, both: Array) -> Array:
-        """Return the part of the rates that is not linear."""
+        """Return the nonlinear part of the rates for states and inputs in one vector."""
         n = self.physics.order
         return np.array(self.physics.rates(both[:n], both[n], both[n + 1])) - self.system @ both
 
@@ -287,7 +283,7 @@ class Trajectory:
     time : ndarray, shape (n,)
         Seconds, increasing.
     inputs : ndarray, shape (2, n)
-        Current (A) and force (N), each held from its sample to the next.
+        Current (A) and force (N), constant from sample to sample.
     state : ndarray, shape (order, n)
     """
 
@@ -299,30 +295,30 @@ class Trajectory:
     def at(self, time: Array) -> tuple[Array, Array]:
         """Return states (order, m) and inputs (2, m) at instants (s) of the run.
 
-        Before the run all was as at its start.
+        Before the run both are those of its start.
         """
         sample = np.maximum(np.searchsorted(self.time, time + _SAME, side="right") - 1, 0)
         state = self.state[:, sample]
         inputs = self.inputs[:, sample]
-        since = np.round(np.maximum(time - self.time[sample], 0.0), 9)
-        for duration in np.unique(since[since > 0]):
-            late = since == duration
+        elapsed = np.round(np.maximum(time - self.time[sample], 0.0), 9)
+        for duration in np.unique(elapsed[elapsed > 0]):
+            late = elapsed == duration
             state[:, late] = Transition(self.physics, duration)(state[:, late], inputs[:, late])
         return state, inputs
 
 
 def propagate(physics: Physics, time: Array, inputs: Array, start: Array) -> Trajectory:
-    """Propagate `physics` from its `start` (order,) under inputs (2, n) held between samples.
+    """Return the trajectory from `start` (order,) at times (n,) in s.
 
-    Times (n,) are in s.
+    Inputs (2, n) are constant from sample to sample.
     """
     durations, kind = np.unique(np.round(np.diff(time), 12), return_inverse=True)
     transitions = [Transition(physics, duration) for duration in durations]
     state = np.empty((time.size, start.size))
     state[0] = start
-    held = inputs.T.copy()
-    for k, which in enumerate(kind.tolist()):
-        state[k + 1] = transitions[which](state[k], held[k])
+    rows = inputs.T.copy()
+    for k, duration_index in enumerate(kind.tolist()):
+        state[k + 1] = transitions[duration_index](state[k], rows[k])
     if not np.all(np.isfinite(state)):
         raise RuntimeError(
             f"the emulated rig failed after {time[np.argmin(np.isfinite(state).all(axis=1))]} s"

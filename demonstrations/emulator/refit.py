@@ -1,7 +1,7 @@
-"""Residuals of the base physics, its parameters refitted, over a record without noise.
+"""Residuals of the base physics with refitted parameters on a record without noise.
 
-The base rig is linear in all but two of its unknowns, the time constants of charging and of creep:
-the others follow from linear least squares (variable projection; Golub and Pereyra, SIAM J. Numer.
+The base physics is linear in all unknowns but two, the time constants of charging and of creep.
+The others follow from linear least squares (variable projection; Golub and Pereyra, SIAM J. Numer.
 Anal. 10, 1973).
 """
 
@@ -15,8 +15,8 @@ from scipy.signal import lfilter
 from demonstrations.emulator.physics import RigParameters
 
 Array = NDArray[np.float64]
-_PASSES = 3  # of weighing every output by its noise and its residual, as maximum likelihood would
-_FACTOR = 20.0  # by which a time constant may differ from where the search starts
+_PASSES = 3  # of weights by noise and residual, an approximation of maximum likelihood
+_FACTOR = 20.0  # by which a time constant may differ from its start value
 
 
 def refit_residuals(
@@ -27,20 +27,20 @@ def refit_residuals(
     noise: Mapping[str, float],
     near: RigParameters,
 ) -> dict[str, Array]:
-    """Refit all eight parameters and the three start values; return the residuals.
+    """Return the residuals after a fit of all eight parameters and three start values.
 
     Parameters
     ----------
     period : float
-        Of sampling, s.
+        Sample period, s.
     current, force : ndarray, shape (n,)
-        A and N, held from sample to sample.
+        A and N, constant from sample to sample.
     outputs : Mapping[str, ndarray]
         Voltage (V), displacement (m) or both, shape (n,).
     noise : Mapping[str, float]
-        Standard deviations; with the residuals, they weigh the outputs against each other.
+        Standard deviations by output, which with the residuals are the weights of the outputs.
     near : RigParameters
-        Where the search for the time constants starts.
+        Parameters whose time constants are the start of the search.
 
     Returns
     -------
@@ -89,14 +89,14 @@ def refit_residuals(
     return residuals(nearest)
 
 
-def _relaxing(held: Array, time_constant: float, period: float) -> Array:
-    """Return a first-order lag of a held signal, at rest at the start."""
+def _relaxing(signal: Array, time_constant: float, period: float) -> Array:
+    """Return the first-order lag of a signal with a zero-order hold, from rest."""
     keep = np.exp(-period / time_constant)
-    return np.asarray(lfilter([0.0, 1.0 - keep], [1.0, -keep], held))
+    return np.asarray(lfilter([0.0, 1.0 - keep], [1.0, -keep], signal))
 
 
 def _project(columns: Array, signal: Array) -> Array:
-    """Return the residual of the signal after regression on the columns."""
+    """Return the residual (n,) of a signal (n,) after regression on columns (n, p)."""
     scaled = columns / np.sqrt(np.einsum("ij,ij->j", columns, columns))
     return np.asarray(
         signal - scaled @ np.linalg.lstsq(scaled.T @ scaled, scaled.T @ signal, rcond=1e-13)[0]

@@ -1,4 +1,4 @@
-"""Hidden variation that stands for each effect of the catalogue, and its parameters' ranges."""
+"""Hidden variation for each effect of the catalogue, with the ranges of its parameters."""
 
 from dataclasses import dataclass, field
 
@@ -16,33 +16,31 @@ DISPLACEMENT = "displacement"
 
 @dataclass(frozen=True)
 class Variation:
-    """A hidden variation: its physics, and the limits between which its size is drawn.
+    """A hidden variation: its physics, and the ranges from which its parameters are drawn.
 
     Parameters
     ----------
     physics : type[Physics]
     size : str
-        Parameter that is zero where there is no effect.
+        Parameter that is zero without the effect.
     limits : dict of str to float
-        Largest physically plausible size by the output that it appears in, or by ``""`` if that is
-        not a choice.
+        Largest physically plausible size by affected output, or by ``""`` if there is no choice.
     ranges : dict of str to tuple of float
-        Of the other parameters; drawn with equal chance per ratio, or per difference where a range
-        starts at zero.
+        Ranges of the other parameters, log-uniformly distributed, or uniformly if a range starts
+        at zero.
     output, seed : str, optional
-        Names of the parameters that choose an output, or a realisation.
+        Names of the parameters for the affected output and for a seed.
     signed : bool
         Whether the size may be negative.
     alike : tuple of str
-        Outputs (or ``""``) for which other parameters of the base model, start values included, do
-        just the same.
+        Outputs (or ``""``) in which parameters or start values of the base model have the same
+        effect.
     least : float
-        Share of the limit below which a size does as much as there, because inputs jump; zero if
-        there is none.
+        Share of the limit below which the effect of a size is constant, as inputs jump; or zero.
     above_bias : float
-        The size must exceed the lowest load times this.
+        Factor of the lowest load that the size must exceed.
     specimen : dict of str to tuple of float
-        Factors of the rig's parameters, for specimens on which the effect can be seen at all.
+        Factors of the rig's parameters, for specimens that show the effect.
     """
 
     physics: type[Physics]
@@ -176,7 +174,7 @@ CATALOGUE: dict[str, Variation] = {
         signed=True,
     ),
 }
-"""By the ids of the actuator's catalogue."""
+"""Variation by id of the actuator's catalogue of effects."""
 
 UNKNOWN: dict[str, Variation] = {
     "hum": _sensor(
@@ -210,6 +208,6 @@ UNKNOWN: dict[str, Variation] = {
         unknown.LooseFixture, "fixture_compliance", {"": 1e-3}, {"loosening": (0.3, 0.7)}
     ),
 }
-"""Outside of the catalogue."""
+"""Variations that are in no catalogue."""
 
 VARIATIONS = CATALOGUE | UNKNOWN

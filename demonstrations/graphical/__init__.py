@@ -1,4 +1,4 @@
-"""Graphical methods of the thesis, which read parameters off curves: loops, creep and circuits."""
+"""Graphical methods of the thesis, which read parameters from loops, creep and circuits."""
 
 import lazy_loader
 

@@ -1,10 +1,10 @@
-"""R1, R2 and C of the electrical circuit, read off current and voltage window by window.
+"""Estimation of R1, R2 and C of the electrical circuit from windows of current and voltage.
 
-Source: thesis, eqs. 3.9 to 3.13. Least squares on ``v(t) = b0 i(t) + b1 i(t-1) - a v(t-1)``, as the
-thesis has it, is biased by noise on the voltage, for v(t-1) is a regressor (``docs/errata.md``, row
-9; Ljung: System Identification, section 7.3). An output-error model of the same order is not
-(Ljung, section 7.4); both stand side by side. Intervals are those of b0, b1 and a, converted by the
-delta method: in the logarithm, because the three are positive.
+Source: thesis, eqs. 3.9 to 3.13. The thesis uses least squares on
+``v(t) = b0 i(t) + b1 i(t-1) - a v(t-1)``, which is biased by noise on the voltage, as v(t-1) is a
+regressor (``docs/errata.md``, row 9; Ljung: System Identification, section 7.3). An output-error
+model of the same order is not biased (Ljung, section 7.4). Both are estimated here. Intervals of
+b0, b1 and a are converted by the delta method, in logarithms, because R1, R2 and C are positive.
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 UNITS = {"R1": "ohm", "R2": "ohm", "C": "F"}
-_UNEVEN = 0.01  # of a sample period, by which a sample may be off it
-_ROUNDING = 1e-6  # of a window: a sample so close beyond its end is in it
+_UNEVEN = 0.01  # of a sample period: largest deviation of a sample
+_ROUNDING = 1e-6  # of a window: a sample so shortly after its end is in it
 _FEWEST = 12  # samples of a window, four for each parameter
 # names of b0, b1 and a in the two models
 _ARX_NAMES = ("b1_0", "b1_1", "a1")
 _OUTPUT_ERROR_NAMES = ("b1_0", "b1_1", "f1_1")
-# relative step of the derivatives of a conversion; so close to the limit there is no circuit
+# relative step of the derivatives of a conversion, and distance from estimates without a circuit
 _STEP = 1e-7
 
 
 @dataclass(frozen=True)
 class Circuit:
-    """R1, R2 and C by one estimator, in ohm and F; NaN where no circuit has its estimate."""
+    """R1, R2 and C by one estimator, in ohm and F; NaN if no circuit has the estimate."""
 
     R1: GraphicalEstimate
     R2: GraphicalEstimate
@@ -63,20 +63,20 @@ class Circuit:
 
     @property
     def exists(self) -> bool:
-        """True if there is a circuit that behaves as estimated."""
+        """True if a circuit with the estimate exists."""
         return all(np.isfinite(value) for value in self.values.values())
 
 
 @dataclass(frozen=True)
 class Window:
-    """Estimates of the circuit from a part of a record.
+    """Estimates of the circuit from a window of a record.
 
     Attributes
     ----------
     start, end : float
         Seconds.
     least_squares, output_error : Circuit
-        By the biased and by the unbiased estimator.
+        Circuits by the biased and by the unbiased estimator.
     """
 
     start: float
@@ -98,8 +98,8 @@ class CircuitReading(Displayable):
     ----------
     windows : tuple of Window
     noise : float
-        Standard deviation of the residual of the output-error model of the last window, V: the
-        noise that biases least squares.
+        Standard deviation of the residual of the output-error model in the last window, V, an
+        estimate of the noise that biases least squares.
     warnings : tuple of str
     """
 
@@ -113,7 +113,7 @@ class CircuitReading(Displayable):
         return self.windows[-1].output_error.values
 
     def overview(self) -> Iterator[RenderableType]:
-        """Yield the estimates of every window by both estimators, and the warnings, in lines."""
+        """Yield lines with the estimates of every window by both estimators, and with warnings."""
         for window in self.windows:
             yield f"{window.start:g} s to {window.end:g} s"
             for estimator, circuit in window.estimators.items():
@@ -151,7 +151,7 @@ class CircuitReading(Displayable):
     def _draw_element(
         self, axis: Axes, name: str, estimator: str, label: str, colour: str, *, share: float
     ) -> None:
-        """Draw one element by one estimator over the windows, at a share of the length of each."""
+        """Draw an element by one estimator, in each window at a share of its length."""
         estimates = [getattr(window.estimators[estimator], name) for window in self.windows]
         values = np.array([estimate.value for estimate in estimates])
         ends = np.array([estimate.interval for estimate in estimates]).T
@@ -174,7 +174,7 @@ def read_circuit(
     window: float | None = None,
     conversion: Conversion = zero_order_hold,
 ) -> CircuitReading:
-    """Read R1, R2 and C off a record, with 95 % intervals.
+    """Estimate R1, R2 and C from windows of a record, with 95 % intervals.
 
     Parameters
     ----------
@@ -183,11 +183,10 @@ def read_circuit(
     current, voltage : array_like, shape (n,)
         A and V; the current is the input.
     window : float, optional
-        Seconds, for an estimate from each; the whole record unless given. A trailing part that is
-        shorter is left out.
+        Length of a window in seconds; by default the whole record. A shorter rest is omitted.
     conversion : callable
-        `zero_order_hold`, exact for a current that is held between samples, or `tustin`, eqs. 3.11
-        to 3.13 as printed.
+        `zero_order_hold`, exact for a current that is constant between samples, or `tustin`, eqs.
+        3.11 to 3.13 as printed.
 
     Returns
     -------
@@ -221,7 +220,7 @@ def read_circuit(
 def _read_window(
     data: InputOutputData, begin: float, conversion: Conversion
 ) -> tuple[Window, float]:
-    """Return the estimates of a window that begins there, and the noise of its voltage in V."""
+    """Return the estimates of a window from `begin` on, and the noise of its voltage in V."""
     end = begin + len(data) * data.step
     try:
         least_squares = arx(data, 1, 2, 0)
@@ -238,7 +237,7 @@ def _read_window(
 
 
 def _sample_period(t: Array) -> float:
-    """Return the sample period in seconds; refuse samples that are not equally spaced."""
+    """Return the sample period in seconds; UserError if samples are not equally spaced."""
     step = float((t[-1] - t[0]) / (t.size - 1))
     off = np.abs(t - t[0] - step * np.arange(t.size)) / step
     if off.max() > _UNEVEN:
@@ -249,7 +248,7 @@ def _sample_period(t: Array) -> float:
 
 
 def _samples_of_window(window: float | None, samples: int, step: float) -> int:
-    """Return the samples of a window; refuse one that is too short, or longer than the record."""
+    """Return the number of samples of a window; UserError if it is too short or too long."""
     span = samples * step if window is None else float(window)
     if not 0.0 < span < np.inf:
         raise UserError(
@@ -297,9 +296,9 @@ def _circuit(
 
 
 def _degenerate(b0: float, b1: float, a: float) -> bool:
-    """Tell whether a circuit exists by rounding alone.
+    """Return whether an estimate has, but for rounding, no circuit.
 
-    It then has no pole, one that does not decay, or one that a zero cancels.
+    It then has no pole, a pole that does not decay, or a pole that a zero cancels.
     """
     return (
         abs(a) < _STEP

@@ -1,8 +1,8 @@
-"""Burgers parameters read off the creep after a step load, as a start of a fit.
+"""Burgers parameters from the creep after a step load, as start values of a fit.
 
-Eqs. 3.1 to 3.3 of the thesis leave one parameter of four open: they give k1, b1 and the ratio
-b2/k2. The fourth equation is the final elongation of the Kelvin element, F0/k2: at the step, the
-line of the steady creep is above the immediate elongation by it (Findley, Lai, Onaran: Creep and
+Eqs. 3.1 to 3.3 of the thesis give three of four parameters: k1, b1 and the ratio b2/k2. The fourth
+equation is that of the final elongation of the Kelvin element, F0/k2, by which the line of the
+steady creep is above the immediate elongation at the step (Findley, Lai, Onaran: Creep and
 Relaxation of Nonlinear Viscoelastic Materials, 1976).
 """
 
@@ -18,16 +18,16 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array, Mask
 
 _TAIL = 1.0 / 3.0  # last part of the record under load, that of the steady creep
-_ONCE = 0.01  # first part of it, that of the immediate elongation
-_FEWEST = 3  # samples that a line is drawn through
-_STEADY = 0.05  # of the step, by which the load may vary before and after it
-_ROUNDING = 1e-9  # of the largest elongation: less is zero but for rounding
-_SETTLED = 4.0  # time constants to a steady creep, when 2 % of the transient are left
+_ONCE = 0.01  # first part of that record, that of the immediate elongation
+_FEWEST = 3  # samples for a line
+_STEADY = 0.05  # of the step: largest variation of the load before and after it
+_ROUNDING = 1e-9  # of the largest elongation, as zero
+_SETTLED = 4.0  # time constants until creep is steady, with 2 % of the transient remaining
 
 
 @dataclass(frozen=True)
 class CreepReading:
-    """Burgers parameters read off a step load.
+    """Burgers parameters from the creep after a step load.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class CreepReading:
     time_constant : float
         b2/k2 in seconds.
     load : float
-        The step in N.
+        Step of the load in N.
     held : float
         Time under load in seconds.
     warnings : tuple of str
@@ -60,39 +60,38 @@ class CreepReading:
 
 
 def read_creep(time: ArrayLike, force: ArrayLike, displacement: ArrayLike) -> CreepReading:
-    """Read Burgers parameters off a record with one step of the load (thesis, section 3.1.2).
+    """Return Burgers parameters from a record with one step of the load (thesis, section 3.1.2).
 
     Parameters
     ----------
     time : array_like, shape (n,)
         Seconds, increasing.
     force : array_like, shape (n,)
-        N: one level, then another. A sample of the new level is the first under load.
+        N: one level, then another, from the first sample under load on.
     displacement : array_like, shape (n,)
         m, at rest before the step.
 
     Returns
     -------
     CreepReading
-        With a warning if the load was not held for long enough, so that eq. 3.3 mistakes creep for
-        flow.
+        With a warning if the time under load is too short, so that eq. 3.3 takes creep for flow.
 
     Raises
     ------
     UserError
-        If the signals do not fit together or are not finite, the force is not one step, or what
-        follows it is not the creep of a Burgers body: at once, then ever slower, and flowing in the
-        end.
+        If the signals do not fit together or are not finite, the force is not one step, or the
+        displacement is not the creep of a Burgers body: immediate elongation, slower and slower
+        creep, and flow in the end.
     """
     creep = _under_load(time, force, displacement)
-    held = float(creep.since[-1])
+    duration = float(creep.since[-1])
     immediate = _immediate_elongation(creep)
     flow, intercept = _steady_creep(creep)
     delayed = intercept - immediate
     creep.check_positive(immediate, "does not elongate at once")
-    creep.check_positive(flow * held, "does not flow in the end")
+    creep.check_positive(flow * duration, "does not flow in the end")
     creep.check_positive(delayed, "does not creep towards its flow")
-    # F0/k2 exp(-t/tau): its integral is F0/k2 tau, whatever the noise
+    # F0/k2 exp(-t/tau), whose integral F0/k2 tau is robust to noise
     transient = intercept + flow * creep.since - creep.elongation
     time_constant = float(np.trapezoid(transient, creep.since)) / delayed
     if not time_constant > 0.0:
@@ -105,25 +104,25 @@ def read_creep(time: ArrayLike, force: ArrayLike, displacement: ArrayLike) -> Cr
         b2=time_constant * k2,
         time_constant=time_constant,
         load=creep.load,
-        held=held,
-        warnings=_warnings(held, time_constant),
+        held=duration,
+        warnings=_warnings(duration, time_constant),
     )
 
 
 @dataclass(frozen=True)
 class _UnderLoad:
-    """The part of a record after the step of the load.
+    """Part of a record after the step of the load.
 
     Attributes
     ----------
     since : ndarray, shape (n,)
-        Seconds from the step on.
+        Seconds since the step.
     elongation : ndarray, shape (n,)
         m, in the direction of the load.
     load : float
         N, positive.
     step : str
-        The step as messages name it.
+        Description of the step for messages.
     """
 
     since: Array
@@ -144,7 +143,7 @@ class _UnderLoad:
         return np.asarray(self.since >= (1.0 - _TAIL) * float(self.since[-1]))
 
     def check_positive(self, length: float, fault: str) -> None:
-        """Refuse an elongation that is not above zero, but for rounding."""
+        """Raise UserError if an elongation is, but for rounding, not above zero."""
         if not length > _ROUNDING * float(np.abs(self.elongation).max()):
             raise UserError(
                 f"displacement: {fault} under the step of {self.step}; a Burgers body would"
@@ -152,7 +151,7 @@ class _UnderLoad:
 
 
 def _under_load(time: ArrayLike, force: ArrayLike, displacement: ArrayLike) -> _UnderLoad:
-    """Return the part of a record after the step of the load; refuse one that is too short."""
+    """Return the part of a record after the step of the load; UserError if it is too short."""
     t, f, x = over_time(time, force=force, displacement=displacement)
     step, load = _step(f)
     creep = _UnderLoad(
@@ -161,7 +160,7 @@ def _under_load(time: ArrayLike, force: ArrayLike, displacement: ArrayLike) -> _
         load=abs(load),
         step=f"{abs(load):g} N at {t[step]:g} s",
     )
-    # no sample can be both
+    # each sample is of one of the two parts at most
     if creep.is_immediate.sum() + creep.is_steady.sum() > creep.since.size:
         raise UserError(
             f"record of {creep.since.size} samples under load: too few to tell creep from what is"
@@ -171,7 +170,7 @@ def _under_load(time: ArrayLike, force: ArrayLike, displacement: ArrayLike) -> _
 
 
 def _step(force: Array) -> tuple[int, float]:
-    """Return the first sample of the new level, and the step."""
+    """Return the index of the first sample of the new level, and the step in N."""
     first = int(np.argmax(np.abs(np.diff(force)))) + 1
     before = force[:first]
     after = force[first:]
@@ -198,13 +197,13 @@ def _steady_creep(creep: _UnderLoad) -> tuple[float, float]:
     return float(slope), float(intercept)
 
 
-def _warnings(held: float, time_constant: float) -> tuple[str, ...]:
-    """Return a warning if the load was not held for long enough."""
-    settled = (1.0 - _TAIL) * held / time_constant
-    if settled >= _SETTLED:
+def _warnings(duration: float, time_constant: float) -> tuple[str, ...]:
+    """Return a warning if the time under load, in s, was too short."""
+    begin = (1.0 - _TAIL) * duration / time_constant
+    if begin >= _SETTLED:
         return ()
     return (
-        f"the line of eq. 3.3 begins {settled:.1f} time constants of {time_constant:.3g} s after"
+        f"the line of eq. 3.3 begins {begin:.1f} time constants of {time_constant:.3g} s after"
         f" the step, and should after {_SETTLED:g}: creep that would end counts as flow, and b1 is"
         " too small",
     )

@@ -1,9 +1,9 @@
-"""Impedance from a record by batch least squares, in the windows of the thesis.
+"""Impedance from a record by batch least squares in windows, as in the thesis.
 
 The model is ``v(t) = b0 i(t) + b1 i(t-1) - a v(t-1)`` (eq. 4.6). Section 4.3 describes an estimate
-from every 1000 samples; the M-file of appendix A3 never clears its normal matrices between windows,
-so that window n holds all samples up to its end (``docs/errata.md``, row 7). Both estimates are
-here, and both are biased by noise on the voltage (row 9).
+from every 1000 samples. The M-file of appendix A3 does not clear its normal matrices between
+windows, so that window n has all samples up to its end (``docs/errata.md``, row 7). This module has
+both estimates; noise on the voltage biases both (row 9).
 """
 
 from collections.abc import Callable
@@ -31,7 +31,7 @@ def tustin(theta: ArrayLike, period: float) -> Array:
     Returns
     -------
     ndarray, shape (..., 3)
-        R1 (ohm), R2 (ohm) and C (F); not finite where no circuit has the estimate.
+        R1 (ohm), R2 (ohm) and C (F); not finite if no circuit has the estimate.
     """
     b0, b1, a = np.moveaxis(np.asarray(theta, dtype=float), -1, 0)
     total = b0 + b1
@@ -44,7 +44,7 @@ def tustin(theta: ArrayLike, period: float) -> Array:
 
 
 def zero_order_hold(theta: ArrayLike, period: float) -> Array:
-    """Convert estimates exactly for a current that is held between samples.
+    """Convert estimates exactly for a current that is constant between samples.
 
     ``a = -exp(-period / ((R1 + R2) C))``, ``b0 = R1 R2 / (R1 + R2)`` and ``b1 = (1 + a) R2 - b0``,
     solved for the circuit. Parameters and result are those of :func:`tustin`.
@@ -129,18 +129,18 @@ def least_squares_windows(
     period : float
         Seconds.
     samples : int
-        Equations in a window; each needs the sample before it.
+        Number of equations in a window; each needs the sample before it.
     cumulative : bool
         Keep the equations of earlier windows, as the M-file of appendix A3 does (errata 7).
     angular_frequency : float
-        Where the impedance is evaluated, rad/s.
+        Frequency of the impedance, rad/s.
     conversion : callable
         :func:`tustin`, as printed, or :func:`zero_order_hold`.
 
     Returns
     -------
     ImpedanceWindows
-        A trailing part shorter than a window is left out.
+        A rest that is shorter than a window is omitted.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def least_squares_windows(
     theta = np.empty((count, 3))
     triangle = np.empty((0, 4))
     for n, window in enumerate(equations.reshape(count, samples, 4)):
-        # the triangle of a QR factorisation holds all there is in the equations so far
+        # R of the QR factorisation has the information of all equations so far
         known = np.vstack([triangle, window]) if cumulative else window
         triangle = np.asarray(np.linalg.qr(known, mode="r"), dtype=np.float64)
         theta[n], _, rank, _ = np.linalg.lstsq(triangle[:, :3], triangle[:, 3])
@@ -171,7 +171,7 @@ def least_squares_windows(
 
 
 def _check(current: Array, voltage: Array, period: float, samples: int) -> None:
-    """Refuse a record from which not one window can be estimated."""
+    """Raise UserError for a record from which no window can be estimated."""
     if current.ndim != 1 or current.shape != voltage.shape:
         raise UserError(
             f"current has shape {current.shape} and voltage {voltage.shape}: both must be vectors"

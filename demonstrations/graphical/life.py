@@ -1,9 +1,9 @@
 """Forecast of an actuator's life from the growth of its impedance (sections 4.2 and 4.3, fig. 4-7).
 
-The impedance falls at first and then "increases monotonically and linearly"; the end of the life is
-a share above its first value, 15 to 25 % in section 4.2. The line is fitted from the minimum on,
-and where it crosses that value has the interval of inverse regression (Fieller, J. R. Stat. Soc. B
-16, 1954), which has no end where the growth is not certain.
+The impedance falls at first and then "increases monotonically and linearly". At the end of the life
+it is 15 to 25 % above its first value (section 4.2). A line is fitted from the minimum on; the time
+at which it crosses the limit has the interval of inverse regression (Fieller, J. R. Stat. Soc. B
+16, 1954), which is not bounded if the growth is not significant.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.identify.uncertainty import clustered_covariance, parameter_covariance
 
-_STRETCHES = 8  # of the growth, whose lines are held against each other: their errors have memory
-_FEWEST = 3  # points of a stretch
+_STRETCHES = 8  # clusters of points for the covariance, as errors are autocorrelated
+_FEWEST = 3  # points of a cluster
 _LEVEL = 0.975  # of a two-sided interval of 95 %
 
 
 @dataclass(frozen=True)
 class LifeForecast:
-    """When an impedance that grows linearly will have reached its limit.
+    """Forecast of the time at which an impedance with linear growth reaches its limit.
 
     Attributes
     ----------
     life : GraphicalEstimate
-        In s, on the clock of the record; an end is infinite where the growth is not certain.
+        Time in s of the record; the interval is not bounded if the growth is not significant.
     rate : GraphicalEstimate
         Growth in ohm/s.
     begin : float
-        s, from which on the impedance grows: its minimum.
+        Time in s of the minimum, from which on the impedance grows.
     limit : float
         Impedance at the end of the life, ohm.
     """
@@ -53,18 +53,18 @@ class LifeForecast:
 def forecast_life(
     time: ArrayLike, impedance: ArrayLike, rise: float = 0.15, begin: float | None = None
 ) -> LifeForecast:
-    """Forecast when the impedance will be a share above its first value.
+    """Forecast the time at which the impedance is a share above its first value.
 
     Parameters
     ----------
     time : array_like, shape (n,)
         Seconds, increasing.
     impedance : array_like, shape (n,)
-        In ohm; the first value is that of the first use, from which the rise counts.
+        In ohm; the rise is relative to the first value, that of the first use.
     rise : float
         Share of the first value at the end of the life.
     begin : float, optional
-        s, from which on the growth is linear; the smallest impedance by default.
+        Time in s from which on the growth is linear; by default that of the minimum.
 
     Returns
     -------
@@ -92,7 +92,7 @@ def forecast_life(
 
 
 def _extrapolated(t: Array, z: Array, limit: float) -> tuple[GraphicalEstimate, GraphicalEstimate]:
-    """Return when a line through the growth crosses a limit, in s, and its slope in ohm/s."""
+    """Return the time in s at which a line through the growth crosses a limit, and its slope."""
     middle = float(t.mean())
     (height, slope), covariance = _line(t - middle, z)
     q = float(stdtrit(_STRETCHES - 1, _LEVEL))
@@ -105,7 +105,7 @@ def _extrapolated(t: Array, z: Array, limit: float) -> tuple[GraphicalEstimate, 
 
 
 def _line(t: Array, z: Array) -> tuple[Array, Array]:
-    """Return height and slope of a line, and their covariance from stretch to stretch."""
+    """Return height and slope of a line, and their clustered covariance."""
     jacobian = np.column_stack([np.ones_like(t), t])
     line = np.asarray(np.linalg.lstsq(jacobian, z)[0], dtype=np.float64)
     stretch = (np.arange(t.size) * _STRETCHES) // t.size
@@ -115,9 +115,10 @@ def _line(t: Array, z: Array) -> tuple[Array, Array]:
 
 
 def _crossing(gap: float, slope: float, covariance: Array) -> tuple[float, float]:
-    """Return the times at which zero is within reach of the line ``gap + slope t``, by Fieller.
+    """Return Fieller's interval of the time at which the line ``gap + slope t`` is zero.
 
-    The reach is the square root of the quadratic form of (1, t) with the covariance.
+    In it the line is no further from zero than the square root of the quadratic form of (1, t) with
+    the covariance.
     """
     a = slope**2 - covariance[1, 1]
     b = gap * slope - covariance[0, 1]

@@ -1,8 +1,8 @@
 """Slope, with and without forced zero crossing, and area of loops of one signal over another.
 
-The thesis reads the strain to charge ratio off displacement over charge like this (section 3.3.1,
-figs. 3-10 and 3-11; eq. 3.4). Intervals are those of one cycle against another: a hysteresis or a
-lag, which repeats in every cycle, does not widen them, and a drift is seen in the gap.
+In this way the thesis reads the strain to charge ratio from displacement over charge (section
+3.3.1, figs. 3-10 and 3-11; eq. 3.4). Intervals are from the variation between cycles: a hysteresis
+or a lag, which repeats in every cycle, does not widen them; a drift appears in the gap.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array, Indices
 from orchestration.identify.uncertainty import clustered_covariance, parameter_covariance
 
-_ROUNDING = 1e-6  # of a cycle: a sample so close before a cycle's end is its end
-_FEWEST = 4  # samples of a cycle that can enclose an area
+_ROUNDING = 1e-6  # of a cycle: a sample so shortly before its end is its end
+_FEWEST = 4  # samples of a cycle for an area
 
 
 @dataclass(frozen=True)
@@ -30,17 +30,17 @@ class Loops:
     Attributes
     ----------
     slope : GraphicalEstimate
-        Of the straight line of least squares, in the unit of y over that of x.
+        Slope of the line of least squares, in the unit of y over that of x.
     intercept : GraphicalEstimate
-        Of that line, in the unit of y.
+        Intercept of that line, in the unit of y.
     slope_through_zero : GraphicalEstimate
-        Of the line that is made to cross zero.
+        Slope of the line of least squares through zero.
     area : GraphicalEstimate
-        Enclosed by a cycle, closed by its chord; the mean over cycles, in the unit of x times that
-        of y. Positive if traversed counterclockwise, with x to the right and y upwards: y lags
-        behind x. Negative if it leads.
+        Mean area of a cycle, which is closed by its chord, in the unit of x times that of y.
+        Positive if counterclockwise, with x to the right and y upwards, so that y lags behind x;
+        negative if y leads.
     gap : GraphicalEstimate
-        Change of y from the beginning of a cycle to its end: of a closed loop 0.
+        Mean change of y from the beginning of a cycle to its end, 0 for a closed loop.
     cycles : int
     """
 
@@ -62,9 +62,7 @@ def read_loops(
     start: float = 0.0,
     drift: bool = False,
 ) -> Loops:
-    """Analyse the loops of y over x, cycle by cycle.
-
-    Two straight lines are fitted, a free one and one through zero.
+    """Return slopes, mean area and mean gap of the loops of y over x.
 
     Parameters
     ----------
@@ -72,15 +70,14 @@ def read_loops(
         Seconds, increasing.
     x, y : array_like, shape (n,)
     period : float
-        Of a cycle in seconds; need not be a whole number of samples.
+        Duration of a cycle in seconds; it need not be a whole number of samples.
     units : tuple of str
-        Of x and y.
+        Units of x and y.
     start : float
-        Seconds from the first sample that are left out, as is an incomplete cycle at the end.
+        Seconds after the first sample that are omitted, as is an incomplete last cycle.
     drift : bool
-        True if y may also change steadily with time, as a film does that flows under its load. The
-        rate is estimated with each line, and the free line's is subtracted from y before area and
-        gap are computed.
+        Whether y may also have a linear drift, like a film that flows under its load. Its rate is
+        estimated with each line, and that of the free line is subtracted from y for area and gap.
 
     Returns
     -------
@@ -90,7 +87,7 @@ def read_loops(
     ------
     UserError
         If the signals do not fit together or are not finite, there is no whole cycle of at least 4
-        samples, or x stands still.
+        samples, or x is constant.
     """
     clock, x_values, y_values = over_time(time, x=x, y=y)
     t = clock - clock[0] - start
@@ -115,7 +112,7 @@ def read_loops(
 
 
 def _cycles(t: Array, period: float, start: float) -> tuple[Indices, int]:
-    """Return the number of the cycle that every sample is in, and how many cycles are complete.
+    """Return the number of the cycle of every sample (n,), and the number of complete cycles.
 
     Parameters
     ----------
@@ -142,9 +139,9 @@ def _cycles(t: Array, period: float, start: float) -> tuple[Indices, int]:
 
 
 def area(x: ArrayLike, y: ArrayLike) -> float:
-    """Return the area of a polygon by Gauss's formula, positive if traversed counterclockwise.
+    """Return the area of a polygon by Gauss's formula, positive if counterclockwise.
 
-    Its ends are joined by a chord.
+    A chord joins its ends.
 
     Parameters
     ----------
@@ -157,14 +154,14 @@ def area(x: ArrayLike, y: ArrayLike) -> float:
     """
     given_x = np.asarray(x, dtype=float)
     given_y = np.asarray(y, dtype=float)
-    # about the centre: far from the origin the products would lose digits
+    # relative to the centre, as products of large coordinates would lose digits
     across = given_x - given_x.mean()
     up = given_y - given_y.mean()
     return float(0.5 * np.sum(across * np.roll(up, -1) - np.roll(across, -1) * up))
 
 
 def _cycle(t: Array, x: Array, y: Array, number: int, period: float) -> tuple[float, float]:
-    """Return the area of a cycle and its gap; its two ends are interpolated."""
+    """Return the area and the gap of a cycle with interpolated ends."""
     begin = number * period
     end = (number + 1) * period
     within = (t > begin) & (t < end)
@@ -179,7 +176,7 @@ def _cycle(t: Array, x: Array, y: Array, number: int, period: float) -> tuple[fl
 
 
 class _Points(NamedTuple):
-    """Samples of all complete cycles, with the number of the cycle that each is in."""
+    """Samples (n,) of all complete cycles, with the number of the cycle of each."""
 
     x: Array
     y: Array
@@ -188,7 +185,7 @@ class _Points(NamedTuple):
 
 
 class _Line(NamedTuple):
-    """Slope and intercept with their standard errors, and the rate at which y drifts."""
+    """Slope and intercept, each with its standard error, and the rate of the drift of y."""
 
     slope: tuple[float, float]
     intercept: tuple[float, float]
@@ -196,7 +193,7 @@ class _Line(NamedTuple):
 
 
 def _line(points: _Points, through_zero: bool, drift: bool) -> _Line:
-    """Fit a line by least squares; its errors are those of cycles against each other."""
+    """Fit a line by least squares, with standard errors from the variation between cycles."""
     columns = {"slope": points.x}
     if not through_zero:
         columns["intercept"] = np.ones_like(points.x)

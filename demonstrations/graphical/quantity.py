@@ -19,7 +19,7 @@ class GraphicalEstimate:
     ----------
     value : float
     interval : tuple of float
-        95 % confidence interval; infinite where nothing was repeated.
+        95 % confidence interval; infinite for a single measurement.
     unit : str
     """
 
@@ -33,14 +33,14 @@ class GraphicalEstimate:
 
 
 def quantity(value: float, standard_error: float, repetitions: int, unit: str) -> GraphicalEstimate:
-    """Return a number with Student's interval.
+    """Return an estimate with Student's interval.
 
     Parameters
     ----------
     value, standard_error : float
     repetitions : int
-        Independent ones from which the standard error is; the interval of a single one is
-        infinite.
+        Number of independent measurements behind the standard error; for a single one the interval
+        is infinite.
     unit : str
     """
     half = float("inf")

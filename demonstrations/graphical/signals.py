@@ -1,4 +1,4 @@
-"""The check that signals are finite vectors over an increasing time."""
+"""Check that signals are finite vectors over an increasing time."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from fmus.kit.arrays import Array
 
 
 def over_time(time: ArrayLike, **signals: ArrayLike) -> tuple[Array, ...]:
-    """Check a time and signals over it, and return them as arrays.
+    """Return a time and signals over it as arrays, after checks.
 
     Parameters
     ----------
     time : array_like, shape (n,)
         Seconds.
     **signals : array_like, shape (n,)
-        By the names that messages use.
+        By their names in messages.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The thesis recomputed: what it prints beside what follows from it, chapter by chapter."""
+"""Recomputation of the thesis: printed and computed figures, chapter by chapter."""
 
 import lazy_loader
 

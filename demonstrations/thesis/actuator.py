@@ -1,4 +1,4 @@
-"""Chapters 1 and 3, the actuator: strain, equations, creep, and programs of appendix A2."""
+"""Chapters 1 and 3, the actuator: strain, equations, creep, programs of appendix A2."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _PPY = "polypyrrole"
 
 
 class Material(NamedTuple):
-    """A row of table 1-1: strain in % and strain rate in %/s, from and to as far as printed."""
+    """A row of table 1-1: printed ranges of the strain in % and of the strain rate in %/s."""
 
     strain: tuple[float, float]
     rate: tuple[float, float]
@@ -48,7 +48,7 @@ _SHORTEST = 93.2e-3  # m, the shortest actuator of table 5-1
 
 
 def entries() -> Iterator[Entry]:
-    """Everything chapters 1 and 3 let one recompute."""
+    """Yield claims and errata of chapters 1 and 3."""
     for part in (_speed, _equations, _scripts, _creep):
         yield from part()
 
@@ -56,7 +56,7 @@ def entries() -> Iterator[Entry]:
 def run(
     time: Array, inputs: Mapping[str, Array], model: PpyActuator | None = None
 ) -> dict[str, Array]:
-    """Run the actuator of chapter 3, inputs held between the times.
+    """Simulate the actuator of chapter 3 with inputs that are constant between the times.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def run(
     inputs : Mapping[str, ndarray]
         Values (n,) by name, SI.
     model : PpyActuator, optional
-        One with effects, in its place.
+        Model with effects; by default that of chapter 3.
 
     Returns
     -------
@@ -91,13 +91,13 @@ def run(
 
 
 def strain_rate() -> float:
-    """Return the fastest strain in %/s of the shortest actuator: 1.3 A into empty films."""
+    """Return the largest strain rate in %/s of the shortest actuator: 1.3 A without charge."""
     share = MODEL["R2"] / (MODEL["R1"] + MODEL["R2"])
     return 100.0 * MODEL["alpha"] * CURRENT_LIMIT * share / _SHORTEST
 
 
 def strain() -> float:
-    """Return its largest strain in %: of the charge that 1.3 A leave on the films in the end."""
+    """Return the largest strain in % of that actuator: in the steady state at 1.3 A."""
     return 100.0 * MODEL["alpha"] * CURRENT_LIMIT * MODEL["R2"] * MODEL["C"] / _SHORTEST
 
 
@@ -171,7 +171,7 @@ def _speed() -> Iterator[Entry]:
 
 
 def _printed_responses(s: np.ndarray) -> tuple[tuple[str, str, str, np.ndarray], ...]:
-    """Return equation, output, input and printed transfer function at complex frequencies."""
+    """Return equations, outputs, inputs and printed transfer functions at complex frequencies."""
     r1, r2, cap, k1, b1, k2, b2 = (MODEL[n] for n in ("R1", "R2", "C", "k1", "b1", "k2", "b2"))
     slow = (r1 + r2) * cap * s + 1.0
     numerator = b2 / k1 * s**2 + (1.0 + k2 / k1 + b2 / b1) * s + k2 / b1
@@ -306,7 +306,7 @@ def staircase() -> tuple[Array, Array]:
     time, force : ndarray, shape (601,)
         In s and N.
     """
-    # s, of one load and its removal; not printed. Nine pass the 500 s that section 5.3.2 speaks of
+    # s, of one load and its removal; not printed. Nine exceed the 500 s of section 5.3.2
     period = 60.0
     time = np.arange(0.0, 10.0 * period + 1.0)
     return time, waveforms.force_staircase(time, period)
@@ -317,7 +317,7 @@ def staircase() -> tuple[Array, Array]:
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """Table 1-1, and figs. 3-4 and 3-9, from the model."""
+    """Return table 1-1 and figs. 3-4 and 3-9 from the model."""
     return (
         Illustration(
             "Table 1-1: strain and strain rate of active materials",

@@ -1,15 +1,12 @@
-"""The five-hour life of an actuator (section 4.3, figs. 4-5 to 4-7), watched and protected.
+"""Five-hour life of an actuator (section 4.3, figs. 4-5 to 4-7), protected as in section 4.2.
 
-The protection is what section 4.2 proposes.
+The system is ``degradation_watch``: galvanostat, ageing actuator, degradation estimator. The master
+uses Jacobi's method: estimator and protection are sampled controllers, which read values of the
+sample instant and act from the next one on. With Gauss-Seidel the estimator would read the voltage
+at the end of a period with the current at its beginning, which is another circuit.
 
-It is the shipped system ``degradation_watch``: galvanostat, ageing actuator, degradation estimator.
-The master steps them side by side (Jacobi): estimator and protection are sampled controllers, each
-looks at what is there at the sample instant, and what they decide there acts from the next one on.
-Gauss-Seidel would show the estimator a voltage of the end of a period beside the current of its
-beginning, which is another circuit.
-
-The protection ends what it reacts to, and has a price that the thesis does not mention: without
-current the actuator cools, its series resistance rises, and the next derating step comes sooner.
+The protection has a price that the thesis does not mention: without current the actuator cools, its
+series resistance rises, and the next derating step comes sooner.
 """
 
 from __future__ import annotations
@@ -28,8 +25,7 @@ from orchestration.system import library
 
 LIFE = 18000.0  # s, "approximately 5 hours"
 _NO_LIMIT = 15.0  # V, the compliance of the galvanostat: no voltage is beyond it
-# What is read of each FMU at every sample; states of the actuator, which are no outputs, tell its
-# series resistance.
+# states of the actuator that are no outputs, for its series resistance
 _STATES = ("actuator.throughput", "actuator.temperature_rise")
 _READ = (
     "galvanostat.current",
@@ -54,7 +50,7 @@ def run(
     estimator: Mapping[str, float] = ESTIMATOR,
     progress: Callable[[int], None] = lambda done: None,
 ) -> dict[str, Array]:
-    """Let an actuator grow old.
+    """Simulate the life of an actuator.
 
     Parameters
     ----------
@@ -63,19 +59,19 @@ def run(
     protected : bool
         Whether the voltage limit reaches the galvanostat.
     voltage_noise : float
-        Of the measured voltage, V rms, white.
+        RMS of white noise of the measured voltage, V.
     seed : int
     estimator : Mapping of str to float
         Parameters of the estimator.
     progress : callable
-        Called with the number of samples done, now and then.
+        Called now and then with the number of computed samples.
 
     Returns
     -------
     dict of str to ndarray, shape (n,)
-        At the sample instants: ``time``, ``current_command``, ``current``, ``recovering``,
-        ``voltage`` and ``series_resistance`` of the actuator as they are, ``measured_voltage``, and
-        what the estimator says before its sample there.
+        At the sample instants: ``time``, ``current_command``, ``current``, ``recovering``, true
+        ``voltage`` and ``series_resistance`` of the actuator, ``measured_voltage``, and outputs of
+        the estimator before its sample.
 
     Raises
     ------
@@ -88,9 +84,8 @@ def run(
     if not protected:
         system = system.disconnected("galvanostat.voltage_limit", _NO_LIMIT)
     time = grid(0.0, duration, system.step)[:-1]
-    command = square_wave(
-        time + 0.25 / FREQUENCY, AMPLITUDE, FREQUENCY
-    )  # half a half period first: nearly periodic
+    # begins in the middle of a half period, which is nearly the periodic state
+    command = square_wave(time + 0.25 / FREQUENCY, AMPLITUDE, FREQUENCY)
     error = voltage_noise * np.random.default_rng(seed).standard_normal(time.size)
     inputs = {"current_command": command}
     if voltage_noise:
@@ -103,10 +98,8 @@ def run(
     actuator = system.member("actuator")
     cls: Any = actuator.cls
     aged = cls(**actuator.parameters)
-    for name in _STATES:
-        setattr(
-            aged, name.partition(".")[2], life.signals[name]
-        )  # a law on the record of its states
+    for name in _STATES:  # the law is evaluated on records of the states
+        setattr(aged, name.partition(".")[2], life.signals[name])
     made = {
         "series_resistance": aged.series_resistance(),
         "measured_voltage": signals["voltage"] + error,

@@ -1,7 +1,4 @@
-"""Chapter 2, the bench: converters, filters and the galvanostat of table 2-2.
-
-Its force loop is in force_loop.py.
-"""
+"""Chapter 2, the bench without its force loop: converters, filters, galvanostat of table 2-2."""
 
 from __future__ import annotations
 
@@ -21,13 +18,13 @@ _NYQUIST = 0.5 / analysis.SAMPLE_PERIOD
 
 
 def entries() -> Iterator[Entry]:
-    """Everything that the instruments let one recompute."""
+    """Yield claims and errata about the instruments."""
     for part in (_instruments, _resolution, _filters, _galvanostat):
         yield from part()
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """None: the figures are pictures and drawings."""
+    """Return an empty tuple, as the figures are photographs and drawings."""
     return ()
 
 
@@ -85,12 +82,12 @@ def _filters() -> Iterator[Entry]:
 
 
 def _galvanostat() -> Iterator[Entry]:
-    asked = Galvanostat(current_command=1e3)
+    saturated = Galvanostat(current_command=1e3)
     yield Claim(
         "table 2-2",
         "largest current",
         "1.3",
-        float(asked.outputs()[0]),
+        float(saturated.outputs()[0]),
         "A",
         "component asked for more",
     )

@@ -1,4 +1,4 @@
-"""All chapters together, and ``docs/errata.md``, which is made from them.
+"""Claims, errata and figures of all chapters, and the page ``docs/errata.md``.
 
 ``python -m demonstrations.thesis.chapters`` writes the page.
 """
@@ -56,7 +56,7 @@ _HEAD = (
 
 @cache
 def entries() -> dict[str, tuple[Claim | Erratum, ...]]:
-    """Everything that is recomputed, by chapter."""
+    """Return all claims and errata by chapter."""
     return {
         title: tuple(e for part in parts for e in part.entries())
         for title, parts in CHAPTERS.items()
@@ -64,20 +64,20 @@ def entries() -> dict[str, tuple[Claim | Erratum, ...]]:
 
 
 def claims() -> dict[str, list[Claim]]:
-    """Figures and statements with what the computation gives, by chapter."""
+    """Return the claims by chapter."""
     return {
         title: [e for e in chapter if isinstance(e, Claim)] for title, chapter in entries().items()
     }
 
 
 def errata() -> list[Erratum]:
-    """Rows of the errata page, by number."""
+    """Return the rows of the errata page in the order of their numbers."""
     every = (e for chapter in entries().values() for e in chapter if isinstance(e, Erratum))
     return sorted(every, key=lambda e: e.number)
 
 
 def illustrations() -> dict[str, list[Illustration]]:
-    """Figures by chapter."""
+    """Return the figures by chapter."""
     return {
         title: [i for part in parts for i in part.illustrations()]
         for title, parts in CHAPTERS.items()

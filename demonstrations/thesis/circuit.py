@@ -1,4 +1,4 @@
-"""The circuit of table 3-1 with a held current: the thesis' records, but without noise."""
+"""Circuit of table 3-1 with a sampled current: the records of the thesis, without noise."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PERIOD = 0.1  # s, of table 3-1 (errata 21) and appendix A3
 
 
 def held_coefficients(r1: float, r2: float, c: float, period: float) -> tuple[float, float, float]:
-    """Exact b0, b1 and a of eq. 3.10 for a current that is held between samples.
+    """Return exact b0, b1 and a of eq. 3.10 for a current that is constant between samples.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def held_coefficients(r1: float, r2: float, c: float, period: float) -> tuple[fl
 def periodic_voltage(r1: float, r2: float, c: float) -> float:
     """Return the largest voltage of a circuit in the periodic state under the square wave.
 
-    The charge swings by ``tanh(T / (4 tau))`` of its final value.
+    The amplitude of the charge is ``tanh(T / (4 tau))`` of its final value.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def periodic_voltage(r1: float, r2: float, c: float) -> float:
 
 
 def response(current: ArrayLike, r1: ArrayLike = CIRCUIT[0], period: float = PERIOD) -> Array:
-    """Return the voltage of the circuit from rest for a current that is held between samples.
+    """Return the voltage of the circuit from rest for a current that is constant between samples.
 
     R1 may change with time.
 

@@ -1,8 +1,8 @@
-"""The yield of a chapter: claims (a printed figure beside the recomputed one), errata, figures.
+"""Results of a chapter: claims (a printed and a computed figure), errata, figures.
 
-A claim holds if the recomputed value rounds to the printed one. The tolerance is thus the printed
-digits and no choice. Most claims are figures or statements that the thesis prints. Some are
-inferred: what follows from its print in one place is held against what it has in another.
+A claim holds if the computed value rounds to the printed one, so that the tolerance follows from
+the printed digits. Most claims are figures or statements in the thesis. Some are inferred: a
+consequence of one printed place is compared with another place.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _ROUNDING = 1e-9  # of half a digit: 0.9865 has been rounded to 0.987
 
 @dataclass(frozen=True)
 class Claim:
-    """A figure or statement and what the computation gives in its place.
+    """A printed figure or statement, with the computed one.
 
     Attributes
     ----------
@@ -40,17 +40,17 @@ class Claim:
     unit : str
         Empty for pure numbers and words.
     reason : str
-        Why it does not hold, or what it rests on.
+        Reason why it does not hold, or assumption of the computation.
     consistent : str
-        What holds instead, where that is not the reproduced value: a figure can follow from its
-        program and be wrong.
+        Correct value, if that is not the reproduced one: a figure can follow from its program and
+        be wrong.
     erratum : int or None
         Row of ``docs/errata.md``.
     allowed : tuple of float or None
         Least and largest value that the rounding of the printed inputs allows.
     inferred : bool
-        The thesis does not print ``published`` of this quantity; it follows from what is printed
-        elsewhere.
+        True if the thesis does not print ``published`` for this quantity, but it follows from
+        another place.
     """
 
     where: str
@@ -65,7 +65,7 @@ class Claim:
     inferred: bool = False
 
     def _parts(self) -> tuple[str, float, float, float]:
-        """Relation, lower and upper figure, and half a unit of the last printed digit."""
+        """Return relation, lower and upper figure, and half a unit of the last printed digit."""
         match = _PRINTED.fullmatch(self.published)
         if match is None:
             raise ValueError(f"{self.where}, {self.what}: {self.published!r} is no printed figure")
@@ -79,7 +79,7 @@ class Claim:
 
     @property
     def printed_range(self) -> tuple[float, float]:
-        """Values that would have been printed so."""
+        """Range of the values that round to the printed figure."""
         relation, low, high, half = self._parts()
         half *= 1.0 + _ROUNDING
         if relation == "~":
@@ -90,7 +90,7 @@ class Claim:
 
     @property
     def agrees(self) -> bool:
-        """True if the recomputed value would have been printed so."""
+        """True if the computed value rounds to the printed figure."""
         if isinstance(self.reproduced, str):
             return self.reproduced == self.published
         low, high = self.printed_range
@@ -113,7 +113,7 @@ class Claim:
 
     @property
     def holds(self) -> bool:
-        """True if the printed figure can stand."""
+        """True if the printed figure is correct."""
         return self.verdict in ("holds", "within rounding")
 
     @property
@@ -129,7 +129,7 @@ class Claim:
 
     @property
     def reproduced_text(self) -> str:
-        """The recomputed value, with one digit more than is printed and at least three."""
+        """Computed value with one digit more than the printed figure, and at least three."""
         if isinstance(self.reproduced, str):
             return self.reproduced
         figures = (
@@ -142,7 +142,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Erratum:
-    """A row of ``docs/errata.md``.
+    """Row of ``docs/errata.md``.
 
     Attributes
     ----------
@@ -162,15 +162,15 @@ class Erratum:
 
 @dataclass(frozen=True)
 class Illustration:
-    """A figure of the thesis, drawn from the models.
+    """Figure of the thesis, drawn from the models.
 
     Attributes
     ----------
     title : str
     caption : str
-        What it shows.
+        Description below the figure.
     draw : callable
-        Makes the picture.
+        Returns the picture.
     """
 
     title: str
@@ -182,7 +182,7 @@ Entry = Claim | Erratum
 
 
 def number(value: float, digits: int = 3, powers: bool = False) -> str:
-    """Format a value with so many significant digits: ``3860``; with powers ``3.86e3``."""
+    """Return a value with a number of significant digits: ``3860``, or with powers ``3.86e3``."""
     text = f"{value:.{digits - 1}e}" if powers else f"{value:.{digits}g}"
     if "e+" in text and not powers:
         text = f"{float(text):.0f}"
@@ -190,14 +190,12 @@ def number(value: float, digits: int = 3, powers: bool = False) -> str:
 
 
 def spread(function: Callable[..., float], printed: Sequence[str]) -> tuple[float, float]:
-    """Return least and largest value of a function over unrounded arguments.
-
-    These are what its printed arguments may have been before rounding.
+    """Return the range of a function over all arguments that round to the printed ones.
 
     Parameters
     ----------
     function : callable
-        Of as many numbers; monotonic in each over so small a range.
+        Function of as many numbers, monotonic in each over such a small range.
     printed : sequence of str
 
     Returns

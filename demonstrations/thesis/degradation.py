@@ -1,4 +1,4 @@
-"""Chapter 4, degradation: the five-hour record, biased batch least squares, derating."""
+"""Chapter 4, degradation: five-hour record, biased batch least squares, derating."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WINDOW = 1000  # samples
-_SEEN = 4.0 * 3600.0  # s of the life, from which the rest is forecast
-_RISE = 0.10  # of the impedance: what five hours of the chosen life reach
+_SEEN = 4.0 * 3600.0  # s of the life before the forecast
+_RISE = 0.10  # of the impedance, which the simulated life reaches in five hours
 _CONTROL_RATE = 30.0  # Hz, of eq. 2.2
 _PROPORTIONAL = 0.5 * (0.66 + 0.06)  # V/N, eq. 2.2 (errata 18)
 _BLUE = pictures.MODEL
@@ -40,7 +40,7 @@ _GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
-    """Everything chapter 4 lets one recompute."""
+    """Yield claims and errata of chapter 4."""
     for part in (_excitation, _record, _windows, _noise, _judging, _switched_off, _forecast):
         yield from part()
 
@@ -129,7 +129,7 @@ def _windows() -> Iterator[Entry]:
 
 
 def expected_estimate(noise: float) -> Array:
-    """Return the limit of least squares (eq. 4.6) on a long record with white voltage noise.
+    """Return the limit of least squares (eq. 4.6) for a long record with white voltage noise.
 
     Noise on v(t-1) adds its variance to one element of the normal matrix and nothing to the
     right-hand side.
@@ -148,7 +148,7 @@ def expected_estimate(noise: float) -> Array:
     time = PERIOD * np.arange(1001)
     current = square_wave(time, 0.9, 0.2)
     voltage = response(current)
-    period = slice(-50, None)  # the last, settled
+    period = slice(-50, None)  # the last period, in the periodic state
     phi = np.column_stack([current[1:], current[:-1], -voltage[:-1]])[period]
     normal = phi.T @ phi / len(phi)
     normal[2, 2] += noise**2
@@ -178,14 +178,14 @@ def _noise() -> Iterator[Entry]:
 
 
 def printed_fit(voltage: Array, predicted: Array) -> float:
-    """Fit in percent as appendix A3 computes it: predictions against the samples before them.
+    """Return the fit in percent of appendix A3, which compares predictions with preceding samples.
 
     Parameters
     ----------
     voltage : ndarray, shape (n + 1,)
         Measured.
     predicted : ndarray, shape (n,)
-        Of all samples but the first.
+        Predictions of all samples but the first.
     """
     spread = np.linalg.norm(predicted - predicted.mean())
     return float(100.0 * (1.0 - np.linalg.norm(voltage[:-1] - predicted) / spread))
@@ -221,7 +221,7 @@ def _judging() -> Iterator[Entry]:
 
 @cache
 def recoveries() -> dict[str, Array]:
-    """Return the experiment ``fig_4_4``: a bench whose controller rests in recoveries.
+    """Return the result of the experiment ``fig_4_4``: the controller pauses in recoveries.
 
     Returns
     -------
@@ -235,15 +235,15 @@ def recoveries() -> dict[str, Array]:
 def windup(signals: dict[str, Array]) -> float:
     """Return the largest change of the controller's integral part in a recovery, in V.
 
-    It is that of its voltage less the proportional part, half the difference of the coefficients of
-    eq. 2.2 times the change of the force, from each of its samples within to the next.
+    It is the change of the voltage minus the proportional part (half the difference of the
+    coefficients of eq. 2.2 times the change of the force) between samples of the controller.
     """
     off = signals["galvanostat.recovering"] > 0.5
     time = signals["time"]
     instants = np.arange(0.0, time[-1], 1.0 / _CONTROL_RATE)
     force = np.interp(instants, time, signals["bench.force_measured"])
     after = np.minimum(np.searchsorted(time, instants) + 1, time.size - 1)
-    # where both sample at once, it is not to be seen who was first
+    # samples at the same instant are omitted, as their order is not known
     resting = off[after] & off[np.maximum(after - 3, 0)]
     integral = signals["bench.coil_voltage"][after] + _PROPORTIONAL * force
     return float(np.abs(np.diff(integral))[resting[1:]].max())
@@ -263,7 +263,7 @@ def _switched_off() -> Iterator[Entry]:
 
 @cache
 def forecast() -> LifeForecast:
-    """Return when the impedance will be 10 % above its first value, from four hours of the life."""
+    """Return the forecast from four hours of the life for a rise of the impedance by 10 %."""
     time, impedance = _impedance()
     seen = time < _SEEN
     return forecast_life(time[seen], impedance[seen], rise=_RISE)
@@ -298,7 +298,7 @@ def _forecast() -> Iterator[Entry]:
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """Figs. 4-3 and 4-4 in action, and a life like that of figs. 4-5 to 4-7."""
+    """Return figs. 4-3 and 4-4 in simulation, and a life like that of figs. 4-5 to 4-7."""
     return (
         Illustration(
             "Figs. 4-3, 4-6 and 4-7: a life of five hours",
@@ -334,7 +334,7 @@ def illustrations() -> tuple[Illustration, ...]:
 
 @cache
 def life() -> dict[str, Array]:
-    """Five hours of an ageing actuator with derating; see :func:`.ageing.run`."""
+    """Return five hours of an ageing actuator with derating; see :func:`.ageing.run`."""
     return ageing.run()
 
 
@@ -376,7 +376,7 @@ def _resting() -> Figure:
         ("A", "V", "N", "V"),
         strict=True,
     ):
-        late = time > 1.0  # s, after the force has been put on
+        late = time > 1.0  # s, after the step of the force
         axis.plot(time[late], signals[name][late], color=_BLUE)
         axis.fill_between(
             time,

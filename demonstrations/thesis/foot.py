@@ -41,7 +41,7 @@ TABLE = {
 
 
 def entries() -> Iterator[Entry]:
-    """Everything chapter 5 and the symbol list let one recompute."""
+    """Yield claims and errata of chapter 5 and the list of symbols."""
     for part in (_motor, _table, _matrices, _shape_of_matrices, _statics, _symbols):
         yield from part()
 
@@ -120,7 +120,7 @@ def _table() -> Iterator[Entry]:
 def consistent() -> tuple[Array, Array]:
     """Return compliance (mm/N) and damping (N s/mm) at the toe in the reference configuration.
 
-    Antagonists are in parallel.
+    Antagonistic actuators are in parallel.
     """
     foot = Foot()
     pairs = ((0, 0), (0, 1), (1, 0), (1, 1))
@@ -177,7 +177,7 @@ def _matrices() -> Iterator[Entry]:
 
 
 def _shape_of_matrices() -> Iterator[Entry]:
-    """Yield relations of the printed matrices to each other, and to lengths."""
+    """Yield claims about relations between the printed matrices, and between them and lengths."""
     c = printed().compliance
     d = printed().damping
     damping = consistent()[1]
@@ -312,7 +312,7 @@ def _symbols() -> Iterator[Entry]:
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """Eq. 5.1 beside the actuator."""
+    """Return the figure of the motor of eq. 5.1 and of the actuator."""
     return (
         Illustration(
             "Eq. 5.1: a motor and a muscle under one load",

@@ -33,15 +33,15 @@ _GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
-    """Everything that the force loop lets one recompute."""
+    """Yield claims and errata about the force loop."""
     for part in (_plant, _controller, _margins, _closed_loop):
         yield from part()
 
 
 def program_plant(s: complex) -> complex:
-    """Return coil force over coil voltage as the first line of appendix A1 has it, in N/V.
+    """Return coil force over coil voltage in N/V as in the first line of appendix A1.
 
-    Its parenthesis is misplaced.
+    A parenthesis of that line is misplaced.
     """
     a = analysis.A1_ACTUATOR
     relaxing = a["b2"] * s + a["k2"]
@@ -50,9 +50,9 @@ def program_plant(s: complex) -> complex:
 
 
 def static_stiffness() -> float:
-    """Return the stiffness in eq. 2.1 that remains under a lasting load, in N/m: k1's alone."""
+    """Return the stiffness of eq. 2.1 under a lasting load in N/m, which is k1."""
     a = analysis.A1_ACTUATOR
-    s = 1e-9  # rad/s, all but at rest
+    s = 1e-9  # rad/s, nearly zero
     return a["k1"] + a["k2"] * a["b2"] * s / (a["b2"] * s + a["k2"])
 
 
@@ -151,7 +151,7 @@ def _margins() -> Iterator[Entry]:
     plain = analysis.margins(analysis.loop(**_SIMPLE, back_emf=False))
     whole = analysis.margins(analysis.loop(**_SIMPLE))
     a1 = analysis.margins(analysis.loop(**_A1, back_emf=False))
-    # a gain that A1 has in a comment, with its cutoff taken for rad/s
+    # a gain from a comment of A1, with its cutoff in rad/s
     near = analysis.margins(
         analysis.loop(24.55, 0.02, period=None, cutoff=_A1_CUTOFF / (2.0 * pi), back_emf=False)
     )
@@ -193,10 +193,7 @@ def _margins() -> Iterator[Entry]:
 
 
 def sampled_bandwidth() -> float:
-    """Return the frequency in Hz at which the force falls below -3 dB of its reference.
-
-    By eq. 2.2 at 30 Hz with A1's filter.
-    """
+    """Return the -3 dB bandwidth in Hz of the force by eq. 2.2 at 30 Hz with the filter of A1."""
     import control
 
     period = analysis.SAMPLE_PERIOD
@@ -208,16 +205,16 @@ def sampled_bandwidth() -> float:
     law = control.tf([_DMA["error_gain"], _DMA["previous_error_gain"]], [1.0, -1.0], period)
     frequencies = np.linspace(0.01, _NYQUIST, 3001)
     z = np.exp(2j * pi * frequencies * period)
-    held = np.sinc(frequencies * period)  # what a force held over the period keeps of the frequency
-    closed = held * np.abs(law(z) * driven(z) / (1.0 + law(z) * read(z)))
+    hold = np.sinc(frequencies * period)  # gain of a zero-order hold
+    closed = hold * np.abs(law(z) * driven(z) / (1.0 + law(z) * read(z)))
     return float(frequencies[np.argmax(closed < sqrt(0.5))])
 
 
 @cache
 def sampled_step() -> tuple[Array, Array]:
-    """Return time and force of the experiment ``fig_2_6`` from its step on, in s and N.
+    """Return time in s and force above the bias in N of ``fig_2_6``, from its step on.
 
-    The force is that above the bias: coil, actuator and load cell, with eq. 2.2 at 30 Hz.
+    The experiment has coil, actuator and load cell, with eq. 2.2 at 30 Hz.
     """
     found = run(read("fig_2_6"))
     reference = found["force_reference"].values
@@ -255,7 +252,7 @@ def _closed_loop() -> Iterator[Entry]:
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """Figs. 2-5 and 2-6."""
+    """Return figs. 2-5 and 2-6."""
     return (
         Illustration(
             "Fig. 2-5: the force loop, open",

@@ -23,7 +23,7 @@ _GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
-    """Everything that eqs. 4.7 to 4.11 let one recompute."""
+    """Yield claims and errata about eqs. 4.7 to 4.11."""
     yield from _recursion()
     yield from _forgetting()
 
@@ -36,20 +36,20 @@ def recursive(
     covariance: float,
     reset: int = 0,
 ) -> Array:
-    """Estimate by eqs. 4.7 and 4.9, the missing phi put into the gain.
+    """Return estimates by eqs. 4.7 and 4.9, with the missing phi in the gain.
 
     Parameters
     ----------
     current, voltage : ndarray, shape (n,)
         A and V.
     forgetting : float
-        Of eq. 4.9.
+        Forgetting factor of eq. 4.9.
     denominator : float
-        What is added to phi^T P phi: 1 as printed, or the forgetting factor.
+        Term that is added to phi^T P phi: 1 as printed, or the forgetting factor.
     covariance : float
-        Of the start, a multiple of unity.
+        Factor of the unit matrix as covariance at the start.
     reset : int
-        Samples after which the covariance is put back to that, as appendix A3 does it; 0 for never.
+        Samples after which the covariance is reset to that, as in appendix A3; 0 for never.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def _recursion() -> Iterator[Entry]:
 
 
 def forgetting_factor(weight: float, sample: float, time: float) -> float:
-    """Forgetting factor that leaves a weight, in percent, after a time (eq. 4.11).
+    """Return the forgetting factor with a given weight, in percent, after a time (eq. 4.11).
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def _forgetting() -> Iterator[Entry]:
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """Eq. 4.11."""
+    """Return the figure of eq. 4.11."""
     return (
         Illustration(
             "Eq. 4.11: how long a factor remembers",

@@ -1,7 +1,4 @@
-"""Chapter 3, identification: tables 3-1 and 3-2, sampling, conversion of parameters.
-
-The converted parameters are discrete ones.
-"""
+"""Chapter 3, identification: tables 3-1 and 3-2, sampling, conversion of discrete parameters."""
 
 from __future__ import annotations
 
@@ -37,13 +34,13 @@ BLACK_BOX = {
 
 
 def entries() -> Iterator[Entry]:
-    """Everything that the identified parameters let one recompute."""
+    """Yield claims and errata about the identified parameters."""
     for part in (_table_3_1, _sampling, _conversion, _table_3_2):
         yield from part()
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """None: the measured figures are lost."""
+    """Return an empty tuple, as the measured figures are lost."""
     return ()
 
 
@@ -52,14 +49,14 @@ def illustrations() -> tuple[Illustration, ...]:
 
 
 def _circuit(part: int, *theta: float) -> float:
-    """R1, R2 or C from b0, b1 and a by eqs. 3.11 to 3.13."""
+    """Return R1, R2 or C from b0, b1 and a by eqs. 3.11 to 3.13."""
     return float(tustin(theta, PERIOD)[part])
 
 
 def _moment(column: int, name: str, *theta: float) -> float:
     """Return the mean or standard deviation of a column of table 3-1.
 
-    From the coefficients of all sets in a row.
+    The arguments are the coefficients of all data sets in a row.
     """
     table = np.reshape(theta, (len(SETS), 3))
     values = np.hstack([table, tustin(table, PERIOD)])[:, column]
@@ -259,7 +256,7 @@ def _table_3_2() -> Iterator[Entry]:
 
 
 def _contained(akaike: Mapping[str, float]) -> Iterator[Entry]:
-    """ARMAX with C = 1 is ARX, so that its criterion is no larger but for what C costs."""
+    """Yield claims about ARMAX and ARX: as ARX is ARMAX with C = 1, its loss is not smaller."""
     coefficients = 3
     samples = 1000
     most = akaike["ARX"] + 2.0 * coefficients / samples
@@ -288,12 +285,12 @@ def _contained(akaike: Mapping[str, float]) -> Iterator[Entry]:
 
 
 def noise_order(c: Sequence[float], a: Sequence[float]) -> int:
-    """Order of the noise model C/A: poles and zeros that no common factor cancels.
+    """Return the order of the noise model C/A without common factors.
 
     Parameters
     ----------
     c, a : sequence of float
-        Coefficients of ascending powers of the delay; any of that order will do.
+        Coefficients of ascending powers of the delay.
     """
     import control
 

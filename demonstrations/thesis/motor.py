@@ -1,8 +1,7 @@
-"""The DC motor of eq. 5.1 beside the actuator: what holds a load, for how long, and what it costs.
+"""Comparison of the DC motor of eq. 5.1 with the actuator under a lasting load.
 
-The thesis reads the free integrator of eq. 5.1 as a lack of stiffness. Its own actuator has a free
-integrator too (eqs. 3.7 and 5.17): either yields under a lasting load. What differs is how long it
-takes.
+The thesis reads the free integrator of eq. 5.1 as a lack of stiffness. Its actuator has a free
+integrator, too (eqs. 3.7 and 5.17): both yield under a lasting load, with different time constants.
 """
 
 from __future__ import annotations
@@ -24,20 +23,20 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class DcMotor:
-    """A motor on a spool, its armature shorted unless a voltage is applied.
+    """DC motor with a spool, whose armature is shorted unless a voltage is applied.
 
-    The numbers are assumed, those of a small brushed motor; the thesis gives none.
+    The thesis gives no parameters; the defaults are those of a small brushed motor.
 
     Attributes
     ----------
     resistance : float
-        Of the armature, ohm.
+        Resistance of the armature, ohm.
     constant : float
         Torque per current and back-EMF per speed, N m/A.
     inertia : float
-        Of the rotor, kg m^2.
+        Inertia of the rotor, kg m^2.
     spool : float
-        Radius at which the load pulls, m.
+        Radius of the spool, m.
     """
 
     resistance: float = 2.0
@@ -56,7 +55,7 @@ class DcMotor:
         return self.constant**2 / self.resistance / self.spool**2
 
     def transfer_function(self) -> Any:
-        """Angle over voltage, eq. 5.1, in rad/V.
+        """Return angle over voltage, eq. 5.1, in rad/V.
 
         Returns
         -------
@@ -67,20 +66,20 @@ class DcMotor:
         return control.tf([1.0 / self.constant], [self.time_constant, 1.0, 0.0])
 
     def displacement(self, force: float, time: ArrayLike) -> Array:
-        """Displacement in m at times in s after a lasting force in N, armature shorted."""
+        """Return the displacement in m at times in s after a step of force in N."""
         t = np.asarray(time, dtype=float)
         tau = self.time_constant
         return np.asarray(force / self.damping * (t - tau * (1.0 - np.exp(-t / tau))))
 
     def holding(self, force: float) -> tuple[float, float]:
-        """Voltage in V and power in W that hold a force in N without motion."""
+        """Return voltage in V and power in W at standstill under a force in N."""
         current = force * self.spool / self.constant
         return self.resistance * current, self.resistance * current**2
 
 
 @dataclass(frozen=True)
 class Maxwell:
-    """The actuator as chapter 5 simplifies it, fig. 5-6: a spring in series with a dashpot.
+    """Simplified actuator of chapter 5, fig. 5-6: a spring in series with a dashpot.
 
     Attributes
     ----------
@@ -95,13 +94,13 @@ class Maxwell:
 
     @property
     def time_constant(self) -> float:
-        """Time for which the spring holds, b/k in s."""
+        """Time constant b/k in s, after which the dashpot yields more than the spring."""
         return self.damping / self.instantaneous_stiffness
 
     def stiffness(self, frequency: ArrayLike) -> Complex:
         """Return force per displacement in N/m at frequencies in Hz: s k b/(b s + k) of eq. 5.17.
 
-        Without charge.
+        The charge is zero.
         """
         s = 2j * np.pi * np.asarray(frequency, dtype=float)
         return np.asarray(
@@ -112,7 +111,7 @@ class Maxwell:
         )
 
     def displacement(self, force: float, time: ArrayLike) -> Array:
-        """Displacement in m at times in s after a lasting force in N."""
+        """Return the displacement in m at times in s after a step of force in N."""
         return np.asarray(
             force / self.instantaneous_stiffness
             + force / self.damping * np.asarray(time, dtype=float)
@@ -120,10 +119,7 @@ class Maxwell:
 
 
 def figure() -> Figure:
-    """Draw the stiffness under a lasting load, and how far it moves: motor and actuator.
-
-    The motor is that of eq. 5.1.
-    """
+    """Draw stiffness and displacement of motor and actuator under a lasting load."""
     load = 2.75
     time = np.logspace(-3, 3, 400)
     drawn, (upper, lower) = pictures.panels(2, f"{load:g} N on a DC motor and on an actuator")

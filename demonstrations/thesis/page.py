@@ -1,4 +1,4 @@
-"""Output of ``ppy thesis``: the table on the terminal and one page with the figures."""
+"""Output of ``ppy thesis``: a table on the terminal, and a page with the figures."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def run(out: Path) -> Path:
     Parameters
     ----------
     out : Path
-        Folder, which gets ``thesis.html``, or an .html file.
+        An .html file, or a folder for ``thesis.html``.
 
     Returns
     -------
@@ -42,7 +42,7 @@ def run(out: Path) -> Path:
     Raises
     ------
     UserError
-        If it cannot be written, or there is no compiler for the coupled components.
+        If the page cannot be written, or there is no compiler for the coupled components.
     """
     path = target(out)
     with console.progress() as tell:
@@ -83,12 +83,12 @@ def run(out: Path) -> Path:
 
 
 def target(out: Path) -> Path:
-    """File in which the page goes.
+    """Return the file of the page.
 
     Raises
     ------
     UserError
-        If it can be neither a folder nor an .html file, or not be made there.
+        If `out` is neither a folder nor an .html file, or the file cannot be created.
     """
     try:
         named = out.suffix.lower() in (".html", ".htm") and not out.is_dir()
@@ -118,7 +118,7 @@ def _verdict(by_chapter: dict[str, list[Claim]]) -> str:
 
 
 def _counted(claims: Sequence[Claim]) -> tuple[int, str]:
-    """Their number, and how many have each verdict."""
+    """Return the number of claims, and the number with each verdict, as a text."""
     count = Counter(c.verdict for c in claims)
     return len(claims), ", ".join(
         f"{count[verdict]} {words}" for verdict, words in _COUNTED.items() if count[verdict]
@@ -126,7 +126,7 @@ def _counted(claims: Sequence[Claim]) -> tuple[int, str]:
 
 
 def show(by_chapter: dict[str, list[Claim]]) -> None:
-    """Print the claims, chapter by chapter."""
+    """Print the claims by chapter."""
     for title, claims in by_chapter.items():
         table = Table(
             title=title,
@@ -165,7 +165,7 @@ def _difference(claim: Claim) -> str:
 
 
 def _note(claim: Claim, brief: bool = True) -> str:
-    """Verdict, what holds, and why."""
+    """Return the verdict of a claim, the correct value and the reason, as a text."""
     if brief and claim.verdict == "holds":
         return "holds"
     holds = f"holds: {claim.consistent}" if claim.consistent else ""
@@ -188,10 +188,7 @@ def _wrapped(
     widths: Mapping[int, int],
     marked: Sequence[bool] = (),
 ) -> str:
-    """Return a table that breaks the lines of some columns, at least so wide (in rem).
-
-    Marked rows stand out.
-    """
+    """Return a table with line breaks in some columns, of a least width in rem, and marked rows."""
     styles = [
         f' style="white-space:normal;min-width:{widths[k]}rem"' if k in widths else ""
         for k in range(len(head))

@@ -1,8 +1,8 @@
-"""Eqs. 5.11 and 5.12 as printed: the thesis's own M-file (appendix A4), its slips included.
+"""Eqs. 5.11 and 5.12 as printed: the thesis's M-file (appendix A4) with its errors.
 
-This is a reproduction, not the foot: see ``docs/errata.md``, rows 12 and 13, and ``statics.py`` for
-what holds. It works in inches; what makes it depend on the unit is the 0.0001 that keeps the
-plantar actuator's square root from being zero, and 0.001 as a token coupling to the
+This is a reproduction; ``statics.py`` has correct equations (``docs/errata.md``, rows 12 and 13).
+The M-file uses inches. Its results depend on the unit by two constants: 0.0001, which keeps the
+square root of the plantar actuator from zero, and 0.001 as a small coupling to the
 tarsal-metatarsal joint.
 """
 
@@ -17,7 +17,7 @@ MILLIMETRES_PER_INCH = 25.4
 
 @dataclass(frozen=True)
 class Printed:
-    """The matrices that the M-file prints.
+    """Matrices that the M-file prints.
 
     Attributes
     ----------
@@ -32,15 +32,14 @@ class Printed:
 
 
 def printed(unit: float = 1.0, offset: float = 1e-4) -> Printed:
-    """Carry out the M-file.
+    """Return the results of the M-file.
 
     Parameters
     ----------
     unit : float
-        Lengths are multiplied by it: 1 for inches as printed, :data:`MILLIMETRES_PER_INCH` for
-        millimetres.
+        Factor of lengths: 1 for inches as printed, :data:`MILLIMETRES_PER_INCH` for millimetres.
     offset : float
-        What is added to the plantar actuator's length, in the unit of lengths.
+        Addend of the length of the plantar actuator, in the unit of lengths.
 
     Returns
     -------
@@ -49,7 +48,7 @@ def printed(unit: float = 1.0, offset: float = 1e-4) -> Printed:
     Raises
     ------
     ValueError
-        If a length is not positive, or without an offset, where the plantar triangle is singular.
+        If a length is not positive, or the plantar triangle is singular without an offset.
     """
     if unit <= 0.0 or offset <= 0.0:
         raise ValueError(
@@ -61,7 +60,7 @@ def printed(unit: float = 1.0, offset: float = 1e-4) -> Printed:
 
 
 def _joint_to_cartesian(unit: float) -> np.ndarray:
-    """Return the M-file's matrix; eq. 5.3 has cosines for its sines, and terms missing here."""
+    """Return the matrix of the M-file, which differs from eq. 5.3: sines, and missing terms."""
     l1 = 2.00 * unit
     l2 = 2.46 * unit
     l3 = 0.93 * unit
@@ -76,10 +75,10 @@ def _joint_to_cartesian(unit: float) -> np.ndarray:
 
 
 def _actuator_to_joint(unit: float, offset: float) -> np.ndarray:
-    """Return the M-file's matrix of dtheta/dl."""
+    """Return the matrix dtheta/dl of the M-file."""
     b_po, b_an = np.radians([57.66, 50.71])
     g_po, g_an, g_do = np.radians([12.901, 6.126, 15.064])
-    pl = 5.48 * unit  # the other lengths cancel out of what follows
+    pl = 5.48 * unit  # the other lengths cancel
     r_an = 0.71 * unit
     r_po = 1.64 * unit
     r_do = 0.91 * unit

@@ -34,7 +34,7 @@ _GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
-    """Everything that the gait lets one recompute."""
+    """Yield claims and errata about the gait."""
     for part in (_gait, _force, _loops):
         yield from part()
 
@@ -98,7 +98,7 @@ def _force() -> Iterator[Entry]:
     frequency = np.logspace(-5, 1, 30)  # Hz
     chain = 1.0 / (
         1.0 / k + 1.0 / (2j * pi * frequency * b)
-    )  # spring and dashpot bear the same force
+    )  # spring and dashpot have the same force
     same = bool(np.allclose(muscle.stiffness(frequency), chain, rtol=1e-12, atol=0.0))
     yield Claim(
         "eq. 5.17",
@@ -112,7 +112,7 @@ def _force() -> Iterator[Entry]:
 def work_loop(rate: float, current: float = CURRENT) -> tuple[Array, Array]:
     """Return length change and force of the anterior actuator over one gait, from rest.
 
-    Fig. 5-9, by eq. 5.17.
+    These are the signals of fig. 5-9, by eq. 5.17.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def work_loop(rate: float, current: float = CURRENT) -> tuple[Array, Array]:
     Returns
     -------
     length, force : ndarray, shape (20001,)
-        In mm and N, evenly over the second of the gait.
+        In mm and N, equally spaced over the second of the gait.
     """
     # eq. 5.17 in time: dF/dt = k (dl/dt - alpha i) - (k/b) F, solved for each sine
     t = np.linspace(0.0, 1.0, 20001)
@@ -148,12 +148,12 @@ def work_loop(rate: float, current: float = CURRENT) -> tuple[Array, Array]:
 
 
 def energy(length: Array, force: Array) -> float:
-    """Energy that the actuator takes up along a path, in N mm; negative if it gives."""
+    """Return the energy in N mm that the actuator absorbs along a path, negative if it delivers."""
     return float(np.trapezoid(force, length))
 
 
 def pushing(force: Array) -> float:
-    """Share of the time, in percent, in which a force is compression."""
+    """Return the share of the time, in percent, in which a force is compressive."""
     return 100.0 * float(np.mean(force < 0.0))
 
 
@@ -262,7 +262,7 @@ def _loops() -> Iterator[Entry]:
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """Figs. 5-7 and 5-9, and what section 6.2 leaves open."""
+    """Return figs. 5-7 and 5-9, and a figure on the open question of section 6.2."""
     return (
         Illustration(
             "Fig. 5-7: the actuator as a spring and a dashpot",

@@ -1,12 +1,10 @@
 """The rig proxy: takes the place of a component and forwards its signals to the real rig."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..kit.registry import ComponentPackage
-from . import protocol
+from . import protocol, rigs
 from .credentials import ClientKeys, checked, key, read_client_keys, read_table
 from .protocol import (
     ENDPOINT,
@@ -75,6 +73,7 @@ PACKAGE = ComponentPackage(
         "rig_proxy_thesis_generator": "fmus.rig_proxy.model:RigProxyThesisGenerator",
     },
     declared_systems=(HIL_BENCH,),
+    rigs=rigs.RIGS,
     experiment_folder=Path(__file__).with_name("experiments"),
     preset_folder=Path(__file__).with_name("presets"),
 )

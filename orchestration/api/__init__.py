@@ -1,4 +1,4 @@
-"""The user's functions in Python; `orchestration` hands them on."""
+"""Functions for users in Python, which `orchestration` and `ppy_rig` offer."""
 
 import lazy_loader
 

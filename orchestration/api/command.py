@@ -1,4 +1,4 @@
-"""The command line that does what a call from Python did, for reports to repeat."""
+"""Commands that are equivalent to calls from Python, for reports."""
 
 from __future__ import annotations
 
@@ -18,36 +18,37 @@ def equivalent_command(
     declared: type,
     options: Mapping[str, object],
 ) -> list[str]:
-    """Return the words of the command that does what a call from Python did.
+    """Return the words of the command that is equivalent to a call from Python.
 
     Parameters
     ----------
     command : str
-        Such as ``diagnose``.
+        Name of the command, such as ``diagnose``.
     model : str
-        As the command line names it.
+        Model as a word of the command line.
     records, holdouts : sequence of Record
-        What was fitted to, and what was held out of it or beside it.
+        Estimation data and validation data; runs of one file may be in both.
     declared : TypedDict
-        Class of the options that the command takes.
+        Class of the options of the command.
     options : Mapping of str to object
-        Their values.
+        Values of the options.
     """
-    fitted = {record.source for record in records}
-    # some runs of a file may be held out of the others: then both are read from it, and told apart
-    # by their labels
-    read = [*records, *(held for held in holdouts if held.source in fitted)]
-    held_labels = [
+    estimation_files = {record.source for record in records}
+    # runs for validation from a file of estimation data are named by their labels
+    read = [*records, *(run for run in holdouts if run.source in estimation_files)]
+    labels = [
         label
         for label, record in zip(record_labels(read), read, strict=True)
-        if any(record is held for held in holdouts)
+        if any(record is run for run in holdouts)
     ]
-    held_files = dict.fromkeys(str(h.source) for h in holdouts if h.source not in fitted)
-    holdout = [",".join(held_labels)] if held_labels else []
+    other_files = dict.fromkeys(
+        str(run.source) for run in holdouts if run.source not in estimation_files
+    )
+    holdout = [",".join(labels)] if labels else []
     later = options.get("compare")
     values = {
         **options,
-        "holdout": [*holdout, *held_files] or None,
+        "holdout": [*holdout, *other_files] or None,
         "compare": later.source if isinstance(later, Record) else later,
     }
     files = dict.fromkeys(str(record.source) for record in read)

@@ -1,13 +1,13 @@
-"""The form in which an option is declared once, and the keyword arguments that are made from it.
+"""Declaration of options, from which keyword arguments of functions and commands are made.
 
 A class of options is a ``TypedDict`` whose keys are annotated with an `Option`::
 
     class SearchOptions(TypedDict, total=False):
         hold: Annotated[Sequence[str], Option("Parameters that are known.", default=(), form=NAMES)]
 
-`takes` gives its keys to a function as keyword arguments, with defaults, in the signature and in
-the docstring; ``**options: Unpack[SearchOptions]`` tells type checkers of them. The same class, or
-one that extends it by files to write, becomes a command in `orchestration.cli.options`.
+`takes` adds the keys to a function as keyword arguments, with defaults, in the signature and in
+the docstring; ``**options: Unpack[SearchOptions]`` declares them for type checkers. The same class,
+or one that extends it by output files, becomes a command in `orchestration.cli.options`.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ from orchestration.reporting import option as as_written
 Declared = TypeVar("Declared")
 Function = TypeVar("Function", bound=Callable[..., Any])
 REQUIRED: Any = ...
-_COLUMNS = 96  # of a docstring, so that it fits a terminal where `help` indents it
-# where the section ``Parameters`` ends, or what it ends with: ``**options``
+_COLUMNS = 96  # of a docstring, as `help` indents it by four
+# the last entry ``**options`` of the section ``Parameters``, or the section after it
 _END = r"^(?:\*\*\w+|(?:Returns|Yields|Raises|Examples|References)\n-{3,})$"
 
 
 class Form(NamedTuple):
-    """The way in which the value of an option is written on the command line.
+    """Conversion of the values of an option from and to words of the command line.
 
     Attributes
     ----------
     read : callable
-        Of what was typed and the name of the option, for messages; returns the value.
+        Returns the value of a typed word, or of all words of a repeated option; its second argument
+        is the name of the option, for messages.
     write : callable
-        Of a value; returns the texts that are typed for it, one for each time that the option is
-        named.
+        Returns the words of a value, one for each time that the option is given.
     typed : type, optional
-        Of what is typed, such as ``str`` or ``list[str]``; the type of the option unless given.
+        Type before `read`, such as ``str`` or ``list[str]``; by default the type of the option.
     parse : callable, optional
-        Of a text; returns the value, or raises ValueError with what is wrong.
+        Returns the value of one text, or raises ValueError.
     given : callable
-        Of a value given in Python, and the name of the argument, for messages; returns the value as
-        it is used, such as a list of names for a single one.
+        Returns the value that is used for one from Python, such as a list of names for a single
+        name; its second argument is the name of the argument, for messages.
     """
 
     read: Callable[[Any, str], Any] = lambda typed, flag: typed
@@ -61,7 +61,7 @@ class Form(NamedTuple):
 
 
 AS_IT_IS = Form()
-# what a value of a type may be in Python, such as a number of NumPy, and how that is called
+# by type of an option: types that are allowed in Python, with numbers of NumPy, and their name
 _NUMBERS: Mapping[Any, tuple[Any, str]] = {
     int: (Integral, "a whole number"),
     int | None: (Integral | None, "a whole number"),
@@ -70,39 +70,39 @@ _NUMBERS: Mapping[Any, tuple[Any, str]] = {
 
 
 class Option(NamedTuple):
-    """An option: what it is called, what it means, which values it has and how they are written.
+    """Declaration of an option: its name, its meaning, its allowed values and their form.
 
     Attributes
     ----------
     help : str
-        Meaning in a line, for the command line, which does not take the option without one.
+        Meaning in one line, for the command line, which has no option without it.
     doc : str
-        Meaning for Python, with what a line has no room for; `help` unless given.
+        Longer meaning for Python; `help` by default.
     default : object
-        Value where the option is not given; `REQUIRED` if it must be. A function is called for it
-        when a command is made.
+        Default value, or a function that returns it when a command is made; `REQUIRED` if there
+        is none.
     form : Form
     flag : str
-        Name on the command line, ``--on/--off`` for both values of a switch; made from the name
-        unless given.
+        Name on the command line, ``--on/--off`` for both values of a switch; by default made from
+        the name.
     metavar : str, optional
-        Stands for the value in the help.
+        Placeholder of the value in the help.
     kind : str
-        Type in the words of numpydoc; made from the annotation unless given.
+        Type in the words of numpydoc; by default made from the annotation.
     unit : str
-        Of the value in Python; the command line takes others, too, and converts them.
+        Unit of the value in Python; the command line takes other units, too.
     choices : sequence of str
-        Allowed values, where these are all.
+        Allowed values; empty if others are allowed.
     least, most : float, optional
-        Range of a number; there is no most without a least.
+        Range of a number; a largest value needs a least one.
     complete : str
-        What is offered to complete a value: ``component``, ``effect``, ``experiment``, ``system``.
+        Names for completion in a shell: ``component``, ``effect``, ``experiment``, ``system``.
     argument : bool
-        Whether the command line takes it by its place, without a flag.
+        Whether it is a positional argument of the command line.
     name : str
-        Key in the class; filled in by `options_of`.
+        Key in the class; set by `options_of`.
     type : object
-        Annotation of the key; filled in by `options_of`.
+        Annotation of the key; set by `options_of`.
     """
 
     help: str = ""
@@ -123,16 +123,16 @@ class Option(NamedTuple):
 
     @property
     def on_command_line(self) -> bool:
-        """True if the command line takes it."""
+        """True if the command line has the option."""
         return bool(self.help)
 
     @property
     def flags(self) -> list[str]:
-        """Names on the command line; of a switch the one that turns it on, then the other."""
+        """Names on the command line: one, or those for True and for False of a switch."""
         return (self.flag or flag(self.name)).split("/")
 
     def read(self, typed: Any) -> Any:
-        """Return the value for what was typed, which is None or empty where nothing was."""
+        """Return the value of a typed word or words; the default if there is none."""
         if typed is None or typed == []:
             return self.default
         value = self.form.read(typed, self.flags[0])
@@ -142,7 +142,7 @@ class Option(NamedTuple):
         return value
 
     def given(self, value: Any) -> Any:
-        """Return a value that was given in Python as it is used; UserError if it cannot be one."""
+        """Return the value that is used for one from Python; UserError if it is not allowed."""
         kind, called = _NUMBERS.get(self.type, (object, ""))
         if not isinstance(value, kind):
             raise UserError(f"{self.name}={value!r}: must be {called}")
@@ -154,7 +154,7 @@ class Option(NamedTuple):
         return self.form.given(value, f"{self.name} =")
 
     def words(self, value: Any) -> list[str]:
-        """Return the words that give this value on the command line, none for the default."""
+        """Return the words of the command line for a value; none for the default."""
         if value is None or value == self.default:
             return []
         if isinstance(self.default, tuple) and self.default == tuple(value):
@@ -164,7 +164,7 @@ class Option(NamedTuple):
         return [word for text in self.form.write(value) for word in (self.flags[0], text)]
 
     def documented(self) -> str:
-        """Return its entry in the section ``Parameters`` of a numpydoc docstring."""
+        """Return the entry of the option in the section ``Parameters`` of a numpydoc docstring."""
         import textwrap  # which no command needs
 
         head = f"{self.name} : {self.kind or _in_words(self)}"
@@ -189,7 +189,7 @@ def options_of(*declared: type) -> dict[str, Option]:
 
 @cache
 def _options_of(declared: type) -> list[Option]:
-    # `get_type_hints` would have to import what the annotations name; only the outer one is needed
+    # `get_type_hints` would import the types that the annotations name; the outer one is enough
     return [
         hint.__metadata__[0]._replace(name=name, type=hint.__origin__)
         for name, hint in declared.__annotations__.items()
@@ -197,12 +197,12 @@ def _options_of(declared: type) -> list[Option]:
 
 
 def only(declared: type[Declared], values: Mapping[str, object]) -> Declared:
-    """Return those of the values whose options a class declares."""
+    """Return the values of the options that a class declares."""
     return cast(Declared, {name: values[name] for name in options_of(declared) if name in values})
 
 
 def words_of(declared: type, values: Mapping[str, object]) -> list[str]:
-    """Return the words that give values on the command line, in the order of the declaration."""
+    """Return the words of the command line for values, in the order of the declaration."""
     return [
         word
         for option in options_of(declared).values()
@@ -212,10 +212,10 @@ def words_of(declared: type, values: Mapping[str, object]) -> list[str]:
 
 
 def takes(*declared: type) -> Callable[[Function], Function]:
-    """Give a function the options of some classes as keyword arguments.
+    """Return a decorator that adds the options of classes to a function as keyword arguments.
 
-    What the function has as arguments of its own keeps their defaults and gets its documentation
-    only. The others arrive in its ``**options``, complete: each with its value or its default.
+    An option that is a named argument of the function keeps its default there, and only its
+    documentation is added. All others are in ``**options``, each with its value or its default.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ def _parameter(option: Option) -> Parameter:
 
 def with_options(docstring: str | None, options: Iterable[Option]) -> str | None:
     """Return a numpydoc docstring with options at the end of its section ``Parameters``."""
-    if docstring is None:  # as `python -OO` has it
+    if docstring is None:  # with `python -OO`
         return None
     text = cleandoc(docstring)
     end = re.search(_END, text, re.M)

@@ -1,4 +1,4 @@
-"""Diagnosis from Python: ``ppy.diagnose``, and ``ppy.laws``, which only asks a model's laws."""
+"""Diagnosis from Python: ``ppy.diagnose``, and ``ppy.laws``, which only searches the laws."""
 
 from __future__ import annotations
 
@@ -39,18 +39,18 @@ _LINEARISATIONS = 4  # of an FMU at most
 def diagnose(
     record: Records, model: Model | str | Path | None = None, **options: Unpack[DiagnoseKeywords]
 ) -> DiagnosisResult:
-    """Name what a model gets wrong on a record, extend it, and measure the gain on unseen data.
+    """Find the causes of a model's error on a record, extend the model, and validate the extension.
 
-    Of several records the parameters are the same, and each has starting states of its own.
+    Several records have the same parameters, and each has its own start states.
 
     Parameters
     ----------
     record : Record, str, Path, DataFrame, Mapping of str to array_like, or sequence of these
-        From `read_record`, or what that reads. A file whose clock restarts holds several records,
+        From `read_record`, or an argument of it. A file whose clock restarts has several records,
         numbered from 1.
     model : Model, str or Path, optional
-        A component, ``path/to/file.py:Class``, any FMU, or what `find_model` returned;
-        the first that ``ppy list`` shows unless given.
+        A component, ``path/to/file.py:Class``, any FMU, or a result of `find_model`; by default
+        the first of ``ppy list``.
 
     Returns
     -------
@@ -118,11 +118,12 @@ def diagnose(
 
 
 def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
-    """Refuse options of `diagnose` that a model has no use for.
+    """Raise an error for options of `diagnose` that have no effect on a model.
 
     Raises
     ------
     UserError
+        With the option and the reason.
     """
     if subject.cls is None and options["compare"] is not None:
         raise UserError(f"compare: {subject.without_equations}; diagnose each record by itself")
@@ -136,7 +137,7 @@ def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
 def _pipeline_options(
     subject: Model, given: Mapping[str, Value], options: DiagnoseKeywords
 ) -> pipeline.DiagnosisOptions:
-    """Return the options of a diagnosis as the pipeline has them."""
+    """Return the options of the pipeline for those of `diagnose`."""
     excitation = registry.excitation(subject.name)
     effects = options["effects"]
     if subject.cls is None and effects is None:
@@ -166,7 +167,7 @@ def _from_outside(
 ) -> tuple[pipeline.Result, WrappedFmu]:
     """Diagnose an FMU by corrections of its inputs and outputs.
 
-    Where its parameters move beside a correction, it is linearised anew.
+    The FMU is linearised again, a few times at most, if the fit moves its parameters.
     """
     around = wrap(fmu, measured, unseen, given, fit, progress=progress)
     for remaining in reversed(range(_LINEARISATIONS)):
@@ -180,17 +181,17 @@ def _from_outside(
 
 
 def refuse_without_laws(subject: Model) -> None:
-    """Refuse a model whose laws are not known, as `laws` does.
+    """Raise an error if the laws of a model are not known.
 
     Raises
     ------
     UserError
+        With the option of `diagnose` to use instead.
     """
     if subject.cls is None:
         raise UserError(
-            f"{subject.without_equations}, which has no laws to ask; diagnose searches"
-            " for what its inputs and outputs lack, and for nothing else with"
-            f" {option('effects', [])}"
+            f"{subject.without_equations}, which has no laws to search; diagnose corrects its"
+            f" inputs and outputs, and with {option('effects', [])} does nothing else"
         )
 
 
@@ -198,20 +199,19 @@ def refuse_without_laws(subject: Model) -> None:
 def laws(
     record: Records, model: Model | str | Path | None = None, **options: Unpack[LawsKeywords]
 ) -> LawsResult:
-    """Ask every law of a model what it lacks on a record: which signal, and by which curve.
+    """Search the laws of a model for missing dependences on signals, without a list of effects.
 
-    No list of effects is needed: every law is held against every input, state and law, the time,
-    and what is remembered of them. The best are fitted as curves, and held against shapes that
-    engineers know and unseen data.
+    Every law is tested for a dependence on every input, state and law, on the time, and on lags of
+    these. The best are fitted as curves, and compared with simple shapes and with unseen data.
 
     Parameters
     ----------
     record : Record, str, Path, DataFrame, Mapping of str to array_like, or sequence of these
-        From `read_record`, or what that reads. A file whose clock restarts holds several records,
+        From `read_record`, or an argument of it. A file whose clock restarts has several records,
         numbered from 1.
     model : Model, str or Path, optional
-        A component, ``path/to/file.py:Class``, or what `find_model` returned; the first that
-        ``ppy list`` shows unless given.
+        A component, ``path/to/file.py:Class``, or a result of `find_model`; by default the first
+        of ``ppy list``.
 
     Returns
     -------
@@ -265,7 +265,7 @@ def laws(
 
 
 def _unusable(records: Sequence[Record], error: UnusableRecordError) -> UserError:
-    """Return the error for records of which nothing can be judged."""
+    """Return the error for records in which no output can be diagnosed."""
     reasons = "; ".join(wording.message(note) for note in error.notes)
     return UserError(
         f"{pipeline.file_names(records)}: no output can be both fitted and unseen: {reasons}"

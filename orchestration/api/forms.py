@@ -14,9 +14,9 @@ _ADVICE = "name at least one, or leave the option out"
 
 
 def comma_list(text: str, flag: str, advice: str = _ADVICE) -> list[str]:
-    """Return names that are separated by commas; none of them may be empty or there twice.
+    """Return names that are separated by commas; UserError if one is empty or repeated.
 
-    Without a name it is refused with advice.
+    The error for a text without a name ends with `advice`.
     """
     if not text.strip():
         raise UserError(f"{flag} {text!r}: {advice}")
@@ -31,17 +31,17 @@ def comma_list(text: str, flag: str, advice: str = _ADVICE) -> list[str]:
 
 
 def some_of(advice: str) -> Form:
-    """Return the form of names separated by commas; without a name it is refused with advice."""
+    """Return the form of names separated by commas, with an advice if there is no name."""
     return NAMES._replace(read=partial(comma_list, advice=advice))
 
 
 def given_names(value: str | Sequence[str], name: str) -> list[str]:
-    """Return names that were given in Python: a sequence of them, or a text as in a shell."""
+    """Return names from Python as a list: from a sequence, or from a text with commas."""
     return comma_list(value, name) if isinstance(value, str) else list(value)
 
 
 def names_among(known: Sequence[str]) -> Form:
-    """Return the form of names separated by commas, each of them one of those known."""
+    """Return the form of names separated by commas, each from a list of known names."""
     allowed = f"there are {', '.join(known)}"
 
     def read(text: str, flag: str) -> list[str]:
@@ -55,7 +55,7 @@ def names_among(known: Sequence[str]) -> Form:
 
 
 def numbers(least: int) -> Form:
-    """Return the form of whole numbers separated by commas, none of them below the least."""
+    """Return the form of whole numbers separated by commas, each at least `least`."""
 
     def read(text: str, flag: str) -> list[int]:
         try:
@@ -75,9 +75,9 @@ def numbers(least: int) -> Form:
 
 
 def seconds(given: str | float) -> float:
-    """Read a time: a number of seconds, or a text with a unit."""
+    """Return a time in s from a number of seconds or a text with a unit."""
     try:
-        return float(given)  # what makes no sense, such as nan, is refused where its sense is known
+        return float(given)  # the range, and nan, is checked where the time is used
     except ValueError:
         from orchestration.fmu.signal import read_amount
 
@@ -85,7 +85,7 @@ def seconds(given: str | float) -> float:
 
 
 def percent(text: str) -> float:
-    """Read a share above 0 % and up to 100 %, written with its sign or without."""
+    """Return a share in percent, above 0 and up to 100, from a text with or without ``%``."""
     try:
         value = float(text.strip().removesuffix("%"))
     except ValueError:
@@ -96,7 +96,7 @@ def percent(text: str) -> float:
 
 
 def band(given: str, name: str) -> tuple[float, float]:
-    """Read a band of frequencies, such as ``10mHz..2Hz``, in Hz."""
+    """Return the ends in Hz of a band of frequencies, such as ``10mHz..2Hz``."""
     from orchestration.fmu.signal import read_amount
 
     ends = given.split("..")
@@ -109,7 +109,7 @@ def band(given: str, name: str) -> tuple[float, float]:
 
 
 def optional_seconds(given: str | float | None) -> float | None:
-    """Read a time that may be left open."""
+    """Return a time in s as `seconds` does, or None for None."""
     return None if given is None else seconds(given)
 
 

@@ -33,11 +33,11 @@ def frequency_response(
     model: Model | type[Component] | str | Path | None = None,
     **options: Unpack[FrequencyKeywords],
 ) -> FrequencyResponse:
-    """Estimate frequency responses from a record, with intervals, and a model's beside them.
+    """Estimate frequency responses of a record with intervals, and those of a model for comparison.
 
-    By the local polynomial method, which takes the leakage of a record that does not end as it
-    begins for what it is (Pintelon and Schoukens, chapter 7). The model is simulated with the
-    record's inputs, and its outputs pass the same estimate.
+    The local polynomial method estimates the leakage of a record that is not periodic together with
+    the response (Pintelon and Schoukens, chapter 7). The model is simulated with the inputs of the
+    record, and its responses are estimated in the same way.
 
     Parameters
     ----------
@@ -100,14 +100,14 @@ def frequency_response(
 
 
 def _of_model(record: Record, model: Model) -> Record:
-    """Return a record without signals that are none of the model's."""
+    """Return a record with the signals of the model only."""
     known = {*model.inputs, *model.outputs}
     signals = {name: values for name, values in record.signals.items() if name in known}
     return replace(record, signals=signals)
 
 
 def _refuse_without_model(options: FrequencyKeywords) -> None:
-    """Refuse what is about a model where there is none."""
+    """Raise UserError for options that need a model."""
     for name in ("mapping", "settings"):
         if options[name]:
             raise UserError(f"{option(name)}: there is no model; name it with {option('model')}")
@@ -122,7 +122,7 @@ def _check_inputs(inputs: Sequence[str], signals: Collection[str]) -> None:
 
 
 def _of_columns(record: Data, of: Sequence[str], inputs: Sequence[str]) -> Record:
-    """Return the columns of a record that ratios and inputs name, in its own units."""
+    """Return the columns of a record that ratios and inputs name, in the units of the record."""
     if not of:
         raise UserError(
             f"{option('of')}: name ratios of columns, such as voltage/current, or a model with"

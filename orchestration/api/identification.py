@@ -20,15 +20,15 @@ def compare(
     model: AnyModel | None = None,
     **options: Unpack[CompareKeywords],
 ) -> Comparison:
-    """Hold a model against a measured record: fit in percent, RMS error, whiteness of the residual.
+    """Compare a model with a measured record: fit in percent, RMS error, whiteness of the residual.
 
     Parameters
     ----------
     record : Record, str, Path, DataFrame or Mapping of str to array_like, shape (n,)
-        From `read_record`, or what that reads.
+        From `read_record`, or an argument of it.
     model : Model, System, type[Component], str or Path, optional
         A component, any FMU, ``path/to/file.py:Class``, a class such as ``diagnose(...).model``, or
-        a system, by its name or its ``.ssp`` file; the first that ``ppy list`` shows unless given.
+        a system, by its name or its ``.ssp`` file; by default the first of ``ppy list``.
 
     Returns
     -------
@@ -64,18 +64,18 @@ def fit(
 ) -> Fit:
     """Fit parameters so that the free-running simulation follows a record (output error).
 
-    Derivatives are exact where the equations of the model are known, and differences of runs of its
-    FMU elsewhere.
+    Derivatives are exact if the equations of the model are known, and differences of runs of its
+    FMU otherwise.
 
     Parameters
     ----------
     record : Record, str, Path, DataFrame or Mapping of str to array_like, shape (n,)
-        From `read_record`, or what that reads.
+        From `read_record`, or an argument of it.
     model : Model, System, type[Component], str or Path
         A component, any FMU, ``path/to/file.py:Class``, a class such as ``diagnose(...).model``, or
         a system, by its name or its ``.ssp`` file.
     names : str or sequence of str
-        Parameters to fit; start values of states too where the equations are known.
+        Parameters to fit, and start values of states if the equations are known.
 
     Returns
     -------

@@ -20,17 +20,15 @@ def black_box(
     inputs: Sequence[str] = (),
     **options: Unpack[BlackBoxKeywords],
 ) -> BlackBox:
-    """Identify discrete-time models of one output of a record, and choose one.
-
-    They are of several structures and orders.
+    """Identify discrete-time models of several structures and orders, and choose one.
 
     Parameters
     ----------
     record : str or Path
-        CSV, Parquet, TDMS, MAT or LabVIEW text; the first column is the time, or counts samples if
+        CSV, Parquet, TDMS, MAT or LabVIEW text; the first column is the time, or a sample count if
         a step is given.
     output : str
-        A column.
+        Name of a column.
 
     Returns
     -------
@@ -41,7 +39,7 @@ def black_box(
     Raises
     ------
     UserError
-        If the file is refused or not equally spaced, a column is not there, or no model can be
+        If the file cannot be read or is not equally spaced, a column is missing, or no model can be
         identified.
 
     Examples

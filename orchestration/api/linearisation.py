@@ -19,6 +19,7 @@ from orchestration.api.declaration import takes
 from orchestration.api.forms import optional_seconds, seconds
 from orchestration.api.options import LineariseKeywords
 from orchestration.api.simulation import Inputs, as_declared, inputs_over, values_of
+from orchestration.api.sweeping import ranges_over
 from orchestration.experiment.subjects import with_classes
 from orchestration.fmu import Model, read_description
 from orchestration.fmu.signal import declared_signal, numeric, read_setting
@@ -36,11 +37,10 @@ from orchestration.linear import (
 from orchestration.reporting import option
 from orchestration.sweeps import design
 from orchestration.sweeps.fitted import read_fitted
-from orchestration.sweeps.ranges import given_range, read_range
 from orchestration.system import NAMES, System, library, ssp
 
 _ENDINGS = ssp.ENDINGS
-_DRAWS = 50  # values of parameters that make a band
+_DRAWS = 50  # default number of models in a band
 
 
 @takes(LineariseKeywords)
@@ -56,14 +56,14 @@ def linearise(
     model : System, Model, type[Component], str or Path
         As in `simulate`; or a system, by its name or its file (``.ssp``, ``.ssd``).
     stimulus : Mapping of str to array_like, shape (n,), or callable of time, optional
-        Inputs up to the operating point, over ``time`` if they vary; a number is held.
+        Inputs up to the operating point, at ``time`` if they vary; a number is constant.
 
     Returns
     -------
     LinearModel
         ``state_space`` (of `control`), ``poles()``, ``zeros()``, ``margins()``, ``response(f)``,
-        ``plot("bode.png")``, ``to_mat("model.mat")``, with names, units and operating point.
-        Continuous, or with the period after which all samplers have their phase again.
+        ``plot("bode.png")``, ``to_mat("model.mat")``, with names, units and operating point. In
+        continuous time, or with the common period of all samplers.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def linearise(
 
 @contextmanager
 def _subject(model: Any) -> Iterator[LinearSubject | Model]:
-    """Yield equations to linearise, or an FMU that has none; the FMUs of an archive meanwhile."""
+    """Yield the equations to linearise, or an FMU without equations; unpack an archive for it."""
     if isinstance(model, str | Path) and Path(model).suffix.lower() in _ENDINGS:
         with scratch.folder("ssp") as folder:
             yield subject_of(with_classes(ssp.read(Path(model), folder)))
@@ -142,7 +142,7 @@ def _of_equations(
 
 
 def _step(options: LineariseKeywords) -> float | None:
-    """Return the communication step in s, if there is one."""
+    """Return the communication step in s; None in continuous time."""
     step = optional_seconds(options["step"])
     if step is not None and not 0.0 < step < np.inf:
         raise UserError(f"{option('step', f'{step:g}')}: a time above 0 s")
@@ -150,7 +150,7 @@ def _step(options: LineariseKeywords) -> float | None:
 
 
 def _signals_of(subject: LinearSubject) -> Model:
-    """Return the variables of equations, to read values of them."""
+    """Return a model with the variables of the equations, for settings with units."""
     layout = subject.graph.layout
     inputs, outputs, parameters = (
         {v.name: declared_signal(v) for v in group}
@@ -162,16 +162,16 @@ def _signals_of(subject: LinearSubject) -> Model:
 def _driven(
     model: Model, stimulus: Inputs, options: LineariseKeywords
 ) -> tuple[dict[str, float], dict[str, Array], Array | None]:
-    """Return inputs that are held, those that vary, and the instants of these."""
+    """Return constant inputs, varying inputs, and the times of these."""
     time = options["time"]
     points = None if time is None else np.asarray(time, dtype=float)
     varying = {n: v for n, v in stimulus.items() if callable(v) or np.ndim(v) > 0}
     if varying and points is None:
-        raise UserError(f"{', '.join(varying)}: what varies needs {option('time')}, its instants")
+        raise UserError(f"{', '.join(varying)}: inputs that vary need {option('time')}")
     constants = {n: v for n, v in stimulus.items() if n not in varying}
-    held = inputs_over(model, constants, np.zeros(1))
+    constant_arrays = inputs_over(model, constants, np.zeros(1))
     driven = {} if points is None else inputs_over(model, varying, points)
-    return {n: float(v[0]) for n, v in held.items()}, driven, points
+    return {n: float(v[0]) for n, v in constant_arrays.items()}, driven, points
 
 
 def _trim_request(
@@ -202,7 +202,7 @@ def _trim_request(
 def _cases(
     model: Model, known: Mapping[str, float], options: LineariseKeywords
 ) -> list[dict[str, float]]:
-    """Return the values of parameters that make a band."""
+    """Return the values of parameters of each model of a band."""
     over = options["over"] or {}
     count = _DRAWS if options["samples"] is None else options["samples"]
     seed = options["seed"]
@@ -218,12 +218,7 @@ def _cases(
                 f" {option('fitted')}"
             )
         return []
-    ranges = [
-        read_range(f"{name}={values}", model)
-        if isinstance(values, str)
-        else given_range(name, values, model)
-        for name, values in over.items()
-    ]
+    ranges = ranges_over(over, model)
     counted = [one.name for one in ranges if one.counted]
     if counted and len(counted) < len(ranges):
         raise UserError(

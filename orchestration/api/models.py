@@ -23,12 +23,12 @@ def build(model: type[Component] | str, path: str | Path, **options: Unpack[Buil
     model : type[Component] or str
         A component's name, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
     path : str or Path
-        The ``.fmu`` to write.
+        File ``.fmu`` to write.
 
     Returns
     -------
     Path
-        What was written.
+        The file.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def build(model: type[Component] | str, path: str | Path, **options: Unpack[Buil
 
 
 def check(path: str | Path) -> Findings:
-    """Check an FMU, ours or anybody's, against the static part of the contract.
+    """Check any FMU against the static part of the contract.
 
     Parameters
     ----------
@@ -59,14 +59,12 @@ def check(path: str | Path) -> Findings:
     Returns
     -------
     Findings
-        A list of `orchestration.fmu.check.Finding`: errors first, then warnings, then notes; empty
-        if there is nothing to say.
+        A list of `orchestration.fmu.check.Finding`: errors first, then warnings, then notes.
 
     Raises
     ------
     UserError
-        If the file is missing, no zip archive, no FMU, or neither of FMI 2.0 nor
-        3.0.
+        If the file is missing, no zip archive, no FMU, or of neither FMI 2.0 nor 3.0.
 
     Examples
     --------

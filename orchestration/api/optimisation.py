@@ -33,25 +33,24 @@ def optimise(
     inputs: Inputs | None = None,
     **options: Unpack[OptimiseKeywords],
 ) -> Front:
-    """Search the parameters of a component for the best of an output, or for the front of two.
+    """Optimise one output of a component over its parameters, or find the Pareto front of two.
 
     Parameters
     ----------
     model, inputs
-        As in `simulate`; a component, for it takes equations.
+        As in `simulate`; the model is a component, as its equations are needed.
     over : Mapping of str to str
-        Range of each parameter that is searched: ``"15..25 mm"``, ``"1e-3..1e-1 log"``.
+        Range of each searched parameter: ``"15..25 mm"``, ``"1e-3..1e-1 log"``.
 
     Returns
     -------
     Front
-        Points none of which is better in every objective than another; a single one of one
-        objective.
+        Pareto-optimal points; a single point for one objective.
 
     Raises
     ------
     UserError
-        If something does not fit the model, or it has no equations.
+        If an argument does not fit the model, or the model has no equations.
 
     Examples
     --------
@@ -75,8 +74,8 @@ def optimise(
     twice = next((one.name for one in ranges if one.name in settings), None)
     if twice is not None:
         raise UserError(f"{twice} is searched, and set to one value besides")
-    held = {name: float(settings.pop(name)) for name in subject.inputs if name in settings}
-    driven = inputs_over(subject, {**held, **(inputs or {})}, points)
+    constant = {name: float(settings.pop(name)) for name in subject.inputs if name in settings}
+    driven = inputs_over(subject, {**constant, **(inputs or {})}, points)
     numbers = {name: float(value) for name, value in settings.items()}
     search = Objectives(subject.cls, ranges, objectives, points, driven, numbers)
     folder = None if options["folder"] is None else Path(options["folder"])
@@ -86,7 +85,7 @@ def optimise(
 
 
 def _objectives(subject: Model, options: OptimiseKeywords) -> list[Objective]:
-    """Return the one or two objectives, those to maximise first."""
+    """Return the one or two objectives, first those that are maximised."""
     units = {name: signal.unit for name, signal in subject.outputs.items()}
     objectives = [
         *(read_objective(text, 1.0, units, "maximise") for text in options["maximise"]),
@@ -103,7 +102,7 @@ def _objectives(subject: Model, options: OptimiseKeywords) -> list[Objective]:
 
 
 def _ranges(subject: Model, over: Mapping[str, str]) -> list[Range]:
-    """Return the ranges of the parameters that are searched."""
+    """Return the ranges of the searched parameters."""
     if not over:
         raise UserError(f"no parameter to search: {option('over')} names some with their ranges")
     ranges = [read_range(f"{name}={text}", subject) for name, text in over.items()]
@@ -117,7 +116,7 @@ def _ranges(subject: Model, over: Mapping[str, str]) -> list[Range]:
 
 
 def _points(cls: type[Component], options: OptimiseKeywords) -> Array:
-    """Return the points in time of a run; one of a component that remembers nothing."""
+    """Return the points in time of a run (n,) in s; one point for a component without states."""
     if options["time"] is not None:
         return np.asarray(options["time"], dtype=float)
     layout = cls.layout

@@ -1,8 +1,8 @@
-"""Options of the functions of ``import ppy_rig as ppy`` that the command line takes, too.
+"""Options of the functions of ``import ppy_rig as ppy``, most of them also of the command line.
 
-Nothing heavy is imported here, for ``ppy COMMAND --help`` reads this module; types that would need
-it stand in quotes. With ``from __future__ import annotations`` all of them would, and the options
-beside them could not be read.
+``ppy COMMAND --help`` reads this module, so it imports nothing heavy: types of heavy modules are in
+quotes. ``from __future__ import annotations`` would turn all annotations into texts, with which the
+options in them could not be read.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -35,18 +35,17 @@ if TYPE_CHECKING:
     from orchestration.sweeps import Design, Task
 
 
-# --- what several functions take -----------------------------------------------------------------
+# --- options of several functions ----------------------------------------------------------------
 
 
 class MappingOption(TypedDict, total=False):
-    """The columns of a file that have other names than the model's signals."""
+    """Names of columns that differ from those of the model's signals."""
 
     mapping: Annotated[
         Mapping[str, str] | None,
         Option(
-            "Which column is which signal, e.g. U_cell=voltage or stress=force[N]. Repeatable.",
-            'Column of a file to signal of the model, such as ``{"stress": "force[N]"}``, for'
-            " records that are given as files.",
+            "Column of a signal, e.g. U_cell=voltage or stress=force[N]. Repeatable.",
+            'Signal of the model by column of a file, such as ``{"stress": "force[N]"}``.',
             metavar="COLUMN=SIGNAL[UNIT]",
             form=MAPPING,
         ),
@@ -54,13 +53,13 @@ class MappingOption(TypedDict, total=False):
 
 
 class SettingsOption(TypedDict, total=False):
-    """The values that a model starts from."""
+    """Values of parameters of a model."""
 
     settings: Annotated[
         Mapping[str, float | str] | None,
         Option(
             "Set a parameter, e.g. R1=0.61 or k1=6.3N/mm. Repeatable.",
-            "Values of parameters, which a fit starts from, and of inputs that stay at a value:"
+            "Values of parameters, which are start values of a fit, and of constant inputs:"
             ' numbers in the model\'s units, or texts with a unit such as ``"6.3 N/mm"``.',
             metavar="NAME=VALUE[UNIT]",
             form=SETTINGS,
@@ -69,13 +68,14 @@ class SettingsOption(TypedDict, total=False):
 
 
 class RecordOptions(MappingOption, total=False):
-    """The records of a diagnosis: their columns, what they have in common, which of them judge."""
+    """Records of a diagnosis: columns, runs, common parameters, validation data."""
 
     runs: Annotated[
         str | None,
         Option(
-            "Column that tells the records in a file apart; else a clock that restarts.",
-            "Column of a file that tells its records apart, and labels them.",
+            "Column that labels the records in a file; default a clock that restarts.",
+            "Column of a file that labels its records; by default a clock that restarts divides"
+            " them.",
             metavar="COLUMN",
         ),
     ]
@@ -91,11 +91,10 @@ class RecordOptions(MappingOption, total=False):
     holdout: Annotated[
         "Records | None",
         Option(
-            "A record to judge by, or labels such as 7,8,9 of some of several; default the last"
-            " third. Repeatable.",
-            "Other records to judge by, or some of those given by their labels, such as"
-            ' ``"7,8,9"``. Without it the last third of the record is held out, or the last third'
-            " of several records.",
+            "A record for validation, or labels such as 7,8,9 of some of the records; default the"
+            " last third. Repeatable.",
+            "Other records for validation, or labels of some of the records, such as"
+            ' ``"7,8,9"``. By default the last third of the record, or of several records.',
             kind="Record, str or Path, or sequence of these, optional",
             metavar="RECORD",
             form=RECORDS,
@@ -104,16 +103,16 @@ class RecordOptions(MappingOption, total=False):
     interpolate: Annotated[
         bool | None,
         Option(
-            "Inputs go smoothly between samples, or are held; default what the record tells.",
-            "Whether inputs go smoothly between samples, or are held; unless given, the record"
-            " tells.",
+            "Inputs are linear between samples, or constant; default estimated from the record.",
+            "Whether inputs are linear between samples, or constant; by default this is estimated"
+            " from the record.",
             flag="--interpolate/--no-interpolate",
         ),
     ]
 
 
 class SearchOptions(SettingsOption, total=False):
-    """The search for a cause: where it starts, what it leaves alone, how long it takes."""
+    """Search for a cause: start values, known parameters, processor time."""
 
     hold: Annotated[
         Sequence[str],
@@ -129,10 +128,10 @@ class SearchOptions(SettingsOption, total=False):
         Option(
             "Processor time of each search, e.g. 60s or inf; then the best answer so far. Default"
             " 60 s for 60,000 samples or less, and in proportion beyond.",
-            "Processor time that the search may take, then the best answer so far is returned, with"
-            " a note; a minute for up to 60,000 samples and in proportion beyond, unless given. A"
-            " busy machine gives the same answer, and with ``inf`` nothing hangs on how fast the"
-            " machine is. With a later record to compare it holds for each of three searches.",
+            "Processor time of the search, after which the best answer so far is returned with a"
+            " note; by default a minute for up to 60,000 samples and in proportion beyond. The load"
+            " of the machine does not change the answer, and with ``inf`` its speed does not"
+            " either. With a later record to compare it applies to each of three searches.",
             kind='float in s or str such as "10s", optional',
             metavar="TIME",
             form=TIME,
@@ -141,11 +140,11 @@ class SearchOptions(SettingsOption, total=False):
 
 
 class ProgressOption(TypedDict, total=False):
-    """The words on how far the work is."""
+    """Reports of progress as texts."""
 
     progress: Annotated[
         Callable[[str], None],
-        Option(doc="Told what is being done.", default=lambda text: None),
+        Option(doc="Called with a text about each step of the work.", default=lambda text: None),
     ]
 
 
@@ -153,17 +152,17 @@ class ProgressOption(TypedDict, total=False):
 
 
 class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
-    """Options of ``diagnose``, beside the record and the model."""
+    """Options of ``diagnose`` besides the record and the model."""
 
     effects: Annotated[
         Sequence[str] | None,
         Option(
-            "Only these, e.g. diffusion,sensor_lag(voltage); none only recalibrates; families: all"
-            " that is known and what fits the model's laws by their units, e.g. dead_zone(voltage),"
-            " the default where its file lists none.",
-            "Only these, as ``id`` or ``id(output)``; an empty one only recalibrates."
-            ' ``["families"]`` is all that is known and what fits the model\'s laws by their units,'
-            " which is the default where a model's file lists no effects.",
+            "Candidate effects, e.g. diffusion,sensor_lag(voltage); none only recalibrates;"
+            " families: all known ones and general ones that fit the model's laws by their units,"
+            " e.g. dead_zone(voltage), the default for a model without a list of effects.",
+            "Candidate effects, as ``id`` or ``id(output)``; an empty sequence only recalibrates."
+            ' ``["families"]`` means all known effects and general ones that fit the model\'s laws'
+            " by their units, the default for a model without a list of effects.",
             form=EFFECTS,
             complete="effect",
         ),
@@ -172,8 +171,8 @@ class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
         Sequence[str],
         Option(
             "Parameters of an FMU without equations that are fitted too, e.g. p1,p2.",
-            "Parameters of an FMU without equations, which is diagnosed from outside: effects of"
-            " measurement on its outputs, and corrections of these by any of its signals.",
+            "Parameters that are fitted of an FMU without equations, which is diagnosed by effects"
+            " of measurement on its outputs and by corrections of these by any of its signals.",
             default=(),
             form=NAMES,
         ),
@@ -181,9 +180,9 @@ class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
     compare: Annotated[
         "Record | str | Path | None",
         Option(
-            "A later record of the specimen: what changed in it.",
-            "A later record of the same specimen: `DiagnosisResult.changes` then tells which"
-            " parameters changed, and which effects came or went.",
+            "A later record of the specimen, in which changes are diagnosed.",
+            "A later record of the same specimen: `DiagnosisResult.changes` then lists changed"
+            " parameters, and effects that appeared or disappeared.",
             kind="Record, str or Path, optional",
             metavar="AFTER",
             form=Form(typed=Path | None),
@@ -192,10 +191,10 @@ class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
     laws: Annotated[
         bool,
         Option(
-            "Leave out asking every law of the model what it lacks, where something is left.",
-            "Whether, where something is left that neither parameters nor effects account for,"
-            " every law is asked what it lacks (`laws`). What unseen data confirm of it is a"
-            " cause.",
+            "Omit the search of the laws where effects do not explain the residual.",
+            "Whether the laws are searched for missing dependences (`laws`) where neither"
+            " parameters nor effects explain the residual. A correction that unseen data confirm"
+            " is a cause.",
             default=True,
             flag="--no-laws",
             form=LEFT_OUT,
@@ -204,15 +203,15 @@ class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
 
 
 class LawsOptions(RecordOptions, SearchOptions, total=False):
-    """Options of ``laws``, beside the record and the model."""
+    """Options of ``laws`` besides the record and the model."""
 
     effects: Annotated[
         Sequence[str] | None,
         Option(
-            "Looked for before the laws are asked, and part of the model then if named, e.g."
-            " diffusion; families is all that is known; default none.",
-            "Looked for before the laws are asked, as in `diagnose`; what is named there is part of"
-            " the model that is asked. None unless given.",
+            "Candidate effects of a diagnosis before the search, e.g. diffusion; families is all"
+            " that are known; default none.",
+            "Candidate effects of a diagnosis before the search, as in `diagnose`; effects that it"
+            " names are part of the model whose laws are searched. By default none.",
             default=(),
             form=EFFECTS,
             complete="effect",
@@ -234,13 +233,13 @@ _TIMES = "such as 30s, 10ms or 2min, plain numbers in s; default the record's, e
 
 
 class GridOptions(TypedDict, total=False):
-    """The points in time of a simulation, where no record has them."""
+    """Points in time of a simulation by stop time and step."""
 
     stop: Annotated[
         float | str | None,
         Option(
             f"Stop time, {_TIMES}",
-            "Last point; the FMU's own unless given.",
+            "Last point; by default that of the FMU.",
             kind='float in s or str such as "10s", optional',
             metavar="TIME",
             form=TIME,
@@ -250,7 +249,7 @@ class GridOptions(TypedDict, total=False):
         float | str | None,
         Option(
             f"Communication step, {_TIMES}",
-            "From point to point; the FMU's own unless given.",
+            "Step between points; by default that of the FMU.",
             kind='float in s or str such as "10s", optional',
             metavar="TIME",
             form=TIME,
@@ -259,26 +258,26 @@ class GridOptions(TypedDict, total=False):
 
 
 class PointsOption(TypedDict, total=False):
-    """The points in time themselves."""
+    """Points in time as an array."""
 
     time: Annotated[
         "ArrayLike | None",
         Option(
-            doc="Points, s; else a grid to `stop` by `step`, by default the FMU's own experiment,"
-            " from the start time that it declares, else zero.",
+            doc="Points, s; by default a grid with `stop` and `step`, which begins at the start"
+            " time that the FMU declares, or at zero.",
             kind="array_like, shape (n,), optional",
         ),
     ]
 
 
 class IsolateKeyword(TypedDict, total=False):
-    """A process of its own for one run of an FMU."""
+    """Isolation of one run of an FMU in a process."""
 
     isolate: Annotated[
         "bool | Limits",
         Option(
-            doc="Run it in a process of its own, which an FMU may end or hang in without harm; with"
-            " other limits than usual.",
+            doc="Run the FMU in another process, so that a crash or a hang of the FMU is an error;"
+            " with limits that differ from the default.",
             default=False,
             kind="bool or Limits",
         ),
@@ -295,15 +294,15 @@ class RunKeywords(IsolateKeyword, total=False):
     settings: Annotated[
         Mapping[str, object] | None,
         Option(
-            doc="Of an experiment: what replaces values of its file, such as"
+            doc="For an experiment: values that replace those of its file, such as"
             ' ``{"duration": "20 s", "R1": "610 mohm"}``.'
         ),
     ]
     folder: Annotated[
         str | Path | None,
         Option(
-            doc="Of an experiment with variants: keeps each that is done, so that the same call"
-            " goes on after an interrupt; it stays."
+            doc="For an experiment with variants: folder that keeps each finished one, so that the"
+            " same call resumes after an interrupt; it is not deleted."
         ),
     ]
 
@@ -317,15 +316,15 @@ class BuildKeywords(TypedDict, total=False):
     runtime: Annotated[
         str,
         Option(
-            doc="Compiled from C, laws interpreted by Python, or a stock archive of pythonfmu,"
-            " which promises less.",
+            doc="Compiled C, laws that Python interprets, or an archive of pythonfmu, with fewer"
+            " guarantees.",
             default="native",
             choices=("native", "python", "pythonfmu"),
         ),
     ]
     effects: Annotated[
         Sequence[str],
-        Option(doc="Effects of the catalogue to lay over it.", default=(), form=NAMES),
+        Option(doc="Effects of the catalogue that are added.", default=(), form=NAMES),
     ]
     platforms: Annotated[
         Sequence[str] | None, Option(doc="FMI platforms; default this machine's.", form=NAMES)
@@ -337,13 +336,13 @@ class BuildKeywords(TypedDict, total=False):
 
 
 class WorkersOption(TypedDict, total=False):
-    """The processes of a fit."""
+    """Number of processes of a fit."""
 
     workers: Annotated[
         int,
         Option(
             "Processes that run an FMU without equations.",
-            "Processes that run an FMU without equations side by side in a fit.",
+            "Processes that run an FMU without equations in a fit.",
             default=1,
             metavar="N",
             least=1,
@@ -352,13 +351,13 @@ class WorkersOption(TypedDict, total=False):
 
 
 class FittedOption(TypedDict, total=False):
-    """The parameters that a comparison fits first."""
+    """Parameters that are fitted before a comparison."""
 
     fit: Annotated[
         Sequence[str],
         Option(
             "Parameters to recalibrate, e.g. R1,R2,C.",
-            "Parameters to recalibrate first.",
+            "Parameters that are fitted before the comparison.",
             default=(),
             form=some_of("name the parameters to recalibrate, e.g. R1,R2,C"),
         ),
@@ -377,15 +376,15 @@ class CompareKeywords(FittedOption, FitKeywords, total=False):
 
 
 class ResponseOptions(TypedDict, total=False):
-    """The responses that are estimated: of what, to what, at which frequencies."""
+    """Estimated frequency responses: ratios, inputs, period, band."""
 
     of: Annotated[
         Sequence[str],
         Option(
             "Ratio of two signals, e.g. voltage/current or force/displacement; default every output"
             " over every input that varies. Repeatable.",
-            "Ratios of two signals, such as ``voltage/current`` or ``force/displacement``; every"
-            " output over every input that varies unless given. Needed without a model.",
+            "Ratios of two signals, such as ``voltage/current`` or ``force/displacement``; by"
+            " default every output over every input that varies. Required without a model.",
             default=(),
             metavar="A/B",
             form=RATIOS,
@@ -394,9 +393,9 @@ class ResponseOptions(TypedDict, total=False):
     inputs: Annotated[
         Sequence[str],
         Option(
-            "What drives, e.g. force; default the model's inputs, or what the ratios are over.",
-            "Signals that drive the others; the model's inputs unless given, or without a model"
-            " those that ratios are over.",
+            "Inputs, e.g. force; default the model's, or the denominators of the ratios.",
+            "Signals that are inputs; by default those of the model, or without a model the"
+            " denominators of the ratios.",
             default=(),
             metavar="COLUMNS",
             form=NAMES,
@@ -405,8 +404,8 @@ class ResponseOptions(TypedDict, total=False):
     period: Annotated[
         float | str | None,
         Option(
-            "Period of the inputs, e.g. 10s; default found in the record.",
-            "Period of the inputs; found in the record unless given.",
+            "Period of the inputs, e.g. 10s; default estimated from the record.",
+            "Period of the inputs; by default estimated from the record.",
             kind='float in s or str such as "10s", optional',
             metavar="TIME",
             form=TIME,
@@ -415,8 +414,8 @@ class ResponseOptions(TypedDict, total=False):
     band: Annotated[
         tuple[float, float] | None,
         Option(
-            "Frequencies to show, e.g. 10mHz..2Hz; default all that the record has.",
-            "Lowest and highest frequency; all that the record has unless given.",
+            "Frequencies to show, e.g. 10mHz..2Hz; default all of the record.",
+            "Lowest and highest frequency; by default all of the record.",
             kind='tuple of float in Hz or str such as "10mHz..2Hz", optional',
             metavar="FROM..TO",
             form=BAND,
@@ -432,21 +431,21 @@ class FrequencyKeywords(MappingOption, SettingsOption, ResponseOptions, total=Fa
 
 
 class StudyOptions(TypedDict, total=False):
-    """The models that are tried on a record, and what chooses among them."""
+    """Candidate models of a record, and the choice among them."""
 
     share: Annotated[
         float,
         Option(
-            "Of the record that models are identified from.",
-            "Of the record that models are identified from; the rest judges them.",
+            "Share of the record for estimation.",
+            "Share of the record for estimation; the rest is for validation.",
             default=0.5,
         ),
     ]
     structures: Annotated[
         Sequence[str],
         Option(
-            "Of ARX, ARMAX, OE, SS (subspace), BJ (Box-Jenkins).",
-            "Ljung's; SS is a subspace method, BJ has a denominator of its own for every input.",
+            "Some of ARX, ARMAX, OE, SS (subspace), BJ (Box-Jenkins).",
+            "Structures of Ljung; SS is a subspace method, BJ has a denominator for every input.",
             default=("ARX", "ARMAX", "OE", "SS", "BJ"),
             kind='sequence of {"ARX", "ARMAX", "OE", "SS", "BJ"}',
             form=NAMES,
@@ -455,9 +454,9 @@ class StudyOptions(TypedDict, total=False):
     path_orders: Annotated[
         Sequence[int],
         Option(
-            "Of the path from every input, all combinations; 50 at most.",
-            "Orders of the path from every input, 50 at most; every combination with `noise_orders`"
-            " is tried.",
+            "Orders of the path from every input, in all combinations; 50 at most.",
+            "Orders of the path from every input, 50 at most, in all combinations with"
+            " `noise_orders`.",
             default=(1, 2, 3),
             form=numbers(1),
         ),
@@ -465,7 +464,7 @@ class StudyOptions(TypedDict, total=False):
     noise_orders: Annotated[
         Sequence[int],
         Option(
-            "Of the noise model; 50 at most.",
+            "Orders of the noise model; 50 at most.",
             "Orders of the noise model, 50 at most.",
             default=(1, 2, 3),
             form=numbers(1),
@@ -474,9 +473,8 @@ class StudyOptions(TypedDict, total=False):
     delays: Annotated[
         int | Sequence[int],
         Option(
-            "In samples: one number, or one for every input.",
-            "From every input to the output, in samples; 0 where the output answers in the same"
-            " sample.",
+            "Delays in samples: one number, or one for every input.",
+            "Delays from every input to the output in samples; 0 for direct feedthrough.",
             default=1,
             form=ONE_OR_ALL,
         ),
@@ -484,9 +482,9 @@ class StudyOptions(TypedDict, total=False):
     criterion: Annotated[
         str,
         Option(
-            "What chooses the orders: BIC or AIC.",
-            "What chooses the orders of every structure; the free run over the rest of the record"
-            " chooses among structures.",
+            "Criterion for the orders: BIC or AIC.",
+            "Criterion for the orders of each structure; among structures the simulation error on"
+            " the rest of the record decides.",
             default="BIC",
             choices=("BIC", "AIC"),
         ),
@@ -494,13 +492,13 @@ class StudyOptions(TypedDict, total=False):
 
 
 class SamplePeriodOption(TypedDict, total=False):
-    """The sample period of a file that has no time."""
+    """Sample period of a file without time."""
 
     step: Annotated[
         float | str | None,
         Option(
             "Sample period of a file without time, such as 1s.",
-            "Sample period of a file that has no time.",
+            "Sample period of a file without time.",
             kind='float in s or str such as "10s", optional',
             metavar="TIME",
             form=TIME,
@@ -509,13 +507,13 @@ class SamplePeriodOption(TypedDict, total=False):
 
 
 class InputsOption(TypedDict, total=False):
-    """The columns that drive a black-box model."""
+    """Inputs of a black-box model."""
 
     inputs: Annotated[
         Sequence[str],
         Option(
-            "What drives it; all but the first unless named.",
-            "Columns; all but the first and the output unless given.",
+            "Inputs; default all but the first column and the output.",
+            "Columns; by default all but the first and the output.",
             default=(),
             metavar="COLUMNS",
             form=NAMES,
@@ -524,12 +522,12 @@ class InputsOption(TypedDict, total=False):
 
 
 class CountOption(TypedDict, total=False):
-    """The count of what is done."""
+    """Reports of progress as counts."""
 
     progress: Annotated[
         Callable[[int, int], None],
         Option(
-            doc="Told how many are done, and of how many.",
+            doc="Called with the number of finished items and the number of all.",
             default=lambda done, whole: None,
         ),
     ]
@@ -547,14 +545,14 @@ class BlackBoxKeywords(SamplePeriodOption, StudyKeywords, total=False):
 
 
 class LinearisePointOptions(TypedDict, total=False):
-    """The operating point about which a model is linearised."""
+    """Operating point of a linearisation."""
 
     at: Annotated[
         Sequence[float | str],
         Option(
             "After a simulation of this time, e.g. 2s, or of several: 0s,1s,5s; default the start.",
-            "Times of simulations that end at the operating points; the start unless given. An"
-            " equilibrium is searched from there.",
+            "Times of simulations that end at the operating points; by default the start. The"
+            " search for an equilibrium begins there.",
             default=(),
             kind='float in s or str such as "10s", or sequence of these',
             metavar="TIMES",
@@ -564,7 +562,7 @@ class LinearisePointOptions(TypedDict, total=False):
     trim: Annotated[
         bool,
         Option(
-            "In an equilibrium, which is searched from there.",
+            "Linearise in an equilibrium, whose search begins at that time.",
             "Whether to linearise in an equilibrium: rates are zero, samples change nothing.",
             default=False,
         ),
@@ -572,9 +570,9 @@ class LinearisePointOptions(TypedDict, total=False):
     fix: Annotated[
         Mapping[str, float | str] | None,
         Option(
-            "Of an equilibrium: value of an input, state or output, e.g. displacement=0.1mm."
+            "Value of an input, state or output in the equilibrium, e.g. displacement=0.1mm."
             " Repeatable.",
-            "Of an equilibrium: values of inputs, states and outputs.",
+            "Values of inputs, states and outputs in the equilibrium.",
             metavar="NAME=VALUE[UNIT]",
             form=SETTINGS,
         ),
@@ -582,9 +580,9 @@ class LinearisePointOptions(TypedDict, total=False):
     free: Annotated[
         Sequence[str],
         Option(
-            "Of an equilibrium: inputs and parameters that take the value it needs, e.g. current.",
-            "Of an equilibrium: inputs and parameters that take the value that it needs; for each"
-            " of these a state or an output is fixed.",
+            "Inputs and parameters that are solved for in the equilibrium, e.g. current.",
+            "Inputs and parameters that are solved for in the equilibrium; for each of them a state"
+            " or an output is fixed.",
             default=(),
             form=NAMES,
         ),
@@ -592,8 +590,8 @@ class LinearisePointOptions(TypedDict, total=False):
     drift: Annotated[
         Sequence[str],
         Option(
-            "Of an equilibrium: states that may move at a constant rate, e.g. maxwell_elongation.",
-            "Of an equilibrium: states that may move at a constant rate, all others being at rest.",
+            "States with a constant rate in the equilibrium, e.g. maxwell_elongation.",
+            "States with a constant rate in the equilibrium; all others are at rest.",
             default=(),
             form=NAMES,
         ),
@@ -601,14 +599,14 @@ class LinearisePointOptions(TypedDict, total=False):
 
 
 class LineariseSignalOptions(TypedDict, total=False):
-    """The signals between which a model is linear, and the time that it is discrete in."""
+    """Inputs and outputs of a linear model, and its sample period."""
 
     inputs: Annotated[
         Sequence[str],
         Option(
-            "Inputs, or states that are prescribed; all inputs unless named.",
-            "Inputs, or states that are prescribed, whose own laws do not count then; all inputs"
-            " unless given.",
+            "Inputs, or prescribed states; default all inputs.",
+            "Inputs, or prescribed states, whose own laws are then not used; by default all"
+            " inputs.",
             default=(),
             form=NAMES,
         ),
@@ -616,8 +614,8 @@ class LineariseSignalOptions(TypedDict, total=False):
     outputs: Annotated[
         Sequence[str],
         Option(
-            "Outputs, states, der(state), next(sampled state); all outputs unless named.",
-            "Outputs, states, ``der(state)``, ``next(sampled state)``; all outputs unless given.",
+            "Outputs, states, der(state), next(sampled state); default all outputs.",
+            "Outputs, states, ``der(state)``, ``next(sampled state)``; by default all outputs.",
             default=(),
             form=NAMES,
         ),
@@ -625,20 +623,20 @@ class LineariseSignalOptions(TypedDict, total=False):
     cut: Annotated[
         str | None,
         Option(
-            "Loop transfer function: cut at a state, or at a connection of a system, e.g."
+            "Loop transfer function, cut at a state, or at a connection of a system, e.g."
             " bench.tension.",
-            "The loop transfer function of the loop that is cut here: at a state, or at the input"
-            " or output ``member.variable`` of a connection.",
+            "Place at which a loop is cut for its transfer function: a state, or the input or"
+            " output ``member.variable`` of a connection.",
             metavar="SIGNAL",
         ),
     ]
     step: Annotated[
         float | str | None,
         Option(
-            "Communication step over which inputs and connections are held.",
-            "Communication step over which inputs and connections are held, as a master by Jacobi's"
-            " method does; continuous unless given. Of an FMU that hides its states: that of the"
-            " pulses.",
+            "Communication step over which inputs and connections are constant.",
+            "Communication step over which inputs and connections are constant, as with a Jacobi"
+            " master; by default time is continuous. For an FMU that hides its states, the step of"
+            " the pulses.",
             kind='float in s or str such as "10ms", optional',
             metavar="TIME",
             form=TIME,
@@ -647,11 +645,11 @@ class LineariseSignalOptions(TypedDict, total=False):
 
 
 class LineariseOptions(SettingsOption, LinearisePointOptions, LineariseSignalOptions, total=False):
-    """Options of ``linearise``, beside the model."""
+    """Options of ``linearise`` besides the model."""
 
 
 class BandOptions(TypedDict, total=False):
-    """The values of parameters that make a band."""
+    """Values of parameters for a band of linear models."""
 
     fitted: Annotated[
         Path | None,
@@ -665,28 +663,28 @@ class BandOptions(TypedDict, total=False):
     samples: Annotated[
         int | None,
         Option(
-            "How many are drawn, default 50.",
-            "Values that are drawn for a band; 50 unless given. At most 10,000: all of the linear"
-            " models are kept.",
+            "Models of a band, default 50.",
+            "Number of models that are drawn for a band; by default 50. At most 10,000, as all of"
+            " them are kept.",
             metavar="N",
             least=1,
             most=10_000,
         ),
     ]
-    seed: Annotated[int, Option("Of what is drawn.", default=0, least=0)]
+    seed: Annotated[int, Option("Seed of random numbers.", default=0, least=0)]
 
 
 class LineariseKeywords(LineariseOptions, BandOptions, PointsOption, total=False):
     """Keyword arguments of ``linearise``."""
 
     preset: Annotated[
-        str | None, Option(doc="Name of one of the component's presets to start from.")
+        str | None, Option(doc="Name of a preset of the component, whose values are the start.")
     ]
     over: Annotated[
         "Mapping[str, str | Sequence[float]] | None",
         Option(
-            doc='Band of parameters: ``{"k1": "4e3..8e3"}``, drawn between these; or values, as'
-            " in `sweep`.",
+            doc='Band of parameters: ranges, such as ``{"k1": "4e3..8e3"}``, in which values are'
+            " drawn, or values as in `sweep`.",
             kind="Mapping of str to str or sequence of float, optional",
         ),
     ]
@@ -696,15 +694,15 @@ class LineariseKeywords(LineariseOptions, BandOptions, PointsOption, total=False
 
 
 class SweepDesignOptions(TypedDict, total=False):
-    """The cases of a sweep, and what is kept of each."""
+    """Cases of a sweep, and the reductions that are kept."""
 
     kind: Annotated[
         str,
         Option(
             "grid, list (first values together, then second ones), draws (a list drawn at random:"
             " bands), latin-hypercube, sobol; sobol-indices, tornado: which parameters matter.",
-            "Design; `sensitivity` and `tornado` tell what the last two come to, and `bands` what"
-            " cases come to that were drawn at random, such as those of ``fit(...).draws(200)``.",
+            "Design of the cases. `sensitivity` and `tornado` evaluate the last two, and `bands`"
+            " cases that were drawn at random, such as those of ``fit(...).draws(200)``.",
             default="grid",
             choices=(
                 "grid",
@@ -720,19 +718,18 @@ class SweepDesignOptions(TypedDict, total=False):
     samples: Annotated[
         int | None,
         Option(
-            "Cases of latin-hypercube and sobol; of sobol-indices for each parameter, and twice as"
-            " many.",
-            "Cases of a design that chooses values; of ``sobol-indices`` as many for each"
-            " parameter, and twice as many besides.",
+            "Number of cases N of latin-hypercube and sobol; sobol-indices has N (parameters + 2).",
+            "Number of cases N of a design that chooses values; ``sobol-indices`` has N for each"
+            " parameter and 2 N besides.",
             metavar="N",
         ),
     ]
-    seed: Annotated[int, Option("Of what is chosen at random.", default=0, least=0)]
+    seed: Annotated[int, Option("Seed of random numbers.", default=0, least=0)]
     outputs: Annotated[
         Sequence[str],
         Option(
-            "Which outputs are kept, e.g. voltage,charge.",
-            "Outputs that are kept; all unless given.",
+            "Outputs that are kept, e.g. voltage,charge.",
+            "Outputs that are kept; by default all.",
             default=(),
             form=NAMES,
         ),
@@ -740,25 +737,24 @@ class SweepDesignOptions(TypedDict, total=False):
     keep: Annotated[
         Sequence[str] | None,
         Option(
-            "What of each: last,smallest,largest as a rule, mean, rms, trace (all of it; of"
-            " --fitted).",
-            "Of each output: ``last``, ``smallest``, ``largest``, which are kept unless given,"
-            " ``mean``, ``rms``, or ``trace`` for its whole course.",
+            "Reductions of each output: last,smallest,largest by default, mean, rms, trace (all"
+            " points, the default with --fitted).",
+            "Reductions of each output: ``last``, ``smallest``, ``largest``, which are the default,"
+            " ``mean``, ``rms``, or ``trace`` for all points.",
             form=NAMES,
         ),
     ]
 
 
 class SweepEngineOptions(TypedDict, total=False):
-    """The engine that runs the cases of a sweep, and its processes."""
+    """Engine that runs the cases of a sweep, and its processes."""
 
     engine: Annotated[
         str,
         Option(
             "auto, fmu, or compiled: the equations of a component, faster, same numbers.",
-            "What runs the cases: the FMU, or the equations of a component in compiled code, which"
-            " comes to the same numbers sooner and is the choice of ``auto`` wherever it is"
-            " possible.",
+            "Engine of the cases: the FMU, or the compiled equations of a component, which are"
+            " faster with the same numbers; ``auto`` uses these wherever possible.",
             default="auto",
             choices=("auto", "fmu", "compiled"),
         ),
@@ -767,7 +763,7 @@ class SweepEngineOptions(TypedDict, total=False):
         int,
         Option(
             "Processes that run cases.",
-            "Processes, 1000 at most; never more than there are cases.",
+            "Processes, at most 1000 and at most the number of cases.",
             default=1,
             metavar="N",
         ),
@@ -783,32 +779,32 @@ class SweepEngineOptions(TypedDict, total=False):
 
 
 class SweepFileKeywords(SweepEngineOptions, CountOption, total=False):
-    """Keyword arguments of ``sweep_file``, beside its ``note``."""
+    """Keyword arguments of ``sweep_file`` besides its ``note``."""
 
     folder: Annotated[
         str | Path | None,
         Option(
-            doc="Keeps what is done, so that the same call goes on after an interrupt; it stays."
-            " Traces are read from there when they are used, so that they need not fit into"
-            " memory."
+            doc="Folder that keeps finished cases, so that the same call resumes after an"
+            " interrupt; it is not deleted. Traces are read from there when they are used, so that"
+            " they need not fit into memory."
         ),
     ]
     isolate: Annotated[
         bool | None,
         Option(
-            doc="Run the FMU in processes of their own, which it may end or hang in: that case"
-            " fails, and the others go on. None: if it is a file that somebody gave.",
+            doc="Run the FMU in other processes, so that only its case fails if it crashes or"
+            " hangs. None: isolate FMUs from files.",
             default=False,
         ),
     ]
     limits: Annotated[
         "Limits | None",
-        Option(doc="Of such a process; the usual ones unless given.", kind="Limits, optional"),
+        Option(doc="Limits of such a process; by default the usual ones.", kind="Limits, optional"),
     ]
     check: Annotated[
         "Callable[[Task, Design], None]",
         Option(
-            doc="Told what is going to be run before anything is; what it raises ends the sweep.",
+            doc="Called with the task and its cases before the first run; an error ends the sweep.",
             default=lambda task, cases: None,
             kind="callable",
         ),
@@ -822,15 +818,15 @@ class SweepKeywords(
 
 
 class OptimiseOptions(TypedDict, total=False):
-    """The objectives of an optimisation, and how finely and long is searched."""
+    """Objectives of an optimisation, and the effort of its search."""
 
     maximise: Annotated[
         Sequence[str],
         Option(
-            "Outputs to make large, one or two with --minimise; 'a & b' is the worse of two. One"
-            " gives the best, two a Pareto front.",
-            'Outputs that are made large, at the end of the run; ``"a & b"`` is the worse of two.'
-            " One objective, with those of `minimise`, gives the best, two a Pareto front.",
+            "Outputs to maximise, one or two with --minimise; 'a & b' is the worse of two. One"
+            " objective gives the best point, two a Pareto front.",
+            'Outputs that are maximised at the end of the run; ``"a & b"`` is the worse of two. One'
+            " objective, with those of `minimise`, gives the best point, two a Pareto front.",
             default=(),
             form=NAMES,
         ),
@@ -838,8 +834,8 @@ class OptimiseOptions(TypedDict, total=False):
     minimise: Annotated[
         Sequence[str],
         Option(
-            "Outputs to make small; 'a & b' is the worse of two.",
-            "Outputs that are made small.",
+            "Outputs to minimise; 'a & b' is the worse of two.",
+            "Outputs that are minimised.",
             default=(),
             form=NAMES,
         ),
@@ -847,8 +843,8 @@ class OptimiseOptions(TypedDict, total=False):
     levels: Annotated[
         int,
         Option(
-            "Points of the front that are searched.",
-            "Levels of the second objective at which the best of the first is searched.",
+            "Points of the front.",
+            "Levels of the second objective at which the first is optimised.",
             default=21,
             least=2,
             most=10_000,
@@ -858,15 +854,15 @@ class OptimiseOptions(TypedDict, total=False):
     starts: Annotated[
         int,
         Option(
-            "Sobol points from which is searched, a power of 2.",
-            "Points of a Sobol sequence from which the search starts, a power of 2.",
+            "Start points of a Sobol sequence, a power of 2.",
+            "Start points of the search from a Sobol sequence, a power of 2.",
             default=256,
             least=16,
             most=2**20,
             metavar="N",
         ),
     ]
-    seed: Annotated[int, Option("Of what is chosen at random.", default=0, least=0)]
+    seed: Annotated[int, Option("Seed of random numbers.", default=0, least=0)]
 
 
 class OptimiseKeywords(
@@ -877,19 +873,19 @@ class OptimiseKeywords(
     folder: Annotated[
         str | Path | None,
         Option(
-            doc="Keeps every point that was searched, so that the same call goes on after an"
-            " interrupt; it stays."
+            doc="Folder that keeps every finished point, so that the same call resumes after an"
+            " interrupt; it is not deleted."
         ),
     ]
 
 
 class NoteOption(TypedDict, total=False):
-    """The words on what a file leaves open."""
+    """Remarks on a file."""
 
     note: Annotated[
         Callable[[str], None],
         Option(
-            doc="Told what else is worth knowing, such as inputs that stay at their start value.",
+            doc="Called with each remark, such as on inputs that stay at their start value.",
             default=lambda line: None,
         ),
     ]

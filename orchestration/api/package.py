@@ -1,4 +1,4 @@
-"""The version of the package, and the error that its functions raise."""
+"""Version of the package, and the error that its functions raise."""
 
 from importlib.metadata import version
 

@@ -27,17 +27,17 @@ def read_record(
 ) -> Record:
     """Read a measured record: CSV, Parquet, LabVIEW TDMS or text, MATLAB, a DataFrame, arrays.
 
-    Every repair is in ``record.repairs``.
+    Repairs of faulty data are listed in ``record.repairs``.
 
     Parameters
     ----------
     path : str, Path, DataFrame or Mapping of str to array_like, shape (n,)
-        A file as an instrument writes it, or its columns by ``name [unit]``. One column is the
-        time; of a DataFrame it may be the index.
+        A file from an instrument, or columns by ``name [unit]``. One column is the time; in a
+        DataFrame it may be the index.
     model : Model, str or Path, optional
-        Whose signals it holds: a component, an FMU file, ``path/to/file.py:Class``, or what
-        `find_model` returned; or a system, by its name or its ``.ssp`` file. The first that ``ppy
-        list`` shows unless given.
+        Model with these signals: a component, an FMU file, ``path/to/file.py:Class``, or a result
+        of `find_model`; or a system, by its name or its ``.ssp`` file. By default the first of
+        ``ppy list``.
 
     Returns
     -------
@@ -47,8 +47,7 @@ def read_record(
     Raises
     ------
     UserError
-        If the file is refused (file, row and reason are named), or holds none of the model's
-        outputs.
+        If the file cannot be read, with its row and the reason, or has none of the model's outputs.
 
     Examples
     --------
@@ -74,7 +73,7 @@ def matching_runs(
     mapping: Mapping[str, str] | None = None,
     column: str | None = None,
 ) -> list[Record]:
-    """Return the runs of one or several records, read from files where files are given."""
+    """Return the runs of one or several records; files are read."""
     runs: list[Record] = []
     for record in _listed(records):
         if isinstance(record, Record):
@@ -97,43 +96,43 @@ def held_out(
     mapping: Mapping[str, str] | None = None,
     column: str | None = None,
 ) -> tuple[list[Record], list[Record]]:
-    """Return the runs to fit to, and those held out: others, or some of the first by their labels.
+    """Return the runs for estimation and those for validation.
 
     Parameters
     ----------
     records : Record, file, DataFrame, arrays by name, or sequence of these
     holdout : Record, file, DataFrame, arrays by name, sequence of these, or labels, optional
-        Labels are listed like ``"7,8,9"``.
+        Other records for validation, or labels of some of `records`, such as ``"7,8,9"``.
     model : Model
     mapping : Mapping of str to str, optional
     column : str, optional
-        That tells the runs of a file apart.
+        Column that distinguishes the runs of a file.
 
     Raises
     ------
     UserError
-        If a file is refused, what is held out is neither a file nor a label, or nothing is left to
-        fit to.
+        If a file cannot be read, a holdout is neither a file nor a label, or no run remains for
+        estimation.
     """
     runs = matching_runs(records, model, mapping, column)
     if holdout is None:
         return runs, []
     by_label = dict(zip(record_labels(runs), runs, strict=True))
-    held_labels: list[str] = []
+    labels: list[str] = []
     others: list[Record] = []
     for item in _listed(holdout):
         if not isinstance(item, str | Path) or Path(item).exists() or len(by_label) < 2:
             others += matching_runs(item, model, mapping, column)
         else:
-            held_labels += _labels_in(str(item), by_label)
-    fitted = [run for label, run in by_label.items() if label not in held_labels]
-    if not fitted:
-        raise UserError("holdout: every record is held out, and none is left to fit to")
-    return fitted, [*(by_label[label] for label in dict.fromkeys(held_labels)), *others]
+            labels += _labels_in(str(item), by_label)
+    estimation = [run for label, run in by_label.items() if label not in labels]
+    if not estimation:
+        raise UserError("holdout: all records are for validation, and none for estimation")
+    return estimation, [*(by_label[label] for label in dict.fromkeys(labels)), *others]
 
 
 def _labels_in(text: str, known: Collection[str]) -> list[str]:
-    """Return the labels that a text lists, all of which must be known."""
+    """Return the labels that a text lists; UserError if one is unknown."""
     named = [label.strip() for label in text.split(",")]
     unknown = next((label for label in named if label not in known), None)
     if unknown is not None:
@@ -145,5 +144,5 @@ def _labels_in(text: str, known: Collection[str]) -> list[str]:
 
 
 def matching_record(record: Data, model: Model, mapping: Mapping[str, str] | None = None) -> Record:
-    """Return a record of a model's signals, read from a file if that is what is given."""
+    """Return a record of a model's signals; a file or arrays are read."""
     return record if isinstance(record, Record) else read_record(record, model, mapping)

@@ -1,4 +1,4 @@
-"""The results of ``ppy.diagnose`` and ``ppy.laws``, to read, to look at and to pass on."""
+"""Results of ``ppy.diagnose`` and ``ppy.laws``: values, tables, pictures, pages and FMUs."""
 
 from __future__ import annotations
 
@@ -50,21 +50,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ProposedExperiment(Displayable):
-    """The experiment that would tell more.
+    """Proposal of an experiment that discriminates between causes.
 
     Attributes
     ----------
     design : DiscriminatingExperiment
-        Stimuli by input, duration, step and the evidence to expect.
+        Stimuli by input, duration, step and the expected evidence.
     component : str
-        That it is made on.
+        Component of the experiment.
     """
 
     design: DiscriminatingExperiment
     component: str
 
     def overview(self) -> Iterator[RenderableType]:
-        """Yield the stimuli and what is expected of them, in words."""
+        """Yield a description of the stimuli and of the expected evidence."""
         yield wording.describe_experiment(self.design)
 
     def __repr__(self) -> str:
@@ -99,28 +99,28 @@ class ProposedExperiment(Displayable):
         return figure
 
     def toml(self) -> str:
-        """Return it as ``ppy run`` reads it."""
+        """Return the experiment as TOML for ``ppy run``."""
         return self.design.toml(self.component, str(self))
 
     def to_toml(self, path: str | Path) -> Path:
-        """Write it for ``ppy run``.
+        """Write the experiment as TOML for ``ppy run``.
 
         Raises
         ------
         UserError
-            If it cannot be written.
+            If the file cannot be written.
         """
         files.write(Path(path), self.toml().encode())
         return Path(path)
 
 
 class DiagnosisGain(NamedTuple):
-    """Normalised RMS errors on data that no fit has seen, by output.
+    """Normalised RMS errors on validation data, by output.
 
     Attributes
     ----------
     before, after : dict of str to float
-        Of the refitted model, and of the extended one.
+        Errors of the refitted model, and of the extended one.
     """
 
     before: dict[str, float]
@@ -129,7 +129,7 @@ class DiagnosisGain(NamedTuple):
 
 @dataclass(frozen=True)
 class Evidence(Displayable):
-    """The evidence for and against every effect that was tried, those named first.
+    """Evidence for and against every effect that was tried, first those that are named.
 
     Attributes
     ----------
@@ -170,7 +170,7 @@ class Evidence(Displayable):
         return pandas.DataFrame(rows, columns=columns).set_index("effect")
 
     def draw(self) -> Figure:
-        """Draw by how much BIC falls with every effect, those named in another colour.
+        """Draw the fall of BIC with every effect, with those that are named in another colour.
 
         Raises
         ------
@@ -190,9 +190,9 @@ class Evidence(Displayable):
 
 
 class _Result(Displayable):
-    """A result that prints as its command does, is written as a page, and has a model to build."""
+    """Base of results that print as their command does, with a page and a model to build."""
 
-    _LACKING = ""  # said where there is no model to build
+    _LACKING = ""  # why there is no model to build, for messages
 
     model: type[Component] | None
 
@@ -201,30 +201,30 @@ class _Result(Displayable):
         self._command = shlex.join(command)
 
     def overview(self) -> list[RenderableType]:
-        """Return what the command prints."""
+        """Return the renderables that the command prints."""
         raise NotImplementedError
 
     def _page(self, command: str) -> Page:
-        """Return the page to look at and pass on, with the command that made it."""
+        """Return the page of the result, with the command that made it."""
         raise NotImplementedError
 
     def report(self, path: str | Path, command: str = "") -> Path:
-        """Write the page to look at and pass on.
+        """Write the result as a page of HTML.
 
         Parameters
         ----------
         path : str or Path
             An ``.html`` file.
         command : str
-            What made it, for the page; unless given, a command that does the same.
+            Command that made the result, for the page; by default an equivalent one.
 
         Raises
         ------
         UserError
-            If it cannot be written, or its name does not end in ``.html``.
+            If the page cannot be written, or its name does not end in ``.html``.
         """
         target = path_of_report(path)
-        with in_shell():  # as the command has it that the page repeats
+        with in_shell():  # as from the command, which the page shows
             self._page(command or self._command).write(target)
         return target
 
@@ -234,16 +234,16 @@ class _Result(Displayable):
         platforms: Sequence[str] | None = None,
         progress: Callable[[str], None] = lambda text: None,
     ) -> list[Path]:
-        """Write `model` as an FMU: the native build to the path, the Python build beside it.
+        """Write `model` as an FMU: a native build, and a Python build in the same folder.
 
         Parameters
         ----------
         path : str or Path
-            ``F.fmu``; the Python build goes to ``F.python.fmu``.
+            ``F.fmu`` for the native build; the Python build is ``F.python.fmu``.
         platforms : sequence of str, optional
             FMI platforms; default this machine's.
         progress : callable
-            Told what is being done.
+            Called with a text about each step of the work.
 
         Raises
         ------
@@ -257,52 +257,52 @@ class _Result(Displayable):
 
 
 class DiagnosisResult(_Result):
-    """The result of a diagnosis: what a model gets wrong on a record, and what follows from it.
+    """Result of a diagnosis: the causes of a model's error on a record, and the extended model.
 
     Parameters
     ----------
     result : pipeline.Result
     changes : list of Change, optional
     later : pipeline.Result, optional
-        Diagnosis of the later record, in which they were found.
+        Diagnosis of the later record, in which the changes were found.
     command : sequence of str
-        Words of a command that makes the same diagnosis.
+        Words of an equivalent command.
     around : WrappedFmu, optional
-        Of an FMU without equations, behind which a component was diagnosed.
+        The wrapped FMU, if it has no equations.
 
     Attributes
     ----------
     verdict : str
         ``consistent``, ``recalibrate``, ``cause``, ``ambiguous`` or ``unexplained``.
     sentence : str
-        The verdict in words, with what must be known to read it.
+        The verdict in words, with its conditions.
     causes, alternatives : list of str
-        Effects that were named, and those that this record cannot tell from them.
+        Effects that are named, and those that this record cannot distinguish from them.
     parameters : dict of str to Estimate
         By name: ``value``, ``interval`` (95 %), ``nominal``, ``unit``; SI.
     changed : list of str
         Parameters that differ significantly from nominal.
     gain : DiagnosisGain
-        Errors on data that no fit has seen.
+        Errors on validation data.
     model : type[Component] or None
-        The extended model, with fitted values as defaults; None where nothing could be said.
+        The extended model, with fitted values as defaults; None if the diagnosis is inconclusive.
     experiment : ProposedExperiment or None
-        Where the verdict is ambiguous.
+        Experiment that discriminates between causes; None unless the verdict is ambiguous.
     record : Record
         The first of the records.
     records : list of Record
-        All that the model was fitted to.
+        All records of the estimation data.
     notes : list of str
-        What could not be judged, and why.
+        Remarks on parts of the record or model that could not be judged.
     evidence : Evidence
-        For and against every effect that was tried.
+        Evidence for and against every effect that was tried.
     changes : list of Change or None
-        What changed in a later record, where one was given.
+        Changes in the later record; None without one.
     later : DiagnosisResult or None
-        What the model gets wrong on that record.
+        Diagnosis of the later record.
     law_map : list of dict
-        What the laws lack, the best first, as in `LawsResult`; empty where nothing is left, or they
-        were not searched.
+        Corrections of laws, the best first, as in `LawsResult`; empty if effects explain the
+        residual, or laws were not searched.
     """
 
     _LACKING = "nothing could be said of the model"
@@ -340,11 +340,11 @@ class DiagnosisResult(_Result):
 
     @property
     def details(self) -> pipeline.Result:
-        """All that the diagnosis rests on."""
+        """The complete result of the pipeline."""
         return self._result
 
     def overview(self) -> list[RenderableType]:
-        """Return what ``ppy diagnose`` prints."""
+        """Return the renderables that ``ppy diagnose`` prints."""
         parts: list[RenderableType] = [terminal.overview(self._result)]
         if self.changes is not None and self.later is not None:
             parts.append(terminal.comparison(self.changes, self.later.details))
@@ -383,9 +383,9 @@ class DiagnosisResult(_Result):
         return estimates_frame(self.parameters)
 
     def draw(self) -> Figure:
-        """Draw the output that gained most over the validation data.
+        """Draw the output with the largest gain over the validation data, with residuals.
 
-        Measured, refitted and extended, and residuals.
+        The measured output is drawn with those of the refitted and the extended model.
         """
         return picture.draw_diagnosis(self._result.diagnosis, self._result.model)
 
@@ -395,12 +395,13 @@ class DiagnosisResult(_Result):
         Parameters
         ----------
         path : str or Path
-            ``S.ssp``.
+            File ``S.ssp``.
 
         Raises
         ------
         UserError
-            If nothing could be said of the FMU, it has equations, or the file cannot be written.
+            If the diagnosis is inconclusive, the model has equations, or the file cannot be
+            written.
         """
         if self._around is None:
             raise UserError(
@@ -415,28 +416,28 @@ class DiagnosisResult(_Result):
 
 
 class LawsResult(_Result):
-    """The result of a search of laws: what they lack on a record, and what follows from it.
+    """Result of a search of the laws: their corrections on a record, and the corrected model.
 
     Parameters
     ----------
     report : LawReport
     command : sequence of str
-        Words of a command that makes the same search.
+        Words of an equivalent command.
 
     Attributes
     ----------
     sentence : str
         The result in words, with its check on unseen data.
     law_map : list of dict
-        Corrections of laws, the best first: ``effect`` (the name that `diagnose` gives it),
-        ``law``, ``signal``, ``memory``, ``constant`` (s, of a lag), ``kind`` (``add`` or
-        ``multiply``), ``delta_bic``, ``shape`` (empty where no simple one is as good as the curve),
+        Corrections of laws, the best first: ``effect`` (the name in `diagnose`), ``law``,
+        ``signal``, ``memory``, ``constant`` (s, of a lag), ``kind`` (``add`` or ``multiply``),
+        ``delta_bic``, ``shape`` (empty if no simple shape is as good as the curve),
         ``parameters``, ``curve`` (``x``, ``y``, ``low``, ``high``), ``units`` (of ``law`` and
-        ``signal``), ``confirmed`` (None where it was not checked), ``alike`` (what this
-        record cannot tell it from); SI.
+        ``signal``), ``confirmed`` (None if it was not checked), ``alike`` (corrections that this
+        record cannot distinguish from it); SI.
     model : type[Component] or None
-        The model with the best correction, with fitted values as defaults; None where there is
-        none.
+        The model with the best correction and fitted values as defaults; None without a
+        correction.
     diagnosis : DiagnosisResult
         The diagnosis of the model before its laws were searched.
     """
@@ -454,11 +455,11 @@ class LawsResult(_Result):
 
     @property
     def details(self) -> LawMapResult | None:
-        """All that it rests on; None where no input moves, so that there is nothing to search."""
+        """The complete result of the search; None if no input varies, so that there was none."""
         return self._report.found
 
     def overview(self) -> list[RenderableType]:
-        """Return what ``ppy laws`` prints."""
+        """Return the renderables that ``ppy laws`` prints."""
         return [laws_report.terminal.overview(self._report)]
 
     def _page(self, command: str) -> Page:
@@ -490,17 +491,17 @@ class LawsResult(_Result):
         )
 
     def draw(self) -> Figure:
-        """Draw the curve of the best correction with its 95 % band, and where the record has been.
+        """Draw the curve of the best correction with its 95 % band and the range of the record.
 
         Raises
         ------
         UserError
-            If no law is found to lack anything.
+            If no correction was found.
         """
         return figures.draw_curve(self._report, self._best("draw"))
 
     def effect(self, path: str | Path) -> Path:
-        """Write the best correction as a class of a few lines to lay over the model.
+        """Write the best correction as a short class of an effect.
 
         Parameters
         ----------
@@ -510,7 +511,7 @@ class LawsResult(_Result):
         Raises
         ------
         UserError
-            If no law is found to lack anything, or it cannot be written, or its name does not end
+            If no correction was found, the file cannot be written, or its name does not end
             in ``.py``.
         """
         target = Path(path)

@@ -46,28 +46,27 @@ def run(
     Parameters
     ----------
     what : str, Path or System
-        An experiment that ships (``ppy run --list``), a TOML file, a result to make again; or a
+        An experiment that ships (``ppy run --list``), a TOML file, a result that is repeated; or a
         system of FMUs.
     time : array_like, shape (n,)
-        Of a system: communication points, s.
+        For a system: communication points, s.
     inputs : Mapping of str to array_like, shape (n,), optional
-        Of a system: inputs by name.
+        For a system: inputs by name.
     **options
-        Of a system: ``method``, ``record``, ``tolerance``, ``real_time``, ... as
-        `orchestration.master.simulation.run` has.
+        For a system: ``method``, ``record``, ``tolerance``, ``real_time``, ... of
+        `orchestration.master.simulation.run`.
 
     Returns
     -------
     ExperimentResult or Run
-        Signals over time with units and all that it takes to run the experiment again, a dataset
-        of xarray; or the run of a system.
+        Signals over time with units and the settings that repeat the experiment, a dataset of
+        xarray; or the run of a system.
 
     Raises
     ------
     UserError
-        If there is no such experiment, something does not fit what it is made on, or an FMU fails;
-        one that fails on its way leaves what was computed as ``result`` of the error (``run`` for a
-        system).
+        If there is no such experiment, it does not fit its subject, or an FMU fails; after the
+        first point the error has the computed part as ``result`` (``run`` for a system).
 
     Examples
     --------
@@ -98,8 +97,8 @@ def run(
     return result
 
 
-def _refuse(what: str, **useless: object) -> None:
-    """Refuse arguments of something else, where they are given."""
+def _refuse(kind: str, **useless: object) -> None:
+    """Raise UserError if an argument is given that is not for this kind of run."""
     for name, value in useless.items():
         if value is not None:
-            raise UserError(f"{name}: {what} has no use for it")
+            raise UserError(f"{name}: {kind} has no use for it")

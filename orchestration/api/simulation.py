@@ -1,4 +1,4 @@
-"""Simulation from Python: ``ppy.simulate`` and what it returns."""
+"""Simulation from Python: ``ppy.simulate`` and its result."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Simulation(Displayable):
         return (self.inputs | self.outputs)[name]
 
     def overview(self) -> Iterator[RenderableType]:
-        """Yield the extent in time, and a table of what the outputs come to."""
+        """Yield the extent in time, and a table with extremes and last values of the outputs."""
         columns = ("smallest", "largest", "last")
         table = plain_table(None, "output", *columns, right=columns)
         for name, values in self.outputs.items():
@@ -117,7 +117,7 @@ class Simulation(Displayable):
         return Path(path)
 
     def draw(self) -> Figure:
-        """Draw inputs and outputs over time, one panel each, in the units that people read."""
+        """Draw inputs and outputs over time, one panel each, in display units."""
         return draw_signals(self.model, self.time, self.inputs | self.outputs)
 
 
@@ -133,21 +133,21 @@ def simulate(
     ----------
     model : Model, System, type[Component], str or Path
         A component's name, an FMU file, ``path/to/file.py:Class``, a class such as
-        ``diagnose(...).model``, or what `find_model` returned; or a system, by its name or its
+        ``diagnose(...).model``, or a result of `find_model`; or a system, by its name or its
         ``.ssp`` file.
     inputs : Mapping of str to array_like, shape (n,), or callable of time, optional
-        In the model's units, held between points; a number is held throughout.
+        In the model's units, constant between points; a number is constant throughout.
 
     Returns
     -------
     Simulation
-        It ends sooner if the FMU asks for it.
+        It has fewer points if the FMU requests an end.
 
     Raises
     ------
     UserError
-        If there is no such model or input, a value is out of range, or the FMU fails; one that
-        fails on its way leaves ``time`` and ``outputs`` until then with the error.
+        If there is no such model or input, a value is out of range, or the FMU fails; the error
+        then has ``time`` and ``outputs`` of the points before.
 
     Examples
     --------
@@ -168,15 +168,15 @@ def simulate(
             isolation=isolation(options["isolate"]),
         )
     except EndedSimulation as ended:
-        until_then = {name: values[: ended.time.size] for name, values in driven.items()}
-        return Simulation(subject, ended.time, until_then, ended.outputs)
+        computed = {name: values[: ended.time.size] for name, values in driven.items()}
+        return Simulation(subject, ended.time, computed, ended.outputs)
     return Simulation(subject, points, driven, outputs)
 
 
 def points_of(
     model: Model, time: ArrayLike | None, stop: float | str | None, step: float | str | None
 ) -> Array:
-    """Return the points in time of a simulation (n,) in s, as `simulate` takes them."""
+    """Return the points in time (n,) in s of a simulation; arguments as those of `simulate`."""
     if time is not None:
         return np.asarray(time, dtype=float)
     first, own_stop, own_step = source_of(model).default_experiment
@@ -186,7 +186,7 @@ def points_of(
 
 
 def inputs_over(model: Model, inputs: Inputs, points: Array) -> dict[str, Array]:
-    """Return inputs over points in time (n,) in the model's units, as `simulate` takes them."""
+    """Return inputs (n,) at points in time, in the model's units; arguments as in `simulate`."""
     driven = {}
     for name, values in inputs.items():
         if name not in model.inputs:
@@ -201,14 +201,14 @@ def inputs_over(model: Model, inputs: Inputs, points: Array) -> dict[str, Array]
 
 
 def as_model(model: AnyModel) -> Model:
-    """Return a model to run: as it is, of a component's class or a system, or found by its name."""
+    """Return a built model from a model, the class of a component, a system, or a name."""
     return built(as_runnable(model))
 
 
 def as_measured(
     model: AnyModel | None, effects: Sequence[str] = (), runtime: str | None = None
 ) -> Model:
-    """Return a model like `as_runnable`, to be held against a record: a system is fused if it can.
+    """Return a model for comparison with a record: a system is fused if that is possible.
 
     Parameters
     ----------
@@ -231,21 +231,21 @@ def as_measured(
 def as_runnable(
     model: AnyModel | None, effects: Sequence[str] = (), runtime: str | None = None
 ) -> Model:
-    """Return a model like `as_model`, but unbuilt: a record is read, and refused, before.
+    """Return a model like `as_model`, not built yet, so that a record is read and checked first.
 
     Parameters
     ----------
     model : Model, System, type[Component], str or Path, optional
-        The default model of the registry unless given.
+        By default that of the registry.
     effects : sequence of str
-        Laid over a component that is found by its name.
+        Effects that are added to a component of that name.
     runtime : {"native", "python"}, optional
-        Of the members of a system that ships; native unless given.
+        Kind of build of the members of a system that ships; native by default.
 
     Raises
     ------
     UserError
-        If there is none, effects are given for a system, or a runtime for one from a file.
+        If there is no such model, or effects are given for a system, or a runtime for a file.
     """
     if isinstance(model, System):
         return system_model(model)
@@ -265,7 +265,7 @@ def _refuse_effects(system: str, effects: Sequence[str]) -> None:
 
 
 def _refuse_misspelt(name: str) -> None:
-    """Refuse what is nearly the name of a system."""
+    """Raise UserError for a name that is nearly that of a system, and of no component."""
     hint = suggestion(name, NAMES, few=0)
     known = registry.models()
     if hint and name.isidentifier() and name not in known and not suggestion(name, known, few=0):
@@ -273,11 +273,11 @@ def _refuse_misspelt(name: str) -> None:
 
 
 def as_declared(model: Model | type[Component] | str | Path | None) -> Model:
-    """Return a component or an FMU like `as_runnable`."""
+    """Return a component or an FMU as a model, not built yet."""
     if model is None:
         return declared_model(registry.default_model())
     if isinstance(model, type):
-        if model.__module__ == "__main__":  # written where it is used, such as in a notebook
+        if model.__module__ == "__main__":  # from a notebook or a script, not checked yet
             check_component(model)
         return declared_model_of(model)
     return declared_model(str(model)) if isinstance(model, str | Path) else model
@@ -286,6 +286,6 @@ def as_declared(model: Model | type[Component] | str | Path | None) -> Model:
 def values_of(
     model: Model, settings: Mapping[str, float | str] | None, preset: str | None = None
 ) -> dict[str, Value]:
-    """Return settings, numbers or texts with a unit, in the model's units, after a preset's."""
+    """Return the values of a preset, and of settings over them, in the model's units."""
     texts = [f"{name}={value}" for name, value in (settings or {}).items()]
     return model.settings(texts, preset)

@@ -43,20 +43,20 @@ def sweep(
     model, inputs
         As in `simulate`.
     over : Mapping of str to str or sequence of float
-        What each parameter, or held input, goes through: ``"0.3..0.7:41"``, ``"1e-3..1e-1:7 log"``,
-        ``"6.3 N/mm, 9 N/mm"``, or values in the model's unit; ``"0.3..0.7"`` for a design that
+        Values of each parameter, or constant input: ``"0.3..0.7:41"``, ``"1e-3..1e-1:7 log"``,
+        ``"6.3 N/mm, 9 N/mm"``, or numbers in the model's unit; ``"0.3..0.7"`` for a design that
         chooses them.
 
     Returns
     -------
     SweepResult
-        A dataset of xarray with units, over one dimension for each parameter of a grid, else over
-        ``case``.
+        A dataset of xarray with units. A grid has one dimension for each parameter, any other
+        design the dimension ``case``.
 
     Raises
     ------
     UserError
-        If something does not fit the model.
+        If an argument does not fit the model.
 
     Examples
     --------
@@ -71,11 +71,11 @@ def sweep(
     subject = as_model(model)
     _refuse_unfit(subject, options)
     kind = options["kind"]
-    ranges = _ranges(over, subject)
+    ranges = ranges_over(over, subject)
     points = points_of(subject, options["time"], options["stop"], options["step"])
     driven = inputs_over(subject, inputs or {}, points)
     given = values_of(subject, options["settings"])
-    # what a tornado sets is where the others stay
+    # a tornado varies one parameter while the others keep their start
     starts = _starts(ranges, given, subject) if kind == TORNADO else {}
     settings = {name: value for name, value in given.items() if name not in starts}
     cases = design(ranges, kind, options["samples"], options["seed"], starts)
@@ -106,26 +106,27 @@ def sweep(
     )
 
 
-def _ranges(over: Mapping[str, str | Sequence[float] | Array], model: Model) -> list[Range]:
-    """Return what each parameter goes through, of a text or of values."""
-    return [
-        read_range(f"{name}={values}", model)
-        if isinstance(values, str)
-        else given_range(name, values, model)
-        for name, values in over.items()
-    ]
+def ranges_over(over: Mapping[str, str | Sequence[float] | Array], model: Model) -> list[Range]:
+    """Return the range of each parameter from a text or from numbers."""
+    ranges = []
+    for name, values in over.items():
+        if isinstance(values, str):
+            ranges.append(read_range(f"{name}={values}", model))
+        else:
+            ranges.append(given_range(name, values, model))
+    return ranges
 
 
 def _starts(
     ranges: Sequence[Range], settings: Mapping[str, Value], model: Model
 ) -> dict[str, float]:
-    """Return where each parameter stays while another is moved: what is set, or its start."""
+    """Return the value of each parameter while another is varied: its setting, or its start."""
     known = {**model.parameters, **model.inputs}
     return {one.name: float(settings.get(one.name, known[one.name].start)) for one in ranges}
 
 
 def _kept(keep: Sequence[str] | None, kind: str) -> list[str]:
-    """Return the reductions that are kept; refuse traces alone where a design needs numbers."""
+    """Return the reductions to keep; UserError for traces only if the design needs numbers."""
     kept = checked_reductions(KEPT if keep is None else keep)
     if kind in (SOBOL_INDICES, TORNADO) and not {*kept} - {TRACE}:
         raise UserError(
@@ -141,7 +142,7 @@ def _refuse_set_twice(swept: Sequence[str], given: Container[str]) -> None:
 
 
 def _refuse_unfit(subject: Model, options: SweepKeywords) -> None:
-    """Refuse workers that there cannot be, and outputs that the model has not."""
+    """Raise UserError for a wrong number of workers, or outputs that the model has not."""
     workers = options["workers"]
     scheduler = options["scheduler"]
     if not 1 <= workers <= MOST_WORKERS:
@@ -169,17 +170,17 @@ def sweep_file(
     Parameters
     ----------
     path : str or Path
-        An experiment, what its parameters go through, and what is kept.
+        An experiment, the values of its parameters, and the reductions to keep.
 
     Returns
     -------
     SweepResult
-        A dataset of xarray, as of `sweep`.
+        As from `sweep`.
 
     Raises
     ------
     UserError
-        If something in the file is wrong or does not fit the model.
+        If a value in the file is wrong, or does not fit the model.
 
     Examples
     --------

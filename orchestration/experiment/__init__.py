@@ -1,7 +1,7 @@
 """Experiments as TOML files: read, checked, run on a component or a system, and repeated.
 
-:func:`.reading.read` reads one, :func:`.execution.run` makes it; :func:`.library.shipped` lists
-those that ship.
+:func:`.reading.read` reads an experiment, :func:`.execution.run` runs it, and
+:func:`.library.shipped` lists those that ship.
 """
 
 import lazy_loader

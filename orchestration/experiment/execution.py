@@ -1,4 +1,4 @@
-"""Execution of an experiment: everything is checked against its subject, then it runs."""
+"""Execution of an experiment on its subject, after all checks."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 
 
 class UnfinishedExperiment(UserError):
-    """An experiment that an FMU has stopped, or that could not keep pace.
+    """Error of an experiment that stopped early: an FMU failed, or it could not keep pace.
 
-    `result` is what has been computed of it.
+    `result` has the part that was computed.
     """
 
     def __init__(self, message: str, result: ExperimentResult):
@@ -58,47 +58,46 @@ def run(
     isolation: Callable[[bool], Limits | None] = lambda foreign: None,
     folder: Path | None = None,
 ) -> ExperimentResult:
-    """Make an experiment.
+    """Run an experiment, with all its variants.
 
     Parameters
     ----------
     experiment : Experiment
     where : str
-        Its file or name, for messages.
+        File or name of the experiment, for messages.
     progress : callable
-        Called with the number of points done, and of how many.
+        Called with the number of computed points and the number of all points.
     note : callable
-        Called with a line for what else is worth knowing: repairs in a file, inputs that stay at
-        their start value.
+        Called with one line for each remark: repairs in a file, inputs that stay at their start
+        value.
     fits : callable
-        Called, before anything is computed, with a first point of the results without values; it
-        may refuse them.
+        Called before the run with results of a single point, all zero; raises `UserError` if they
+        cannot be written.
     live : Live, optional
-        Run in real time, and what to do meanwhile.
+        Options of a run in real time.
     isolation : callable
-        From whether an FMU is not one of ours, the limits of a process beside this one for the
-        run, if any.
+        Returns, given True if an FMU is not one of ours, the limits of the process in which the
+        run is isolated; None for a run in this process.
     folder : Path, optional
-        Keeps every variant that is done, so that an interrupted experiment goes on; it stays. Of
-        an experiment without variants there is none.
+        Folder of a journal that keeps each finished variant, so that an interrupted experiment
+        can be resumed. Only for experiments with variants.
 
     Returns
     -------
     ExperimentResult
-        Inputs and recorded outputs over time in the FMU's units, with all that it takes to make the
-        experiment again. Outputs of variants are named after them, ``variant.output``. Of each
-        mechanical coupling of a system the energy that it made, the running sign of coupling error.
-        After an interrupt, what was computed, with the attribute
-        ``complete`` 0; also when an FMU fails on its way, a rig refuses a command or is lost, or
-        the run does not keep pace with real time, with the reason in the attribute ``failure``.
-        Outputs about the links of proxies are recorded in any case. Of variants there is a whole
-        result or none.
+        Inputs and recorded outputs over time in the FMU's units, with all settings that repeat
+        the experiment, and the outputs about the links of proxies. Outputs of variants are named
+        ``variant.output``. For each mechanical coupling of a system there is the energy that it
+        made, a measure of the coupling error. The attribute ``complete`` is 0 for a part of a
+        run: after an interrupt, and, with the reason in the attribute ``failure``, when an FMU
+        failed, a rig refused a command or was lost, or the run did not keep pace with real time.
+        Variants are all complete.
 
     Raises
     ------
     UserError
-        If something in the experiment does not fit what it is made on, there is a folder and no
-        variants, or an FMU fails before the first point, or in a variant.
+        If the experiment does not fit its subject, a folder is given without variants, or an FMU
+        fails before the first point or in a variant.
     KeyboardInterrupt
         If an interrupt came before the first point, or in a variant.
     """
@@ -133,7 +132,7 @@ def _run_one(
     isolation: Callable[[bool], Limits | None],
     kept: Keeper = compute_anew,
 ) -> ExperimentResult:
-    """Make an experiment without variants, unless its result is kept already."""
+    """Run an experiment without variants, unless its result is in the journal."""
     if live is not None:
         _refuse_fused(experiment, where)
     prepared = prepare(_with_links_recorded(experiment, on), on, where, note)
@@ -165,7 +164,7 @@ def _run_variants(
     isolation: Callable[[bool], Limits | None],
     kept: KeptVariants | None,
 ) -> ExperimentResult:
-    """Make the variants of an experiment, one after another."""
+    """Run the variants of an experiment, one after another."""
     runs = {}
     for number, (name, settings) in enumerate(experiment.variants.items()):
         here = f"{where}: {name}"
@@ -195,12 +194,12 @@ def _progress_of_part(
 
 
 def _prefixed(note: Callable[[str], None], name: str) -> Callable[[str], None]:
-    """Return a note that puts a name before each line."""
+    """Return a function that calls `note` with a name before each line."""
     return lambda line: note(f"{name}: {line}")
 
 
 def _first_point(prepared: Preparation) -> ExperimentResult:
-    """Return results of one point, all zero, for a format to say whether it can hold them."""
+    """Return results of one point, all zero, with which a file format is tested."""
     signals = prepared.signals
     zeros = {name: np.zeros(1) for name in signals}
     return results.dataset(prepared.time[:1], zeros, signals, set(prepared.inputs), {})
@@ -212,7 +211,7 @@ def _run_prepared(
     progress: Callable[[int, int], None],
     isolated: Limits | None,
 ) -> tuple[Run, str]:
-    """Return the run, as far as it came, and why it stopped on its way; empty if it did not."""
+    """Run a prepared experiment; return the run and why it stopped early, empty if it did not."""
     follower = None if live is None else Follower(live, prepared)
     try:
         ran = prepared.on.run(
@@ -235,17 +234,18 @@ def _run_prepared(
 
 
 def _until_opening(ran: Run) -> tuple[Run, str]:
-    """Return a run as far as its rigs were in the loop, and why not farther; empty if to the end.
+    """Cut a run off at the first point at which a loop over a rig is open.
 
-    In real time it was stopped there; one that waits for its rigs knows only afterwards.
+    Returns the run and the reason, empty if no loop opened. A run in real time has stopped there
+    already; one that waits for its rigs is cut afterwards.
     """
     opened = first_opening(ran.time.tolist(), ran.signals)
     if opened is None:
         return ran, ""
     place, reason = opened
-    kept = slice(place + 1)
-    signals = {name: values[kept] for name, values in ran.signals.items()}
-    return replace(ran, time=ran.time[kept], signals=signals, complete=False), reason
+    closed = slice(place + 1)
+    signals = {name: values[closed] for name, values in ran.signals.items()}
+    return replace(ran, time=ran.time[closed], signals=signals, complete=False), reason
 
 
 def _refuse_fused(experiment: Experiment, where: str) -> None:
@@ -257,9 +257,9 @@ def _refuse_fused(experiment: Experiment, where: str) -> None:
 
 
 def _with_links_recorded(experiment: Experiment, on: Subject) -> Experiment:
-    """Return the experiment with outputs about the links of proxies recorded, too.
+    """Return the experiment with outputs about the links of proxies among those recorded.
 
-    They say whether what was recorded is of the rig.
+    They show which of the recorded values came from the rig.
     """
     record = on.recorded_by_default if experiment.record is None else experiment.record
     return experiment.model_copy(
@@ -268,7 +268,7 @@ def _with_links_recorded(experiment: Experiment, on: Subject) -> Experiment:
 
 
 def _dataset(prepared: Preparation, ran: Run, where: str) -> Remarked:
-    """Return inputs, what was measured, and energies that couplings made; and remarks on them."""
+    """Return the results of a run, with the energies that couplings made, and remarks on them."""
     delivered = dict(zip(prepared.wanted, ran.signals.values(), strict=True))
     energies, of_couplings = _coupling_energies(prepared, ran)
     beyond = prepared.limits.remarks(prepared.time, delivered, prepared.settings)
@@ -288,7 +288,7 @@ def _dataset(prepared: Preparation, ran: Run, where: str) -> Remarked:
 def _restored(
     prepared: Preparation, where: str, values: Mapping[str, Array], seconds: float
 ) -> ExperimentResult:
-    """Return the results of a whole run that were kept."""
+    """Return the results of a whole run from the journal."""
     effort = Statistics({}, 0, 0, 0, seconds)
     about = _about(prepared, Run(prepared.time, {}, {}, True, "", effort, {}), where)
     return results.dataset(prepared.time, values, prepared.signals, set(prepared.inputs), about)
@@ -307,20 +307,20 @@ def _measured(prepared: Preparation, ran: Run) -> dict[str, Array]:
 
 
 def _coupling_energies(prepared: Preparation, ran: Run) -> tuple[dict[str, Array], list[str]]:
-    """Return the energy that each mechanical coupling made so far, and a remark on its end."""
+    """Return the energy that each mechanical coupling made over time, and a remark on each."""
     master = prepared.experiment.master
     extrapolation = master.extrapolation if master else 0
     energies = {}
     remarks = []
     for name, made in imbalance(prepared.on.couplings, ran.signals, extrapolation).items():
         energies[prepared.imbalances[name].name] = made.energy
-        share = f"{100.0 * made.relative:.3g} % of what went through it"
+        share = f"{100.0 * made.relative:.3g} % of the energy through it"
         remarks.append(f"{name}: {made.energy[-1]:.3g} J made by the coupling, {share}")
     return energies, remarks
 
 
 def _about(prepared: Preparation, ran: Run, where: str) -> dict[str, Any]:
-    """Return all that it takes to make the experiment again."""
+    """Return the attributes of a result, with which its experiment can be repeated."""
     on = prepared.on
     units = {name: signal.unit for name, signal in on.parameters.items()}
     numbers = {

@@ -1,4 +1,4 @@
-"""An experiment in real time while it runs: a journal of its record, and news of its progress."""
+"""Runs in real time: a journal of the recorded values, and reports of progress."""
 
 from __future__ import annotations
 
@@ -15,12 +15,9 @@ from orchestration.experiment.preparation import Preparation
 from orchestration.master import RealTime
 from orchestration.records import Journal
 
-_LINK = (
-    "link_state",
-    "round_trip_time",
-    "missed_deadlines",
-)  # outputs of a proxy, beside the `_age` of every value
-# by link_state: what leaves a loop open over a rig, while its models go on without it
+# outputs of a proxy about its link; the others are the `_age` of each value
+_LINK = ("link_state", "round_trip_time", "missed_deadlines")
+# by link_state, why the loop over a rig is open, while the models go on without it
 _OPEN = {
     REFUSED: "the rig refuses a command",
     LOST: "the link to the rig is lost",
@@ -29,20 +26,20 @@ _OPEN = {
 
 @dataclass(frozen=True)
 class Moment:
-    """State of a run in real time.
+    """State of a run in real time at a communication point.
 
     Attributes
     ----------
     time, end : float
         Communication point, and the last one, s.
     lag : float
-        By how much the point before was late, s.
+        Delay of the point before, s.
     missed : int
         Deadlines missed so far.
     link : Mapping of str to float
         Outputs of proxies about their links, in their units.
     trouble : str
-        Why nothing goes to the journal any more; empty if all is well.
+        Error that ended the journal; empty if there was none.
     """
 
     time: float
@@ -55,20 +52,20 @@ class Moment:
 
 @dataclass(frozen=True)
 class RigEnd:
-    """Address of a rig, and the keys for it, as the parameters of a proxy have them.
+    """Address of a rig and key file for it, from the parameters of a proxy.
 
     Attributes
     ----------
     endpoint, credentials : str
-        Address like ``tcp://HOST:PORT``, and key file; empty without.
+        Address like ``tcp://HOST:PORT``, and key file, empty if the rig has no keys.
     """
 
     endpoint: str
     credentials: str
 
 
-def _as_asked(pace: RealTime, rigs: Sequence[RigEnd], step: float) -> RealTime:
-    """Return a pace as it is."""
+def _unchanged(pace: RealTime, rigs: Sequence[RigEnd], step: float) -> RealTime:
+    """Return the pace as it is."""
     return pace
 
 
@@ -80,28 +77,28 @@ class Live:
     ----------
     pace : RealTime
     admit : callable
-        Called before anything moves with the pace, the ends of all rigs and the step in s; returns
-        the pace that is kept, or raises `UserError` where the machine cannot hold it.
+        Called before the start with the pace, the ends of all rigs and the step in s; returns the
+        pace of the run, or raises `UserError` if this machine cannot keep it.
     journal : Path or None
-        File that takes what is recorded until the result is written; it must not be there yet.
+        New file that keeps the recorded values until the result is written.
     look : callable
-        Called at every point.
+        Called at every point with a `Moment`.
     """
 
     pace: RealTime = field(default_factory=RealTime)
-    admit: Callable[[RealTime, Sequence[RigEnd], float], RealTime] = _as_asked
+    admit: Callable[[RealTime, Sequence[RigEnd], float], RealTime] = _unchanged
     journal: Path | None = None
     look: Callable[[Moment], None] = lambda moment: None
 
 
 def link_outputs(outputs: Collection[str]) -> list[str]:
-    """List outputs that describe a link to a rig: the age of every value, and the link's own."""
-    last = {name: name.rpartition(".")[2] for name in outputs}
-    return [name for name, own in last.items() if own.endswith("_age") or own in _LINK]
+    """List the outputs about links to rigs: states of links, and the age of every value."""
+    variables = {name: name.rpartition(".")[2] for name in outputs}
+    return [name for name, var in variables.items() if var.endswith("_age") or var in _LINK]
 
 
 def rig_ends(prepared: Preparation) -> list[RigEnd]:
-    """List the rigs that the proxies of an experiment ask."""
+    """List the rigs to which the proxies of an experiment connect."""
     on = prepared.on
     prefixes = [name.removesuffix(_LINK[0]) for name in on.outputs if _is_link_state(name)]
 
@@ -116,22 +113,20 @@ def rig_ends(prepared: Preparation) -> list[RigEnd]:
 
 
 def admitted(live: Live, prepared: Preparation) -> Live:
-    """Return options with the pace that is kept; UserError where the machine cannot hold it."""
+    """Return options with the admitted pace; UserError if this machine cannot keep it."""
     step = float(prepared.time[1] - prepared.time[0])
     return replace(live, pace=live.admit(live.pace, rig_ends(prepared), step))
 
 
 def first_opening(time: Sequence[float], signals: Mapping[str, Array]) -> tuple[int, str] | None:
-    """Find the first point at which the loop over a rig was open.
-
-    From there on its models go on without it.
+    """Find the first point at which a loop over a rig is open; from there on models run alone.
 
     Parameters
     ----------
     time : sequence of float
         Of n points, in s.
     signals : Mapping of str to ndarray, shape (n,)
-        Outputs; of those, the ``link_state`` of every proxy is looked at.
+        Outputs, among them the ``link_state`` of every proxy.
 
     Returns
     -------
@@ -158,7 +153,7 @@ def _reason(name: str, time: float, state: int) -> str:
 
 
 class Follower:
-    """Follows a run that has been prepared.
+    """Observer of a prepared run: it writes the journal, and reports every point.
 
     Parameters
     ----------
@@ -168,7 +163,7 @@ class Follower:
     Raises
     ------
     UserError
-        If the journal cannot be made.
+        If the journal cannot be created.
     """
 
     def __init__(self, live: Live, prepared: Preparation):
@@ -183,12 +178,12 @@ class Follower:
         self.pace = replace(live.pace, watch=self._watch)
 
     def _watch(self, k: int, values: Sequence[float], lag: float, missed: int) -> None:
-        """Put a point into the journal, and report how the run is doing.
+        """Write a point into the journal, and report it.
 
         Raises
         ------
         UserError
-            If the loop over a rig is open: the run is to end, and the rig to go to zero.
+            If the loop over a rig is open, so that the run ends and the rig goes to zero.
         """
         trouble = ""
         if self._journal is not None:
@@ -204,6 +199,6 @@ class Follower:
                 raise UserError(_reason(name, self._time[k], int(value)))
 
     def close(self) -> None:
-        """Bring what is in the journal to the disk."""
+        """Close the journal, so that all its rows are on the disk."""
         if self._journal is not None:
             self._journal.close()

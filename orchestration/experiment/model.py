@@ -1,4 +1,4 @@
-"""The model of an experiment: tables and keys of its file, checked without running anything."""
+"""Model of an experiment's file: its tables and keys, with checks that need no subject."""
 
 from __future__ import annotations
 
@@ -23,16 +23,15 @@ def _setting(given: Any) -> Any:
 
 
 def _flat(given: Any) -> Any:
-    """Let TOML's ``actuator.R1 = 1`` be the parameter ``actuator.R1``, without quotes."""
+    """Flatten the tables of TOML: ``actuator.R1 = 1`` sets the parameter ``actuator.R1``."""
     if not isinstance(given, dict):
         return given
     flat: dict[str, Any] = {}
     for name, value in given.items():
-        flat |= (
-            {f"{name}.{n}": v for n, v in _flat(value).items()}
-            if isinstance(value, dict)
-            else {name: value}
-        )
+        if isinstance(value, dict):
+            flat |= {f"{name}.{n}": v for n, v in _flat(value).items()}
+        else:
+            flat[name] = value
     return flat
 
 
@@ -51,7 +50,7 @@ class NoiseTable(ValueTable):
 
 
 class Master(ValueTable):
-    """Way of running a system: by the master, or fused into one model.
+    """Options of running a system, by the master or fused into one model.
 
     The keywords are those of :func:`orchestration.master.run`.
     """
@@ -64,12 +63,15 @@ class Master(ValueTable):
 
     @model_validator(mode="after")
     def _no_exchange_to_set(self) -> Master:
-        for key in self._set() if self.method == "fused" else ():
-            raise ValueError(f"{key} is about exchange between members; a fused system has none")
+        options = self._exchange_options()
+        if self.method == "fused" and options:
+            raise ValueError(
+                f"{options[0]} is about exchange between members; a fused system has none"
+            )
         return self
 
-    def _set(self) -> list[str]:
-        """Keys besides the method that are not at their default."""
+    def _exchange_options(self) -> list[str]:
+        """List the keys, except the method, that are not at their default."""
         return [
             key
             for key, f in Master.model_fields.items()
@@ -78,16 +80,16 @@ class Master(ValueTable):
 
     @property
     def couples_evenly(self) -> bool:
-        """Whether members exchange at communication points only, with outputs of one point."""
-        return self.method != "fused" and not set(self._set()) - {"extrapolation"}
+        """True if members exchange values at communication points only."""
+        return self.method != "fused" and not set(self._exchange_options()) - {"extrapolation"}
 
 
 UNITS_OF_LOOP = {"force": "N", "reference": "m", "length": "m", "current": "A", "voltage": "V"}
-"""What the figures of a work loop are computed in, by the key of its table."""
+"""Units of the figures of a work loop, by the key of its table."""
 
 
 class WorkLoopTable(ValueTable):
-    """Signals of a work loop, which is drawn as a loop, with figures of each cycle."""
+    """Period and signals of a work loop, with which its cycles are drawn and measured."""
 
     period: Span
     force: str
@@ -121,7 +123,7 @@ class Experiment(ValueTable):
 
     @property
     def chosen_runtime(self) -> str | None:
-        """The kind of build if the file says one; FMUs from a file have none to choose."""
+        """The kind of build that the file names; None if it names none, as FMUs are then kept."""
         return self.runtime if "runtime" in self.model_fields_set else None
 
     @model_validator(mode="after")
@@ -164,20 +166,20 @@ class Experiment(ValueTable):
 
 
 def parse(given: Mapping[str, Any], where: str, folder: str | None = None) -> Experiment:
-    """Check what a file says.
+    """Check the tables of an experiment's file.
 
     Parameters
     ----------
     given : Mapping
-        Its tables and keys.
+        Tables and keys.
     where : str
         Name of the file, for messages.
     folder : str, optional
-        Where relative paths begin.
+        Folder of relative paths.
 
     Raises
     ------
     UserError
-        For the first thing that is wrong: file, key, value, what is allowed.
+        For the first error, with the file, the key, the value and the allowed values.
     """
     return checked(Experiment, given, where, folder)

@@ -1,4 +1,4 @@
-"""Results of an experiment as a sentence, a table of extremes, a page."""
+"""Results of an experiment as sentences, as tables of figures, and as a page."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CYCLE_COLUMNS = (
 
 
 def state(data: xarray.Dataset) -> str:
-    """Say in a sentence what was run and whether it came to its end."""
+    """Return a line with the subject, the number of points and the duration of the run."""
     last = float(data.time[-1])
     whole = float(data.attrs["duration"])
     reached = f"{whole:g} s" if data.attrs["complete"] else f"incomplete, {last:g} s of {whole:g} s"
@@ -32,7 +32,7 @@ def state(data: xarray.Dataset) -> str:
 
 
 def pace(data: xarray.Dataset) -> str:
-    """Say in a sentence how well a run in real time kept pace."""
+    """Return a line with the missed deadlines and the largest lag of a run in real time."""
     about = data.attrs
     late = f"the latest by {1e3 * about['worst_lag']:.3g} ms at {about['worst_lag_at']:g} s"
     return (
@@ -41,12 +41,12 @@ def pace(data: xarray.Dataset) -> str:
 
 
 def cycles(data: xarray.Dataset) -> list[tuple[str, ...]]:
-    """Return the figures of each cycle of a work loop as texts with units; none if it is no loop.
+    """Return the figures of each cycle of work loops as texts with units; an empty list without.
 
     Returns
     -------
     list of tuple of str
-        As `CYCLE_COLUMNS` has them.
+        One row for each cycle, with the columns `CYCLE_COLUMNS`.
     """
     return [
         (
@@ -78,9 +78,9 @@ def extremes(data: xarray.Dataset) -> list[tuple[str, ...]]:
 
 @make_page.register(ExperimentResult)
 def experiment_page(data: ExperimentResult, command: str = "") -> Page:
-    """Make the page: subject, picture, figures and settings; the experiment is all that repeats it.
+    """Make the page of a result: picture, figures, settings, and the experiment as JSON.
 
-    A command does not stand on it.
+    `command` is not shown, as the experiment repeats the result.
     """
     about = data.attrs
     made = Page(about["title"], state(data))

@@ -20,19 +20,19 @@ if TYPE_CHECKING:
 
     from orchestration.experiment.work_loop import TrackedLoop
 
-_MOST_PANELS = 16  # more in one picture are not looked at
+_MOST_PANELS = 16  # more are too small to read
 
 
 @draw.register(ExperimentResult)
 def draw_experiment(data: ExperimentResult) -> Figure:
-    """Draw every signal, over time or over the signal that the experiment names.
+    """Draw every signal over time, or over the signal that the experiment names.
 
-    Variants share a panel. A work loop has a picture of its own.
+    Variants of a signal share a panel. A work loop has a picture of its own.
 
     Raises
     ------
     UserError
-        If it is a part of an experiment only.
+        If the data are a part of a result.
     """
     if "experiment" not in data.attrs or "time" not in data.dims:
         raise UserError("this is a part of an experiment, of which there is no picture")
@@ -55,7 +55,7 @@ def draw_experiment(data: ExperimentResult) -> Figure:
 
 
 def _variants_of_signals(data: xarray.Dataset) -> dict[str, list[str]]:
-    """Return by signal the names under which it is in a result; more than one of variants."""
+    """Return, for each signal, its names in a result: one for each variant."""
     signals: dict[str, list[str]] = {}
     for name, array in data.items():
         if name != data.attrs["over"]:
@@ -64,15 +64,15 @@ def _variants_of_signals(data: xarray.Dataset) -> dict[str, list[str]]:
 
 
 def _draw_signal(panel: Axes, across: Array, signal: xarray.DataArray, over: str) -> None:
-    """Draw a signal, with its name if it is that of a variant."""
-    held = signal.role == "input" and over == "time"
+    """Draw a signal, with a legend if it is of a variant."""
+    is_stepped = signal.role == "input" and over == "time"
     values, _ = displayed(signal)
     variant = signal.attrs.get("variant")
     panel.plot(
         across,
         values,
         color=None if variant else pictures.MODEL,
-        drawstyle="steps-post" if held else "default",
+        drawstyle="steps-post" if is_stepped else "default",
         label=variant and pictures.plain(variant),
     )
     if variant:
@@ -80,7 +80,7 @@ def _draw_signal(panel: Axes, across: Array, signal: xarray.DataArray, over: str
 
 
 def caption(data: xarray.Dataset) -> str:
-    """Return the words under the picture of a result."""
+    """Return the caption of the picture of a result."""
     if tracked(data):
         return "Last cycle of each run, the thesis's loop, and figures of every cycle."
     count = len(_variants_of_signals(data))
@@ -89,7 +89,7 @@ def caption(data: xarray.Dataset) -> str:
 
 
 def tracked(data: xarray.Dataset) -> dict[str, TrackedLoop]:
-    """Return the loops of an experiment on one, as far as whole cycles were run."""
+    """Return the work loops of a result by variant; none without a table or a whole cycle."""
     table = json.loads(data.attrs["experiment"]).get("work_loop")
     if table is None or data.time[-1] < table["period"]:
         return {}

@@ -1,4 +1,4 @@
-"""An experiment checked against what it is made on, with everything that it is run with."""
+"""Checks of an experiment against its subject, and the arrays with which it is run."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ from orchestration.fmu.signal import check_type, is_text, read_setting
 from orchestration.fmu.simulation import LimitOutputs
 from orchestration.system import checking
 
-_NOISE = 1  # parts the random numbers of a signal's noise from those of a stimulus
-_STEPS_OF_LOOP = 3  # in a period, as fewer points enclose no area
+_NOISE = 1  # in a seed: makes noise of a signal independent of a stimulus of that name
+_STEPS_OF_LOOP = 3  # in a period: fewer points enclose no area
 _SAME = 1e-3  # share of its range by which a reference may differ from cycle to cycle
 _IMBALANCE = "Energy that the coupling made since the start, an error of co-simulation"
 
 
 @dataclass(frozen=True)
 class Preparation:
-    """An experiment that fits what it is made on.
+    """An experiment that fits its subject.
 
     Attributes
     ----------
     experiment : Experiment
-        With duration, step and, on a system, master as they will be.
+        With the duration, step and, on a system, master of the run.
     on : Subject
     time : ndarray, shape (n,)
         Communication points in s.
     settings : dict of str to float or str
         Parameters, in the FMU's units.
     inputs, noise : dict of str to ndarray, shape (n,)
-        Stimuli by input, and what is added to recorded outputs; in the FMU's units.
+        Stimuli by input, and noise by recorded output; in the FMU's units.
     record : list of str
         Outputs that are recorded, besides the inputs.
     """
@@ -70,19 +70,19 @@ class Preparation:
 
     @property
     def signals(self) -> dict[str, Signal]:
-        """Everything that the results hold over time."""
+        """All signals of the results, by name."""
         signals = {name: self.on.inputs[name] for name in self.inputs}
         signals |= {name: self.on.outputs[name] for name in self.record}
         return signals | {signal.name: signal for signal in self.imbalances.values()}
 
     @property
     def limits(self) -> LimitOutputs:
-        """Outputs that tell of limits."""
+        """Outputs that report limits."""
         return LimitOutputs.among(self.on.outputs, self.on.parameters)
 
     @property
     def wanted(self) -> list[str]:
-        """Outputs that the run must deliver: those recorded, ends of couplings, and limits."""
+        """Outputs that the run returns: those recorded, ends of couplings, and limits."""
         ends = [str(wire.source) for coupling in self.on.couplings for wire in coupling]
         limits = [*self.limits.margins, *self.limits.limiters]
         return list(dict.fromkeys([*self.record, *ends, *limits]))
@@ -91,22 +91,22 @@ class Preparation:
 def prepare(
     experiment: Experiment, on: Subject, where: str, note: Callable[[str], None]
 ) -> Preparation:
-    """Check an experiment against what it is made on.
+    """Check an experiment against its subject.
 
     Parameters
     ----------
     experiment : Experiment
     on : Subject
     where : str
-        Its file or name, for messages.
+        File or name of the experiment, for messages.
     note : callable
-        Called with a line for what is worth knowing: repairs in a file, inputs that stay at their
-        start value.
+        Called with one line for each remark: repairs in a file, inputs that stay at their start
+        value.
 
     Raises
     ------
     UserError
-        If something in the experiment does not fit.
+        If the experiment does not fit its subject.
     """
     if experiment.variants:
         raise UserError(f"{where}: variants are run side by side (ppy run), and nowhere else")
@@ -145,7 +145,7 @@ def _check_work_loop(
     signals: Mapping[str, Signal],
     where: str,
 ) -> None:
-    """Refuse a table whose signals are not there or others, or whose reference is no loop."""
+    """Raise UserError if signals of the loop are missing, or force or reference is not periodic."""
     for key in ("length", "current", "voltage"):
         known(getattr(table, key), signals, f"work_loop.{key}: no output recorded", where)
     step = time[1] - time[0]
@@ -161,8 +161,8 @@ def _check_work_loop(
             near = suggestion(name, inputs)
             raise UserError(f"{where}: work_loop.{key}: no input driven named {name!r}{near}")
         values = inputs[name]
-        again = np.interp(later, time, values) - np.interp(later - table.period, time, values)
-        if np.abs(again).max(initial=0.0) > _SAME * np.ptp(values):
+        change = np.interp(later, time, values) - np.interp(later - table.period, time, values)
+        if np.abs(change).max(initial=0.0) > _SAME * np.ptp(values):
             raise UserError(
                 f"{where}: work_loop.period = {table.period:g} s: {name} is not the same again"
                 " after that time, as a loop has to be"
@@ -173,7 +173,7 @@ def _check_work_loop(
 
 
 def _recorded_outputs(experiment: Experiment, on: Subject, where: str) -> list[str]:
-    """Return the outputs to record, each once; inputs are recorded in any case."""
+    """Return the outputs to record, each once, without the inputs, which are always recorded."""
     wanted = on.recorded_by_default if experiment.record is None else experiment.record
     outputs = [name for name in wanted if name not in on.inputs]
     for name in outputs:
@@ -182,10 +182,7 @@ def _recorded_outputs(experiment: Experiment, on: Subject, where: str) -> list[s
 
 
 def points(experiment: Experiment, where: str) -> Array:
-    """Return communication points in s, from a duration and a step.
-
-    UserError if there are none.
-    """
+    """Return the communication points (n,) in s; UserError if step and duration give none."""
     try:
         return simulate.grid(0.0, experiment.duration or 0.0, experiment.step or 0.0)
     except UserError as error:
@@ -215,7 +212,7 @@ def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, Valu
 def _inputs(
     experiment: Experiment, on: Subject, time: Array, where: str, note: Callable[[str], None]
 ) -> dict[str, Array]:
-    """Return the stimuli of an experiment; note which inputs stay as they start."""
+    """Return the stimuli by input, and note each input that stays at its start value."""
     values = {}
     for name in experiment.inputs:
         signal = known(name, on.inputs, f"{on.name} has no input", where)
@@ -237,13 +234,13 @@ def stimulus_values(
     where: str,
     note: Callable[[str], None],
 ) -> Array:
-    """Return what an experiment sends into an input.
+    """Return the stimulus of an input at the communication points.
 
     Parameters
     ----------
     experiment : Experiment
     name, unit : str
-        Of the input.
+        Name and unit of the input.
     time : ndarray, shape (n,)
         Communication points in s.
     where : str
@@ -259,7 +256,7 @@ def stimulus_values(
     Raises
     ------
     UserError
-        For a wrong unit, and for numbers that make no such signal.
+        If a unit does not fit the input, or the values of its keys are not allowed.
     """
     here = f"{where}: inputs.{name}"
     place = Place(name, unit, _seed(experiment, name))
@@ -273,7 +270,7 @@ def stimulus_values(
 
 
 def _within(signal: Signal, values: Array, where: str) -> None:
-    """Refuse values out of the range of a signal, or not of its type."""
+    """Raise UserError if values are out of the range of a signal, or not of its type."""
     for extreme in (values.min(), values.max()):
         if not signal.min <= extreme <= signal.max:
             raise UserError(
@@ -285,7 +282,7 @@ def _within(signal: Signal, values: Array, where: str) -> None:
 
 
 def _seed(experiment: Experiment, name: str, part: int = 0) -> tuple[int, ...]:
-    """Return the seed of a signal's random numbers, which no other signal changes."""
+    """Return the seed of a signal's random numbers, which depends on no other signal."""
     return experiment.seed, zlib.crc32(name.encode()), part
 
 
@@ -297,9 +294,9 @@ def _noise(
     count: int,
     where: str,
 ) -> Array:
-    """Draw noise that is white, or AR(1) and stationary from its first value on.
+    """Return noise (count,), white or AR(1), stationary from its first value on.
 
-    It is refused where `signal`, the output of that name, is None: it is not recorded.
+    UserError if `signal`, the output of that name, is None, as it is not recorded.
     """
     if signal is None:
         raise UserError(

@@ -1,6 +1,6 @@
-"""Reading of experiments: from a TOML file, by the name of one that ships, or out of a result.
+"""Reading of experiments: from a TOML file, by the name of one that ships, or from a result.
 
-A system's file is read as the experiment that runs it as it is.
+The file of a system is read as the experiment that runs this system with its own values.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray
 
 _TOML = ".toml"
-_INNER = {  # keys that the entries of a table can have
+_INNER = {  # keys of the entries of a table
     "inputs": {key for kind in KINDS for key in kind.model_fields},
     "noise": set(NoiseTable.model_fields),
 }
@@ -37,23 +37,23 @@ def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
     ----------
     name_or_path : str
         Name of one that ships, a ``.toml`` file, a system (``.ssp``, ``.ssd``), or a result
-        (``.nc``, ``.parquet``) whose experiment is wanted again. Inputs from files are then those
-        that the result holds, so that the files need not be there any more. Of an incomplete result
-        it is the part that was computed, unless there are settings.
+        (``.nc``, ``.parquet``) whose experiment is repeated. Inputs from files are then read from
+        the result, so that these files are not needed. An incomplete result gives the experiment
+        of its computed part, unless there are settings.
     settings : sequence of str
-        ``key=value`` over what the file says: a key of the file with dots between table and key
+        ``key=value``, which replace values of the file: a key with dots between table and key
         (``inputs.current.amplitude=0.5A``), or a parameter (``R1=610mohm``).
 
     Raises
     ------
     UserError
-        If there is no such experiment, or something in it is wrong: one line.
+        If there is no such experiment, or a key or value in it is wrong.
     """
     known = shipped()
     path = known.get(name_or_path, Path(name_or_path))
     if not is_file(path):
         hint = suggestion(name_or_path, known) if not path.suffix else ""
-        # by its path, which is there where the name is empty, too
+        # the path, as the name may be empty
         reason = "a folder" if is_folder(path) else "no such file or experiment"
         raise UserError(f"{path}: {reason}{hint}")
     given = _tables(path, not settings)
@@ -63,7 +63,7 @@ def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
 
 
 def is_result(path: Path) -> bool:
-    """Return True for the file of a result, which can be made again and compared."""
+    """Return True for the file of a result, which can be repeated and compared."""
     return is_file(path) and path.suffix.lower() not in (_TOML, *ENDINGS)
 
 
@@ -77,7 +77,7 @@ def _tables(path: Path, unchanged: bool) -> dict[str, Any]:
 
 
 def _from_result(path: Path, unchanged: bool) -> dict[str, Any]:
-    """Return the tables of a result's experiment; unchanged, only the part that was computed."""
+    """Return the tables of a result's experiment; with `unchanged`, of its computed part only."""
     from orchestration.experiment import results
 
     result = results.read(path)
@@ -92,20 +92,21 @@ def _from_result(path: Path, unchanged: bool) -> dict[str, Any]:
         given["duration"] = float(result.time[-1])
     subject = given.get("system") or given["component"]
     if Path(subject).suffix.lower() in (".fmu", *ENDINGS) and not given.get("effects"):
-        given.pop("runtime", None)  # a result names one for every subject; here nothing is built
+        given.pop("runtime", None)  # a result always names one; FMUs from files are not built
     for name, stimulus in given.get("inputs", {}).items():
-        # random levels and chirps of a shorter duration are others, not the beginning of these
+        # random levels and chirps of a shorter duration are no beginning of the longer ones
         if stimulus["kind"] == "file" or is_part:
             given["inputs"][name] = {"kind": "file", "file": str(path.absolute()), "column": name}
     for table, key, _ in _files(given):
-        beside = path.parent / PureWindowsPath(table[key]).name  # whatever system it was written on
-        if not is_file(path.parent / table[key]) and is_file(beside):
-            table[key] = str(beside.absolute())
+        # PureWindowsPath splits paths of Windows and of POSIX
+        neighbour = path.parent / PureWindowsPath(table[key]).name
+        if not is_file(path.parent / table[key]) and is_file(neighbour):
+            table[key] = str(neighbour.absolute())
     return given
 
 
 def _files(given: dict[str, Any]) -> list[tuple[dict[str, Any], str, str]]:
-    """Return where an experiment names files: the table, its key, and what the file is."""
+    """Return the references to files in an experiment: table, key and role of each file."""
     places = [(given, kind, kind) for kind in ("component", "system")]
     places += [
         (table, "file", f"record for {name}") for name, table in given.get("inputs", {}).items()
@@ -114,14 +115,14 @@ def _files(given: dict[str, Any]) -> list[tuple[dict[str, Any], str, str]]:
 
 
 def files(experiment: Experiment) -> dict[str, Path]:
-    """Return the files that an experiment reads, by what they are."""
-    return {what: Path(table[key]) for table, key, what in _files(experiment.model_dump())}
+    """Return the files that an experiment reads, by their role."""
+    return {role: Path(table[key]) for table, key, role in _files(experiment.model_dump())}
 
 
 def movable(result: xarray.Dataset, folder: Path) -> xarray.Dataset:
-    """Name the files of a result's experiment that lie in a folder as they are seen from there.
+    """Return a result in which the files of its experiment have paths relative to a folder.
 
-    The result can then be moved together with them, and is the same wherever it was made.
+    This holds for files in the folder; the result can then be moved together with them.
     """
     given = json.loads(result.attrs["experiment"])
     for table, key, _ in _files(given):
@@ -132,7 +133,7 @@ def movable(result: xarray.Dataset, folder: Path) -> xarray.Dataset:
 
 
 def _set(given: dict[str, Any], setting: str) -> None:
-    """Put a setting ``key=value`` into the tables of an experiment."""
+    """Set a value in the tables of an experiment from a text ``key=value``."""
     key, equals, text = (part.strip() for part in setting.partition("="))
     if not equals or not key or not text:
         raise UserError(
@@ -150,10 +151,10 @@ def _set(given: dict[str, Any], setting: str) -> None:
 
 
 def _place(key: str, given: dict[str, Any]) -> list[str]:
-    """Split a key at those of its dots that part tables; names of variables have dots, too.
+    """Split a key into the names of tables and the last key; names of variables have dots, too.
 
     ``inputs.bench.current.value`` is a key of the table of the input ``bench.current``, but
-    ``inputs.bench.current`` that input itself. What begins with no table is a parameter.
+    ``inputs.bench.current`` is that input itself. A key in no table is a parameter.
     """
     table, _, inner = key.partition(".")
     if table not in Experiment.model_fields:
@@ -169,7 +170,7 @@ def _place(key: str, given: dict[str, Any]) -> list[str]:
 
 
 def _value(text: str) -> Any:
-    """Read a value as TOML does; what is none is a text, so that 610mohm needs no quotes."""
+    """Parse a value as TOML, or else keep it as a text, so that 610mohm needs no quotes."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:

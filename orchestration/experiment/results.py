@@ -1,7 +1,7 @@
-"""Results of experiments: signals with units over time, and all that is needed to repeat them.
+"""Results of experiments: signals with units over time, with all settings that repeat them.
 
-In memory an :class:`xarray.Dataset`; as a file NetCDF (``.nc``), Parquet or CSV. CSV is a record
-like a measured one and holds the numbers only.
+A result is an :class:`xarray.Dataset` in memory, and NetCDF (``.nc``), Parquet or CSV as a file.
+CSV is a record like a measured one and has the numbers only.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ _ABOUT = b"ppy_rig"  # key of the metadata in a Parquet file
 
 
 class ExperimentResult(ResultDataset):
-    """Signals of an experiment over time, and all that it takes to make it again.
+    """Signals of an experiment over time, with all settings that repeat it.
 
-    A dataset of xarray, whose picture a notebook shows beside its variables; ``plot()`` draws it,
-    and ``plot("file.png")`` writes it as well.
+    A dataset of xarray; a notebook shows its picture and its variables. ``plot()`` draws the
+    picture, and ``plot("file.png")`` also writes it.
     """
 
     __slots__ = ()
@@ -51,18 +51,18 @@ def dataset(
     inputs: Collection[str],
     about: Mapping[str, Any],
 ) -> ExperimentResult:
-    """Gather results.
+    """Return signals over time as a result.
 
     Parameters
     ----------
     time : ndarray, shape (n,)
         Seconds.
     values : Mapping of str to ndarray, shape (n,)
-        In the FMU's units.
+        By signal, in the FMU's units.
     signals : Mapping of str to Signal
-        What the values are of.
+        By the same names.
     inputs : collection of str
-        Which of them are inputs, and so held from point to point.
+        Names of the inputs, which are constant from point to point.
     about : Mapping
         Attributes of the dataset: numbers and texts.
     """
@@ -87,16 +87,16 @@ def dataset(
 def side_by_side(
     runs: Mapping[str, ExperimentResult], experiment: Experiment, where: str
 ) -> ExperimentResult:
-    """Gather results of variants, which have their times and inputs in common.
+    """Return results of variants as one; they have the same times and inputs.
 
     Parameters
     ----------
     runs : Mapping of str to ExperimentResult
         By the name of the variant.
     experiment : Experiment
-        Of which they are variants.
+        The experiment with these variants.
     where : str
-        Its file or name.
+        File or name of the experiment.
     """
     first = next(iter(runs.values()))
     own = experiment.model_dump(mode="json", include={"parameters", "variants"})
@@ -125,7 +125,7 @@ def displayed(array: xarray.DataArray) -> tuple[Array, str]:
 
 
 def about_experiment(experiment: Experiment, where: str) -> dict[str, Any]:
-    """Return the experiment, and with what it was made; `where` is its file or name."""
+    """Return attributes about an experiment, its file or name `where`, and the software."""
     return {
         "title": experiment.title or where,
         "source": experiment.source,
@@ -144,7 +144,7 @@ def about_experiment(experiment: Experiment, where: str) -> dict[str, Any]:
 
 
 def about_pace(pacing: Pacing | None) -> dict[str, Any]:
-    """Return how well a run kept pace with real time, if it had to."""
+    """Return attributes about the pace of a run; none if it was not in real time."""
     if pacing is None:
         return {}
     return {
@@ -157,7 +157,7 @@ def about_pace(pacing: Pacing | None) -> dict[str, Any]:
 
 
 def check_format(path: Path) -> None:
-    """Refuse a name whose ending is of no format; UserError."""
+    """Raise UserError if the ending of a file is that of no format."""
     if path.suffix.lower() not in FORMATS:
         raise UserError(
             f"--out {path}: its name must end in {', '.join(FORMATS)}, not"
@@ -166,19 +166,19 @@ def check_format(path: Path) -> None:
 
 
 def check(sketch: xarray.Dataset, path: Path) -> None:
-    """Refuse what a file's format cannot hold, by writing results of a single point somewhere else.
+    """Check that a format can store a result, by writing one of a single point to a scratch folder.
 
     Raises
     ------
     UserError
-        Name and format.
+        If the format does not allow a name.
     """
     with scratch.folder("check") as folder:
         _write(sketch, folder / f"sketch{path.suffix}", str(path))
 
 
 def write(data: xarray.Dataset, path: Path) -> None:
-    """Write results, whole or not at all, in the format of the file's ending.
+    """Write a result, whole or not at all, in the format of the file's ending.
 
     Raises
     ------
@@ -236,12 +236,12 @@ def _parquet(data: xarray.Dataset, called: str) -> bytes:
 
 
 def read(path: Path) -> xarray.Dataset:
-    """Read results that hold their experiment.
+    """Read a result with its experiment, from NetCDF or Parquet.
 
     Raises
     ------
     UserError
-        If the file cannot be read or is no such result.
+        If the file cannot be read or is not such a result.
     """
     try:
         content = path.read_bytes()
@@ -253,7 +253,7 @@ def read(path: Path) -> xarray.Dataset:
         raise UserError(f"{path}: cannot be read: {error.strerror or error}") from error
     except UserError:
         raise
-    except Exception as error:  # the libraries raise whatever a foreign or damaged file trips
+    except Exception as error:  # a damaged file can raise any error in these libraries
         raise UserError(
             f"{path}: not a result of ppy run, or damaged (.nc and .parquet hold an experiment)"
         ) from error
@@ -274,7 +274,7 @@ def read(path: Path) -> xarray.Dataset:
 
 
 class _About(BaseModel):
-    """Attributes that are read again."""
+    """Attributes of a result that commands read."""
 
     experiment: Json[dict[str, Any]]
     guids: Json[dict[str, str]]
@@ -296,7 +296,9 @@ def _from_parquet(content: bytes) -> xarray.Dataset:
 
 
 def differences(new: xarray.Dataset, old: xarray.Dataset) -> dict[str, float]:
-    """Compare signals bit by bit, as far as both go.
+    """Return the largest deviation of each signal that is not the same bit by bit.
+
+    Of results of different length the common beginning is compared.
 
     Returns
     -------

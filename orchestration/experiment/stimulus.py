@@ -26,7 +26,7 @@ from orchestration.fmu.simulation import held
 from orchestration.records import read_record
 
 _ZERO = QuantityValue(0.0)
-_ROUNDING = 1e-9  # a period of two steps, as numbers with a unit give it, may miss them by that
+_ROUNDING = 1e-9  # relative, of times and frequencies that are converted to SI
 Seed = Annotated[int, Field(ge=0, strict=True)]
 
 
@@ -37,11 +37,11 @@ class Place:
     Attributes
     ----------
     name, unit : str
-        Of the input.
+        Name and unit of the input.
     seed : tuple of int
-        Of its random numbers, unless the stimulus has a seed of its own.
+        Seed of random numbers, unless the stimulus has its own.
     notes : list of str
-        Takes what was repaired in a record, or noticed about it.
+        Receives remarks on a record, such as repairs.
     """
 
     name: str
@@ -51,10 +51,10 @@ class Place:
 
 
 class StimulusTable(ValueTable):
-    """A signal over time."""
+    """Table of a stimulus: a signal over time."""
 
     def values(self, time: Array, place: Place) -> Array:
-        """Return the signal at communication points.
+        """Return the values of the signal at communication points.
 
         Parameters
         ----------
@@ -70,7 +70,7 @@ class StimulusTable(ValueTable):
         Raises
         ------
         UserError
-            For a wrong unit, and for numbers that make no such signal.
+            If a unit does not fit the input, or the values of keys are not allowed.
         """
         return self._signal(time, place)
 
@@ -85,7 +85,7 @@ class StimulusTable(ValueTable):
         return [q.to(unit, f"{key} = {q.value:g} {q.unit}") for q in given]
 
     def _check_frequency(self, key: str, frequency: float, time: Array) -> None:
-        """Refuse a frequency that its values at the communication points show as a lower one."""
+        """Raise UserError for a frequency that the communication points alias to a lower one."""
         step = time[1] - time[0]
         if frequency * step > 0.5 * (1.0 + _ROUNDING):
             limit = f"at most {0.5 / step:g} Hz, half the sampling rate at a step of {step:g} s"
@@ -94,7 +94,7 @@ class StimulusTable(ValueTable):
             )
 
     def _require_steps(self, key: str, seconds: float, steps: int, time: Array) -> None:
-        """Refuse a time shorter than so many steps: a level may be over before the next point."""
+        """Raise UserError for a time shorter than so many steps, in which levels can be missed."""
         least = steps * (time[1] - time[0])
         if seconds < least * (1.0 - _ROUNDING):
             count = "one step" if steps == 1 else f"{steps} steps"
@@ -102,7 +102,7 @@ class StimulusTable(ValueTable):
 
 
 class ConstantSignal(StimulusTable):
-    """One value; written without a table, it is this too."""
+    """A constant; in a file it can be written as a value without a table."""
 
     kind: Literal["constant"]
     value: Amount
@@ -123,7 +123,7 @@ class _Wave(StimulusTable):
 
 
 class Square(_Wave):
-    """Square wave; from `delay` on the first half of every period is high."""
+    """Square wave whose periods begin at `delay`, each with its high half."""
 
     kind: Literal["square"]
     frequency: Hertz
@@ -149,7 +149,7 @@ class Sine(_Wave):
 
 
 class Chirp(_Wave):
-    """Sine whose frequency moves linearly from the start to the end of the experiment."""
+    """Sine whose frequency changes linearly from the start to the end of the experiment."""
 
     kind: Literal["chirp"]
     start_frequency: Hertz
@@ -165,7 +165,7 @@ class Chirp(_Wave):
 
 
 class Multisine(StimulusTable):
-    """Equally strong sines with random phases; `rms` is that of their sum about the offset."""
+    """Sum of sines of equal amplitude and random phases; `rms` is of the sum without the offset."""
 
     kind: Literal["multisine"]
     frequencies: list[Hertz]
@@ -183,7 +183,7 @@ class Multisine(StimulusTable):
 
 
 class Multilevel(StimulusTable):
-    """Random jumps among levels, each held for a random time between the two of `dwell`."""
+    """Random sequence of levels; each lasts a random time between the two of `dwell`."""
 
     kind: Literal["multilevel"]
     levels: list[Amount]
@@ -199,7 +199,7 @@ class Multilevel(StimulusTable):
 
 
 class Steps(StimulusTable):
-    """`initial`, and from each of `times` on the level that belongs to it."""
+    """Steps to ``levels[k]`` at ``times[k]``, with the value `initial` before the first."""
 
     kind: Literal["steps"]
     times: list[Seconds]
@@ -212,7 +212,7 @@ class Steps(StimulusTable):
 
 
 class Ramps(StimulusTable):
-    """Straight lines between levels, constant before the first of `times` and after the last."""
+    """Linear interpolation of levels at `times`, constant before the first and after the last."""
 
     kind: Literal["ramps"]
     times: list[Seconds]
@@ -223,7 +223,7 @@ class Ramps(StimulusTable):
 
 
 class Staircase(StimulusTable):
-    """Loads ever one increment above the bias, each for half a period, the bias in between."""
+    """Half periods of growing levels, one `increment` higher each, and of the bias in between."""
 
     kind: Literal["staircase"]
     period: Span
@@ -238,9 +238,9 @@ class Staircase(StimulusTable):
 
 
 class FromFile(StimulusTable):
-    """A column of a record, each sample held until the next.
+    """A column of a record, with a zero-order hold between samples.
 
-    It has the input's name unless `column` names another.
+    The column is that with the name of the input, unless `column` names another.
     """
 
     kind: Literal["file"]
@@ -259,7 +259,7 @@ class FromFile(StimulusTable):
         )
         first = record.time[0]
         last = record.time[-1]
-        end = last + np.median(np.diff(record.time))  # its last sample is held as the others are
+        end = last + np.median(np.diff(record.time))  # the last sample lasts a step, too
         if first > time[0] or end < time[-1]:
             raise UserError(
                 f"{self.file} goes from {first:g} s to {last:g} s, the experiment from 0 s to"
@@ -269,7 +269,7 @@ class FromFile(StimulusTable):
 
 
 class _Declared(StimulusTable):
-    """A signal that a package of components brings."""
+    """A signal from a package of components."""
 
     declared: ClassVar[registry.StimulusDeclaration]
     kind: str
@@ -295,7 +295,7 @@ def declared_kinds() -> Iterator[type[StimulusTable]]:
 
 
 def _constant(given: Any) -> Any:
-    """Return the table of a constant where its value stands by itself."""
+    """Return the table of a constant for a value without a table."""
     if isinstance(given, dict | StimulusTable):
         return given
     return {"kind": "constant", "value": given}

@@ -1,4 +1,4 @@
-"""Subjects of an experiment, a component or a system: their signals, and a way to run them."""
+"""Subjects of experiments: components and systems, with their signals and how they are run."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Progress = Callable[[int], None]
 
 
 class Runner(Protocol):
-    """Runs a subject over communication points."""
+    """Function that runs a subject over communication points."""
 
     def __call__(
         self,
@@ -54,15 +54,15 @@ class Runner(Protocol):
         record : sequence of str
             Names of outputs.
         progress : callable
-            Called with the number of points done.
+            Called with the number of computed points.
         pace : RealTime, optional
-            Keeps pace with real time.
+            Options of real time.
         isolation : Limits, optional
-            Of a process beside this one, in which the run goes on.
+            Limits of another process, in which the FMUs run.
         """
 
 
-_NO_READING = ("parameter", "input", "independent")
+_NOT_RECORDABLE = ("parameter", "input", "independent")
 
 
 @dataclass(frozen=True)
@@ -73,26 +73,26 @@ class Subject:
     ----------
     name : str
     inputs, parameters, outputs : Mapping of str to Signal
-        What can be driven, set and recorded; in a system the latter two are ``member.variable``.
-        Inputs of members that nothing feeds can be set.
+        Variables that can be driven, set and recorded; in a system the latter two are
+        ``member.variable``. Parameters include the inputs of members without a connection.
     open_inputs : Mapping of str to Signal
-        Those of them that have no value yet.
+        Inputs of members without a connection and without a value.
     why_not_settable : Mapping of str to str
-        Inputs that cannot be set, and why.
+        For each input that cannot be set like a parameter, the reason.
     recorded_by_default : list of str
         Outputs that are recorded unless the experiment names others.
     settings : Mapping of str to float or str
-        Parameters that are set already: those of the preset, or of the members of the system.
+        Parameters with values of the preset, or of the members of the system.
     duration, step : float
-        Seconds, of its default experiment.
+        Of the default experiment, s.
     guids : Mapping of str to str
         GUID of every FMU.
     couplings : list of Mechanical
-        Those whose imbalance can be computed.
+        Couplings whose energy imbalance can be computed.
     run : callable
         A `Runner`.
     foreign : bool
-        Whether an FMU among it is not one of ours.
+        Whether one of the FMUs is not ours.
     notes : sequence of str
         Remarks for the user, such as why the equations of a component are not known.
     """
@@ -116,7 +116,7 @@ class Subject:
 
 @contextmanager
 def subject(experiment: Experiment, where: str) -> Iterator[Subject]:
-    """Find what an experiment is made on; while the context lasts, it can be run.
+    """Yield the subject of an experiment, which can be run inside the context.
 
     Raises
     ------
@@ -132,18 +132,18 @@ def subject(experiment: Experiment, where: str) -> Iterator[Subject]:
         except UserError as error:
             system = experiment.system
             itself = system is not None and Path(where).absolute() == Path(system)
-            told = str(error).removeprefix(f"{system}: ") if itself else error
-            raise UserError(f"{where}: {told}") from error
+            message = str(error).removeprefix(f"{system}: ") if itself else error
+            raise UserError(f"{where}: {message}") from error
         yield made_on
 
 
 def _component(experiment: Experiment, name: str) -> Subject:
-    """Wrap a component as a system of one member, whose signals need no ``member.`` before them."""
+    """Return a component as a system of one member, with signals without the prefix ``member.``."""
     model = find_model(name, experiment.chosen_runtime, experiment.effects)
     start, stop, step = FmuSource(model.path).default_experiment
     duration = 10.0 if stop is None else stop - start
     member = model.path.stem.replace(".", "_")
-    cls = None if model.foreign else model.cls  # whatever its laws, its binary is the user's
+    cls = None if model.foreign else model.cls  # the binary of a user's FMU is not ours
     system = System(
         model.name,
         members=(Member(member, model.path, model.settings([], experiment.preset), cls),),
@@ -156,7 +156,7 @@ def _component(experiment: Experiment, name: str) -> Subject:
 
 
 def _system(experiment: Experiment, name: str, folder: Path) -> Subject:
-    """Read a system from its file, or build one that ships."""
+    """Return the system of a file, or of a name, as a subject."""
     if Path(name).suffix.lower() in ENDINGS:
         refuse_runtime(experiment.chosen_runtime, name)
         system = ssp.read(Path(name), folder)
@@ -165,19 +165,19 @@ def _system(experiment: Experiment, name: str, folder: Path) -> Subject:
 
 
 def subject_of(system: System, master_options: Master | None = None, prefix: str = "") -> Subject:
-    """Return a system as a subject, whose signals are named without a prefix.
+    """Return a system as a subject, with names of signals without a prefix.
 
     Parameters
     ----------
     system : System
     master_options : Master, optional
-        How it is run.
+        Options of running it.
     prefix : str
 
     Raises
     ------
     UserError
-        If it does not pass its check.
+        If the system does not pass its check.
     """
     check.check(system)
     described = {member.name: read_description(member.fmu) for member in system.members}
@@ -235,7 +235,7 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
 
 
 def _why_not_settable(system: System) -> dict[str, str]:
-    """Return why inputs are not set like parameters, by their names and those of the system."""
+    """Return, for each input that cannot be set as a parameter, the reason."""
     reasons = {str(c.target): f"it receives {c.source}" for c in system.connections}
     for name, targets in system.inputs.items():
         reasons |= dict.fromkeys([name, *map(str, targets)], f"give it as inputs.{name}")
@@ -243,7 +243,7 @@ def _why_not_settable(system: System) -> dict[str, str]:
 
 
 def _runner(system: System, prefix: str, master_options: Master) -> Runner:
-    """Return a runner of a system, whose signals are named without a prefix."""
+    """Return the function that runs a system, with names of signals without a prefix."""
 
     def run(
         time: Array,
@@ -274,7 +274,7 @@ def _runner(system: System, prefix: str, master_options: Master) -> Runner:
 
 
 def _is_recordable(variable: Any) -> bool:
-    return variable.causality not in _NO_READING and variable.type != "String"
+    return variable.causality not in _NOT_RECORDABLE and variable.type != "String"
 
 
 def _fused(
@@ -284,9 +284,9 @@ def _fused(
     record: Sequence[str],
     progress: Progress,
 ) -> master.Run:
-    """Run a system as one compiled model.
+    """Run a system as one compiled model, in which members are connected in continuous time.
 
-    Inputs are held as a master holds them; members exchange all the time.
+    Inputs are constant between communication points, as with a master.
     """
     model = CompiledModel(fuse(with_classes(system)))
     begin = perf_counter()
@@ -302,13 +302,13 @@ def _fused(
 
 
 def unknown_laws(system: System) -> tuple[str, ...]:
-    """Return why equations of members are not known, of those that tell what they are made from."""
+    """Return the reasons for which the declared equations of members cannot be used."""
     unknown = [declared_model(str(m.fmu)).notes for m in system.members if m.cls is None]
     return tuple(dict.fromkeys(note for notes in unknown for note in notes))
 
 
 def with_classes(system: System) -> System:
-    """Return a system whose members have the classes that their FMUs were built from."""
+    """Return a system whose members have the classes from which their FMUs were built."""
     members = (
         m if m.cls is not None else replace(m, cls=declared_model(str(m.fmu)).cls)
         for m in system.members
@@ -316,8 +316,8 @@ def with_classes(system: System) -> System:
     return replace(system, members=tuple(members))
 
 
-def known(name: str, among: Mapping[str, Signal], what: str, where: str) -> Signal:
-    """Return a signal by its name; UserError with the nearest one if there is none."""
+def known(name: str, among: Mapping[str, Signal], missing: str, where: str) -> Signal:
+    """Return a signal by its name, or raise UserError with `missing` and the nearest name."""
     if name not in among:
-        raise UserError(f"{where}: {what} named {name!r}{suggestion(name, among)}")
+        raise UserError(f"{where}: {missing} named {name!r}{suggestion(name, among)}")
     return among[name]

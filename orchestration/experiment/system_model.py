@@ -1,8 +1,8 @@
-"""A system as a model: what is swept, compared with a record and fitted like a single FMU.
+"""Systems as models, which are swept, compared with records and fitted like single FMUs.
 
 Parameters and outputs are ``member.variable``, as in experiments; inputs are those of the system,
-and those of members that nothing feeds. The runs are those of `ppy run`; what is held against a
-record is fused where that is possible, for the members of a rig exchange all the time.
+and those of members without a connection. Sweeps run a system as `ppy run` does. For a comparison
+with a record it is fused where that is possible, as the parts of a rig are coupled continuously.
 """
 
 from __future__ import annotations
@@ -30,28 +30,25 @@ from orchestration.fmu.simulation import FmuSource
 from orchestration.master.reference import fuse
 from orchestration.system import NAMES, System, interface, library, ssp
 
-_ROUNDING = 1e-9  # relative, of the distance of two points
+_ROUNDING = 1e-9  # of a distance of two points in steps
 
 
 def is_system(name: str) -> bool:
-    """Return whether a name is that of a system, or of a file of one.
-
-    A component that has the name of a system comes first.
-    """
+    """Return whether a name is that of a system or of its file, and not that of a component."""
     return (name in NAMES and name not in registry.models()) or Path(
         name
     ).suffix.lower() in ssp.ENDINGS
 
 
 def find_system(name: str, runtime: str | None = None) -> System:
-    """Find a system by its name or its file, whose FMUs are unpacked until the process ends.
+    """Return the system of a name or a file; its FMUs are unpacked until the process ends.
 
     Parameters
     ----------
     name : str
-        One that ships, or an ``.ssp`` or ``.ssd`` file.
+        Name of a system that ships, or an ``.ssp`` or ``.ssd`` file.
     runtime : {"native", "python"}, optional
-        Kind of build of one that ships; native unless given.
+        Kind of build of a system that ships; native by default.
 
     Raises
     ------
@@ -70,16 +67,16 @@ def system_model(system: System, master: Master | None = None, name: str = "") -
     Parameters
     ----------
     system : System
-        Between two points its members exchange values once in its `step`, or more often.
+        Its members exchange values at least once in its `step`.
     master : Master, optional
-        How it is run.
+        Options of running it.
     name : str
-        For results and messages; its own unless given.
+        Name of the model, for results and messages; that of the system by default.
 
     Raises
     ------
     UserError
-        If it does not pass its check.
+        If the system does not pass its check.
     """
     on = subject_of(system, master)
     parameters = {n: s for n, s in on.parameters.items() if n not in on.open_inputs}
@@ -89,7 +86,7 @@ def system_model(system: System, master: Master | None = None, name: str = "") -
         None,
         _named({**on.inputs, **on.open_inputs}),
         _named({name: on.outputs[name] for name in _outputs(system)}),
-        {n: _starting(s, on.settings.get(n, s.default)) for n, s in _named(parameters).items()},
+        {n: _with_start(s, on.settings.get(n, s.default)) for n, s in _named(parameters).items()},
         system=SystemSource(_sendable(system), master or Master()),
         kept=tuple(on.recorded_by_default),
         of_others=on.foreign,
@@ -105,7 +102,7 @@ def _outputs(system: System) -> list[str]:
 
 
 def fused_model(system: System, name: str = "") -> Model:
-    """Return a system as a model whose members exchange all the time, where that is possible.
+    """Return a system as a model whose members are connected in continuous time, if possible.
 
     Parameters
     ----------
@@ -116,12 +113,13 @@ def fused_model(system: System, name: str = "") -> Model:
     Returns
     -------
     Model
-        That of `system_model` if laws of a member are not known, or there is an algebraic loop.
+        That of `system_model`, with a note, if laws of a member are unknown or there is an
+        algebraic loop.
 
     Raises
     ------
     UserError
-        If it does not pass its check.
+        If the system does not pass its check.
     """
     model = system_model(system, Master(method="fused"), name)
     try:
@@ -137,16 +135,16 @@ def fused_model(system: System, name: str = "") -> Model:
 
 
 def _sendable(system: System) -> System:
-    """Return a system without classes, of which not all can be sent to other processes."""
+    """Return a system without classes of members, as not all can be pickled for other processes."""
     return replace(system, members=tuple(replace(m, cls=None) for m in system.members))
 
 
 def _named(signals: Mapping[str, Signal]) -> dict[str, Signal]:
-    """Return signals that are called as they are in the system."""
+    """Return signals with the names that they have in the system."""
     return {name: replace(signal, name=name) for name, signal in signals.items()}
 
 
-def _starting(signal: Signal, start: Value) -> Signal:
+def _with_start(signal: Signal, start: Value) -> Signal:
     """Return a parameter with the value that it has in the system."""
     if isinstance(start, str):
         return replace(signal, text=start)
@@ -155,13 +153,13 @@ def _starting(signal: Signal, start: Value) -> Signal:
 
 @dataclass(frozen=True)
 class SystemSource:
-    """A system as the source of runs; see `orchestration.fmu.Source`.
+    """A system as a source of runs; see `orchestration.fmu.Source`.
 
     Attributes
     ----------
     system : System
     master : Master
-        How it is run.
+        Options of running it.
     """
 
     system: System
@@ -174,7 +172,7 @@ class SystemSource:
 
     @property
     def guid(self) -> str:
-        """Digest of its members, connections and way of running."""
+        """Digest of members, connections and options of running."""
         members = [
             (m.name, FmuSource(m.fmu).guid, sorted(m.parameters.items()))
             for m in self.system.members
@@ -184,7 +182,7 @@ class SystemSource:
 
     @property
     def default_experiment(self) -> tuple[float, float | None, float | None]:
-        """Start time, stop time and step that it declares, s; None where it does not."""
+        """Start time, stop time and step of the system, s."""
         return 0.0, self.system.stop, self.system.step
 
     @property
@@ -202,10 +200,10 @@ class SystemSource:
         return tuple(member.fmu for member in self.system.members)
 
     def with_files(self, files: Sequence[Path]) -> SystemSource:
-        """Return it with copies of its FMUs."""
+        """Return the source with FMUs in other files, in the order of `files`."""
         pairs = zip(self.system.members, files, strict=True)
-        moved = tuple(replace(member, fmu=path) for member, path in pairs)
-        return replace(self, system=replace(self.system, members=moved))
+        members = tuple(replace(member, fmu=path) for member, path in pairs)
+        return replace(self, system=replace(self.system, members=members))
 
     def points(self, time: Array) -> Array:
         """Return communication points (n,), no further apart than the step of the system."""
@@ -217,12 +215,12 @@ class SystemSource:
         return np.inf if self.master.method == "fused" else self.system.step
 
     def open(self) -> RepeatedSystem:
-        """Return what makes the runs."""
+        """Return the context in which the system is run."""
         return RepeatedSystem(self)
 
 
 class RepeatedSystem:
-    """A system that is run many times, each time from the start; a context manager.
+    """Context manager that runs a system many times, each time from the start.
 
     Parameters
     ----------
@@ -236,11 +234,11 @@ class RepeatedSystem:
         return self
 
     def __exit__(self, *error: Any) -> None:
-        """Nothing stays open from run to run."""
+        """Do nothing, as no FMU stays open from run to run."""
 
     @cached_property
     def _fused(self) -> CompiledModel:
-        """The equations of all members, compiled once for all runs."""
+        """The fused system, compiled once for all runs."""
         return CompiledModel(fuse(with_classes(self._source.system)))
 
     @cached_property
@@ -262,24 +260,24 @@ class RepeatedSystem:
     ) -> Array:
         """Run once from the start; see `orchestration.fmu.RepeatedFmu.run`.
 
-        Outputs are ``member.variable``; settings are parameters, and inputs that are held.
+        Outputs are ``member.variable``; settings are parameters and constant inputs.
         """
         points, parts = _refined(time, self._source.step)
-        held = {n: v for n, v in settings.items() if n in self.inputs and n not in inputs}
+        constant = {n: v for n, v in settings.items() if n in self.inputs and n not in inputs}
         driven = {n: np.repeat(values, parts) for n, values in inputs.items()}
-        driven |= {n: np.full(points.size, value) for n, value in held.items()}
+        driven |= {n: np.full(points.size, value) for n, value in constant.items()}
         given = {n: v for n, v in settings.items() if n not in self.inputs}
         if self._source.master.method == "fused":
             signals = self._fused.run(time, driven, numeric(given)).signals
             return np.column_stack([signals[name] for name in outputs])
         ran = self._on.run(points, driven, given, outputs, self._patience(longest))
-        if not ran.complete:  # that is how a master ends after Ctrl-C
+        if not ran.complete:  # the master returns a part after Ctrl-C
             raise KeyboardInterrupt
         first = np.cumsum(parts) - parts
         return np.column_stack([ran.signals[name][first] for name in outputs])
 
     def _patience(self, longest: float) -> Callable[[int], None]:
-        """Return what ends a run that takes too long."""
+        """Return a progress function that ends a run after `longest` seconds by UserError."""
         end = monotonic() + longest
 
         def check(done: int) -> None:
@@ -290,7 +288,7 @@ class RepeatedSystem:
 
 
 def _refined(time: Array, step: float) -> tuple[Array, Indices]:
-    """Divide the time between points evenly, so that no part is longer than a step.
+    """Divide the intervals between points evenly into parts no longer than a step.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ Checked = TypeVar("Checked", bound=BaseModel)
 
 
 class ValueTable(BaseModel):
-    """A table of the file; an unknown key is refused with the nearest one."""
+    """Base of all tables of a file; raises an error for an unknown key, with the nearest one."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -41,13 +41,13 @@ class ValueTable(BaseModel):
 
 
 class QuantityValue(NamedTuple):
-    """A number and its unit, empty for that of the variable it is for."""
+    """A number and its unit; an empty unit is that of the variable."""
 
     value: float
     unit: str = ""
 
     def to(self, unit: str, what: str = "value") -> float:
-        """Return the number in a unit; UserError if the two measure different things."""
+        """Return the number in a unit; UserError if the units have different dimensions."""
         return float(units.convert(self.value, self.unit or unit, unit, what))
 
 
@@ -73,7 +73,7 @@ def _written(quantity: QuantityValue) -> float | str:
 
 
 def _in(unit: str, positive: bool = True) -> BeforeValidator:
-    """Return what reads a value into a unit, for pydantic."""
+    """Return the validator of pydantic that reads a value and converts it to a unit."""
 
     def read(given: Any) -> float:
         value = _read(given).to(unit)
@@ -85,12 +85,12 @@ def _in(unit: str, positive: bool = True) -> BeforeValidator:
 
 
 def _reachable(given: Any, info: ValidationInfo) -> Any:
-    """Resolve a file's path beside the experiment's own file, else from the working folder."""
+    """Resolve the path of a file in the experiment's folder, or else in the working folder."""
     folder = (info.context or {}).get("folder")
     if not isinstance(given, str) or not Path(given).suffix or folder is None:
-        return given  # no path but a name, or not for this validator to judge
-    beside = Path(folder) / given
-    return str((beside if beside.is_file() else Path(given)).absolute())
+        return given  # a name, or a type that pydantic refuses next
+    neighbour = Path(folder) / given
+    return str((neighbour if neighbour.is_file() else Path(given)).absolute())
 
 
 Amount = Annotated[QuantityValue, PlainValidator(_read), PlainSerializer(_written)]
@@ -101,7 +101,7 @@ File = Annotated[str, BeforeValidator(_reachable)]
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Read a file as TOML; UserError with the line that is none."""
+    """Read a file as TOML; UserError with the first wrong line."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except UnicodeDecodeError as error:
@@ -115,9 +115,9 @@ def read_toml(path: Path) -> dict[str, Any]:
 def checked(
     table: type[Checked], given: Mapping[str, Any], where: str, folder: str | None = None
 ) -> Checked:
-    """Check a file against the keys of its tables.
+    """Return a file's tables as a model of pydantic; UserError with the first error.
 
-    It is `parse` for files that hold more than an experiment.
+    Relative paths are resolved in `folder`. `parse` is the same for an experiment.
     """
     try:
         return table.model_validate(given, context={"folder": folder})
@@ -128,7 +128,7 @@ def checked(
 
 
 def _line(problem: Any) -> str:
-    """Put a problem that pydantic reports into a line: key, value, what is allowed."""
+    """Return an error of pydantic as a line: the key, the value, the allowed values."""
     place = list(problem["loc"])
     if place[:1] == ["inputs"]:
         del place[2:3]  # the kind, by which pydantic distinguishes the tables

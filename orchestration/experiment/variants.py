@@ -1,4 +1,4 @@
-"""Variants of an experiment that are kept as they come, so that an interrupted one goes on."""
+"""Journal of the finished variants of an experiment, with which an interrupted one is resumed."""
 
 from __future__ import annotations
 
@@ -26,30 +26,30 @@ from orchestration.journal import (
 if TYPE_CHECKING:
     from orchestration.experiment.results import ExperimentResult
 
-Remarked = tuple["ExperimentResult", list[str]]  # with remarks on how it came about
+Remarked = tuple["ExperimentResult", list[str]]  # with remarks on the run
 Compute = Callable[[], Remarked]
-Restore = Callable[[Mapping[str, Array], float], "ExperimentResult"]  # of signals, and seconds
+Restore = Callable[[Mapping[str, Array], float], "ExperimentResult"]  # from signals and wall time
 Keeper = Callable[[Preparation, Compute, Restore], Remarked]
 
 
 def compute_anew(prepared: Preparation, compute: Compute, restore: Restore) -> Remarked:
-    """Return a result where none is kept."""
+    """Return the computed result: the `Keeper` without a journal."""
     return compute()
 
 
 class _VariantJournal(WorkJournal):
-    """Signals of variants, and the remarks on them."""
+    """Journal with the signals of each variant and the remarks on it."""
 
     def begin(self, mode: str) -> None:
-        """Begin or continue the remarks."""
+        """Open the file of remarks, in a mode of `open`."""
         self._remarks = RowTexts(self, REMARKS, mode)
 
     def remarks(self, row: int) -> list[str]:
-        """Return the remarks on a variant that is done."""
+        """Return the remarks on a finished variant."""
         return [remark for of, remark in self._remarks.pairs if of == row]
 
     def keep_remarked(self, row: int, numbers: Array, remarks: Sequence[str]) -> None:
-        """Keep the numbers of a variant and the remarks on it."""
+        """Write the numbers of a variant and the remarks on it."""
         try:
             self._remarks.append([(row, remark) for remark in remarks])
         except OSError as error:
@@ -63,9 +63,9 @@ class KeptVariants:
     Parameters
     ----------
     folder : Path
-        That this process holds.
+        Folder of the journal, locked by this process.
     experiment : Experiment
-        With its variants.
+        Experiment with variants.
     """
 
     def __init__(self, folder: Path, experiment: Experiment):
@@ -73,12 +73,12 @@ class KeptVariants:
         self._experiment = experiment
 
     def find(self, row: int, prepared: Preparation, compute: Compute, restore: Restore) -> Remarked:
-        """Return a variant's result and the remarks on it, computed unless the journal has them.
+        """Return the result of a variant and the remarks on it, from the journal or computed.
 
         Raises
         ------
         UserError
-            If the folder is of another experiment.
+            If the journal is of another experiment.
         """
         journal = self._opened(prepared)
         if journal.is_done(row):
@@ -94,7 +94,7 @@ class KeptVariants:
         return result, remarks
 
     def _opened(self, prepared: Preparation) -> _VariantJournal:
-        """Return the journal, whose signals are known once a variant is prepared."""
+        """Open the journal; its width is known when a variant is prepared."""
         inputs, noise = prepared.inputs, prepared.noise
         about = {
             "the experiment": digest(self._experiment.model_dump_json(exclude_none=True)),
@@ -110,12 +110,12 @@ class KeptVariants:
 
 @contextmanager
 def kept_variants(folder: Path | None, experiment: Experiment) -> Iterator[KeptVariants | None]:
-    """Hold the folder that keeps variants, if there is one.
+    """Lock the folder of a journal and yield its results; None without a folder.
 
     Raises
     ------
     UserError
-        If another process works on it, or it holds something else.
+        If another process uses the folder, or it has other files.
     """
     if folder is None:
         yield None

@@ -1,8 +1,7 @@
-"""Test signals on a given time vector: those of the thesis, and the usual ones of identification.
+"""Test signals on a time vector: those of the thesis, and the usual ones of identification.
 
-Every function returns an array of the shape of `time` (s). Amplitudes carry whatever unit the
-driven input has (A, N). Switches belong to the new value: a signal that changes at t has its new
-value at t.
+Every function returns an array of the shape of `time` (s). Amplitudes are in the unit of the input
+(A, N). A signal that steps at t has its new value at t.
 """
 
 from collections.abc import Sequence
@@ -15,8 +14,7 @@ from fmus.kit.arrays import Array
 
 Seed = int | Sequence[int]
 
-# A sample that rounding puts just before a switch belongs after it; this is the fraction of a
-# period forgiven.
+# Share of a period by which a sample may be early and still has the value after a step.
 _ROUNDING = 1e-9
 
 
@@ -53,18 +51,17 @@ def force_staircase(
     increment: float = 0.25,
     maximum: float = 2.75,
 ) -> Array:
-    """Return the incremental square waves of figs. 3-6 to 3-9: a level higher each, then the bias.
+    """Return the load of figs. 3-6 to 3-9: square waves of growing height above a bias.
 
-    Period k = 0, 1, ... (from t = 0) holds ``bias + (k + 1) increment`` for its first half and the
-    bias for its second; after the period that reaches `maximum`, and before t = 0, the force is the
-    bias.
+    The force is ``bias + (k + 1) increment`` in the first half of period k = 0, 1, ... (from t = 0)
+    and the bias in the second half, before t = 0, and after the period that reaches `maximum`.
 
     Parameters
     ----------
     time : array_like, shape (n,)
         Seconds.
     period : float
-        Of one loading and unloading in seconds, above 0; the thesis does not print its value.
+        Duration of one loading and unloading in s, above 0; the thesis does not print its value.
     bias, maximum : float
         N.
     increment : float
@@ -95,7 +92,7 @@ def force_staircase(
 def multilevel(
     time: ArrayLike, levels: Sequence[float], dwell: tuple[float, float], seed: Seed
 ) -> Array:
-    """Return random jumps among `levels`, each held for a random time and never followed by itself.
+    """Return a random sequence of levels, each for a random time and never twice in a row.
 
     Parameters
     ----------
@@ -104,9 +101,9 @@ def multilevel(
     levels : sequence of float
         At least two different values, in the unit of the input.
     dwell : tuple of float
-        Shortest and longest holding time in seconds; uniformly distributed between them.
+        Shortest and longest duration of a level in s; durations are uniformly distributed.
     seed : int or sequence of int
-        Of the random generator.
+        Seed of the random generator.
 
     Returns
     -------
@@ -125,14 +122,12 @@ def multilevel(
         raise UserError(f"dwell = {dwell} s: must satisfy 0 < shortest <= longest")
     t = _vector(time)
     generator = np.random.default_rng(seed)
-    holds = int(np.ceil((t[-1] - t[0]) / shortest)) + 1
-    switches = t[0] + np.cumsum(generator.uniform(shortest, longest, holds))
-    # Moving on by 1 .. size-1 places (cyclically) reaches every other level with equal chance,
-    # never the same one.
-    moves = generator.integers(1, choices.size, holds)
-    places = (
-        generator.integers(choices.size) + np.concatenate([[0], np.cumsum(moves)])
-    ) % choices.size
+    count = int(np.ceil((t[-1] - t[0]) / shortest)) + 1
+    switches = t[0] + np.cumsum(generator.uniform(shortest, longest, count))
+    # A cyclic shift by 1 .. size-1 reaches every other level with the same probability.
+    shifts = generator.integers(1, choices.size, count)
+    first = generator.integers(choices.size)
+    places = (first + np.concatenate([[0], np.cumsum(shifts)])) % choices.size
     return choices[places[np.searchsorted(switches, t, side="right")]]
 
 
@@ -167,12 +162,12 @@ def steps(
             f"steps needs increasing times and as many values: got {list(times)} s and"
             f" {list(values)}"
         )
-    held = np.concatenate([[initial], np.asarray(values, dtype=float)])
-    return held[np.searchsorted(switches, _vector(time), side="right")]
+    levels = np.concatenate([[initial], np.asarray(values, dtype=float)])
+    return levels[np.searchsorted(switches, _vector(time), side="right")]
 
 
 def ramps(time: ArrayLike, times: Sequence[float], values: Sequence[float]) -> Array:
-    """Return straight lines from point to point, constant before the first and after the last.
+    """Return the linear interpolation of points, constant before the first and after the last.
 
     Parameters
     ----------
@@ -234,7 +229,7 @@ def chirp(
     duration: float,
     offset: float = 0.0,
 ) -> Array:
-    """Return a sine whose frequency moves linearly from `start_frequency` to `stop_frequency` (Hz).
+    """Return a sine whose frequency changes linearly from `start_frequency` to `stop_frequency`.
 
     Parameters
     ----------
@@ -265,7 +260,7 @@ def chirp(
 def multisine(
     time: ArrayLike, frequencies: Sequence[float], rms: float, seed: Seed, offset: float = 0.0
 ) -> Array:
-    """Return a sum of equally strong sines with random phases.
+    """Return a sum of sines of equal amplitude and random phases.
 
     Parameters
     ----------
@@ -274,9 +269,9 @@ def multisine(
     frequencies : sequence of float
         Hz, different from each other and above 0.
     rms : float
-        Root mean square about the offset over a common period, in the unit of the input.
+        Root mean square over a common period, without the offset, in the unit of the input.
     seed : int or sequence of int
-        Of the random phases.
+        Seed of the random phases.
     offset : float
         In the unit of the input.
 

@@ -1,7 +1,7 @@
-"""Work loops: load and length of an actuator over a gait, and what tracks them (thesis 5.4, 6.2).
+"""Work loops: periodic load and length of an actuator, and their tracking (thesis 5.4, 6.2).
 
-A work loop is the closed path of force over length. Its area is the energy that the actuator takes
-up in a cycle, and gives where it is negative (section 5.1).
+A work loop is the closed path of force over length. Its area is the energy that the actuator
+absorbs in a cycle; a negative area is energy that it delivers (section 5.1).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from orchestration.experiment.model import WorkLoopTable
     from orchestration.system import System
 
-# what is switched on, by mode, in the system `work_loop`
+# parameters of the system `work_loop` that switch its controllers on, by mode
 MODES: Mapping[str, Mapping[str, float]] = {
     mode: {
         "feedforward.active": float("feedforward" in parts),
@@ -49,27 +49,28 @@ MODES: Mapping[str, Mapping[str, float]] = {
     }.items()
 }
 _CIRCUIT = ("R1", "R2", "C", "alpha")  # parameters that an actuator shares with its inverse
-_POINTS = 40  # in a period, at which a planned current changes, as often as a learnt one
-_CORRECTION = 0.8  # share of the error that a repetition takes off a plan on the nominal model
-_SMOOTHING = (0.25, 0.5, 0.25)  # of errors, as learning has it
-_REPETITIONS = 30  # simulations of a plan; half of an error is left where strain lags by a second
+_POINTS = 40  # in a period: samples of a planned current, as many as of a learnt one
+_CORRECTION = 0.8  # share of the error that a repetition removes on the nominal model
+_SMOOTHING = (0.25, 0.5, 0.25)  # of errors, as in the learning controller
+_REPETITIONS = 30  # simulations of a plan; with a lag of 1 s half of the error remains
 
 
 @dataclass(frozen=True)
 class WorkLoop:
-    """A reference loop, as force and length over the phase of a cycle.
+    """A reference loop: force and length over the phase of a cycle.
 
     Attributes
     ----------
     force, length : ndarray, shape (n,)
-        In N and m, at phases k / n; in between they go straight on, and round after the last.
+        In N and m, at phases k / n; linearly interpolated in between, and periodic.
     period : float
         In s.
 
     Raises
     ------
     UserError
-        If force and length do not have a finite value each at every phase, or there is no period.
+        If force and length differ in shape, have no or not finite values, or the period is not
+        above zero and finite.
     """
 
     force: Array
@@ -105,10 +106,10 @@ class WorkLoop:
         mean_force, force_amplitude : float
             In N; the force is ``mean + amplitude cos(2 pi phase)``.
         stiffness : float
-            Of the spring, in N/m; that of the nominal actuator, unless given.
+            Of the spring, in N/m; by default that of the nominal actuator.
         charge_amplitude : float
-            In m, of the length beside that of the spring, a sine. The loop takes up the energy
-            ``pi force_amplitude charge_amplitude``; below zero it gives it.
+            In m, of the sine that is added to the length of the spring. The actuator absorbs the
+            energy ``pi force_amplitude charge_amplitude``; it delivers it where that is negative.
         period : float
             In s.
         """
@@ -135,7 +136,7 @@ class WorkLoop:
         ----------
         time : ndarray, shape (n,)
         sample_period : float
-            Of the feedforward, in s.
+            Sample period of the feedforward, in s.
         """
         return {
             "force": self.force_at(time),
@@ -147,19 +148,19 @@ class WorkLoop:
 
 @dataclass(frozen=True)
 class Cycle:
-    """Error, energies and largest values of a cycle.
+    """Tracking error, energies and largest values of a cycle.
 
     Attributes
     ----------
     error : float
-        Root mean square of reference less length, in m.
+        Root mean square of the reference minus the length, in m.
     work : float
-        Area of the loop, the integral of force over length, in J: energy that the actuator takes up
+        Area of the loop, the integral of force over length, in J: energy that the actuator absorbs
         from the load.
     electrical_energy : float
         Integral of voltage times current over the cycle, in J.
     largest_current, largest_voltage : float
-        In A and V, magnitudes.
+        Largest magnitudes, in A and V.
     """
 
     error: float
@@ -171,14 +172,14 @@ class Cycle:
 
 @dataclass(frozen=True)
 class TrackedLoop:
-    """A loop as it was tracked.
+    """Length, current and voltage of an actuator that tracks a work loop.
 
     Attributes
     ----------
     loop : WorkLoop
         The reference.
     time : ndarray, shape (n,)
-        In s, evenly, over whole cycles.
+        In s, equally spaced, over whole cycles.
     length, current, voltage : ndarray, shape (n,)
         In m, A and V.
     """
@@ -190,7 +191,7 @@ class TrackedLoop:
     voltage: Array
 
     def cycles(self) -> list[Cycle]:
-        """Return each cycle's figures."""
+        """Return the figures of each whole cycle."""
         count = int(self.time[-1] / self.loop.period + 1e-9)
         marks = np.arange(count + 1) * self.loop.period
         edges = np.searchsorted(self.time, marks - 1e-9 * self.loop.period)
@@ -210,16 +211,17 @@ class TrackedLoop:
 
 
 def track(system: System, loop: WorkLoop, mode: str = "learning", cycles: int = 5) -> TrackedLoop:
-    """Run the system ``work_loop``, or one with other members by the same names, round a loop.
+    """Simulate the system ``work_loop``, or one with members of the same names, on a loop.
 
     Parameters
     ----------
     system : System
-        Its member ``actuator`` is what is to go round.
+        Its member ``actuator`` tracks the loop.
     loop : WorkLoop
         The sample period of feedforward and learning becomes a fortieth of its period.
     mode : {"bare", "feedback", "feedforward", "both", "learning", "all"}
-        What is switched on: nothing; one of them, or both; feedforward and learning; all three.
+        Active controllers: none; feedback; feedforward; both of them; feedforward and learning;
+        all three.
     cycles : int
 
     Raises
@@ -250,11 +252,11 @@ def planned_current(
     current_limit: float = 1.3,
     voltage_limit: float = 1.0,
 ) -> tuple[Array, Array]:
-    """Return the current by which a model goes round a loop: the feedforward of any actuator.
+    """Compute the current with which a model follows a loop: a feedforward for any actuator.
 
-    The inverse of a model with effects has no closed form. Here the errors of a simulation go
-    through the inverse of the model without effects, again and again: Newton's method with that
-    model's derivative. Where a limit holds, the loop is not reached.
+    The inverse of a model with effects has no closed form. The error of a simulation is therefore
+    corrected by the inverse of the model without effects, repeatedly: Newton's method with the
+    derivative of the nominal model. Where a limit is active, the loop is not reached.
 
     Parameters
     ----------
@@ -263,7 +265,7 @@ def planned_current(
     loop : WorkLoop
     cycles : int
     parameters : Mapping of str to float, optional
-        Those that are not at their default, SI; also starting states, as ``charge_start``.
+        Parameters that differ from their default, SI; also start values, such as ``charge_start``.
     current_limit : float
         In A.
     voltage_limit : float
@@ -272,18 +274,18 @@ def planned_current(
     Returns
     -------
     time, current : ndarray, shape (n,)
-        In s and A, a fortieth of a period apart; each is held to the next.
+        In s and A, a fortieth of a period apart; the current is constant between them.
 
     Raises
     ------
     UserError
-        If the model is no actuator by its parameters, or a limit or the number of cycles is not
+        If the model lacks a parameter of an actuator, or a limit or the number of cycles is not
         above zero.
     """
     _check_plan(model, cycles=cycles, current_limit=current_limit, voltage_limit=voltage_limit)
     start = dict(parameters or {})
     period = loop.period / _POINTS
-    # a cycle more than is wanted, as errors are smoothed over an end that has no error behind it
+    # one more cycle, as smoothing is wrong at the last point
     time: Array = period * np.arange((cycles + 1) * _POINTS + 1, dtype=np.float64)
     force, reference = loop.force_at(time), loop.length_at(time)
     compiled = CompiledModel(model)
@@ -300,12 +302,12 @@ def planned_current(
         error = _smoothed(reference - run.signals["displacement"])
         inverse.charge = start.get("charge_start", 0.0)
         current = _corrected(current, _CORRECTION * error, inverse)
-    wanted = slice(cycles * _POINTS + 1)
-    return time[wanted], current[wanted]
+    whole = slice(cycles * _POINTS + 1)
+    return time[whole], current[whole]
 
 
 def _check_plan(model: type[Component], **positive: float) -> None:
-    """Refuse a model without the circuit of an actuator, and values that are not above zero."""
+    """Raise UserError for a model without an actuator's circuit, and for values not above zero."""
     for name, value in positive.items():
         if not value > 0:
             raise UserError(f"{name} = {value:g}: must be above 0")
@@ -317,43 +319,43 @@ def _check_plan(model: type[Component], **positive: float) -> None:
 
 
 def _smoothed(error: Array) -> Array:
-    """Smooth an error (n,): a strain that lags answers high frequencies with the opposite sign."""
+    """Smooth an error (n,), as a strain with a lag has the opposite phase at high frequencies."""
     return np.convolve(np.pad(error, 1, mode="edge"), _SMOOTHING, mode="valid")
 
 
 def _corrected(current: Array, change: Array, inverse: Any) -> Array:
-    """Return the current by which the length of a model changes, within the limits of its inverse.
+    """Return the current that changes the length of a model, within the limits of its inverse.
 
     Parameters
     ----------
     current : ndarray, shape (n,)
-        In A, held from each time to the next.
+        Current before the correction in A, constant from each time to the next.
     change : ndarray, shape (n,)
-        Wanted of the length, in m.
+        Change of the length, in m.
     inverse : Component
         A ``feedforward`` with the charge at the start; its charge follows the corrected current.
     """
-    decay, gained = inverse.decay(), inverse.charge_per_current()
+    decay, gain = inverse.decay(), inverse.charge_per_current()
     corrected = current.copy()
-    changed = 0.0  # m, of the length so far
+    change_so_far = 0.0  # m
     for k in range(current.size - 1):
-        needed = current[k] + (change[k + 1] - decay * changed) / (inverse.alpha * gained)
-        corrected[k] = inverse.limited_current(needed)
-        changed = decay * changed + inverse.alpha * gained * (corrected[k] - current[k])
-        inverse.charge = decay * inverse.charge + gained * corrected[k]
+        demand = current[k] + (change[k + 1] - decay * change_so_far) / (inverse.alpha * gain)
+        corrected[k] = inverse.limited_current(demand)
+        change_so_far = decay * change_so_far + inverse.alpha * gain * (corrected[k] - current[k])
+        inverse.charge = decay * inverse.charge + gain * corrected[k]
     return corrected
 
 
 def tracked_loops(data: xarray.Dataset, table: WorkLoopTable) -> dict[str, TrackedLoop]:
-    """Return the loops of an experiment's result, by variant.
+    """Return the work loops of an experiment's result, by variant.
 
     Parameters
     ----------
     data : Dataset
-        Of an experiment.
+        Result of an experiment.
     table : WorkLoopTable
-        Which of its signals are those of the loop. Force and reference are inputs of one period;
-        the reference is taken from the first.
+        Period and signals of the loop. Force and reference of the first period are the reference
+        loop.
     """
     time = data.time.values
     count = round(table.period / data.attrs["step"])
@@ -373,14 +375,14 @@ def tracked_loops(data: xarray.Dataset, table: WorkLoopTable) -> dict[str, Track
 
 
 def _of_loop(data: xarray.Dataset, table: WorkLoopTable, key: str, before: str = "") -> Array:
-    """Return the signal of a key of the table, by the prefix of a variant, in SI."""
+    """Return the signal of a key of the table in SI; `before` is the prefix of a variant."""
     array = data[before + getattr(table, key)]
     values: Array = convert(array.values, array.units, UNITS_OF_LOOP[key])
     return values
 
 
 def figures(loops: Mapping[str, TrackedLoop]) -> dict[str, Any]:
-    """Return the figures of every cycle by mode, for JSON: SI, as `Cycle` has them."""
+    """Return the fields of `Cycle` of every cycle, by mode, for JSON."""
     return {mode: [asdict(cycle) for cycle in loop.cycles()] for mode, loop in loops.items()}
 
 
@@ -388,12 +390,12 @@ def picture(
     loops: Mapping[str, TrackedLoop],
     title: str = "Work loops: the last cycle, and figures of each",
 ) -> Figure:
-    """Draw loops of the last cycle beside that of fig. 5-9, and error, work and energy of cycles.
+    """Draw the last cycle of loops, the loop of fig. 5-9, and error, work and energy of all cycles.
 
     Parameters
     ----------
     loops : Mapping of str to TrackedLoop
-        By mode, of one reference.
+        By mode, with the same reference.
     title : str, optional
     """
     figure, axes = pictures.mosaic(
@@ -421,7 +423,7 @@ def picture(
 
 
 def _draw_thesis_loop(axis: Axes) -> None:
-    """Draw the experiment of fig. 5-9 with its current and without, as it is printed."""
+    """Draw the experiment of fig. 5-9 with and without its current, as it is printed."""
     for name, settings in {"with current": [], "without": ["inputs.current.amplitude=0"]}.items():
         path = execution.run(read("fig_5_9", settings))
         force = path["tension"].values
@@ -432,7 +434,7 @@ def _draw_thesis_loop(axis: Axes) -> None:
 
 
 def _draw_cycles(axes: Sequence[Any], cycles: Sequence[Cycle]) -> None:
-    """Draw error, work and electrical energy of a mode over the number of the cycle."""
+    """Draw error, work and electrical energy of a mode over the cycles."""
     numbers = np.arange(1, len(cycles) + 1)
     axes[0].plot(numbers, [1e6 * cycle.error for cycle in cycles], "o-")
     axes[1].plot(numbers, [1e6 * cycle.work for cycle in cycles], "o-")

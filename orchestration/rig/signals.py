@@ -6,27 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 
+from fmus.kit import registry
 from fmus.kit.errors import UserError, suggestion
-
-UNITS = {
-    "current": "A",
-    "force": "N",
-    "length_change": "m",
-    "force_reference": "N",
-    "voltage": "V",
-    "displacement": "m",
-    "electrochemical_displacement": "m",
-    "mechanical_displacement": "m",
-    "charge": "C",
-    "tension": "N",
-    "position": "m",
-    "velocity": "m/s",
-    "coil_current": "A",
-    "coil_voltage": "V",
-    "force_measured": "N",
-    "position_measured": "m",
-}
-"""SI unit of every signal that is known by name."""
 
 
 @dataclass(frozen=True)
@@ -46,63 +27,15 @@ class Limit:
     rate: float = inf
 
 
-_STROKE = 12.7e-3  # m, all of the voice coil's, wherever in it the zero is (thesis section 2.2.2)
-_COIL_FORCE = 4.9  # N, that the voice coil bears continuously (thesis section 2.2.2)
-# Commands may step: the thesis drives its actuators with square waves of current around zero, and
-# with discrete weights. A length may not, for a step of length is an impact; the coil travels its
-# stroke in some 0.1 s.
-KNOWN_LIMITS: Mapping[str, Limit] = {
-    "current": Limit(-1.3, 1.3),
-    "force": Limit(0.0, 3.0),
-    "force_reference": Limit(0.0, 3.0),
-    "length_change": Limit(-_STROKE, _STROKE, rate=0.1),
-    "voltage": Limit(-15.0, 15.0),  # compliance of the galvanostat (thesis table 2-2)
-    "displacement": Limit(-_STROKE, _STROKE),
-    "tension": Limit(-1.0, _COIL_FORCE),
-    "position": Limit(-_STROKE, _STROKE),
-    "force_measured": Limit(-1.0, _COIL_FORCE),
-    "position_measured": Limit(-_STROKE, _STROKE),
-}
+SIGNALS = registry.rigs()
+"""Signals of the rigs that packages of components declare, by the name of the rig."""
+UNITS: dict[str, str] = {}
+"""SI unit of every signal of these rigs; of a name in several, that of the first."""
+KNOWN_LIMITS: dict[str, Limit] = {}
 """Limits of commands, and of measured values: beyond them the rig goes to its safe state."""
-
-
-@dataclass(frozen=True)
-class RigSignals:
-    """Names of the inputs and outputs of a rig."""
-
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-
-
-_DISPLACEMENTS = ("electrochemical_displacement", "mechanical_displacement")
-SIGNALS: Mapping[str, RigSignals] = {
-    "force-driven": RigSignals(
-        ("current", "force"), ("voltage", "displacement", *_DISPLACEMENTS, "charge")
-    ),
-    "length-driven": RigSignals(
-        ("current", "length_change"), ("tension", "voltage", *_DISPLACEMENTS, "charge")
-    ),
-    "bench": RigSignals(
-        ("force_reference", "current"),
-        (
-            "position",
-            "velocity",
-            "coil_current",
-            "coil_voltage",
-            "force_measured",
-            "position_measured",
-            "tension",
-            "voltage",
-            *_DISPLACEMENTS,
-            "charge",
-        ),
-    ),
-}
-"""Signals of the rigs that are known by name.
-
-The first two are those of ``ppy_actuator`` and ``ppy_actuator_length_driven``; the bench has the
-inputs of ``dma_bench`` and the outputs of both its members.
-"""
+for _rig in SIGNALS.values():
+    UNITS = {**_rig.inputs, **_rig.outputs, **UNITS}
+    KNOWN_LIMITS = {name: Limit(*limits) for name, limits in _rig.limits.items()} | KNOWN_LIMITS
 
 
 def one_of(option: str, value: str, allowed: Mapping[str, object] | tuple[str, ...]) -> str:

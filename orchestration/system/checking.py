@@ -1,6 +1,6 @@
-"""Checks of a system: connections exist and fit, and no input is without a value.
+"""Checks of a system: its connections exist and fit, and every input has a value.
 
-An input that nothing feeds stays at the start value that its FMU declares.
+An input without a connection stays at the start value that its FMU declares.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ def interface(member: Member) -> Model:
 
 @lru_cache(maxsize=64)
 def _read_interface(path: Path, modified: int) -> Model:
-    """Read an FMU once for each time at which its file was modified."""
+    """Read an FMU; the cache is valid until its file is modified."""
     return find_model(str(path))
 
 
 def variable(member: Member, name: str) -> Signal:
-    """Return a variable of a member that can be set: a parameter or an input.
+    """Return the parameter or input of a member with a name.
 
     Raises
     ------
@@ -59,15 +59,14 @@ def variable(member: Member, name: str) -> Signal:
 
 
 def check(system: System) -> None:
-    """Refuse a system that cannot be run.
+    """Raise an error if a system cannot be run.
 
     Raises
     ------
     UserError
-        In one line, with both ends of a connection that does not fit: members of one name, a
-        missing FMU, an end of a connection that does not exist or has the wrong causality, types or
-        units that differ, two sources for one input, an input that has none and whose FMU declares
-        no start value, a value that cannot be set.
+        If members have the same name, an FMU is missing, an end of a connection does not exist or
+        has the wrong causality, types or units differ, an input has two sources, or none and no
+        declared start value, or a value cannot be set.
     """
     try:
         _check(system)
@@ -117,7 +116,7 @@ def _check_names(system: System) -> None:
 
 
 def _find_end(system: System, models: Mapping[str, Model], port: Port, causality: str) -> Signal:
-    """Return the signal at an end of a connection; UserError if its causality is another."""
+    """Return the signal at an end of a connection; UserError if it has another causality."""
     model = models[system.member(port.member).name]
     groups = {"input": model.inputs, "output": model.outputs, "parameter": model.parameters}
     candidates = groups[causality]
@@ -134,7 +133,7 @@ def _find_end(system: System, models: Mapping[str, Model], port: Port, causality
 
 
 def _check_connection(system: System, models: Mapping[str, Model], connection: Connection) -> None:
-    """Refuse a connection without an output and an input at its ends that fit to each other."""
+    """Raise UserError if a connection does not join an output with an input that fits."""
     source = connection.source
     target = connection.target
     where = f"{source} -> {target}"
@@ -164,7 +163,7 @@ def _check_connection(system: System, models: Mapping[str, Model], connection: C
 
 
 def _check_units(connection: Connection, unit: str, to: str) -> None:
-    """Refuse a connection without factor and offset between different units."""
+    """Raise UserError if units differ at the ends of a connection without factor and offset."""
     source = connection.source
     target = connection.target
     needed = conversion(unit, to)
@@ -198,7 +197,7 @@ def _describe(transformation: tuple[float, float]) -> str:
 def _check_system_input(
     system: System, models: Mapping[str, Model], name: str, ports: tuple[Port, ...]
 ) -> None:
-    """Refuse inputs of different type or unit that receive the same value of a system input."""
+    """Raise UserError if a system input feeds inputs that differ in type or unit."""
     signals = [_find_end(system, models, port, "input") for port in ports]
     for port, signal in zip(ports[1:], signals[1:], strict=True):
         for attribute in ("type", "unit"):
@@ -212,7 +211,7 @@ def _check_system_input(
 
 
 def _check_sources(system: System) -> None:
-    """Refuse inputs with several sources, or with neither a source nor a value."""
+    """Raise UserError if an input has several sources, or neither a source nor a value."""
     sources: dict[Port, str] = {}
     pairs = [(str(connection.source), connection.target) for connection in system.connections]
     pairs += [
@@ -231,7 +230,7 @@ def _check_sources(system: System) -> None:
 
 
 def open_inputs(system: System) -> dict[Port, Signal]:
-    """Return the inputs of members that nothing feeds and the system gives no value."""
+    """Return the inputs of members without a connection and without a value in the system."""
     fed = {connection.target for connection in system.connections}
     fed |= {port for ports in system.inputs.values() for port in ports}
     return {
@@ -243,19 +242,19 @@ def open_inputs(system: System) -> dict[Port, Signal]:
 
 
 def describe_open_input(name: str, signal: Signal) -> str:
-    """Say at which value an input stays that nothing feeds."""
+    """Return a line about an input without a connection, with its start value."""
     start = units.format_value(signal.start, signal)
     return f"nothing feeds {name}; it stays at {start}, the start value of its FMU"
 
 
 def warnings(system: System) -> list[str]:
-    """List the oddities of a system that passes :func:`check`, in one line each.
+    """List warnings about a system that passes :func:`check`.
 
     Returns
     -------
     list of str
-        FMUs that cannot be run on this machine, factors that are not those of the units, inputs
-        that feed nothing or that nothing feeds.
+        One line for each FMU that cannot be run on this machine, factor that is not that of the
+        units, system input that feeds nothing, and input without a connection.
     """
     lines = []
     for member in system.members:

@@ -1,4 +1,4 @@
-"""Drawing of a system: members as boxes with inputs on the left and outputs on the right, wires."""
+"""Drawing of a system: members as boxes with inputs on the left and outputs on the right."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def draw(system: System, path: Path) -> None:
     system : System
         A system that passes its check.
     path : Path
-        The picture to write: .png, .svg or .pdf.
+        Picture file: .png, .svg or .pdf.
 
     Raises
     ------
@@ -92,12 +92,12 @@ def _draw_net(
             if connection.offset:
                 text += f" {connection.offset:+g}"
             axes.text(x - 0.16, y + 0.03, text, ha="right", va="bottom", fontsize=7, color=color)
-    if len(routes) > 1:  # where the net branches
+    if len(routes) > 1:  # the net branches here
         axes.plot(*routes[0][1], marker="o", markersize=3.5, color=color, zorder=3)
 
 
 def _draw_box(axes: Axes, box: DiagramBox) -> None:
-    """Draw a member: a box with its name on a bar, inputs on the left and outputs on the right."""
+    """Draw a member as a box with a title, inputs on the left and outputs on the right."""
     from matplotlib.patches import FancyBboxPatch, Rectangle
 
     shape = FancyBboxPatch(
@@ -174,7 +174,7 @@ def _draw_title(
     boxes: Mapping[str, DiagramBox],
     lanes: Mapping[Port, Lane],
 ) -> None:
-    """Fit the picture to its contents, and draw the name and the description above them."""
+    """Set the size of the picture, and draw the name and the description of the system."""
     right = _right_border(system, boxes, lanes)
     bottoms = [box.y - box.height for box in boxes.values()]
     bottom = min(bottoms + [lane.y for lane in lanes.values() if lane.y < 0])
@@ -201,7 +201,7 @@ def _draw_title(
 def _right_border(
     system: System, boxes: Mapping[str, DiagramBox], lanes: Mapping[Port, Lane]
 ) -> float:
-    """Return x of the right border, behind the boxes with their outputs and all tracks."""
+    """Return x of the right border of the picture."""
     longest = dict.fromkeys((box.column for box in boxes.values()), 0)
     for name, port in system.outputs.items():
         column = boxes[port.member].column

@@ -1,9 +1,9 @@
 """Layout of the picture of a system: boxes in columns, wires in tracks and lanes, in inches.
 
-Members stand in columns in the order in which signals pass them. A net of wires leaves the column
-of its source in a track of its own. To the next column wires go straight from there. To other
-columns they go in a lane, over the boxes if all are further on and else under them, and then in a
-track before that column.
+Members are in columns in the order of the signal flow. The net of wires from an output has a
+vertical track of its own after the column of its member. From there wires to the next column are
+straight. Wires to other columns use a horizontal lane, above the boxes if all these columns are
+further right and below them otherwise, and then a vertical track before the column.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class DiagramBox:
     ----------
     member : Member
     inputs, outputs : list of str
-        Variables that are connected, or are inputs or outputs of the system.
+        Connected variables, and those that are inputs or outputs of the system.
     column : int
     x, y : float
         Upper left corner.
@@ -69,16 +69,16 @@ class DiagramBox:
 
 @dataclass(frozen=True)
 class Lane:
-    """The course of a net.
+    """Positions of the tracks and the lane of a net.
 
     Attributes
     ----------
     own : float
-        x of its track behind the column of its source.
+        x of the track after the column of the source.
     entries : Mapping of int to float
-        x of its tracks before other columns, by column.
+        x of the tracks before other columns, by column.
     y : float
-        y of its lane between these tracks.
+        y of the lane between these tracks.
     """
 
     own: float
@@ -88,16 +88,16 @@ class Lane:
 
 @dataclass(frozen=True)
 class _NetTracks:
-    """The numbers of the tracks and of the lane of a net.
+    """Numbers of the tracks and of the lane of a net.
 
     Attributes
     ----------
     own : int
-        Track in the gap behind the column of the source.
+        Track in the gap after the column of the source.
     entries : Mapping of int to int
         Tracks in the gaps before other columns, by column.
     lane : int
-        Counted from 1 upwards over the boxes, from -1 downwards under them; 0 without a lane.
+        From 1 upwards above the boxes, from -1 downwards below them; 0 without a lane.
     """
 
     own: int
@@ -163,16 +163,16 @@ def _make_boxes(system: System) -> dict[str, DiagramBox]:
 
 
 def _assign_columns(system: System) -> dict[str, int]:
-    """Return the column of each member: one more than that of any member that feeds it.
+    """Return the column of each member: one more than the largest of the members that feed it.
 
-    Connections that lead back to a member on the path to their source do not count.
+    Connections that close a cycle are ignored.
     """
     fed_by: dict[str, list[str]] = {member.name: [] for member in system.members}
     for connection in system.connections:
         fed_by[connection.source.member].append(connection.target.member)
     visited, forward = _visit_depth_first(fed_by)
     columns = dict.fromkeys(fed_by, 0)
-    for name in reversed(visited):  # sources before what they feed
+    for name in reversed(visited):  # sources before targets
         for source, target in forward:
             if source == name:
                 columns[target] = max(columns[target], columns[name] + 1)
@@ -189,15 +189,15 @@ def _visit_depth_first(
     list of str
         The nodes, each after its successors.
     set of (str, str)
-        The edges that do not lead back to a node on the path to them.
+        The edges that close no cycle.
     """
     visited: list[str] = []
     forward: set[tuple[str, str]] = set()
 
     def visit(name: str, path: tuple[str, ...]) -> None:
-        """Visit a node that was reached by a path, its successors first."""
+        """Visit the successors of a node, and then the node, which was reached by `path`."""
         for other in successors[name]:
-            if other in (*path, name):  # the edge leads back
+            if other in (*path, name):  # the edge closes a cycle
                 continue
             forward.add((name, other))
             if other not in visited:
@@ -244,7 +244,7 @@ def _choose_tracks(system: System, boxes: Mapping[str, DiagramBox]) -> Mapping[P
 def _place_columns(
     system: System, boxes: Mapping[str, DiagramBox], tracks: Mapping[Port, _NetTracks]
 ) -> dict[int, float]:
-    """Set the x of every box; return x of the first track of each gap, by the column before it."""
+    """Set x of every box, and return x of the first track of each gap by the column before it."""
     columns = _boxes_by_column(boxes)
     input_pins = [(name, port) for name, ports in system.inputs.items() for port in ports]
     input_widths = _pin_widths(input_pins, boxes, len(columns))
@@ -285,7 +285,7 @@ def _pin_widths(
 
 
 def _place_rows(boxes: Mapping[str, DiagramBox]) -> float:
-    """Set the y of every box, with columns centred; return the height of the tallest column."""
+    """Set y of every box in centred columns, and return the height of the tallest column."""
     columns = _boxes_by_column(boxes)
     heights = [sum(box.height for box in column) + _SPACE * (len(column) - 1) for column in columns]
     tallest = max(heights)
@@ -301,7 +301,7 @@ def _place_rows(boxes: Mapping[str, DiagramBox]) -> float:
 def route(
     boxes: Mapping[str, DiagramBox], connection: Connection, lane: Lane
 ) -> list[tuple[float, float]]:
-    """Return the corners of a wire from end to end."""
+    """Return the corners (x, y) of a wire, with both of its ends."""
     source = boxes[connection.source.member]
     target = boxes[connection.target.member]
     start = source.end(connection.source.variable, output=True)

@@ -1,4 +1,4 @@
-"""Systems that packages of components bring, and measurement noise in a system."""
+"""Systems of the packages of components, and measurement noise in a system."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from fmus.kit.errors import UserError, suggestion
 from orchestration.system.model import Connection, Member, Port, System, connect
 from orchestration.system.voltmeter import Voltmeter
 
-# by system; these texts are in the descriptions of its SSP files
+# by system; its SSP files have these texts as descriptions
 SUMMARIES = {name: declared.summary for name, declared in registry.systems().items()}
 NAMES = tuple(SUMMARIES)
 
 
 def system(name: str, runtime: str = "native") -> System:
-    """Return one of the systems; its FMUs are built if they are not in the cache.
+    """Return a system of a package, with FMUs from the cache or newly built.
 
     Parameters
     ----------
@@ -36,8 +36,8 @@ def system(name: str, runtime: str = "native") -> System:
     return System(
         name=name,
         members=tuple(
-            Member.of(own_name, member_class(member), member.values, runtime)
-            for own_name, member in declared.members.items()
+            Member.of(member_name, member_class(member), member.values, runtime)
+            for member_name, member in declared.members.items()
         ),
         connections=connect(*declared.connections),
         inputs={key: tuple(map(_port, targets)) for key, targets in declared.inputs.items()},
@@ -67,13 +67,13 @@ def member_class(declared: registry.MemberDeclaration) -> type[Component]:
 
 
 def _port(text: str) -> Port:
-    """Return the port that is written as ``member.variable``."""
+    """Return the port of a text ``member.variable``."""
     member, _, variable = text.partition(".")
     return Port(member, variable)
 
 
 def with_voltmeter(system: System, source: str, runtime: str = "native") -> System:
-    """Return a system in which a voltage passes through a voltmeter before it is received.
+    """Return a system in which a voltage is measured by a voltmeter before it is received.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def with_voltmeter(system: System, source: str, runtime: str = "native") -> Syst
     Returns
     -------
     System
-        It has another input, ``voltage_error`` in V: 0, or measurement noise.
+        The system with a further input ``voltage_error`` in V, 0 by default, for measurement noise.
 
     Raises
     ------
@@ -96,10 +96,12 @@ def with_voltmeter(system: System, source: str, runtime: str = "native") -> Syst
     """
     port = system.port(source)
     measured = Port("voltmeter", "measured_voltage")
-    moved = (replace(c, source=measured) if c.source == port else c for c in system.connections)
+    connections = [
+        replace(c, source=measured) if c.source == port else c for c in system.connections
+    ]
     return replace(
         system,
         members=(*system.members, Member.of("voltmeter", Voltmeter, runtime=runtime)),
-        connections=(*moved, Connection(port, Port("voltmeter", "voltage"))),
+        connections=(*connections, Connection(port, Port("voltmeter", "voltage"))),
         inputs={**system.inputs, "voltage_error": (Port("voltmeter", "error"),)},
     )

@@ -1,4 +1,4 @@
-"""The model of a system: members, each an FMU, and connections between them."""
+"""Model of a system: its members, which are FMUs, and the connections between them."""
 
 from __future__ import annotations
 
@@ -33,12 +33,11 @@ class Member:
     name : str
         Its name in the system.
     fmu : Path
-        Any FMU file of FMI 2.0 or 3.0 for co-simulation.
+        FMU of FMI 2.0 or 3.0 for co-simulation.
     parameters : Mapping of str to float or str
-        Values of parameters, and of inputs that stay at a value, in the FMU's units; texts for
-        strings.
+        Values of parameters and of constant inputs in the FMU's units; texts for strings.
     cls : type[Component] or None
-        The class of a component of ours, which is needed to fuse the system, not to run it.
+        Class of one of our components, with which the system can be fused; not needed to run it.
     """
 
     name: str
@@ -54,7 +53,7 @@ class Member:
         parameters: Mapping[str, Value] | None = None,
         runtime: str = "native",
     ) -> Member:
-        """Return a member that is a component of ours; its FMU is built if it is not in the cache.
+        """Return one of our components as a member, with an FMU from the cache or newly built.
 
         Parameters
         ----------
@@ -77,7 +76,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Connection:
-    """A connection from an output to an input, which receives ``factor * source + offset``.
+    """Connection from an output to an input, which receives ``factor * source + offset``.
 
     The factor and the offset are SSP's LinearTransformation.
 
@@ -86,7 +85,7 @@ class Connection:
     source, target : Port
         An output, and an input of another member.
     factor, offset : float
-        In the target's unit per the source's, and in the target's unit.
+        Factor in the target's unit per the source's unit, offset in the target's unit.
     """
 
     source: Port
@@ -102,7 +101,7 @@ class Connection:
 
 @dataclass(frozen=True)
 class System:
-    """A system of members and connections, to be checked by `orchestration.system.checking.check`.
+    """A system of members and connections, without checks; see `orchestration.system.checking`.
 
     Attributes
     ----------
@@ -110,7 +109,7 @@ class System:
     members : tuple of Member
     connections : tuple of Connection
     inputs : Mapping of str to tuple of Port
-        Inputs of the system by name, each connected to inputs of members.
+        Inputs of the system by name, with the inputs of members that they feed.
     outputs : Mapping of str to Port
         Outputs of the system by name.
     step, stop : float
@@ -151,7 +150,7 @@ class System:
         raise UserError(f"system {self.name}: no member named {name!r}{suggestion(name, names)}")
 
     def port(self, text: str) -> Port:
-        """Return the port that is written as ``member.variable``.
+        """Return the port of a text ``member.variable``.
 
         Raises
         ------
@@ -164,7 +163,7 @@ class System:
         return Port(self.member(name).name, variable)
 
     def given(self, values: Mapping[str, Value]) -> System:
-        """Return the system with other values of parameters, and of inputs that stay at a value.
+        """Return the system with other values of parameters and constant inputs.
 
         Parameters
         ----------
@@ -185,7 +184,7 @@ class System:
         )
 
     def disconnected(self, target: str, value: float) -> System:
-        """Return the system without the connection to an input, which stays at a value.
+        """Return the system without the connection to an input, which is constant then.
 
         Parameters
         ----------
@@ -206,7 +205,7 @@ class System:
 
 
 def connect(*pairs: str) -> tuple[Connection, ...]:
-    """Return connections that are written as ``"member.output -> member.input"``.
+    """Return the connections of texts ``"member.output -> member.input"``.
 
     Raises
     ------

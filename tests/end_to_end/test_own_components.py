@@ -87,6 +87,16 @@ def test_its_rig_is_served(environment, tmp_path):
     assert "level" in ready
 
 
+@pytest.mark.slow
+def test_a_record_of_its_rig_is_played_back(environment, tmp_path):
+    (tmp_path / "record.csv").write_text("time,inflow[m^3/s],level[m]\n0,0,1\n1,0,0.9\n")
+    options = {"file": "record.csv", "signals": "tank"}
+    with Server(tmp_path, "replay", options=options, environment=environment) as server:
+        ready = server.wait_line("ready: ")
+    assert "inflow" in ready
+    assert "level" in ready
+
+
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [

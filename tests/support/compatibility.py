@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from hashlib import sha256
@@ -185,8 +186,8 @@ def _svg(left: str, right: str, colour: str) -> str:
     )
 
 
-def main() -> None:
-    """Run all tools and write the log and the badges."""
+def main() -> int:
+    """Run all tools, write the log and the badges, and return 1 if a run failed, else 0."""
     parser = argparse.ArgumentParser(description="Run our FMUs in every tool that is here.")
     parser.add_argument("--out", type=Path, default=Path("dist/release"))
     out = parser.parse_args().out
@@ -201,10 +202,12 @@ def main() -> None:
         if entry["outcome"] != "passed":
             print(*(entry.get(k, "") for k in ("tool", "fmi", "interface", "component")), end=": ")
             print(entry.get("error", entry.get("deviation")))
-    print(f"{sum(e['outcome'] == 'passed' for e in entries)} of {len(entries)} runs passed")
+    passed = sum(entry["outcome"] == "passed" for entry in entries)
+    print(f"{passed} of {len(entries)} runs passed")
     if not fmusim.BINARY:
         print(f"fmusim is left out: {fmusim.MISSING}")
+    return int(passed < len(entries))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,4 +1,4 @@
-"""The emulated rig in time: driven sample by sample as a real one, not over a whole record."""
+"""Emulated rig that is advanced step by step, as a real one, and not over a whole record."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""The bench: a voice coil pulls on the actuator under force control at 30 Hz (section 2.2).
+"""Bench with a voice coil that pulls on the actuator under force control at 30 Hz (section 2.2).
 
 Values are those of appendix A1 and eq. 2.2 where the source contradicts itself (errata 2, 3 and 5).
 """
@@ -16,7 +16,7 @@ from demonstrations.emulator.stepping.transitions import Switching
 
 _LONGEST = 1e-3  # s; mass and spring swing in 14 ms
 _LONGEST_NOT_LINEAR = 5e-4  # s
-_SAME = 1e-9  # s, instants that are one
+_SAME = 1e-9  # s, largest difference of equal instants
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class Coil:
 
 
 class BenchPlant:
-    """Bench with its force loop closed.
+    """Bench with a closed force loop.
 
-    Beside the actuator's states it has current, position, velocity and two filters.
+    Its states are those of the actuator, and current, position, velocity and two filters.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class BenchPlant:
         self.coil = coil or Coil()
         self.spring = Spring(physics)
         self.order = physics.order + 5
-        self.voltage = 0.0  # V, what the controller puts out
+        self.voltage = 0.0  # V, output of the controller
         self.released = True
         self._error = 0.0
         self._samples = 0
@@ -61,13 +61,13 @@ class BenchPlant:
         self._switching = Switching(regimes, lambda state, _: self._gap(state), self._piece)
 
     def release(self) -> None:
-        """Take the voltage off the coil, until commands come again."""
+        """Set the voltage of the coil to zero until the next command."""
         self.voltage = 0.0
         self._error = 0.0
         self.released = True
 
     def hold(self, state: Array, commands: Array, time: float) -> Array:
-        """Let the controller act where a sample is due; hold current (A) and coil voltage (V)."""
+        """Run the controller if a sample is due; return current (A) and coil voltage (V)."""
         reference, current = commands
         if time >= self._samples * self.coil.sampling - _SAME:
             self._samples += 1
@@ -76,7 +76,7 @@ class BenchPlant:
         return np.array([current, self.voltage])
 
     def _control(self, error: float) -> None:
-        """Apply eq. 2.2; limited before it is remembered."""
+        """Apply eq. 2.2 with a limited voltage, which is also that of the next step."""
         now, before = self.coil.gains
         low, high = self.coil.supply
         step = now * error + before * self._error
@@ -84,11 +84,11 @@ class BenchPlant:
         self._error = error
 
     def longest(self, time: float) -> float:
-        """Stop at samples of the controller."""
+        """Return the time (s) until the next sample of the controller, or at most a piece."""
         return float(min(self._piece, max(self._samples * self.coil.sampling - time, _SAME)))
 
     def advance(self, state: Array, held: Array, duration: float) -> Array:
-        """Propagate, from slack to taut and back."""
+        """Advance the state, with changes between slack and taut."""
         return self._switching(state, held, duration)
 
     def _gap(self, state: Array) -> float:
@@ -96,14 +96,14 @@ class BenchPlant:
         return self.spring.gap(state[:n], state[n + 1])
 
     def terminal(self, state: Array, held: Array) -> Array:
-        """Solve for the tension; a film does not push."""
+        """Return current (A) and tension (N), which is zero for a slack film."""
         gap = self._gap(state)
         return np.array(
             [held[0], self.spring.tension(state[: self.physics.order], gap) if gap > 0 else 0.0]
         )
 
     def shown(self, state: Array, held: Array) -> dict[str, float]:
-        """Show the coil, the sensors behind their filters, and the tension."""
+        """Return the signals of the coil, of the filtered sensors, and the tension."""
         n = self.physics.order
         current, position, velocity, force, filtered = state[n:].tolist()
         return {
@@ -117,7 +117,7 @@ class BenchPlant:
         }
 
     def rates(self, state: Array, current: Any, voltage: Any, taut: bool) -> list[Any]:
-        """Return the time derivatives of all states, taut or slack."""
+        """Return the time derivatives of all states, for a taut or slack film."""
         n = self.physics.order
         c = self.coil
         amperes, position, velocity, force, filtered = state[n:]
@@ -133,7 +133,7 @@ class BenchPlant:
 
 
 class _Regime:
-    """Motion of a bench that stays taut, or slack."""
+    """Motion of a bench whose film is taut, or slack."""
 
     def __init__(self, bench: BenchPlant, taut: bool):
         self._bench = bench
@@ -142,5 +142,5 @@ class _Regime:
         self.is_linear = bench.spring.is_linear if taut else bench.physics.is_linear
 
     def rates(self, state: Array, current: Any, voltage: Any) -> list[Any]:
-        """Return the bench's rates."""
+        """Return the rates of the bench in this regime."""
         return self._bench.rates(state, current, voltage, self._taut)

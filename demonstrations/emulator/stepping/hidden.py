@@ -1,4 +1,4 @@
-"""Choice of the effect hidden in a rig driven in time: one named, or one drawn by a seed."""
+"""Choice of the hidden effect of a stepped rig: by name, or drawn with a seed."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from demonstrations.emulator.physics import Physics, RigParameters
 from demonstrations.emulator.stepping.memory import in_time
 from demonstrations.emulator.variations import CATALOGUE, DISPLACEMENT, VOLTAGE, Variation
 
-# Shares of the largest plausible size, from which the size of an effect is drawn. With them a
-# record of 45 s at 30 Hz under levels of current and load that change every few seconds leaves more
-# than the noise when the model without the effect is refitted (its tests show it). Of those not
-# listed most need longer records; lags of sensor and strain show at once, but here they have two
-# stages, and at 30 Hz what the second leaves shows, too.
+# Range of sizes, as shares of the largest plausible one. With these sizes the residual of the
+# refitted model without the effect is above the noise in a record of 45 s at 30 Hz with levels of
+# current and load that change every few seconds (its tests show it). Most other effects need longer
+# records. Lags of sensor and strain are not listed, as they have two stages here, and at 30 Hz the
+# second stage is visible, too.
 SHOWING: dict[str, tuple[float, float]] = {
     "double_layer": (0.1, 0.4),
     "charge_dependent_capacitance": (0.3, 0.8),
@@ -28,21 +28,21 @@ SHOWING: dict[str, tuple[float, float]] = {
     "diffusion": (0.4, 0.9),
     "transport_delay.displacement": (0.05, 0.2),
 }
-_OTHERWISE = (0.2, 0.5)  # for an effect that is asked for by name
+_OTHERWISE = (0.2, 0.5)  # for other effects, which are chosen by name
 
 
 @dataclass(frozen=True)
 class HiddenEffect:
-    """The effect that is hidden in a rig.
+    """Hidden effect of a rig.
 
     Attributes
     ----------
     id : str
-        Of the effects' catalogue, or empty if nothing is hidden.
+        Id in the catalogue of effects; empty for none.
     output : str
-        The measured output that it is about, or empty.
+        Affected measured output; empty if the effect is of no sensor.
     parameters : dict of str to float or str
-        Of the emulated physics, SI.
+        Parameters of the emulated physics, SI.
     """
 
     id: str = ""
@@ -50,7 +50,7 @@ class HiddenEffect:
     parameters: dict[str, float | str] | None = None
 
     def physics(self, specimen: RigParameters) -> Physics:
-        """Return the physics of a specimen with the effect, ready to go along in time."""
+        """Return the physics of a specimen with the effect, for a stepped rig."""
         if not self.id:
             return Physics(specimen)
         kind = in_time(CATALOGUE[self.id].physics)
@@ -69,27 +69,27 @@ class HiddenEffect:
 def hidden_effect(
     name: str, seed: int, sensed: Collection[str] = (VOLTAGE, DISPLACEMENT)
 ) -> HiddenEffect:
-    """Choose what is hidden.
+    """Return a hidden effect by name, or drawn with a seed.
 
     Parameters
     ----------
     name : str
-        ``none``; ``drawn``, one of those that show within 45 s; or an id of the catalogue, with the
-        output behind a dot where an effect is that of a sensor: ``sensor_lag.voltage``.
+        ``none``; ``drawn``, for an effect that is visible within 45 s; or an id of the catalogue,
+        with an output after a dot for an effect of a sensor: ``sensor_lag.voltage``.
     seed : int
-        Of the effect if it is drawn, and of its size.
+        Seed of a drawn effect, and of the size.
     sensed : collection of str
-        Outputs that sensors with an effect may be about.
+        Outputs with sensors.
 
     Returns
     -------
     HiddenEffect
-        The same for the same arguments.
+        Equal for equal arguments.
 
     Raises
     ------
     ValueError
-        If there is no such effect, or it is not about any of these outputs.
+        If there is no such effect, or it affects none of these outputs.
     """
     if name == "none":
         return HiddenEffect()
@@ -113,7 +113,7 @@ def hidden_effect(
 
 
 def _outputs(variation: Variation, sensed: Collection[str]) -> list[str]:
-    """Return the outputs a variation can be about, clearest first; ``""`` if it has no choice."""
+    """Return the outputs that a variation can affect, best first; ``""`` if there is no choice."""
     if "" in variation.limits:
         return [""]
     return sorted(
@@ -135,5 +135,5 @@ def _sized(
 
 
 def _between(random: np.random.Generator, low: float, high: float) -> float:
-    """Draw with equal chance per ratio."""
+    """Return a log-uniform random number."""
     return float(np.exp(random.uniform(np.log(low), np.log(high))))

@@ -1,4 +1,4 @@
-"""Hidden variations whose effect on a record needs all of it, made to go along in time."""
+"""Hidden variations with memory, for a rig that is advanced step by step."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from demonstrations.emulator.hidden_coupling import PlayingStrain
 from demonstrations.emulator.hidden_sensor import LateSensor, SluggishSensor
 from demonstrations.emulator.physics import Array, Physics, Signals, Trajectory
 
-_SAME = 1e-10  # s, instants that are one
-_ROOM = 4096  # pieces beyond those needed before the past is cut
+_SAME = 1e-10  # s, largest difference of equal instants
+_ROOM = 4096  # pieces in the past before old ones are removed
 
 
 @dataclass(frozen=True)
 class Instant(Trajectory):
-    """One instant of a run, whenever it is asked for."""
+    """One instant of a run; the time of a request is ignored."""
 
     def at(self, time: Array) -> tuple[Array, Array]:
         """Return state (order, m) and inputs (2, m)."""
@@ -28,16 +28,16 @@ class Instant(Trajectory):
 
 
 class Remembering:
-    """A variation with a memory: told of every step, after it."""
+    """Base of variations with memory, which are informed of every step after it."""
 
     def passed(self, step: float, before: Instant, after: Instant) -> None:
-        """Remember a step (s) with constant inputs between two instants."""
+        """Update the memory by a step (s) with constant inputs between two instants."""
         raise NotImplementedError
 
 
 @dataclass
 class RememberingPlay(PlayingStrain, Remembering):
-    """Play whose operators keep what they are at."""
+    """Play operators with their own states."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -46,7 +46,7 @@ class RememberingPlay(PlayingStrain, Remembering):
         self._radii = widths
 
     def play(self, charge: Any) -> Any:
-        """Return the mean of the operators if the charge went straight to its present value."""
+        """Return the mean of the operators after a monotonic change to a charge."""
         if not self._memory.size:
             self._radii = self.widest_play * np.arange(1, 9) / 8
             self._memory = np.zeros(8)
@@ -58,7 +58,7 @@ class RememberingPlay(PlayingStrain, Remembering):
         return np.maximum(low, np.minimum(high, memory))
 
     def passed(self, step: float, before: Instant, after: Instant) -> None:
-        """Move the operators to where the charge has got."""
+        """Move the operators to the charge after the step."""
         charge = self.active_charge(after.state[:, 0])
         self.play(charge)
         self._memory = self._moved(charge)
@@ -66,7 +66,7 @@ class RememberingPlay(PlayingStrain, Remembering):
 
 @dataclass
 class RememberingLag(SluggishSensor, Remembering):
-    """A sensor of two stages that keeps what they show."""
+    """A sensor whose two stages are states of its own."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -74,16 +74,14 @@ class RememberingLag(SluggishSensor, Remembering):
         self._transitions: dict[float, Array] = {}
 
     def sensed(self, run: Trajectory, time: Array) -> Signals:
-        """Show the second stage; before anything has passed it is in equilibrium."""
+        """Return the signals with the second stage, at first in equilibrium."""
         signals = Physics.sensed(self, run, time)
-        return (
-            signals
-            if self._stages is None
-            else signals | {self.lag_output: np.repeat(self._stages[1], time.size)}
-        )
+        if self._stages is None:
+            return signals
+        return signals | {self.lag_output: np.repeat(self._stages[1], time.size)}
 
     def passed(self, step: float, before: Instant, after: Instant) -> None:
-        """Let the stages follow what changes linearly over the step."""
+        """Advance the stages with an input that is linear over the step."""
         first, last = (
             float(Physics.sensed(self, i, i.time)[self.lag_output][0]) for i in (before, after)
         )
@@ -137,14 +135,13 @@ class Past:
         self._pieces: list[tuple[Array, Array]] = []
 
     def add(self, time: float, state: Array, held: Array) -> None:
-        """Remember the start of a piece."""
+        """Store the start of a piece with constant inputs."""
         self._times.append(time)
         self._pieces.append((state, held))
-        if (
-            len(self._times) > _ROOM
-            and (old := bisect_right(self._times, time - self.reach - 1.0) - 1) > _ROOM // 2
-        ):
-            del self._times[:old], self._pieces[:old]
+        if len(self._times) > _ROOM:
+            old = bisect_right(self._times, time - self.reach - 1.0) - 1
+            if old > _ROOM // 2:
+                del self._times[:old], self._pieces[:old]
 
     def at(self, time: float) -> tuple[Array, Array] | None:
         """Return the actuator's state and inputs at an instant; None without a past.
@@ -155,22 +152,21 @@ class Past:
             return None
         k = max(bisect_right(self._times, time + _SAME) - 1, 0)
         state, held = self._pieces[k]
-        since = round(max(time - self._times[k], 0.0), 9)
-        return self._actuator(self._move(state, held, since) if since > 0 else state, held)
+        elapsed = round(max(time - self._times[k], 0.0), 9)
+        return self._actuator(self._move(state, held, elapsed) if elapsed > 0 else state, held)
 
 
 @dataclass(frozen=True)
 class Reaching(Instant):
-    """An instant with a past behind it."""
+    """An instant of a run, with the past before it."""
 
     past: Past
 
     def at(self, time: Array) -> tuple[Array, Array]:
         """Return states (order, m) and inputs (2, m) at instants of the past (s), or now."""
         now = (self.state[:, 0], self.inputs[:, 0])
-        found = [
+        pairs = [
             now if t >= self.time[0] - _SAME else self.past.at(t) or now for t in time.tolist()
         ]
-        return np.array([state for state, _ in found]).T, np.array(
-            [inputs for _, inputs in found]
-        ).T
+        states, inputs = zip(*pairs, strict=True)
+        return np.array(states).T, np.array(inputs).T

@@ -1,4 +1,4 @@
-"""Noise of sensors, sample by sample."""
+"""Noise of sensors, drawn sample by sample."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-# What sensors of the bench leave; thesis section 2.2.2 resolves 0.001 N and 0.003 mm, and what is
-# computed from other signals has none of its own.
+# standard deviations of the sensors of the bench, by the resolutions 0.001 N and 0.003 mm of thesis
+# section 2.2.2; computed signals have no noise of their own
 DEVIATIONS = {
     "voltage": 4e-3,
     "displacement": 3e-6,
@@ -18,7 +18,7 @@ DEVIATIONS = {
 
 
 class Noise:
-    """Stationary AR(1) noise, a sequence of its own for every output.
+    """Stationary AR(1) noise, independent for every output.
 
     Parameters
     ----------
@@ -26,12 +26,12 @@ class Noise:
         Standard deviation by output, SI.
     seed : int
     colour : float
-        Lag-one correlation from sample to sample, between -1 and 1.
+        Lag-one correlation, between -1 and 1.
 
     Attributes
     ----------
     values : dict of str to float
-        Of the present sample.
+        Noise of the present sample by output.
     """
 
     def __init__(self, deviations: Mapping[str, float], seed: int, colour: float = 0.0):

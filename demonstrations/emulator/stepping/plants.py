@@ -1,4 +1,4 @@
-"""The specimen in the clamps: the actuator driven by force, or by length."""
+"""Plants with an actuator that is driven by force, or by length."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from demonstrations.emulator.physics import Array, Physics
 from demonstrations.emulator.stepping.transitions import Switching, Transitions
 
 _LONGEST = 0.1  # s, piece of a length-driven actuator, whose slowest dynamics take seconds
-_EXACT = 1e-12  # N, of the tension of a spring that is not linear
+_EXACT = 1e-12  # N, tolerance of the tension of a nonlinear spring
 _ITERATIONS = 50
 
 
 class Plant(Protocol):
-    """Something that is driven and moves.
+    """Protocol of a driven plant with an actuator.
 
     Attributes
     ----------
     physics : Physics
-        Of its actuator, whose states are the first of its own.
+        Physics of the actuator, whose states are the first states of the plant.
     inputs : tuple of str
     order : int
         Number of states.
@@ -31,15 +31,15 @@ class Plant(Protocol):
     order: int
 
     def hold(self, state: Array, commands: Array, time: float) -> Array:
-        """Return the held inputs (2,) from an instant (s) on, from commands and state (order,)."""
+        """Return the inputs (2,) from a time (s) on, for commands and a state (order,)."""
         ...
 
     def longest(self, time: float) -> float:
-        """Return how long (s) from an instant on it is held, and may be advanced at once."""
+        """Return the longest step (s) from a time on, over which inputs are constant."""
         ...
 
     def advance(self, state: Array, held: Array, duration: float) -> Array:
-        """Return the state (order,) a duration (s) later."""
+        """Return the state (order,) after a duration (s)."""
         ...
 
     def terminal(self, state: Array, held: Array) -> Array:
@@ -47,12 +47,12 @@ class Plant(Protocol):
         ...
 
     def shown(self, state: Array, held: Array) -> dict[str, float]:
-        """Return what it shows beside the actuator's own outputs."""
+        """Return the outputs that are not those of the actuator, by name."""
         ...
 
 
 class ForceDriven:
-    """The actuator under a current and a force."""
+    """Actuator with current and force as inputs."""
 
     inputs: ClassVar[tuple[str, ...]] = ("current", "force")
 
@@ -62,28 +62,28 @@ class ForceDriven:
         self._transitions = Transitions(physics)
 
     def hold(self, state: Array, commands: Array, time: float) -> Array:
-        """Hold the commands."""
+        """Return the commands."""
         return commands
 
     def longest(self, time: float) -> float:
-        """Set no bound: variations that are not linear have steps of their own."""
+        """Return infinity, as nonlinear variations have steps of their own."""
         return np.inf
 
     def advance(self, state: Array, held: Array, duration: float) -> Array:
-        """Propagate."""
+        """Return the state after the duration, with constant inputs."""
         return self._transitions(state, held, duration)
 
     def terminal(self, state: Array, held: Array) -> Array:
-        """Return current and force, which are both given."""
+        """Return current and force, which are the inputs."""
         return held
 
     def shown(self, state: Array, held: Array) -> dict[str, float]:
-        """Return nothing more."""
+        """Return an empty dictionary."""
         return {}
 
 
 class Spring:
-    """The instantaneous spring of a physics, the other way round: tension from length.
+    """Inverse of the instantaneous spring of a physics: tension from length.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class Spring:
         kind = type(physics)
         self.physics = physics
         self._plain = kind.spring_length is Physics.spring_length
-        # Only then are the rates under a given length linear where those under a given force are.
+        # only then rates are linear in a length if they are in a force
         self.is_linear = (
             physics.is_linear
             and self._plain
@@ -102,13 +102,13 @@ class Spring:
         )
 
     def gap(self, state: Array, length: float) -> float:
-        """Return how far (m) a length (m) stretches the spring."""
+        """Return the elongation (m) of the spring at a length (m) of the actuator."""
         p = self.physics
         free = p.mechanical_length(state, 0.0) + p.electrochemical_length(p.active_charge(state))
         return float(length - free)
 
     def tension(self, state: Array, gap: float) -> Any:
-        """Return the force (N) that stretches the spring so far (m); negative where compressed."""
+        """Return the force (N) for an elongation (m) of the spring, negative in compression."""
         force = self.physics.parameters.k1 * gap
         if self._plain:
             return force
@@ -128,7 +128,7 @@ class Spring:
 
 
 class LengthDriven:
-    """The actuator under a current and a length; its instantaneous spring is tense or slack."""
+    """Actuator with current and length as inputs, whose instantaneous spring is taut or slack."""
 
     inputs: ClassVar[tuple[str, ...]] = ("current", "length_change")
 
@@ -142,29 +142,29 @@ class LengthDriven:
         )
 
     def hold(self, state: Array, commands: Array, time: float) -> Array:
-        """Hold the commands."""
+        """Return the commands."""
         return commands
 
     def longest(self, time: float) -> float:
-        """Look for slack that often."""
+        """Return the interval (s) of the checks for slack."""
         return _LONGEST
 
     def advance(self, state: Array, held: Array, duration: float) -> Array:
-        """Propagate, from slack to taut and back."""
+        """Advance the state, with changes between slack and taut."""
         return self._switching(state, held, duration)
 
     def terminal(self, state: Array, held: Array) -> Array:
-        """Solve for the tension; a film does not push."""
+        """Return current (A) and tension (N), which is zero for a slack film."""
         gap = self.spring.gap(state, held[1])
         return np.array([held[0], self.spring.tension(state, gap) if gap > 0 else 0.0])
 
     def shown(self, state: Array, held: Array) -> dict[str, float]:
-        """Show the tension."""
+        """Return the tension."""
         return {"tension": float(self.terminal(state, held)[1])}
 
 
 class _Regime:
-    """Motion of a length-driven actuator that stays taut, or slack."""
+    """Motion of a length-driven actuator that is taut, or slack."""
 
     def __init__(self, spring: Spring, taut: bool):
         self.spring = spring
@@ -173,6 +173,6 @@ class _Regime:
         self.is_linear = spring.is_linear if taut else spring.physics.is_linear
 
     def rates(self, state: Array, current: Any, length: Any) -> list[Any]:
-        """Return the actuator's rates under the tension of the length."""
+        """Return the rates of the actuator under the tension of a length."""
         force = self.spring.tension(state, self.spring.gap(state, length)) if self.taut else 0.0
         return self.spring.physics.rates(state, current, force)

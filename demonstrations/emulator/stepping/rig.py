@@ -1,4 +1,4 @@
-"""The emulated rig, driven step by step with held inputs."""
+"""Emulated rig that is advanced step by step with constant inputs."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from demonstrations.emulator.stepping.memory import Instant, Past, Reaching, Rem
 from demonstrations.emulator.stepping.noise import Noise
 from demonstrations.emulator.stepping.plants import Plant
 
-_SLIVER = 1e-12  # s, what is left of a step by rounding
+_SLIVER = 1e-12  # s, rest of a step by rounding
 
 
 class SteppedRig:
-    """A plant at rest, its sensors, and time.
+    """A plant with sensors and a clock, at rest at first.
 
-    It is deterministic: the same commands and steps give the same bits.
+    It is deterministic: equal commands and steps give equal bits.
 
     Parameters
     ----------
     plant : Plant
     outputs : sequence of str
-        What is measured.
+        Measured outputs.
     noise : Noise, optional
-        None for sensors without.
+        Noise of the sensors; by default none.
 
     Attributes
     ----------
     time : float
-        s.
+        Time since the start, s.
     """
 
     def __init__(self, plant: Plant, outputs: tuple[str, ...], noise: Noise | None = None):
@@ -46,12 +46,12 @@ class SteppedRig:
         self._past = Past(plant.physics, plant.advance, self._actuator)
 
     def command(self, values: Mapping[str, float]) -> None:
-        """Set every input (SI), from now on.
+        """Set every input (SI) from now on.
 
         Raises
         ------
         ValueError
-            If one is missing or not finite; nothing is then changed.
+            If one is missing or not finite; then no input is changed.
         """
         commands = [values.get(name, np.nan) for name in self.plant.inputs]
         for name, value in zip(self.plant.inputs, commands, strict=True):
@@ -65,14 +65,14 @@ class SteppedRig:
             self._held = self._commands
 
     def release(self) -> None:
-        """Take everything off: no current, no force or coil voltage, the unloaded length."""
+        """Set zero current, zero force or coil voltage, and the unloaded length."""
         self._commands = np.zeros_like(self._commands)
         self._held = np.zeros(2)
         if isinstance(self.plant, BenchPlant):
             self.plant.release()
 
     def advance(self, step: float) -> None:
-        """Let time pass with the commands held.
+        """Advance the plant by a step with constant commands.
 
         Parameters
         ----------
@@ -111,7 +111,7 @@ class SteppedRig:
         )
 
     def true(self) -> dict[str, float]:
-        """Return what sensors without noise show now, SI."""
+        """Return the present outputs without noise, SI."""
         physics = self.plant.physics
         now = self._instant(self.time, self._state)
         state = now.state[:, 0]
@@ -134,6 +134,6 @@ class SteppedRig:
         return {name: everything[name] for name in self.outputs}
 
     def measured(self) -> dict[str, float]:
-        """Return what the sensors show now, SI; the same however often it is asked for."""
+        """Return the present outputs with noise, SI, equal for repeated calls."""
         noise = self._noise.values if self._noise else {}
         return {name: value + noise.get(name, 0.0) for name, value in self.true().items()}

@@ -1,4 +1,4 @@
-"""Transitions over recurring durations, and over the instant a film goes slack or taut."""
+"""Transitions over recurring durations, and over instants at which a film becomes slack or taut."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 
 from demonstrations.emulator.physics import Array, Motion, Transition
 
-_MOST = 512  # transitions that are kept; steps of a controller or of a clock are few
-_HALVINGS = 14  # of the longest piece, in search of the instant at which the regime changes
-_NO_GAP = 1e-15  # m, below which slack and taut are the same
+_MOST = 512  # cached transitions; steps of a controller or of a clock are few
+_HALVINGS = 14  # of the longest piece, to locate a change of regime
+_NO_GAP = 1e-15  # m, below which slack and taut are equal
 
 
 class Transitions:
-    """Transitions of one motion, kept by duration, so that the same step always rounds alike.
+    """Cache of the transitions of a motion by duration, so that equal steps give equal bits.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ class Transitions:
         self._kept: dict[float, Transition] = {}
 
     def __call__(self, state: Array, inputs: Array, duration: float) -> Array:
-        """Return the state (order,) a duration (s) later, inputs (2,) held."""
+        """Return the state (order,) after a duration (s) with constant inputs (2,)."""
         key = round(duration, 12)
         transition = self._kept.get(key)
         if transition is None:
@@ -35,19 +35,18 @@ class Transitions:
 
 
 class Switching:
-    """A motion of two regimes, slack and taut, that go over into each other continuously.
+    """Motion with two regimes, slack and taut, whose rates are equal at the change of regime.
 
-    At the instant of change both regimes have the same rates, so that an instant found to within
-    `d` leaves an error of the order of `d` squared.
+    An error `d` of the instant of change therefore causes an error of the order of `d` squared.
 
     Parameters
     ----------
     regimes : sequence of Motion
-        Slack, taut.
+        Motion when slack, and when taut.
     gap : callable
-        Of state and inputs: how far (m) the spring is stretched; positive where taut.
+        Returns the elongation (m) of the spring for state and inputs, positive when taut.
     longest : float
-        s, within which the regime is taken to change at most once.
+        Longest duration in s, in which the regime is assumed to change at most once.
     """
 
     def __init__(
@@ -58,7 +57,7 @@ class Switching:
         self.longest = longest
 
     def __call__(self, state: Array, inputs: Array, duration: float) -> Array:
-        """Return the state (order,) after a duration (s), at most the longest, inputs (2,) held."""
+        """Return the state (order,) after a duration (s) with constant inputs (2,)."""
         before = self.gap(state, inputs)
         later = self.regimes[before > 0](state, inputs, duration)
         after = self.gap(later, inputs)

@@ -1,4 +1,4 @@
-"""Analyses of the thesis whose records are lost, made again on records of the models."""
+"""Analyses of the thesis whose records are lost, repeated on records of the models."""
 
 import lazy_loader
 

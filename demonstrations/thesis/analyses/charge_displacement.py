@@ -1,7 +1,4 @@
-"""Section 3.3.1, figs. 3-10 and 3-11: displacement over charge.
-
-Its slope with and without zero crossing, and its area.
-"""
+"""Section 3.3.1, figs. 3-10 and 3-11: slope and area of loops of displacement over charge."""
 
 from __future__ import annotations
 
@@ -24,15 +21,15 @@ from orchestration.reporting import pictures
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# those of fig. 3-4 are assumed
+# assumed as in fig. 3-4
 AMPLITUDE = 0.9  # A
 DURATION = 60.0  # s
 LOAD = 0.2 * 9.80665  # N, 200 g
 FIGURES = {"fig. 3-10": 0.2, "fig. 3-11": 0.1}  # Hz
-# chosen: what lags and levels off in the figures is not printed
+# chosen, as lag and saturation of the figures are not printed
 LAG = 0.3  # s
 SATURATION = 2.5  # C
-# m, of the displacement (section 2.2.2), taken for the standard deviation of white noise
+# m, of the displacement (section 2.2.2), used as the standard deviation of white noise
 RESOLUTION = 3e-6
 _TEST = "demonstrations/thesis/analyses/test_charge_displacement"
 _BLUE = pictures.MODEL
@@ -41,11 +38,11 @@ _GREY = pictures.MEASURED
 
 
 class _Lagging(StrainLag, StrainSaturation, PpyActuator):
-    """Elongation that lags behind the charge and levels off with it."""
+    """Actuator whose elongation lags behind the charge and saturates."""
 
 
 def entries() -> Iterator[Entry]:
-    """Everything that eq. 3.4 lets one recompute."""
+    """Yield claims and errata about eq. 3.4."""
     yield from _slopes()
     yield from _hysteresis()
 
@@ -56,16 +53,16 @@ def record(
 ) -> tuple[Array, Array, Array]:
     """Return time (s), charge (C) and noisy displacement (m) of a square wave from rest.
 
-    The charge is from the current by eq. 3.5.
+    The charge follows from the current by eq. 3.5.
 
     Parameters
     ----------
     frequency : float
         Hz.
     creeping : bool
-        Whether the dashpot b1 flows under the load; what the Kelvin element does has long ended.
+        Whether the dashpot b1 flows under the load; the Kelvin element is in its steady state.
     lagging : bool
-        Whether the displacement lags behind the charge and saturates, as chosen here.
+        Whether the displacement lags behind the charge and saturates.
     """
     time = np.asarray(PERIOD * np.arange(round(DURATION / PERIOD) + 1), dtype=np.float64)
     current = square_wave(time, AMPLITUDE, frequency)
@@ -84,16 +81,16 @@ def record(
 def read(
     frequency: float, creeping: bool = True, lagging: bool = False, drift: bool = False
 ) -> Loops:
-    """Loops of :func:`record`.
+    """Return the loops of :func:`record`.
 
     Parameters
     ----------
     frequency : float
         Hz.
     creeping, lagging : bool
-        As of the record.
+        As in :func:`record`.
     drift : bool
-        Whether a steady flow is estimated along.
+        Whether a steady flow is estimated, too.
     """
     return read_loops(
         *record(frequency, creeping, lagging), 1.0 / frequency, units=("C", "m"), drift=drift
@@ -149,7 +146,7 @@ def _slopes() -> Iterator[Entry]:
 
 
 def _stroke(frequency: float) -> float:
-    """Charge that a settled cycle moves, in C."""
+    """Return the range of the charge in the last cycle, in C."""
     _, charge, _ = record(frequency)
     return float(np.ptp(charge[-round(1.0 / frequency / PERIOD) :]))
 
@@ -190,7 +187,7 @@ def _hysteresis() -> Iterator[Entry]:
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """Figs. 3-10 and 3-11."""
+    """Return figs. 3-10 and 3-11."""
     return tuple(
         Illustration(
             f"{figure.capitalize()}: displacement over charge at {frequency:g} Hz",

@@ -1,4 +1,4 @@
-"""Section 3.3.1, creep: actuator 114 of appendix A4, eqs. 3.1 to 3.3 and their refined fit."""
+"""Section 3.3.1, creep: actuator 114 of appendix A4, eqs. 3.1 to 3.3, and fits after them."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ ACTUATOR_114 = {
     "b2": 1.5e6,
 }  # N/m, N s/m; appendix A4, in a comment
 PRINTED = {"k1": "6300", "b1": "1.7e6", "k2": "1.0e4", "b2": "2.0e6"}
-# m, of the displacement (section 2.2.2), taken for the standard deviation of white noise
+# m, of the displacement (section 2.2.2), used as the standard deviation of white noise
 RESOLUTION = 3e-6
 STEP = 2.75  # N
 REST = 5.0  # s before the load
-HELD = 2400.0  # s under the load: until its creep is steady
+HELD = 2400.0  # s under the load, until creep is steady
 _TEST = "demonstrations/thesis/analyses/test_creep"
 _BLUE = pictures.MODEL
 _RED = pictures.FITTED
@@ -42,13 +42,13 @@ _GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
-    """Everything that the Burgers parameters let one recompute."""
+    """Yield claims and errata about the Burgers parameters."""
     yield from _actuator_114()
     yield from _readings()
 
 
 def _e(value: float) -> str:
-    """Format a damping as people write it."""
+    """Return a damping with three significant digits and a power of ten."""
     return number(value, 3, True)
 
 
@@ -59,7 +59,7 @@ def _e(value: float) -> str:
 def burgers(time: Array, force: Array, chain: Mapping[str, float]) -> tuple[Array, Array, Array]:
     """Return the elongation of spring, dashpot and Kelvin element under a force.
 
-    The force is held between evenly spaced samples.
+    The force is constant between equally spaced samples.
 
     Parameters
     ----------
@@ -83,15 +83,13 @@ def burgers(time: Array, force: Array, chain: Mapping[str, float]) -> tuple[Arra
 
 
 def maxwell_of(chain: Mapping[str, float], period: float) -> tuple[float, float]:
-    """Fit a Maxwell model (fig. 5-6) to a Burgers chain over the loads of fig. 3-7.
-
-    By least squares.
+    """Fit a Maxwell model (fig. 5-6) to a Burgers chain for the loads of fig. 3-7.
 
     Parameters
     ----------
     chain : Mapping of str to float
     period : float
-        Of a load and its removal in s, which is not printed.
+        Period of a load and its removal in s, which is not printed.
 
     Returns
     -------
@@ -109,7 +107,7 @@ def maxwell_of(chain: Mapping[str, float], period: float) -> tuple[float, float]
 
 
 def _remaining_elongation() -> tuple[float, float]:
-    """Return what stays of actuator 114's elongation, and what is there on unloading, in mm."""
+    """Return the elongation of actuator 114 in the end, and right after unloading, in mm."""
     time, loads_ = staircase()
     force = loads_ - loads_.min()
     unloaded = int(np.flatnonzero(force)[-1]) + 1
@@ -177,7 +175,7 @@ def _actuator_114() -> Iterator[Entry]:
 
 @cache
 def held_load() -> tuple[Array, Array, Array]:
-    """Return time (s), force (N) and displacement (m) of a load held until creep is steady."""
+    """Return time (s), force (N) and displacement (m) of one load until creep is steady."""
     time = np.arange(0.0, REST + HELD + 0.5)
     return _recorded(time, np.where(time >= REST, STEP, 0.0))
 
@@ -196,10 +194,12 @@ def _recorded(time: Array, force: Array) -> tuple[Array, Array, Array]:
 
 @cache
 def readings() -> dict[str, CreepReading]:
-    """Return what eqs. 3.1 to 3.3 give of the held load, and of the largest load of fig. 3-6."""
+    """Return the readings by eqs. 3.1 to 3.3 of one load, and of the largest load of fig. 3-6."""
     time, force, displacement = loads()
     largest = np.flatnonzero(force == force.max())
-    seen = slice(2 * largest[0] - largest[-1] - 1, largest[-1] + 1)  # with as long a rest before it
+    seen = slice(
+        2 * largest[0] - largest[-1] - 1, largest[-1] + 1
+    )  # the load and a rest of the same length before it
     return {
         "held": read_creep(*held_load()),
         "loads": read_creep(time[seen], force[seen], displacement[seen]),
@@ -208,7 +208,7 @@ def readings() -> dict[str, CreepReading]:
 
 @cache
 def fits() -> dict[str, Fit]:
-    """Fits of the simulation error to the same records, begun where the readings end."""
+    """Return fits of the simulation error to these records, with the readings as start values."""
     records = {"held": held_load(), "loads": loads()}
     return {
         name: fit_grey_box(
@@ -282,7 +282,7 @@ def _readings() -> Iterator[Entry]:
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """Eqs. 3.1 to 3.3 on a record, and actuator 114 of fig. 3-7."""
+    """Return figures of eqs. 3.1 to 3.3 on a record, and of actuator 114 of fig. 3-7."""
     return (
         Illustration(
             "Eqs. 3.1 to 3.3: creep under a load that is held",

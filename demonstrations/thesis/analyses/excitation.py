@@ -1,4 +1,4 @@
-"""Section 3.3.2, eq. 3.16: the order to which the thesis's stimuli excite persistently."""
+"""Section 3.3.2, eq. 3.16: order of persistent excitation of the thesis's stimuli."""
 
 from __future__ import annotations
 
@@ -22,11 +22,10 @@ DURATION = 600.0  # s
 PERIOD = 0.1  # s
 LEVELS = (0.5, 1.0, 1.5, 2.0, 2.75)  # N
 DWELL = (15.0, 45.0)  # s
-BRISK = (1.0, 3.0)  # s: loads that are held for a tenth of that
+BRISK = (1.0, 3.0)  # s, for faster loads
 SEEDS = range(9)
 SIZE = 50  # of the matrix, the default of `pexcit`
-# samples of a period up to which square waves are tried: beyond, sampling is fine for all that
-# counts
+# largest number of samples of a period of tested square waves; finer sampling changes no order
 LONGEST = 60
 _TEST = "demonstrations/thesis/analyses/test_excitation"
 _BLUE = pictures.MODEL
@@ -35,7 +34,7 @@ _GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
-    """Orders of the force and of the current, and what a square wave can reach."""
+    """Yield claims about the orders of force, current and square waves."""
     current = pexcit(square(0.1))
     force = typical(DWELL)
     highest, period = best_square()
@@ -95,32 +94,32 @@ def entries() -> Iterator[Entry]:
 
 
 def square(frequency: float) -> Array:
-    """Square wave of 0.9 A over ten minutes, (6000,); frequency in Hz."""
+    """Return a square wave of 0.9 A over ten minutes, (6000,), for a frequency in Hz."""
     return square_wave(PERIOD * np.arange(round(DURATION / PERIOD)), 0.9, frequency)
 
 
 def _sampled(half: int) -> Array:
-    """Square wave of so many samples in half a period, (6000,)."""
+    """Return a square wave (6000,) with `half` samples in half a period."""
     return np.resize(np.repeat([1.0, -1.0], half), 6000)
 
 
 def loads(dwell: tuple[float, float], seed: int) -> Array:
-    """Return steps of the force in N over ten minutes, (6000,).
+    """Return random levels of the force in N over ten minutes, (6000,).
 
-    Each is held for a random time between two, in s.
+    Each lasts a random time between the two of `dwell`, in s.
     """
     return multilevel(PERIOD * np.arange(round(DURATION / PERIOD)), LEVELS, dwell, seed)
 
 
 @cache
 def typical(dwell: tuple[float, float]) -> int:
-    """Median order of steps of the force over seeds."""
+    """Return the median order of random levels of the force over seeds."""
     return int(np.median([pexcit(loads(dwell, seed)) for seed in SEEDS]))
 
 
 @cache
 def best_square() -> tuple[int, int]:
-    """Largest order of a square wave of a whole number of samples, and how many its period has."""
+    """Return the largest order of sampled square waves, and the samples in its period."""
     orders = {2 * half: pexcit(_sampled(half)) for half in range(1, LONGEST // 2 + 1)}
     period = max(orders, key=orders.__getitem__)
     return orders[period], period
@@ -131,7 +130,7 @@ def best_square() -> tuple[int, int]:
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """Singular values of eq. 3.16."""
+    """Return the figure of the singular values of eq. 3.16."""
     return (
         Illustration(
             "Eq. 3.16: what counts as excitation",

@@ -1,9 +1,7 @@
-"""Sections 3.1.4 and 4.3: the circuit window by window, by least squares and without bias.
+"""Sections 3.1.4 and 4.3: the circuit in windows, by the thesis's least squares and without bias.
 
-The least squares are the thesis'.
-
-The records are lost; what is read off here is the circuit of table 3-1 with noise on its voltage,
-as errata row 9 has it. It shows what an estimator makes of a record whose truth is known.
+The records are lost. The estimators are applied to the circuit of table 3-1 with noise on its
+voltage, as in errata row 9, so that the true values are known.
 """
 
 from __future__ import annotations
@@ -34,7 +32,7 @@ _TRUE = dict(zip(("R1", "R2", "C"), CIRCUIT, strict=True))
 
 @cache
 def reading(windows: int = 1, seed: int = 0) -> CircuitReading:
-    """Circuits of the record as a whole, or of so many windows of it."""
+    """Return the estimates from the whole record, or from a number of windows."""
     time = PERIOD * np.arange(round(WINDOWS * WINDOW / PERIOD))
     current = square_wave(time, AMPLITUDE, FREQUENCY)
     noise = NOISE * np.random.default_rng(seed).standard_normal(time.size)
@@ -42,7 +40,7 @@ def reading(windows: int = 1, seed: int = 0) -> CircuitReading:
 
 
 def entries() -> Iterator[Entry]:
-    """Yield, for each estimator and parameter, whether its 95 % interval holds the truth."""
+    """Yield a claim for each estimator and parameter: its 95 % interval contains the true value."""
     (whole,) = reading().windows
     for by, circuit in whole.estimators.items():
         biased = by == "least squares"
@@ -61,7 +59,7 @@ def entries() -> Iterator[Entry]:
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """Windows with their intervals."""
+    """Return the figure of the estimates with intervals in each window."""
     return (
         Illustration(
             "Section 4.3: the circuit from every 1000 points, with intervals",

@@ -26,12 +26,12 @@ RATE = 15.0  # Hz
 FREQUENCY = 0.1  # Hz
 AMPLITUDE = 0.6  # V: 1.2 V peak to peak
 FORGETTING = 0.985
-_FINE = 1000.0  # Hz, at which the time is counted that the current is limited
+_FINE = 1000.0  # Hz, of the samples for the time with limited current
 RESET = 75  # samples of "approximately 5 seconds"
 # the axes of the plot in appendix A3
 DURATION = 160.0  # s
 BEGIN = 20.0  # s
-# V, of the voltage control (table 2-2), taken for the standard deviation of white noise
+# V, of the voltage control (table 2-2), used as the standard deviation of white noise
 TOLERANCE = 3e-3
 FIVE_LAYERS = (1.32, 2.72, 0.46)  # ohm, ohm, F, section 3.3.1
 AXES = ((1.0, 4.5), (0.5, 2.0), (0.0, 1.0))  # ohm, ohm, F, appendix A3
@@ -44,7 +44,7 @@ _GREY = pictures.MEASURED
 
 
 def entries() -> Iterator[Entry]:
-    """Everything that fig. 4-8 lets one recompute: what it plots is not printed."""
+    """Yield claims and errata about fig. 4-8, whose data are not printed."""
     for part in (_limited, _without_noise, _with_noise, _axes):
         yield from part()
 
@@ -56,17 +56,15 @@ def entries() -> Iterator[Entry]:
 def controlled(target: Array, limit: float, period: float = 1.0 / RATE) -> tuple[Array, Array]:
     """Return current and voltage of the circuit of table 3-1 at a current-limited potentiostat.
 
-    From rest.
-
-    Where the target asks for more current than there is, the current stands at its limit until the
-    voltage gets there.
+    The circuit is at rest at first. Where the target needs more than the limit, the current is at
+    the limit until the voltage reaches the target.
 
     Parameters
     ----------
     target : ndarray, shape (n,)
-        Voltage in V, held from sample to sample.
+        Voltage in V, constant from sample to sample.
     limit : float
-        Of the current, A; may be infinite.
+        Limit of the current, A; may be infinite.
     period : float
         Seconds.
 
@@ -108,7 +106,7 @@ class Estimates(NamedTuple):
 
 @cache
 def record(limit: float = CURRENT_LIMIT, noise: float = TOLERANCE) -> tuple[Array, Array, Array]:
-    """Time (s), current (A) and voltage (V) of fig. 4-8 at the circuit of table 3-1."""
+    """Return time (s), current (A) and voltage (V) of fig. 4-8 for the circuit of table 3-1."""
     time = np.asarray(np.arange(round(DURATION * RATE) + 1) / RATE, dtype=np.float64)
     current, voltage = controlled(square_wave(time, AMPLITUDE, FREQUENCY), limit)
     return time, current, voltage + noise * np.random.default_rng(0).standard_normal(time.size)
@@ -116,7 +114,7 @@ def record(limit: float = CURRENT_LIMIT, noise: float = TOLERANCE) -> tuple[Arra
 
 @cache
 def batch(limit: float = CURRENT_LIMIT, noise: float = TOLERANCE) -> Estimates:
-    """Least squares over every period of the voltage, by eqs. 4.3 to 4.5, from 20 s on."""
+    """Return estimates by least squares in every period, by eqs. 4.3 to 4.5, from 20 s."""
     _, current, voltage = record(limit, noise)
     windows = least_squares_windows(
         current,
@@ -131,7 +129,7 @@ def batch(limit: float = CURRENT_LIMIT, noise: float = TOLERANCE) -> Estimates:
 
 @cache
 def online(limit: float = CURRENT_LIMIT, noise: float = TOLERANCE) -> Estimates:
-    """Recursive least squares with forgetting and resets, as appendix A3 has it, from 20 s on."""
+    """Return estimates by recursive least squares with forgetting and resets (A3), from 20 s."""
     time, current, voltage = record(limit, noise)
     shown = time[1:] >= BEGIN
     circuit = tustin(
@@ -141,10 +139,10 @@ def online(limit: float = CURRENT_LIMIT, noise: float = TOLERANCE) -> Estimates:
 
 
 def limited_share(limit: float = CURRENT_LIMIT) -> float:
-    """Return the share of the time for which the current stands at its limit, as fig. 4-8 has it.
+    """Return the share of the time in which the current of fig. 4-8 is at its limit.
 
-    Between two turns of the voltage it does so until the capacitance has come to where the voltage
-    can be held with less, so that a grid on which the turns lie tells how long.
+    After each step of the voltage the current is at its limit until the capacitance is charged far
+    enough. The time is counted on a fine grid that has the steps among its points.
     """
     half = round(_FINE * 0.5 / FREQUENCY)
     time = np.arange(round(DURATION * FREQUENCY / 0.5) * half) / _FINE
@@ -262,7 +260,7 @@ def _axes() -> Iterator[Entry]:
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """Fig. 4-8."""
+    """Return fig. 4-8."""
     return (
         Illustration(
             "Fig. 4-8: least squares beside recursive least squares",
@@ -271,12 +269,12 @@ def illustrations() -> tuple[Illustration, ...]:
             f" Steps: least squares over a period. Lines: recursive, factor {FORGETTING:g},"
             f" covariance reset every {RESET / RATE:g} s. A reset throws the estimates off, R2 the"
             " farthest; the impedance, which the derating watches, is back soonest.",
-            _beside,
+            _draw_both,
         ),
     )
 
 
-def _beside() -> Figure:
+def _draw_both() -> Figure:
     slow = batch()
     fast = online()
     truth = float(magnitude(CIRCUIT, 2.0 * pi * FREQUENCY))
@@ -289,7 +287,7 @@ def _beside() -> Figure:
     ]
     for axis, (name, unit, true, windows, recursion) in zip(axes, columns, strict=True):
         axis.plot(fast.time, recursion, color=_BLUE, lw=0.8, label="RLS")
-        # a window ends where its estimate stands, and began a period before
+        # the time of an estimate is the end of its window, which has a period
         axis.step(
             np.append(slow.time - 1.0 / FREQUENCY, slow.time[-1]),
             np.append(windows, windows[-1]),

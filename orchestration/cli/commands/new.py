@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from string import Template
@@ -116,8 +118,8 @@ def _of_model(options: NewCommand, words: Mapping[str, str]) -> dict[str, str]:
     file, _, cls = model.rpartition(":")
     relative = Path(os.path.relpath(file, options["out"])).as_posix()
     rows = _filled("effect", "places_file", {**words, "model_file": relative}).rstrip()
-    place = f"f\"{{FOLDER / '{relative}'}}:{cls}\""
-    return {"model": place, "model_name": f"{relative}:{cls}", "rows": rows}
+    place = f'str(FOLDER / {json.dumps(relative, ensure_ascii=False)}) + ":{cls}"'
+    return {"model": place, "model_name": shlex.quote(f"{relative}:{cls}"), "rows": rows}
 
 
 def _of_shipped(model: str, words: Mapping[str, str]) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Files of SSP: archives ``.ssp`` with FMUs, and descriptions ``.ssd`` beside their files."""
+"""Files of SSP: archives ``.ssp`` with FMUs, and descriptions ``.ssd`` in folders of files."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Variables of members as SSP has them: whole, with their types and sizes, or an element of one."""
+"""Variables of members in SSP: scalars, whole arrays with types and sizes, and single elements."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class End(NamedTuple):
     Attributes
     ----------
     member : str or None
-        None at a connector of the system.
+        None for a connector of the system.
     connector : str
     indices : tuple of int
-        Of an element of an array, from 1; none for the whole connector.
+        Indices of an element of an array, from 1; empty for the whole connector.
     """
 
     member: str | None
@@ -35,13 +35,13 @@ class End(NamedTuple):
 
 
 class Wire(NamedTuple):
-    """A connection of two whole variables, or of two elements.
+    """Connection of two whole variables or of two elements.
 
     Attributes
     ----------
     source, target : End
     factor, offset : float
-        As those of a `Connection`.
+        As in `Connection`.
     """
 
     source: End
@@ -61,11 +61,11 @@ class _Variables(NamedTuple):
     Attributes
     ----------
     scalars : dict of str to Any
-        Those of fmpy, by name.
+        Scalar variables of fmpy by name.
     declared : dict of str to DeclaredVariable
-        Those of FMI 3.0, by name.
+        Variables of FMI 3.0 by name.
     places : dict of str to tuple
-        Name of the variable of FMI 3.0, and indices, by the name of an element.
+        Variable of FMI 3.0 and indices from 1, by the name of an element.
     """
 
     scalars: dict[str, Any]
@@ -80,7 +80,7 @@ def _variables(member: Member) -> _Variables:
 
 @lru_cache(maxsize=64)
 def _read(path: Path, modified: int) -> _Variables:
-    """Read an FMU once for each time at which its file was modified."""
+    """Read an FMU; the cache is valid until its file is modified."""
     with Archive(path) as archive:
         declared = archive.declared
     places = {
@@ -93,7 +93,7 @@ def _read(path: Path, modified: int) -> _Variables:
 
 
 def scalars(member: Member) -> dict[str, Any]:
-    """Return the scalar variables of a member by name, as fmpy has them.
+    """Return the scalar variables of fmpy of a member, by name.
 
     Raises
     ------
@@ -104,14 +104,14 @@ def scalars(member: Member) -> dict[str, Any]:
 
 
 def enumeration_items(member: Member, name: str) -> dict[str, float]:
-    """Return the values of the items of an enumeration by name, none where it has no items."""
+    """Return the values of the items of an enumeration by name; empty if it has no items."""
     enumeration = scalars(member)[name].declaredType
     listed = enumeration.items if enumeration is not None else None
     return {str(item.name): float(item.value) for item in listed or ()}
 
 
 def declared(member: Member) -> dict[str, DeclaredVariable]:
-    """Return the variables of a member by name, nothing of one of FMI 2.0.
+    """Return the variables of a member of FMI 3.0 by name; empty for one of FMI 2.0.
 
     Raises
     ------
@@ -122,20 +122,21 @@ def declared(member: Member) -> dict[str, DeclaredVariable]:
 
 
 def variable_of(member: Member, name: str) -> DeclaredVariable:
-    """Return a variable of FMI 3.0; a scalar where there is none of that name."""
+    """Return a variable of FMI 3.0, or a scalar if there is none of that name."""
     return declared(member).get(name, DeclaredVariable("", (), (name,)))
 
 
 def type_name(member: Member, element: str) -> str:
-    """Return the type of a variable, or of an element, by its name in the version of its FMU."""
-    found = _variables(member)
-    name, _ = found.places.get(element, (element, ()))
-    kind: str = found.declared[name].kind if name in found.declared else found.scalars[element].type
-    return kind
+    """Return the type of a variable or element, with its name in the FMI version of the member."""
+    variables = _variables(member)
+    name, _ = variables.places.get(element, (element, ()))
+    if name in variables.declared:
+        return variables.declared[name].kind
+    return str(variables.scalars[element].type)
 
 
 def end_of(member: Member, element: str) -> End:
-    """Return the end of a connection that is an element, or a scalar, of a member."""
+    """Return the end of a connection at an element or scalar of a member."""
     return End(member.name, *_variables(member).places.get(element, (element, ())))
 
 
@@ -165,12 +166,12 @@ def element_at(variable: DeclaredVariable, indices: Sequence[int]) -> str:
 
 
 def show_shape(shape: Sequence[int]) -> str:
-    """Return the size of an array for a message."""
+    """Return the size of an array as a text for a message."""
     return f"{' by '.join(map(str, shape))} elements" if shape else "no dimension"
 
 
 def wires(connections: Sequence[Connection], members: Mapping[str, Member]) -> list[Wire]:
-    """Return connections, with those of all elements of two arrays as one.
+    """Return the wires of connections, with one wire for two arrays that are wholly connected.
 
     Parameters
     ----------
@@ -192,13 +193,12 @@ def wires(connections: Sequence[Connection], members: Mapping[str, Member]) -> l
         for connection in connections
     ]
     complete = _complete(single, members)
-    # of a complete pair the first connection stands for all
-    found = [_whole(wire) if _whole(wire) in complete else wire for wire in single]
-    return list(dict.fromkeys(found))
+    merged = [_whole(wire) if _whole(wire) in complete else wire for wire in single]
+    return list(dict.fromkeys(merged))
 
 
 def _complete(wires: Sequence[Wire], members: Mapping[str, Member]) -> set[Wire]:
-    """Return the connections of variables of one shape that join each element with the same."""
+    """Return the wires of arrays of the same shape whose elements are all connected in order."""
     counts = Counter(
         _whole(wire)
         for wire in wires
@@ -213,7 +213,7 @@ def _complete(wires: Sequence[Wire], members: Mapping[str, Member]) -> set[Wire]
 
 
 def _whole(wire: Wire) -> Wire:
-    """Return the connection of whole variables to which one of elements belongs."""
+    """Return the wire of the whole variables of a wire of elements."""
     return Wire(wire.source._replace(indices=()), wire.target._replace(indices=()))
 
 

@@ -1,4 +1,4 @@
-"""Reading of the connections of a system: between members, and to connectors of its own."""
+"""Reading of connections: between members, and to the connectors of the system."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from orchestration.system.ssp.vocabulary import (
 
 _IDENTITY = (1.0, 0.0)  # factor and offset
 _SIDES = ("start", "end")
-# attributes of an end of a connection, and those of the other
+# attribute of one end of a connection -> the same attribute of the other end
 _OTHER_SIDE = {
     f"{side}{part}": f"{other}{part}"
     for side, other in (_SIDES, _SIDES[::-1])
@@ -35,15 +35,16 @@ _WHOLE = re.compile(r"[0-9]{1,18}")
 
 @dataclass
 class SystemConnectors:
-    """The connectors of the system, and the ports of members to which they are connected.
+    """Connectors of the system, and the ports of members to which they are connected.
 
     Attributes
     ----------
     declared : dict of str to DeclaredVariable
-        By name; of an array with its elements, each of which is an input or an output here.
+        By name; an array has its elements, each of which is an input or output.
     inputs : dict of str to list of Port
+        By element.
     outputs : dict of str to Port or None
-        None until the connection is read.
+        By element; None until its connection is read.
     """
 
     declared: dict[str, DeclaredVariable] = field(default_factory=dict)
@@ -51,7 +52,7 @@ class SystemConnectors:
     outputs: dict[str, Port | None] = field(default_factory=dict)
 
     def connected_outputs(self) -> dict[str, Port]:
-        """Return the outputs.
+        """Return the ports of all outputs.
 
         Raises
         ------
@@ -65,13 +66,13 @@ class SystemConnectors:
         return connected
 
     def connect(self, source: Port, target: Port, where: str) -> None:
-        """Note a connection to a connector of the system, whose port has no member.
+        """Add a connection to a connector of the system, whose port has an empty member.
 
         Raises
         ------
         UserError
-            If neither end is one, or an output has a source already; the message begins with
-            `where`.
+            If neither end is a connector of the system, or an output has a source already; the
+            message begins with `where`.
         """
         if not source.member and target.member and source.variable in self.inputs:
             self.inputs[source.variable].append(target)
@@ -100,15 +101,15 @@ def read_connections(
     Returns
     -------
     list of Connection
-        Between members, of arrays one for each element.
+        Connections between members, one for each element of arrays.
     SystemConnectors
-        With the ports that they are connected to.
+        Connectors of the system with their ports.
 
     Raises
     ------
     UserError
-        If a connector is declared otherwise than the port that it is connected to, or a connection
-        leads nowhere.
+        If a connector and its port differ in type or unit, or an end of a connection does not
+        exist.
     """
     declared = find_all(parts, "ssd:Connectors/ssd:Connector")
     connectors = _read_system_connectors(declared)
@@ -125,7 +126,7 @@ def read_connections(
 
 
 def _read_system_connectors(declared: Sequence[Element]) -> SystemConnectors:
-    """Read the connectors of the system, which are not connected yet."""
+    """Read the connectors of the system, still without connections."""
     connectors = SystemConnectors()
     for connector in declared:
         name = attribute(connector, "name")
@@ -147,7 +148,7 @@ def _read_system_connectors(declared: Sequence[Element]) -> SystemConnectors:
 
 
 def _read_shape(connector: Element, where: str) -> tuple[int, ...]:
-    """Read the size of a connector of the system, which no FMU knows."""
+    """Read the size of a connector of the system."""
     texts = [node.get("size", "") for node in connector.iterfind("ssc:Dimension", NAMESPACES)]
     for text in texts:
         if _WHOLE.fullmatch(text) is None:
@@ -164,7 +165,7 @@ def _read_shape(connector: Element, where: str) -> tuple[int, ...]:
 def _check_system_connector(
     connector: Element, members: Mapping[str, Member], connectors: SystemConnectors
 ) -> None:
-    """Compare type and unit of a connector with those of the ports that it is connected to."""
+    """Raise UserError if a connector differs in type or unit from a port connected to it."""
     for element in connectors.declared[attribute(connector, "name")].elements:
         output = connectors.outputs.get(element)
         ports = connectors.inputs.get(element, [] if output is None else [output])
@@ -177,16 +178,16 @@ def _check_system_connector(
 
 
 class _ConnectionReader:
-    """A reader of connections among members and connectors of the system."""
+    """Reader of connections between members and connectors of the system."""
 
     def __init__(self, members: Mapping[str, Member], connectors: SystemConnectors):
         self._members = members
         self._connectors = connectors
 
     def read(self, wire: Element) -> list[Connection]:
-        """Read a connection of members, of arrays one for each element.
+        """Return the connections of members in an element, one for each element of arrays.
 
-        One to a connector of the system is noted there.
+        A connection to a connector of the system is added there and not returned.
         """
         wire = self._from_source(wire)
         start, end = (self._read_end(wire, side) for side in _SIDES)
@@ -214,7 +215,7 @@ class _ConnectionReader:
         return connections
 
     def _read_end(self, wire: Element, side: str) -> DeclaredVariable:
-        """Read an end of a connection: a whole variable, or an element of it as a scalar."""
+        """Return an end of a connection: a whole variable, or an element of it as a scalar."""
         where = f"connection {_show_wire(wire)}"
         owner = wire.get(f"{side}Element")
         name = attribute(wire, f"{side}Connector")
@@ -240,7 +241,7 @@ class _ConnectionReader:
     def _refuse_ambiguous_factor(self, connection: Connection, where: str) -> None:
         """Raise an error if a connection has a factor and its ends have different units.
 
-        In SSP the factor comes on top of the conversion of units, in some tools it is all of it.
+        By SSP the factor is applied after the conversion of units; some tools apply it instead.
         """
         if connection.passes_on:  # without a factor
             return
@@ -259,17 +260,17 @@ class _ConnectionReader:
             )
 
     def _from_source(self, wire: Element) -> Element:
-        """Return a connection that starts at its source.
+        """Return a connection whose start is its source.
 
-        The names of its ends do not give its direction in SSP, their connectors do.
+        In SSP start and end do not give the direction, but the causality of the connectors does.
         """
         start, end = (self._receives(wire, side) for side in _SIDES)
         if end or not start:
             return wire
         swapped = {_OTHER_SIDE.get(name, name): text for name, text in wire.attrib.items()}
-        turned = Element(wire.tag, swapped)
-        turned.extend(wire)
-        return turned
+        reversed_wire = Element(wire.tag, swapped)
+        reversed_wire.extend(wire)
+        return reversed_wire
 
     def _receives(self, wire: Element, side: str) -> bool:
         """Return whether an end is an input of a member or an output of the system."""
@@ -287,7 +288,7 @@ class _ConnectionReader:
 
 
 def _show_wire(wire: Element) -> str:
-    """Return the ends of a connection as they are written, for a message."""
+    """Return the ends of a connection as in the file, for a message."""
     ends = []
     for side in _SIDES:
         names = [wire.get(f"{side}Element"), wire.get(f"{side}Connector")]

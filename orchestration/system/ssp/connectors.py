@@ -1,7 +1,7 @@
-"""Writing of connectors: each has the type that its variable has in the FMU.
+"""Writing of connectors with the types of their variables in the FMUs.
 
-SSP 2.0 keeps Real and Integer, as other names of Float64 and Int32, and says of neither that it is
-for one version of FMI. So a variable of FMI 2.0 is written in its own words, as in SSP 1.0.
+SSP 2.0 has Real and Integer, too, as other names of Float64 and Int32, for any version of FMI. A
+variable of FMI 2.0 is therefore written with its own type, as in SSP 1.0.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from orchestration.system.ssp.arrays import scalars, type_name
 from orchestration.system.ssp.vocabulary import SSD, TYPES, tag
 
 _ITEM = re.compile(r"[+-]?\d{1,10}")
-_INT = range(-(2**31), 2**31)  # xs:int, which values of items are
+_INT = range(-(2**31), 2**31)  # xs:int, the type of values of items
 
 
 @dataclass
 class Definitions:
-    """The units and the enumerations that the connectors of a description name.
+    """Units and enumerations that the connectors of a description use.
 
     Attributes
     ----------
@@ -39,10 +39,10 @@ class Definitions:
     enumerations: dict[str, Mapping[str, str]] = field(default_factory=dict)
 
     def name_of(self, enumeration: Any) -> str | None:
-        """Return the name under which an enumeration of fmpy is defined, which is added.
+        """Add an enumeration of fmpy, and return its name in the description.
 
-        Two of one name and with other items are told apart by a number. None where SSP cannot
-        define it: without items, or with a value beyond 32 bits.
+        A number distinguishes enumerations of one name with different items. None if SSP cannot
+        define it: without items, or with a value of more than 32 bits.
         """
         listed = enumeration.items if enumeration is not None else ()
         items = {item.name: item.value for item in listed or ()}
@@ -80,9 +80,9 @@ def connector(
     name : str
     kind : {"input", "output"}
     own_type : Element, optional
-        Its type; of an array that of an element.
+        Its type, or that of an element of an array.
     shape : tuple of int
-        Of an array; empty for a scalar.
+        Shape of an array; empty for a scalar.
 
     Returns
     -------
@@ -95,15 +95,15 @@ def connector(
 
 
 def type_of(member: Member, variable: str, definitions: Definitions) -> Element | None:
-    """Describe the type of a variable; None if SSP has no words for it, and leaves it to the FMU.
+    """Describe the type of a variable; None if SSP cannot define it, so that the FMU's is used.
 
     Parameters
     ----------
     member : Member
     variable : str
-        Its name, or that of an element.
+        Name of a scalar or an element.
     definitions : Definitions
-        Its unit or its enumeration is added.
+        Receives its unit or its enumeration.
     """
     scalar = scalars(member)[variable]
     kind = type_name(member, variable)
@@ -122,7 +122,7 @@ def type_of(member: Member, variable: str, definitions: Definitions) -> Element 
 
 
 def known_unit(signal: Signal) -> Signal:
-    """Return a signal without its unit if that cannot be defined, for an FMU may name any."""
+    """Return a signal, without its unit if that is none that SSP can define."""
     try:
         units.base_unit(signal.unit)
     except UserError:

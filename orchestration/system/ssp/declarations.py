@@ -1,4 +1,4 @@
-"""Declarations in a description, compared with the variables of the FMUs."""
+"""Comparison of the declarations in a description with the variables of the FMUs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def check_connectors(element: Element, member: Member) -> None:
     Raises
     ------
     UserError
-        If there is no variable of a connector's name, or it is of another kind, type or unit than
+        If a connector has no variable, or the variable has another kind, type or unit than
         declared.
     """
     variables = scalars(member)
@@ -50,7 +50,7 @@ def check_connectors(element: Element, member: Member) -> None:
             scalar = variables[element_name]
             kind = connector.get("kind", "")
             actual = scalar.causality or "local"
-            # a size of arrays is settled, and local here
+            # structural parameters are fixed when an FMU is read, and local here
             if kind != actual and (kind, actual) != ("structuralParameter", "local"):
                 raise UserError(
                     f"{where} is declared as {kind or 'no kind'}, but in the FMU it is {actual}"
@@ -61,14 +61,14 @@ def check_connectors(element: Element, member: Member) -> None:
 def check_shape(element: Element, name: str, member: Member, where: str) -> None:
     """Compare the declared size of an array with that of the variable.
 
-    A size that is not declared, or is that of another connector, is the variable's own.
+    A dimension without a number, such as the size by another connector, always agrees.
 
     Parameters
     ----------
     element : Element
         A connector or a parameter.
     name : str
-        Of its variable.
+        Name of its variable.
     member : Member
     where : str
         Beginning of the message.
@@ -80,7 +80,7 @@ def check_shape(element: Element, name: str, member: Member, where: str) -> None
     """
     sizes = [node.get("size") for node in element.iterfind("ssc:Dimension", NAMESPACES)]
     actual = [str(size) for size in variable_of(member, name).shape]
-    is_same = [size or own for size, own in zip(sizes, actual, strict=False)] == actual
+    is_same = [size or known for size, known in zip(sizes, actual, strict=False)] == actual
     if sizes and not (is_same and len(sizes) == len(actual)):
         given = " by ".join(size or "any" for size in sizes)
         raise UserError(

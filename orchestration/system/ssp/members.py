@@ -1,4 +1,4 @@
-"""Reading of the members of a system, with the parameters that are bound to them."""
+"""Reading of the members of a system, with their parameter bindings."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _BOOLEANS = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
 
 
 def read_members(top: Element, package: Package, folder: Path) -> dict[str, Member]:
-    """Read the members, with the parameters that are bound to them or to the system.
+    """Read the members, with the parameter bindings of members and of the system.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def read_members(top: Element, package: Package, folder: Path) -> dict[str, Memb
         The ``System``.
     package : Package
     folder : Path
-        The FMUs of an archive are unpacked into it.
+        Folder into which FMUs of an archive are unpacked.
 
     Returns
     -------
@@ -54,8 +54,8 @@ def read_members(top: Element, package: Package, folder: Path) -> dict[str, Memb
     Raises
     ------
     UserError
-        If a member is no FMU for co-simulation, is declared otherwise than its FMU is, or has a
-        parameter that cannot be set.
+        If a member is no FMU for co-simulation, its declaration differs from its FMU, or one of
+        its parameters cannot be set.
     """
     listed = [
         _read_member(element, package, folder)
@@ -136,7 +136,7 @@ def _read_parameters(binding: Element, package: Package, where: str) -> list[Ele
 
 
 def _values(member: Member, name: str, parameter: Element) -> dict[str, Value]:
-    """Return the value of a parameter, of an array those of all elements in row-major order."""
+    """Return the value of a parameter, or the values of all elements of an array, by name."""
     element = parameter[0]
     names = variable_of(member, name).elements
     texts = [node.get("value", "") for node in element.iterfind("ssv:Value", NAMESPACES)]
@@ -180,7 +180,7 @@ def _value(member: Member, name: str, element: Element, text: str) -> Value:
 
 
 def _item(member: Member, name: str, text: str) -> float:
-    """Return the number of an item of an enumeration, given its name."""
+    """Return the value of an item of an enumeration by the name of the item."""
     items = enumeration_items(member, name)
     if text not in items:
         raise UserError(

@@ -14,12 +14,12 @@ from orchestration.system.ssp.vocabulary import DESCRIPTION
 
 
 class Package:
-    """The files of a system; a context manager.
+    """Context manager of the files of a system.
 
     Parameters
     ----------
     path : Path
-        An ``.ssp`` archive, or an ``.ssd`` description whose folder the files are in.
+        An ``.ssp`` archive, or an ``.ssd`` description in the folder of the files.
 
     Raises
     ------
@@ -129,6 +129,6 @@ def _open_safely(path: Path, label: str) -> zipfile.ZipFile:
 
 
 def _leads_out(name: str) -> bool:
-    """Return whether a path is absolute on any platform, has ``..``, or names a drive."""
+    """Return whether a path is empty, absolute on any platform, has ``..``, or names a drive."""
     has_special = any(character in name for character in "\\:\0")
     return not name or has_special or name.startswith("/") or ".." in name.split("/")

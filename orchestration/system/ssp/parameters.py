@@ -1,4 +1,4 @@
-"""Writing of the parameters of a member, for FMI 3.0 with its types and whole arrays."""
+"""Writing of the parameters of a member; those of FMI 3.0 have its types and whole arrays."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from orchestration.system.ssp.vocabulary import PARAMETER_SET, SSV, TYPES, tag
 
 
 def write_parameters(member: Member) -> bytes:
-    """Write the parameters of a member as a parameter set, of SSP 2.0 if it is of FMI 3.0.
+    """Return the parameter set of a member: of SSP 2.0 for FMI 3.0, of SSP 1.0 for FMI 2.0.
 
-    SSP has values of whole arrays only: elements that have no value here are written with their
-    start values.
+    SSP has values of whole arrays only: elements without a value are written with their start
+    values.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def write_parameters(member: Member) -> bytes:
     root = Element(tag("ssv:ParameterSet"), version="2.0", name=PARAMETER_SET)
     parameters = SubElement(root, tag("ssv:Parameters"))
     used: set[str] = set()
-    # each array once, where its first element stands
+    # each array once, in the place of its first element
     for name in dict.fromkeys(end_of(member, each).connector for each in member.parameters):
         node = SubElement(parameters, tag("ssv:Parameter"), name=name)
         node.append(_value(member, variables[name], used))
@@ -54,7 +54,7 @@ def write_parameters(member: Member) -> bytes:
 
 
 def _value(member: Member, whole: DeclaredVariable, used_units: set[str]) -> Element:
-    """Return the element with type, unit and values of a variable; its unit is added."""
+    """Return the element with type, unit and values of a variable; add its unit to those used."""
     signals = [known_unit(variable(member, element)) for element in whole.elements]
     texts = [
         _text(member, whole.kind, signal, member.parameters.get(signal.name, signal.default))
@@ -70,7 +70,7 @@ def _value(member: Member, whole: DeclaredVariable, used_units: set[str]) -> Ele
 
 
 def _set_values(node: Element, whole: DeclaredVariable, texts: Sequence[str]) -> None:
-    """Give an element its values: in a list, but texts, which may have spaces, each on its own."""
+    """Set the values of an element: a list of numbers, or one node for each text or item."""
     if whole.shape and whole.kind in ("String", "Enumeration"):
         for text in texts:
             SubElement(node, tag("ssv:Value"), value=text)
@@ -79,7 +79,7 @@ def _set_values(node: Element, whole: DeclaredVariable, texts: Sequence[str]) ->
 
 
 def _text(member: Member, kind: str, signal: Signal, value: Value) -> str:
-    """Write a value as XML does."""
+    """Return a value as a text for XML."""
     if kind == "Enumeration":
         return _item(member, signal.name, value)
     if signal.type == "real":
@@ -90,7 +90,7 @@ def _text(member: Member, kind: str, signal: Signal, value: Value) -> str:
 
 
 def _item(member: Member, name: str, value: Value) -> str:
-    """Return the name of an item of an enumeration, by which SSP has its values."""
+    """Return the name of the item of a value, as SSP has enumerations by name."""
     items = {number: item for item, number in enumeration_items(member, name).items()}
     if value not in items:
         known = ", ".join(f"{number:g}" for number in items)

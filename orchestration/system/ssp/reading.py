@@ -1,4 +1,4 @@
-"""Reading of systems from SSP files; contents that this program cannot process are refused."""
+"""Reading of systems from SSP files; unknown contents raise an error."""
 
 from __future__ import annotations
 
@@ -33,23 +33,23 @@ def read(path: Path, folder: Path) -> System:
     Parameters
     ----------
     path : Path
-        An ``.ssp`` archive, or an ``.ssd`` description with its files beside it.
+        An ``.ssp`` archive, or an ``.ssd`` description in the folder of its files.
     folder : Path
-        The FMUs of an archive are unpacked into it.
+        Folder into which the FMUs of an archive are unpacked.
 
     Returns
     -------
     System
-        With ``cls`` of no member set, for it is not known of an FMU.
+        Its members have no ``cls``, which an FMU does not give.
 
     Raises
     ------
     UserError
         If it cannot be read, is not safe to unpack, declares connectors that the FMUs do not have,
-        or contains what this program cannot process: nested systems, models other than FMUs, signal
-        dictionaries, parameter mappings, transformations that are not linear.
+        or contains nested systems, models other than FMUs, signal dictionaries, parameter mappings
+        or transformations that are not linear.
     """
-    with Package(path) as package, _errors_name(path):
+    with Package(path) as package, _path_in_errors(path):
         name = package.description
         root = parse_xml(package.text(name), str(path), name)
         if root.tag != tag("ssd:SystemStructureDescription"):
@@ -63,8 +63,8 @@ def read(path: Path, folder: Path) -> System:
 
 
 @contextmanager
-def _errors_name(path: Path) -> Iterator[None]:
-    """Begin the message of an error with the path of the system, unless it does so already."""
+def _path_in_errors(path: Path) -> Iterator[None]:
+    """Put the path of the system before the message of a UserError, unless it is there."""
     try:
         yield
     except UserError as error:

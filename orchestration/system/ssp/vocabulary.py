@@ -1,7 +1,6 @@
-"""The vocabulary and grammar of SSP 1.0 and 2.0, as far as this program reads and writes it.
+"""Vocabulary and grammar of SSP 1.0 and 2.0, as far as this program reads and writes them.
 
-In 2.0 a description may have the types of FMI 3.0, and connectors that are arrays; its namespaces
-are those of 1.0.
+Version 2.0 adds the types of FMI 3.0 and connectors that are arrays, in the namespaces of 1.0.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ ENDINGS = (".ssp", ".ssd")  # an archive, and a bare description
 DESCRIPTION = "SystemStructure.ssd"
 FMU = "application/x-fmu-sharedlibrary"
 PARAMETERS = "application/x-ssp-parameter-set"
-# name of the parameter set of every member; Ecos applies the sets of the name that it is given
+# name of the parameter set of every member; Ecos applies the sets of one name
 PARAMETER_SET = "start"
 # annotation of libcosim with the communication step, for which SSP has no element
 STEP = "com.opensimulationplatform"
@@ -35,10 +34,10 @@ CONNECTORS = "ppy-rig.system-connectors"
 OUTSIDE = "Outside"
 
 
-# types of connectors and parameters, and what values of them are here
+# types of connectors and parameters -> types of signals here
 _REALS = dict.fromkeys(("Float32", "Float64", "Real"), ("real",))
 _INTEGERS = dict.fromkeys(("Int8", "UInt8", "Int16", "UInt16", "Int32", "Integer"), ("integer",))
-# reals where they are only read, see `orchestration.fmu.wrapping`
+# reals if they can only be read, see `orchestration.fmu.wrapping`
 _WIDE = dict.fromkeys(("UInt32", "Int64", "UInt64"), ("integer", "real"))
 _OTHERS = {"Boolean": ("boolean",), "String": ("string",), "Enumeration": ("integer",)}
 TYPES: dict[str, tuple[str, ...]] = {**_REALS, **_INTEGERS, **_WIDE, **_OTHERS}
@@ -49,13 +48,12 @@ _NOT_EXCHANGED = ("Binary", "Clock")
 
 
 def tag(name: str) -> str:
-    """Return the qualified name, as ElementTree has it, of ``prefix:name``."""
+    """Return the qualified name of ``prefix:name`` for ElementTree."""
     prefix, _, local = name.partition(":")
     return f"{{{NAMESPACES[prefix]}}}{local}"
 
 
-# The elements that an element may contain. Any other would make another system than its author
-# meant.
+# Elements that an element may contain; ignoring any other would change the system.
 _CONTENTS = {
     "ssd:SystemStructureDescription": "ssd:System ssd:DefaultExperiment",
     "ssd:System": "ssd:Connectors ssd:Elements ssd:Connections ssd:ParameterBindings",
@@ -87,17 +85,17 @@ _IGNORED_TAGS = {tag(name) for name in _IGNORED.split()}
 
 
 def check_elements(element: Element) -> None:
-    """Refuse an element with unknown elements in it.
+    """Raise an error if an element contains an unknown element, at any depth.
 
     Parameters
     ----------
     element : Element
-        An element of a description or a parameter set; all elements in it are checked.
+        An element of a description or a parameter set.
 
     Raises
     ------
     UserError
-        With the first unknown element, and the one that contains it.
+        With the first unknown element and its parent.
     """
     for node in element:
         if node.tag in _IGNORED_TAGS:
@@ -113,7 +111,7 @@ def check_elements(element: Element) -> None:
 
 
 def check_version(element: Element, where: str) -> None:
-    """Refuse a description, or a parameter set, of a version of SSP that is neither 1 nor 2.
+    """Raise an error if a description or parameter set is not of SSP 1 or 2.
 
     Raises
     ------
@@ -129,7 +127,7 @@ def check_version(element: Element, where: str) -> None:
 
 
 def check_exchanged(element: Element, where: str) -> None:
-    """Refuse a connector, or a parameter, of a type whose values this program does not exchange.
+    """Raise an error if a connector or parameter has a type that is not exchanged.
 
     Raises
     ------
@@ -156,12 +154,12 @@ def attribute(element: Element, name: str) -> str:
 
 
 def number(element: Element, name: str, default: str) -> float:
-    """Return an attribute that is a number.
+    """Return an attribute as a number.
 
     Raises
     ------
     UserError
-        If it, or the default in its place, is not a finite number.
+        If the attribute, or the default without one, is not a finite number.
     """
     text = element.get(name, default)
     try:

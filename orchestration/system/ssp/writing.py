@@ -1,7 +1,7 @@
 """Writing of systems as SSP files; the same system gives the same bytes.
 
-A system with an FMU of FMI 3.0 is of SSP 2.0, any other of SSP 1.0. A connection of all elements
-of two arrays is one of the arrays; that of single elements has their indices.
+A system with an FMU of FMI 3.0 is written as SSP 2.0, any other as SSP 1.0. Arrays that are wholly
+connected have one connection; connections of single elements have indices.
 """
 
 from __future__ import annotations
@@ -42,19 +42,18 @@ def write(system: System, path: Path, connectors: bool = False) -> None:
     ----------
     system : System
     path : Path
-        An ``.ssp`` archive, replaced whole or not at all; or an ``.ssd`` description, with
-        ``resources/`` beside it.
+        An ``.ssp`` archive, replaced whole or not at all; or an ``.ssd`` description, written with
+        the folder ``resources/`` next to it.
     connectors : bool
-        Whether the inputs and outputs of the system are connectors of it, as SSP has them. libcosim
-        and Ecos load no file with connections to these. Without them, inputs and outputs are in an
-        annotation that only this program reads, and other tools see inputs of members that are not
-        connected, and set them in their own way.
+        Whether inputs and outputs of the system are written as connectors of the system. libcosim
+        and Ecos load no file with connections to these. If False, they are in an annotation that
+        only this program reads; other tools see inputs of members without a connection.
 
     Raises
     ------
     UserError
-        If the system does not pass its check, or a file cannot be written; for a bare description
-        also if another file is in the place of one of its resources.
+        If the system does not pass its check, or a file cannot be written; for a description also
+        if a different file with the name of one of its resources exists.
     """
     if path.suffix not in ENDINGS:
         raise UserError(
@@ -81,14 +80,14 @@ def write(system: System, path: Path, connectors: bool = False) -> None:
 
 @dataclass(frozen=True)
 class _Places:
-    """The paths in the package of a member's FMU, and of its parameters if it has any."""
+    """Paths in the package of a member's FMU and of its parameters, None without any."""
 
     fmu: str
     parameters: str | None
 
 
 def _collect_resources(system: System) -> tuple[dict[str, _Places], dict[str, bytes]]:
-    """Return the paths by member, and the contents of all files but the description.
+    """Return the paths by member, and the contents by path of all files but the description.
 
     Equal files of one name are stored once.
     """
@@ -104,9 +103,9 @@ def _collect_resources(system: System) -> tuple[dict[str, _Places], dict[str, by
 
 
 def _store(resources: dict[str, bytes], name: str, ending: str, contents: bytes) -> str:
-    """Add a file, and return its path, which is the same as its URI.
+    """Add a file to the resources, and return its path.
 
-    Some tools do not distinguish the two.
+    The path has only characters that are the same in a URI, as some tools do not distinguish them.
     """
     plain = re.sub(r"[^A-Za-z0-9_.-]", "_", name)
     path = f"resources/{plain}{ending}"
@@ -127,7 +126,7 @@ def _store(resources: dict[str, bytes], name: str, ending: str, contents: bytes)
 
 
 def _describe(system: System, places: Mapping[str, _Places], connectors: bool) -> bytes:
-    """Describe a system as an SSD, UTF-8 XML."""
+    """Return the description of a system, an SSD in UTF-8."""
     for prefix, namespace in NAMESPACES.items():
         register_namespace(prefix, namespace)
     version = "2.0" if any(map(declared, system.members)) else "1.0"
@@ -142,7 +141,7 @@ def _describe(system: System, places: Mapping[str, _Places], connectors: bool) -
 def _top(
     system: System, places: Mapping[str, _Places], connectors: bool, definitions: Definitions
 ) -> Element:
-    """Describe what is in a system; `connectors` is that of `write`."""
+    """Return the element ``System``; `connectors` as in `write`."""
     members = {member.name: member for member in system.members}
     outside = _connectors_of_system(system, members, definitions)
     outer = _wires_of_system(system, members)
@@ -167,7 +166,7 @@ def _top(
 
 
 def _group(name: str, children: Iterable[Element]) -> list[Element]:
-    """Return an element with children; nothing without any, for SSP has no empty groups."""
+    """Return a list with the element of a group, empty if the group is: SSP has no empty groups."""
     element = Element(tag(name))
     element.extend(children)
     return [element] if len(element) else []
@@ -190,10 +189,10 @@ def _component(member: Member, connectors: Sequence[Element], places: _Places) -
 
 
 def _connectors_of(member: Member, ends: Container[End], definitions: Definitions) -> list[Element]:
-    """Describe the outputs of a member, and those inputs that are connected.
+    """Describe the outputs of a member, and its connected inputs.
 
-    fmpy fails on an input connector without a connection, so the others are omitted; they can be
-    set all the same.
+    Other inputs are omitted, as fmpy fails on an input connector without a connection; tools can
+    set them without a connector.
     """
     model = interface(member)
     described: dict[str, Element] = {}
@@ -212,7 +211,7 @@ def _connectors_of(member: Member, ends: Container[End], definitions: Definition
 def _connectors_of_system(
     system: System, members: Mapping[str, Member], definitions: Definitions
 ) -> list[Element]:
-    """Describe the connectors of the system: scalars, with the type of what they are joined to."""
+    """Describe the connectors of the system: scalars, with the types of their first ports."""
     inputs = [("input", name, ports) for name, ports in system.inputs.items()]
     outputs = [("output", name, (port,)) for name, port in system.outputs.items()]
     return [
@@ -265,10 +264,10 @@ def _outside_annotation(connectors: Sequence[Element], outer: Sequence[Wire]) ->
 
 
 def _master_annotation(step: float) -> Element:
-    """Return the annotation that makes OMSimulator a Jacobi master with a step in s.
+    """Return the annotation with which OMSimulator is a Jacobi master with a step in s.
 
-    The tolerances are its own defaults; FMUs receive one, and with it ours are never less exact
-    than without.
+    The tolerances are its defaults. FMUs receive one of them, with which ours are at least as exact
+    as without.
     """
     annotation = Element(tag("ssc:Annotation"), type=MASTER)
     own_annotations = SubElement(annotation, tag("oms:Annotations"))

@@ -26,6 +26,16 @@ def test_tools_are_run_and_counted():
     assert compatibility.GOOD in badge[1]
 
 
+@pytest.mark.parametrize(("deviation", "status"), [(0.0, 0), (1e-3, 1), (float("nan"), 1)])
+def test_the_exit_status_says_whether_every_run_passed(tmp_path, monkeypatch, deviation, status):
+    tools = [("fmpy", str, 2, "co-simulation", lambda name: deviation, 1e-9)]
+    entries = compatibility.log(["pid"], tools)
+    monkeypatch.setattr(compatibility, "log", lambda **options: entries)
+    monkeypatch.setattr(compatibility.fmusim, "BINARY", "")
+    monkeypatch.setattr("sys.argv", ["compatibility", "--out", str(tmp_path)])
+    assert compatibility.main() == status
+
+
 def test_what_deviates_or_raises_is_no_pass():
     tools = [
         ("fmpy", str, 2, "co-simulation", lambda name: 1e-3, 1e-9),

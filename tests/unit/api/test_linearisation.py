@@ -129,7 +129,7 @@ def test_inputs_that_vary_need_their_instants():
     )
     charge = 0.5 * R2 * C * (1.0 - np.exp(2.0 * POLE)) * np.exp(POLE)
     assert found.point.states["charge"] == pytest.approx(charge, rel=1e-6)
-    with pytest.raises(ppy.UserError, match="current: what varies needs time="):
+    with pytest.raises(ppy.UserError, match="current: inputs that vary need time="):
         ppy.linearise("ppy_actuator", {"current": np.zeros(3)}, at=3.0)
 
 

@@ -60,7 +60,7 @@ def test_a_label_that_is_none_is_refused_with_those_there_are(folder, model):
 
 
 def test_something_is_left_to_fit_to(folder, model):
-    with pytest.raises(UserError, match="every record is held out, and none is left to fit to"):
+    with pytest.raises(UserError, match="all records are for validation, and none for estimation"):
         held(folder, model, "1,2,3")
 
 

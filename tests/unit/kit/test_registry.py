@@ -10,7 +10,12 @@ from pathlib import Path
 import pytest
 
 from fmus.kit import UserError, registry
-from fmus.kit.registry import ComponentPackage, RegistryWarning, StimulusDeclaration
+from fmus.kit.registry import (
+    ComponentPackage,
+    RegistryWarning,
+    RigDeclaration,
+    StimulusDeclaration,
+)
 from tests.support.registered import registered
 
 ROOT = Path(__file__).parents[3]
@@ -51,11 +56,15 @@ def test_a_package_of_somebody_else_comes_after_ours():
             ),
             "fmus.foot:PACKAGE has a kind of stimulus 'gait'",
         ),
+        (
+            ComponentPackage(rigs={"bench": RigDeclaration({}, {})}),
+            "fmus.rig_proxy:PACKAGE has a rig 'bench'",
+        ),
         ({"tank": "x:Tank"}, "it is no ComponentPackage but dict"),
         (ImportError("no module\nnamed 'x'"), "ImportError: no module named 'x'"),
         (ZeroDivisionError("in its module"), "ZeroDivisionError: in its module"),
     ],
-    ids=["component", "stimulus", "no package", "import", "any error"],
+    ids=["component", "stimulus", "rig", "no package", "import", "any error"],
 )
 def test_a_package_that_cannot_be_used_is_left_out(package, reason):
     ours = dict(registry.models())

@@ -2,7 +2,13 @@
 
 from pathlib import Path
 
-from fmus.kit.registry import ComponentPackage, Excitation, MemberDeclaration, SystemDeclaration
+from fmus.kit.registry import (
+    ComponentPackage,
+    Excitation,
+    MemberDeclaration,
+    RigDeclaration,
+    SystemDeclaration,
+)
 
 CASCADE = SystemDeclaration(
     name="tank_cascade",
@@ -17,10 +23,12 @@ CASCADE = SystemDeclaration(
     step=1.0,
     stop=600.0,
 )
+RIG = RigDeclaration({"inflow": "m^3/s"}, {"level": "m"}, limits={"inflow": (0.0, 5e-3)})
 PACKAGE = ComponentPackage(
     components={"tank": "tank_models.model:Tank"},
     excitations={"tank": Excitation({"inflow": (0.0, 5e-3)}, bandwidth=0.1)},
     declared_systems=(CASCADE,),
+    rigs={"tank": RIG},
     experiment_folder=Path(__file__).with_name("experiments"),
     preset_folder=Path(__file__).with_name("calibrations"),
 )

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 import runpy
+import shlex
 import subprocess
 import sys
 
@@ -54,6 +55,16 @@ def test_an_effect_beside_its_model_is_simulated(tmp_path, runtime):
     assert "tank" in printed
     last = read_record(tmp_path / "out.csv", {"measured": "1"}).signals["measured"][-1]
     assert last == pytest.approx(3.0, abs=1e-3)
+
+
+def test_an_effect_stands_in_another_folder_than_its_model(tmp_path):
+    folder = 'the tank\'s {1} "models"'
+    works("new", "component", "tank", "--out", folder, cwd=tmp_path)
+    model = f"{folder}/tank.py:Tank"
+    works("new", "effect", "leak", "--model", model, "--law", "driven", cwd=tmp_path)
+    run_tests_of(tmp_path / "test_leak.py")
+    simulation = re.search("`ppy (simulate .*--with) leak.py", (tmp_path / "leak.md").read_text())
+    assert shlex.split(simulation[1]) == ["simulate", model, "--with"]
 
 
 def test_an_effect_goes_into_the_catalogue_of_its_model_as_its_rows_say(tmp_path):

@@ -9,9 +9,7 @@ from typing import Any
 
 import pytest
 
-from fmus import component
 from fmus.kit.errors import UserError
-from orchestration.rig import signals
 from orchestration.rig.backends.backend import Steppable
 from orchestration.rig.backends.registry import backend_class, backends, device_names, open_backend
 
@@ -152,48 +150,6 @@ def test_a_backend_of_an_installed_package_is_opened_by_its_name(
 def test_those_that_step_are_the_emulator_and_replay() -> None:
     steppable = {name for name in backends() if issubclass(backend_class(name), Steppable)}
     assert steppable == {"emulator", "replay"}
-
-
-@pytest.mark.parametrize(
-    ("name", "components", "connected"),
-    [
-        ("force-driven", ["ppy_actuator"], set()),
-        ("length-driven", ["ppy_actuator_length_driven"], set()),
-        (
-            "bench",
-            ["voice_coil_dma", "ppy_actuator_length_driven"],
-            {"tension", "length_change", "hold"},
-        ),
-    ],
-)
-def test_signals_are_those_of_the_components(
-    name: str, components: list[str], connected: set[str]
-) -> None:
-    chosen, layouts = signals.SIGNALS[name], [component(c).layout for c in components]
-    inputs = {
-        v.name: v.unit for layout in layouts for v in layout.inputs if v.name not in connected
-    }
-    outputs = {v.name: v.unit for layout in layouts for v in layout.measured_outputs}
-    outputs |= {v.name: v.unit for layout in layouts for v in layout.states if v.output}
-    assert {n: signals.UNITS[n] for n in chosen.inputs} == inputs
-    assert {n: signals.UNITS[n] for n in chosen.outputs} == outputs
-
-
-@pytest.mark.parametrize(
-    ("name", "proxy"),
-    [
-        ("force-driven", "rig_proxy"),
-        ("length-driven", "rig_proxy_length_driven"),
-        ("bench", "rig_proxy_bench"),
-    ],
-)
-def test_the_proxies_that_ship_find_their_signals(name: str, proxy: str) -> None:
-    """A proxy commands every input of a rig, and asks for what the rig has, in the rig's units."""
-    chosen, layout = signals.SIGNALS[name], component(proxy).layout
-    assert {v.name: v.unit for v in layout.inputs} == {n: signals.UNITS[n] for n in chosen.inputs}
-    measured = {v.name: v.unit for v in layout.outputs if f"{v.name}_age" in layout.names}
-    assert len(measured) >= 4
-    assert measured.items() <= {n: signals.UNITS[n] for n in chosen.outputs}.items()
 
 
 def test_devices_are_named_without_opening_any(tmp_path):
