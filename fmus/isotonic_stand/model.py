@@ -202,7 +202,7 @@ class IsotonicStand(Component):
     # ----------------------------------------------------------------------------------------------
 
     def weight(self) -> Any:
-        """Weight of the weights and the core, (m + m_c) g; their inertia is neglected."""
+        """Weight of mass and core on the actuator, (m + m_c) g; their inertia is neglected."""
         return (self.mass + self.core_mass) * self.gravity
 
     def carried_load(self) -> Any:

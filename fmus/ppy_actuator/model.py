@@ -374,7 +374,7 @@ class LengthDriven(Elongating):
     limits = {"load": "taut_load"}
 
     def taut_load(self) -> Any:
-        """Force of the spring k1, negative where a chain that cannot push is slack (eq. 3.8)."""
+        """Force of the spring k1 at its elongation; negative where the chain is slack (eq. 3.8)."""
         elongation = self.length_change - self.charge_elongation(self.charge) - self.creep()
         return self.spring_force(elongation)
 

@@ -1,4 +1,4 @@
-"""One instance of a co-simulation FMU: opened, initialized, stepped, read, and closed.
+"""One instance of a co-simulation FMU: loading, initialization, steps, values and freeing.
 
 Every failure is a UserError of one line. FMI functions are called through ctypes directly, because
 the overhead of fmpy at every call would slow down thousands of steps.
@@ -29,7 +29,7 @@ _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 
 class EndRequested(UserError):
-    """The error that an FMU discards a step because it asks to end the simulation."""
+    """Raised when an FMU discards a step because it asks to end the simulation."""
 
 
 class ValueTransfer(NamedTuple):
@@ -69,7 +69,7 @@ def bind_function(library: Any, name: str, *arguments: Any) -> Callable[..., int
 def prepare_transfers(
     library: Any, verb: str, names: Sequence[str], variables: Mapping[str, Any]
 ) -> list[ValueTransfer]:
-    """Prepare setting or getting variables, with one call for each type.
+    """Return calls that set or get variables, one for each type.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Log messages of FMUs, sorted by the instance that sent them.
+"""Log messages of FMUs, assigned to the instances that sent them.
 
 fmpy expands the variable arguments of FMI's logger in a proxy that has one receiver for the whole
 process. Therefore one permanent receiver is registered here; it finds the log of an instance by its

@@ -37,7 +37,7 @@ class RepeatedRuns(Protocol):
         outputs: Sequence[str],
         longest: float = np.inf,
     ) -> Array:
-        """Run once from the start; see `orchestration.fmu.simulation.RepeatedFmu.run`."""
+        """Simulate once; see `orchestration.fmu.simulation.RepeatedFmu.run`."""
 
 
 class Source(Protocol):

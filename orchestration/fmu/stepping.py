@@ -61,7 +61,7 @@ class Course(NamedTuple):
 def plan_course(
     fmu: Fmu, time: Array, inputs: Mapping[str, Array], linear: Collection[str], parts: int
 ) -> Course:
-    """Compute the times and inputs of all steps of an instance.
+    """Return the times and inputs of all steps of an instance.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def _divide_linear(
 
 
 class StepFailed(UserError):
-    """The error of a failed call of an FMU along its course.
+    """Raised when a call of an FMU fails along its course.
 
     Attributes
     ----------

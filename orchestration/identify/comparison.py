@@ -80,7 +80,7 @@ class Comparison(Displayable):
     after: dict[str, GoodnessOfFit] | None
 
     def overview(self) -> Iterator[RenderableType]:
-        """Yield what ``ppy compare`` prints."""
+        """Yield the output of ``ppy compare``."""
         yield presentation.overview(self)
         yield from self.fit.warning_lines if self.fit else ()
 

@@ -1,4 +1,4 @@
-"""The page of an identification: which values fit, how well, how sure, and what to do next."""
+"""The page of an identification: fitted values, goodness of fit, uncertainty and next steps."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def _bars(comparison: Comparison, output: str) -> list[Bar]:
 
 
 def _draw(comparison: Comparison) -> Markup:
-    """Draw every output as measured, before and after the fit, and what is left of it."""
+    """Draw every output as measured, before and after the fit, and the residuals."""
     time = comparison.record.time
     after = comparison.after or comparison.before
     panels = []
@@ -174,7 +174,7 @@ def _with_unit(title: str, unit: str) -> str:
 
 
 def _next_steps(comparison: Comparison, fit: Fit) -> list[str]:
-    """Return what to do next: what hinders first, then what the residual asks for."""
+    """Return the next steps: warnings of the fit, then advice by the whiteness of residuals."""
     after = comparison.after or comparison.before
     coloured = [output for output, g in after.items() if g.whiteness and not g.whiteness.is_white]
     steps = [*fit.all_warnings]
@@ -191,7 +191,7 @@ def _next_steps(comparison: Comparison, fit: Fit) -> list[str]:
 
 
 def _add_parameters(page: Page, fit: Fit) -> None:
-    """Add the values that fit with their intervals, beside those that the fit began with."""
+    """Add the table of fitted values with their intervals and start values."""
     profiled = ["95 % by profile"] if fit.profiles else []
     rows = []
     for name, e in fit.estimates.items():
@@ -209,7 +209,7 @@ def _add_parameters(page: Page, fit: Fit) -> None:
 
 
 def _remarks(comparison: Comparison, fit: Fit) -> list[str]:
-    """Return what the tests say of the residuals, and which values are known together only."""
+    """Return the results of the residual tests, and the strongly correlated parameters."""
     after = comparison.after or comparison.before
     texts = [
         f"{_title(comparison, output)}: {g.whiteness.summary() if g.whiteness else 'too short'}."

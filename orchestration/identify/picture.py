@@ -70,7 +70,7 @@ def _draw_output(comparison: Comparison, output: str, over: Axes, below: Axes) -
     after = before if comparison.after is None else comparison.after[output]
     measured = units.convert(before.measured, signal.unit, signal.display)
     over.plot(time, measured, color=pictures.MEASURED, lw=2.5, label="measured")
-    # the residual of the fit would vanish beside a much larger one before it
+    # the residual of the fit would not be visible with a much larger one before it
     hidden = before.rms > _MUCH_LARGER * after.rms
     colours = (pictures.MODEL, pictures.FITTED)
     for (label, run), colour in zip(runs(comparison).items(), colours, strict=False):

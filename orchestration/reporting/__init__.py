@@ -1,4 +1,4 @@
-"""Presentation of results: on the terminal, as pictures, as interactive plots, on a page."""
+"""Presentation of results: text on the terminal, pictures, and pages and charts in HTML."""
 
 import lazy_loader
 

@@ -143,7 +143,7 @@ def plain_text(renderable: RenderableType) -> str:
 
 
 class Tell:
-    """A report of the current step and its progress.
+    """Display of the current step and its progress.
 
     It is a bar on a terminal. Elsewhere a line is printed for every step, for its first few parts,
     and then every few seconds.

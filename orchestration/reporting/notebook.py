@@ -122,12 +122,13 @@ def _table(table: Table) -> str:
     """Return a table as HTML, with its title above it and its columns aligned as in the table."""
     from orchestration.reporting.html import SCROLLED
 
-    columns = [(column, f' style="text-align:{column.justify}"') for column in table.columns]
-    head = "".join(f"<th{style}>{_escaped(column.header)}</th>" for column, style in columns)
-    cells = (
-        [f"<td{style}>{_escaped(cell)}</td>" for cell in column.cells] for column, style in columns
-    )
-    body = "".join(f"<tr>{''.join(row)}</tr>" for row in zip(*cells, strict=True))
+    head = ""
+    columns = []
+    for column in table.columns:
+        style = f' style="text-align:{column.justify}"'
+        head += f"<th{style}>{_escaped(column.header)}</th>"
+        columns.append([f"<td{style}>{_escaped(cell)}</td>" for cell in column.cells])
+    body = "".join(f"<tr>{''.join(row)}</tr>" for row in zip(*columns, strict=True))
     title = f"<p><b>{_escaped(table.title)}</b></p>" if table.title else ""
     return (
         # focusable, so that the keyboard scrolls a table wider than the page

@@ -110,9 +110,9 @@ def plain(text: str) -> str:
 
 def label(axis: Axes, name: str, unit: str) -> None:
     """Label the vertical axis with a name, wrapped to the height of a panel, and its unit."""
-    lines = [
-        line for part in name.splitlines() for line in wrap(part.replace("_", " "), _LABEL_WIDTH)
-    ]
+    lines: list[str] = []
+    for part in name.splitlines():
+        lines += wrap(part.replace("_", " "), _LABEL_WIDTH)
     text = plain("\n".join(lines))
     axis.set_ylabel(text if unit == "1" else f"{text}\n[{unit}]")
 

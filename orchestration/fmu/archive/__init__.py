@@ -1,4 +1,4 @@
-"""Archives of FMUs and of systems, from anybody: opened and read within bounds."""
+"""Opening and reading of archives of FMUs and systems within bounds."""
 
 import lazy_loader
 

@@ -11,7 +11,7 @@ _LONGEST = 40  # characters of a value in a message
 
 
 def experiment_faults(description: Element) -> Iterator[str]:
-    """Yield a message for each attribute that is no finite number or negative where it must not be.
+    """Yield a message for each attribute that is not finite, or negative unless a start time.
 
     A stop time or step of 0 is allowed, because some tools write it for an undefined one.
 

@@ -30,7 +30,7 @@ def check_archive(archive: Archive) -> Iterator[Finding]:
 
 
 def _entries(archive: Archive) -> Iterator[Finding]:
-    """Check the paths, compression, permissions and integrity of all entries."""
+    """Check paths, compression, permissions and integrity of all entries."""
     seen: set[str] = set()
     for entry in archive.entries():
         name = entry.orig_filename
@@ -116,7 +116,7 @@ def _documents(archive: Archive) -> Iterator[Finding]:
     if not any(name.startswith("documentation/licenses/") for name in names):
         yield Finding(10, "warning", "no licence (documentation/licenses/)")
     references = [n for n in names if n.startswith("extra/org.fmi-standard.fmi-ls-ref/")]
-    if all(name.endswith("/fmi-ls-manifest.xml") for name in references):
+    if all(name.endswith("/fmi-ls-manifest.xml") for name in references):  # also if there are none
         yield Finding(10, "note", "no reference result (extra/org.fmi-standard.fmi-ls-ref/)")
     documents = names & {
         "documentation/externalDependencies.txt",

@@ -48,7 +48,7 @@ def check_description(archive: Archive) -> Iterator[Finding]:
 
 
 def _fmpy_problems(archive: Archive) -> Iterator[str]:
-    """Yield the problems that fmpy finds, without those that are none."""
+    """Yield the problems that fmpy finds, without false ones about aliases."""
     from fmpy.validation import validate_fmu
 
     aliases = {node.get("name", "") for node in archive.description.iter("Alias")}
@@ -133,6 +133,7 @@ def _name_of(unknown: Element, names: list[str]) -> str:
 
 
 def _units(root: Element) -> Iterator[Finding]:
+    """Check unit definitions, and report real variables without a unit."""
     units = list(root.iterfind("UnitDefinitions/Unit"))
     without_unit = [
         variable.get("name", "")
@@ -153,6 +154,7 @@ def _is_time(variable: Element) -> bool:
 
 
 def _unit(unit: Element) -> Iterator[Finding]:
+    """Check the base units and the conversions of a unit."""
     name = unit.get("name", "")
     base = unit.find("BaseUnit")
     if base is None:
@@ -238,6 +240,7 @@ def _ranges(root: Element) -> Iterator[Finding]:
 def _start_value(
     name: str, start: float | None, low: float | None, high: float | None
 ) -> Iterator[Finding]:
+    """Check that a start value is finite and within its range."""
     if start is None:
         return
     if not math.isfinite(start):
@@ -253,6 +256,7 @@ def _start_value(
 
 
 def _capabilities(root: Element, original_names: Mapping[str, str]) -> Iterator[Finding]:
+    """Check the interface for co-simulation and the default experiment."""
     interface = root.find("CoSimulation")
     if interface is None:
         yield Finding(1, "error", "not for co-simulation: there is no element CoSimulation")

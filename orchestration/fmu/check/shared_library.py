@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 
 class LibraryError(ValueError):
-    """The error for bytes that are no shared library or a damaged one."""
+    """Raised for bytes that are no shared library or a damaged one."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def _rows(contents: bytes, layout: str, offset: int, size: int) -> Iterator[tupl
 
 
 class _Section(NamedTuple):
-    """A part of a file that is loaded at `address`."""
+    """A part of a file, and the address in memory at which it is loaded."""
 
     address: int
     size: int
@@ -199,6 +199,7 @@ class _ElfFile:
 
 
 def _elf(contents: bytes) -> Library:
+    """Read an ELF library."""
     file = _ElfFile(contents)
     kind, machine = file.unpack("HH", 16)
     if kind != _SHARED_OBJECT:
@@ -256,6 +257,7 @@ _DLL = 0x2000
 
 
 def _pe(contents: bytes) -> Library:
+    """Read a PE library."""
     start = struct.unpack_from("<I", contents, 60)[0]
     if contents[start : start + 4] != b"PE\0\0":
         raise LibraryError("an MS-DOS program, no Windows library")
@@ -315,6 +317,7 @@ _LOADS = {0xC, 0x80000018, 0x8000001F, 0x80000023}  # plain, weak, re-exported, 
 
 
 def _universal(contents: bytes) -> Library:
+    """Read a Mach-O library with a part for each of several processors."""
     count = struct.unpack_from(">I", contents, 4)[0]
     parts = []
     for _, _, offset, size, _ in _rows(contents, ">IIIII", 8, 20 * count):
@@ -330,6 +333,7 @@ def _universal(contents: bytes) -> Library:
 
 
 def _mach(contents: bytes) -> Library:
+    """Read a Mach-O library for one processor."""
     is_64_bit = contents.startswith(_MACH_64)
     machine, _, kind, count = struct.unpack_from("<IIII", contents, 4)
     if kind not in (_DYNAMIC_LIBRARY, _BUNDLE):

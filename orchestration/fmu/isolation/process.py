@@ -30,7 +30,7 @@ _MUCH_MEMORY = 0.8
 
 
 class Ended(Exception):
-    """The error that an isolated process has ended by itself or was killed by its parent.
+    """Raised when an isolated process has ended by itself or was killed by its parent.
 
     Attributes
     ----------
@@ -123,6 +123,7 @@ class Process:
             os.killpg(self._process.pid, signal.SIGKILL)
 
     def _listen(self) -> None:
+        """Queue the messages of the process, and None after the last."""
         # an FMU may write to the pipe or close it, after which no message can be read
         with suppress(Exception):
             while (answer := receive(self._stream)) is not None:
@@ -231,7 +232,7 @@ class Process:
         return f"its process ended (exit status {status}{self._memory_remark()})"
 
     def _memory_remark(self) -> str:
-        """Return the end of a message about memory, if the process was near its memory limit."""
+        """Return the part of a message on memory; empty unless the process was near its limit."""
         allowed = self._limits.bytes
         if not allowed or self._largest_memory < _MUCH_MEMORY * allowed:
             return ""

@@ -29,7 +29,7 @@ _STEP_CALLS = ("step", "fmi2DoStep")
 
 
 class _Head(ctypes.Structure):
-    """The part of the shared memory that precedes the runs of the kernel."""
+    """The first part of the shared memory, before the runs of the kernel."""
 
     _fields_ = (
         ("beat", ctypes.c_int64),
@@ -84,7 +84,7 @@ class ProgressState(NamedTuple):
 
 
 class SharedProgress:
-    """The shared memory and the files of one process, in a folder that another process can read.
+    """Shared memory and files of one process, in a folder that another process can read.
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ class activity:  # a generator would take as long as some calls of an FMU
 
 @contextmanager
 def tracked_run() -> Iterator[Progress]:
-    """Yield a progress in shared memory, whose point a run in Python sets."""
+    """Yield the progress of a run in Python, in shared memory if this process is isolated."""
     shared = current
     if shared is None:
         yield Progress()

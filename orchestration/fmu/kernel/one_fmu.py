@@ -136,7 +136,7 @@ def _reals_first(fmu: Fmu, names: Sequence[str]) -> list[int]:
 
 
 def _add_part(program: Program, fmu: Fmu, course: Course, part: StepPart) -> None:
-    """Add a part of a step, after setting the inputs for it."""
+    """Add operations that set the inputs for a part of a step and make it."""
     if part.rows is not None:
         failures = _TransferFailures(fmu, part.begins, course.inputs, part.rows, at_point=False)
         _add_setting(program, fmu, course.inputs, part.rows, failures.setting)
@@ -161,7 +161,7 @@ def _add_part(program: Program, fmu: Fmu, course: Course, part: StepPart) -> Non
 def _add_setting(
     program: Program, fmu: Fmu, names: Sequence[str], table: Array, handler: Handler
 ) -> None:
-    """Add setting inputs to the values of a table, whose columns are in the order of the names."""
+    """Add operations that set inputs to a table's rows, with columns in the order of the names."""
     columns = _reals_first(fmu, names)
     ordered = table if columns == sorted(columns) else np.ascontiguousarray(table[:, columns])
     program.hold(ordered)
@@ -171,7 +171,7 @@ def _add_setting(
 def _add_transfers(
     program: Program, fmu: Fmu, verb: str, names: Sequence[str], table: Array, handler: Handler
 ) -> None:
-    """Add setting or getting variables, with one call for each type.
+    """Add operations that set or get variables, one for each type.
 
     The table has the columns of reals first, so that one call transfers them without a copy; values
     of other types are copied from or to their columns.
@@ -194,7 +194,7 @@ def _add_transfers(
 
 
 class _TransferFailures:
-    """Handlers that report a failure of setting inputs or reading outputs.
+    """Handlers that raise the error of setting inputs or reading outputs.
 
     Parameters
     ----------

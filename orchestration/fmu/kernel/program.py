@@ -73,7 +73,7 @@ class Values(NamedTuple):
 
     @classmethod
     def in_rows(cls, array: Array) -> Values:
-        """Return the rows of an array, which must be contiguous and be kept in memory."""
+        """Return the rows of an array, which must be contiguous and stay in memory."""
         return cls(array.ctypes.data, array.strides[0] // DOUBLE)
 
     def shifted(self, count: int) -> Values:
@@ -109,7 +109,7 @@ class Program:
         owner: int = 0,
         final: bool = True,
     ) -> None:
-        """Add a step of an FMU.
+        """Add an operation that is a step of an FMU.
 
         Parameters
         ----------
@@ -145,7 +145,7 @@ class Program:
         *,
         owner: int = 0,
     ) -> None:
-        """Add setting or getting contiguous reals, or setting the time derivatives of inputs."""
+        """Add an operation that sets or gets contiguous reals, or sets slopes of inputs."""
         orders = self._address((ctypes.c_int * len(references))(*[1] * len(references)))
         self._add(
             handler,
@@ -170,7 +170,7 @@ class Program:
         *,
         owner: int = 0,
     ) -> None:
-        """Add setting or getting integers or booleans, at given indices among the values."""
+        """Add an operation that sets or gets integers or booleans at indices of the values."""
         count = len(references)
         self._add(
             handler,
@@ -186,13 +186,13 @@ class Program:
         )
 
     def add_links(self, kind: int, links: Sequence[ValueLink], handler: Handler) -> None:
-        """Add copying linked values to inputs, if there are any links."""
+        """Add an operation that copies linked values to inputs, if there are any links."""
         if links:
             memory = (ValueLink * len(links))(*links)
             self._add(handler, kind, count=len(links), links=self._address(memory))
 
     def add_row_copy(self, source: int, count: int, rows: Array) -> None:
-        """Add copying `count` numbers from an address into the next row of an array."""
+        """Add an operation that copies numbers from an address to the next row of an array."""
         self._memory.append(rows)
         self._add(_cannot_fail, library.KEEP, count=count, values=rows.ctypes.data, ends=source)
 
@@ -201,11 +201,11 @@ class Program:
         self._add(handler, library.CALL)
 
     def add_timer_start(self) -> None:
-        """Add a start of the timer."""
+        """Add an operation that starts the timer."""
         self._add(_cannot_fail, library.BEGIN)
 
     def add_time_spent(self, owner: int) -> None:
-        """Add counting the time since the last start or reading of the timer for an FMU."""
+        """Add an operation that adds the time since the last one of the timer to that of an FMU."""
         self._add(_cannot_fail, library.SPENT, owner=owner)
 
     def hold(self, memory: object) -> None:

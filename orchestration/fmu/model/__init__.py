@@ -1,4 +1,4 @@
-"""Models by name: components, classes in files of users, FMU files, and effects laid over them."""
+"""Models by name: components, classes in users' files, FMU files, and effects added to them."""
 
 import lazy_loader
 

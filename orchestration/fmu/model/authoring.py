@@ -18,7 +18,7 @@ _KINDS = ("Parameter", "Input", "Output", "State", "Discrete", "Text")
 
 
 def check_names(path: Path, text: bytes) -> None:
-    """Raise UserError if a class body defines a name again that declares a variable.
+    """Raise UserError if a class body redefines the name of a variable.
 
     Python would ignore the variable.
 

@@ -31,7 +31,7 @@ def file_of_class(name: str) -> str:
 
 
 def load_class(place: str) -> type[Component]:
-    """Load the class of a user's model.
+    """Return the class of a user's model.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def _nameless(path: Path, name: str, cls: Any, models: list[str]) -> str:
 
 
 def load_subclass(place: str, base: type) -> tuple[Path, str, Any, list[str]]:
-    """Load a class derived from a base from a user's file.
+    """Return a class of a user's file that is derived from a base.
 
     Parameters
     ----------

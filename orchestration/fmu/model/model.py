@@ -6,7 +6,7 @@ class, which has the equations, is restored from it without running code of the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
@@ -28,7 +28,8 @@ from orchestration.reporting import Displayable, one_line, option
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from fmus.kit import Component
+    from fmus.kit import Component, Effect
+    from fmus.kit.declare import Declaration
 
 _NOT_BUILT = Path()
 
@@ -285,15 +286,19 @@ def declared_model(name_or_path: str, effects: Sequence[str] = ()) -> Model:
 def declared_model_of(cls: type[Component]) -> Model:
     """Return the model of a component without building its FMU; see `built`."""
     layout = cls.layout
-    inputs, outputs, parameters = (
-        {v.name: declared_signal(v) for v in variables}
-        for variables in (
-            layout.inputs,
-            layout.shown,
-            (*layout.parameters, *layout.texts),
-        )
+    return Model(
+        cls.name,
+        _NOT_BUILT,
+        cls,
+        inputs=_declared_signals(layout.inputs),
+        outputs=_declared_signals(layout.shown),
+        parameters=_declared_signals((*layout.parameters, *layout.texts)),
     )
-    return Model(cls.name, _NOT_BUILT, cls, inputs, outputs, parameters)
+
+
+def _declared_signals(variables: Iterable[Declaration]) -> dict[str, Signal]:
+    """Return the signals of declared variables by name."""
+    return {variable.name: declared_signal(variable) for variable in variables}
 
 
 def built(model: Model, runtime: str | None = None) -> Model:
@@ -418,21 +423,18 @@ def restore_class(
     if not made_from.laws:
         raise UserError("its description has no digest of its laws")
     base = _base_class(made_from)
-    effects = [
-        effect
-        for name in made_from.effects
-        for effect in find_effects(base, [name], made_from.place, made_from.samplings.get(name))
-    ]
-    layout = stack(base, *effects, name=name).layout
-    declared = {
-        parameter.name: declared_signal(parameter).default
-        for parameter in (*layout.parameters, *layout.texts)
-    }
+    effects: list[type[Effect]] = []
+    for effect in made_from.effects:
+        sampling = made_from.samplings.get(effect)
+        effects += find_effects(base, [effect], made_from.place, sampling)
+    declared = declared_model_of(stack(base, *effects, name=name)).parameters
     if declared.keys() != parameters.keys():
         difference = sorted(declared.keys() ^ parameters.keys())[0]
         raise UserError(f"{made_from.place} has other parameters now, such as {difference}")
     defaults: Any = {
-        n: parameters[n].default for n, start in declared.items() if parameters[n].default != start
+        parameter: parameters[parameter].default
+        for parameter, signal in declared.items()
+        if parameters[parameter].default != signal.default
     }
     restored = stack(base, *effects, name=name, defaults=defaults)
     if trace(restored).digest != made_from.laws:

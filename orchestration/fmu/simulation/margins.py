@@ -24,7 +24,7 @@ _ROUNDING = 1e-9  # rounding error of a margin, relative to the largest one
 
 @dataclass(frozen=True)
 class Margin:
-    """A margin with its limit.
+    """An output that is the distance to a limit, and that limit.
 
     Attributes
     ----------

@@ -72,7 +72,7 @@ class RepeatedFmu:
         outputs: Sequence[str],
         longest: float = np.inf,
     ) -> Array:
-        """Run once from the start.
+        """Simulate once from the start values and return the outputs.
 
         Parameters
         ----------

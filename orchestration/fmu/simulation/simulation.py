@@ -126,7 +126,7 @@ def simulate(
     *,
     isolation: Limits | None = None,
 ) -> dict[str, Array]:
-    """Simulate a model.
+    """Simulate a model and return its outputs.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def _run_once(
 
 
 class UnfinishedSimulation(UserError):
-    """The error that a simulation failed after its first point.
+    """Raised when a simulation fails after its first point.
 
     Attributes
     ----------
@@ -251,7 +251,7 @@ class UnfinishedSimulation(UserError):
 
 
 class EndedSimulation(UnfinishedSimulation):
-    """The error that a simulation is shorter because its FMU asked to end it."""
+    """Raised when an FMU ends its simulation before the last point, at its own request."""
 
 
 def _unfinished(

@@ -340,15 +340,14 @@ class _Translator:
         ]
         if variable.count * sum(known.count for known, _ in knowns) > _MOST_DEPENDENCIES:
             return {}
-        indices = [str(index + 1) for known, _ in knowns for index in known.elements]
+        indices: list[str] = []
+        scalar_kinds: list[str] = []
+        for known, kind in knowns:
+            indices += [str(index + 1) for index in known.elements]
+            # a kind holds for all elements of arrays together, so that one may differ from it
+            is_scalar = variable.count == known.count == 1
+            scalar_kinds += [kind if is_scalar else "dependent"] * known.count
         attributes = {"dependencies": " ".join(indices)}
         if declared_kinds:
-            # a kind holds for all elements of an array together, so that one may differ from it
-            is_scalar = variable.count == 1
-            scalar_kinds = [
-                kind if is_scalar and known.count == 1 else "dependent"
-                for known, kind in knowns
-                for _ in known.elements
-            ]
             attributes["dependenciesKind"] = " ".join(scalar_kinds)
         return attributes

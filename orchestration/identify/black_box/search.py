@@ -204,7 +204,7 @@ def _begin(reduced: ReducedPredictionError, known: Sequence[Optimum]) -> Iterato
 
 
 def lift(contained: Optimum, orders: Orders) -> list[Array]:
-    """Return F of every input, C and D with which a model of some orders is a contained one.
+    """Return F of every input, C and D of a model of larger orders that equals a contained model.
 
     ``A y = B/F u + C/D e`` is ``y = B/(A F) u + C/(A D) e``, and ``y = B/F u + e`` of one input is
     ``F y = B u + F e``.
@@ -219,7 +219,7 @@ def lift(contained: Optimum, orders: Orders) -> list[Array]:
 
 
 def _with_noise(reduced: ReducedPredictionError, x: Array) -> Array:
-    """Return a point with a noise model of the errors that it leaves without one."""
+    """Return a point with a noise model estimated from its errors without one."""
     *paths, c, d = reduced.blocks(x)
     white = np.concatenate([*paths, 0.0 * c, 0.0 * d])
     noise = hannan_rissanen(reduced.errors(white), len(c), len(d))
@@ -230,9 +230,9 @@ def _with_noise(reduced: ReducedPredictionError, x: Array) -> Array:
 def _drawn(
     reduced: ReducedPredictionError, x: Array, random: np.random.Generator
 ) -> Iterator[Array]:
-    """Yield points drawn anywhere, and some with roots of one F, or of C and D, drawn anew.
+    """Yield random points, and points with random roots of one F, or of C and D.
 
-    With every other F that is drawn, the noise model is estimated anew, too.
+    With every other random F, the noise model is estimated again, too.
     """
     *paths, c, d = reduced.polynomials(x)
     samples = reduced.problem.samples

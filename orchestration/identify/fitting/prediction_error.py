@@ -223,16 +223,17 @@ def fit_prediction_error(
 
 
 def _off_bounds(problem: Problem, start: Array) -> Array:
-    """Return a start that is at no bound, and farther off if its free run is no farther off there.
+    """Return a start off the bounds, where steps of the search would be small.
 
-    Near a bound steps are small; but a start may be near one because that is where it is right.
+    A start near a bound may be right: it is moved only if its free run is then no farther from
+    the record. A start at a bound is always moved.
     """
     inside = problem.inside(start)
     low, high = problem.bounds()
-    off = np.where((start <= low) | (start >= high), inside, start)
-    if np.array_equal(inside, off):
+    near = np.where((start <= low) | (start >= high), inside, start)
+    if np.array_equal(inside, near):
         return inside
-    return min((inside, off), key=lambda q: error_at(problem, q))
+    return min((inside, near), key=lambda q: error_at(problem, q))
 
 
 def nearest_free_run(problem: Problem, start: Array, physical: Mask | None = None) -> Array:
@@ -348,7 +349,7 @@ def _prior(problem: Problem, physical: Mask | None, prior_std: float) -> _Prior:
 
 
 def _kept_near(problem: Problem, begin: Array, end: Array, farthest: float) -> Array:
-    """Return the last point from begin to end whose simulation is near enough to the record."""
+    """Return the last point from begin to end whose simulation error is allowed."""
     if farthest == np.inf:
         return end
 
@@ -389,7 +390,7 @@ def _minimised(
     prior: _Prior,
     method: Method,
 ) -> Minimum:
-    """Minimise in noise that is given, and go on across samples that delays have come to."""
+    """Minimise in given noise; repeat beyond each sample at which a delay ends its search."""
 
     def rooted(q: Array) -> dict[str, tuple[Array, Array]]:
         residual = problem.evaluate(q)[0]

@@ -175,7 +175,7 @@ class ModelOverRuns:
         return Trajectory(signals, slopes, sum(trajectory.steps for trajectory in done))
 
     def _simulated(self, whole: SimulationInput, run: MeasuredRun) -> Trajectory:
-        """Simulate one run, even if no more exactly than it was fitted."""
+        """Simulate one run; if that fails, with the tolerance of the fit where that is larger."""
         given = whole.over(run.samples)
         given = replace(given, time=given.time - run.ahead, parameters=run.values(whole.parameters))
         try:
@@ -485,9 +485,9 @@ class Problem:
         return low, high
 
     def across_sample(self, q: Array) -> Array | None:
-        """Return a point across the sample that a delay has come to; None if none has.
+        """Return a point with delays moved beyond the sample that they are at; None if none is.
 
-        A search goes on there that ended at its `smooth_bounds`.
+        A search that ended at its `smooth_bounds` continues from there.
         """
         other = q.copy()
         for i, samples in self._delays(q):

@@ -204,7 +204,7 @@ def estimate(spectra: Spectra, first: int, last: int) -> list[Estimates]:
 
 
 def _grid(lines: Indices) -> list[int]:
-    """Return lines for responses, as dense as windows of the usual width overlap."""
+    """Return the lines for responses, whose spacing is a share of the usual width of a window."""
     chosen: list[int] = []
     for line in lines.tolist():
         if not chosen or line - chosen[-1] >= WIDTH * line / _OVERLAP:
@@ -213,7 +213,7 @@ def _grid(lines: Indices) -> list[int]:
 
 
 def _near(lines: Indices, line: int, count: int) -> Indices:
-    """Return the lines around a line, as many to either side where there are as many."""
+    """Return ``count`` lines around a line, equally many on both sides where possible."""
     start = int(np.searchsorted(lines, line)) - count // 2
     start = min(max(start, 0), max(len(lines) - count, 0))
     return lines[start : start + count]
@@ -302,14 +302,14 @@ def _fit(
 
 
 def _reaches_far(line: int, window: Indices) -> bool:
-    """Return whether a window goes to below half its line, or has it near an end."""
+    """Return whether a window extends below half its line, or has the line near an end."""
     before = int(np.searchsorted(window, line))
     after = len(window) - 1 - before
     return bool(2 * window[0] < line) or abs(after - before) > _OFF_CENTRE
 
 
 def _terms(line: int, window: Indices) -> Array:
-    """Return the terms of a smooth response and one more (n, TERMS + 1), the first of them 1."""
+    """Return the terms of a smooth response and one higher (n, TERMS + 1); the first is 1."""
     offset = window - line
     powers = offset[:, np.newaxis] * (offset / window)[:, np.newaxis] ** np.arange(TERMS)
     return np.column_stack([np.ones(len(window)), powers / np.abs(powers).max(axis=0)])

@@ -1,4 +1,4 @@
-"""Pictures of likelihood profiles, beside the parabola and the interval of the ellipse."""
+"""Pictures of likelihood profiles, with the parabola and the interval of the ellipse."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pages in HTML: their parts, elements of several kinds of pages, and interactive plots."""
+"""Pages in HTML, their common elements, and charts."""
 
 import lazy_loader
 

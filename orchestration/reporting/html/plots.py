@@ -336,7 +336,7 @@ def _draw_trace(trace: Trace, axis: _Axis, upright: _Axis, most: int) -> str:
 
 
 def _points(x: Array, y: Array, axis: _Axis, upright: _Axis) -> Array:
-    """Return integer coordinates of points, shape (n, 2), at most a height above or below."""
+    """Return integer coordinates of points, shape (n, 2), at most one height off the panel."""
     high = np.clip(np.nan_to_num(1.0 - upright.share(y)), -1.0, 2.0)
     along = np.nan_to_num(axis.share(x))
     return np.column_stack((np.rint(_WIDTH * along), np.rint(_HEIGHT * high))).astype(int)

@@ -149,7 +149,7 @@ class IdentifiedModel(ABC):
         return simulated + free @ np.linalg.lstsq(free, y - simulated, rcond=None)[0]
 
     def _resting(self, u: Array, from_first: bool, before: ArrayLike | None) -> tuple[Array, float]:
-        """Return the deviations of inputs (m,) and output at which the system rested before."""
+        """Return the deviations of inputs (m,) and output at rest before the first sample."""
         resting = u[0] if from_first else np.zeros(u.shape[1])
         if before is not None:
             given = np.broadcast_to(np.asarray(before, dtype=np.float64), resting.shape)

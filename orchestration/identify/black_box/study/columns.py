@@ -29,9 +29,9 @@ class Columns:
     data : InputOutputData
         In the units of the file.
     units : dict of str to str
-        Of inputs and output; ``"1"`` where the file tells none.
+        Units of inputs and output; ``"1"`` where the file has none.
     notes : tuple of str
-        What was repaired.
+        Repairs of the record, a line each.
     """
 
     path: Path
@@ -43,7 +43,7 @@ class Columns:
 def read_columns(
     path: Path, output: str, inputs: Sequence[str] = (), step: float | None = None
 ) -> Columns:
-    """Read what a black-box model is identified from.
+    """Read the input-output data of a black-box model from a file.
 
     Parameters
     ----------
@@ -51,9 +51,9 @@ def read_columns(
         CSV, Parquet, TDMS, MAT or LabVIEW text; the first column is the time, or counts samples if
         a step is given.
     output : str
-        A column.
+        Column of the output.
     inputs : sequence of str, optional
-        Columns; all but the first and the output unless given.
+        Columns of the inputs; default all but the first and the output.
     step : float, optional
         Sample period in s, of a file that has no time but counts its samples.
 

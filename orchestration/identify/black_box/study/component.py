@@ -18,25 +18,25 @@ _TAKEN = ("name", "experiment", "time")  # attributes of the class with a meanin
 
 
 def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str) -> str:
-    """Write a class that runs freely as the model does, sample by sample.
+    """Write the source of a component class that simulates the model sample by sample.
 
-    Its states are those of a state-space form; what they are is arbitrary. The operating point is a
+    Its states are those of a state-space form in arbitrary coordinates. The operating point is a
     parameter.
 
     Parameters
     ----------
     model : IdentifiedModel
     name : str
-        Of the component; see `component_name`.
+        Name of the component; see `component_name`.
     units : Mapping of str to str
-        Of inputs and output.
+        Units of inputs and output, by name.
     doc : str
-        Of the class, one sentence.
+        Docstring of the class, one sentence.
 
     Returns
     -------
     str
-        For ``ppy build file.py:Class``.
+        Contents of a file for ``ppy build file.py:Class``.
     """
     reading, transition = _rows(model)
     states = [f"state_of_model_{i + 1}" for i in range(len(transition))]
@@ -61,7 +61,7 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
         "",
         f"    @Output({_quoted(unit[output])})",
         f"    def {output}(self):",
-        '        """What the model foretells."""',
+        '        """Output of the identified model."""',
         *_returned([f"self.{output}_mean"], factors, reading),
     ]
     for x, amounts in zip(states, transition, strict=True):

@@ -104,7 +104,7 @@ class BlackBox(Displayable):
         return one_line(f"BlackBox {row.structure}: {row.validation_fit:.1f} % on unseen data")
 
     def overview(self) -> Iterator[RenderableType]:
-        """Yield what a notebook shows: the sentence, a table of the models, the coefficients."""
+        """Yield the sentence, a table of the models and the coefficients, for notebooks."""
         yield self.sentence
         frame = self.to_frame()
         models = plain_table("the best of every structure", *frame.columns, right=frame.columns[1:])

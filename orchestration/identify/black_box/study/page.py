@@ -36,7 +36,7 @@ _ROOTS = (
 
 @make_page.register(BlackBox)
 def black_box_page(result: BlackBox, command: str = "") -> Page:
-    """Make the page; no command stands on it."""
+    """Make the page; it has no command, so ``command`` is not used."""
     title = f"{result.columns.path.name}: black-box models of {result.model.output_name}"
     page = Page(title, result.sentence)
     _add_data(page, result)
@@ -57,7 +57,7 @@ def black_box_page(result: BlackBox, command: str = "") -> Page:
 
 
 def _add_data(page: Page, result: BlackBox) -> None:
-    """Add the size of the record, the excitation of its inputs, and what was repaired."""
+    """Add the size of the record, the excitation of its inputs, and its repairs."""
     page.items(
         [
             (
@@ -95,7 +95,7 @@ def _cells(row: Row, inputs: int) -> list[str]:
 
 
 def _add_chosen_model(page: Page, result: BlackBox) -> None:
-    """Add the coefficients of the chosen model, and what one should know of it."""
+    """Add the coefficients of the chosen model, its messages, and models that were left out."""
     chosen = result.chosen.identification
     page.heading(f"The {result.chosen.structure} model")
     if chosen.parameters:

@@ -81,7 +81,7 @@ def draw_correlations(result: BlackBox) -> Figure:
 
 
 def _draw_stems(axis: Axes, lags: np.ndarray, values: np.ndarray, limit: float, name: str) -> None:
-    """Draw correlations over lags, with a band of what is insignificant."""
+    """Draw correlations over lags, with the band of insignificant values."""
     axis.axhspan(-limit, limit, color=pictures.MEASURED, alpha=0.3, lw=0)
     axis.vlines(lags, 0.0, values, color=pictures.MODEL)
     axis.plot(lags, values, "o", ms=3, color=pictures.MODEL)
