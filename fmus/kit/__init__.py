@@ -1,8 +1,8 @@
 """The authoring kit: declare a component once, get a Python FMU and a native FMU.
 
-This door has the language in which a component is written: its declarations, and the functions of
-laws. Importing it is cheap; it needs only the standard library, because it travels inside the
-Python FMUs. The other modules of the kit are imported by their own names.
+This module offers the language in which a component is written: declarations, and the functions of
+laws. It needs only the standard library, because it travels inside Python FMUs. The other modules
+of the kit are imported by their own names.
 """
 
 from . import functions

@@ -1,8 +1,8 @@
 """Arms: effects that add a memory of one signal, a state of first order, to a law.
 
-One more Kelvin element in a chain, an RC pair in series, heat that is stored on the way: the law
-lags a signal. A Maxwell element, a branch in parallel: it answers to a change of the signal and
-forgets it. Sliding elements and plays make a loop of force over travel.
+A law lags a signal because of one more Kelvin element in a chain, an RC pair in series, or a heat
+capacity. It answers to a change of the signal and forgets it because of a Maxwell element or a
+branch in parallel. Sliding elements and plays make a loop of force over travel.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .component import Component
-from .curves import EffectNames, added, coefficient, per, size_at, variable
+from .curves import EffectNames, additive_effect, coefficient, per, size_at, variable
 from .declare import Declaration, Discrete, Parameter, State
 from .effects import Effect, Size, Term, effect_maker
 from .errors import UserError, suggestion
@@ -31,12 +31,12 @@ class Arm:
     Attributes
     ----------
     form : callable
-        Its value, to be multiplied with ``a``: of x, s and its constant.
+        Value that is multiplied with ``a``, from x, s and the constant of the arm.
     text : str
         The formula, for people.
     rate : callable
-        Time derivative of s: of x, s and the constant. The constant is a time T; of a loop it is
-        the way w until it gives. Of a play, which follows at once, the change that is due.
+        Time derivative of s, from x, s and the constant: a time T, or in a loop the displacement w
+        at which it yields. A play has no rate; for it this is the change of s at once.
     """
 
     form: Callable[[Any, Any, Any], Any]
@@ -84,9 +84,10 @@ ARMS: dict[str, Arm] = {
 _NORMALISED = ("sliding", "hysteresis")  # the state is a share of its limit
 _MEAN_SQUARE = ("heating", "warming")  # the state is the mean square of the signal
 # the state starts in equilibrium with a signal that stayed where it starts
-_SETTLED = ("lagging", "leading", "play")
-_LOOPS = ("sliding", "hysteresis", "play")  # the constant is a way
-_WAY, _TIME = "gives within {}", "a time constant of {}"  # what is said of it
+_FROM_EQUILIBRIUM = ("lagging", "leading", "play")
+_LOOPS = ("sliding", "hysteresis", "play")  # the constant is a displacement
+_DISPLACEMENT_PHRASE = "gives within {}"
+_TIME_PHRASE = "a time constant of {}"
 _POWERS = {"sliding": 0, "hysteresis": 0, "heating": 3, "warming": 2}  # of the signal; others 1
 
 
@@ -111,30 +112,30 @@ def lag_effect(
     component : type[Component]
         Has the law and the signal.
     law : str
-        Method that is added to.
+        Method that the memory is added to.
     signal : str
         Input or state that is remembered (x).
     kind : {"lagging", "leading", "heating", "warming", "sliding", "hysteresis", "play"}
-        A state that follows the signal; the signal less such a state; heat of its square that
-        follows, times the signal (a voltage over a current) or alone (a resistance); or a slide
-        after Dahl, the signal being its velocity: a spring that gives, so that force over travel is
-        a loop. Of a signal that is a state, such a loop after Bouc and Wen, or a Prandtl element: a
-        spring that gives at ``a w`` and then is dragged along.
+        ``lagging``: a state that follows the signal. ``leading``: the signal less such a state.
+        ``heating``, ``warming``: a state that follows the square of the signal, multiplied with the
+        signal (a voltage over a current) or alone (a resistance). ``sliding``: Dahl's friction, the
+        signal being a velocity. ``hysteresis``: a loop after Bouc and Wen, of a signal that is a
+        state. ``play``: a Prandtl element, a spring that yields at ``a w`` and then is dragged.
     constant : float
-        Time constant from which a fit starts, in s; of a loop the way until it gives, in the
-        signal's unit (of a slide times s).
+        Value from which a fit starts: a time constant in s, or in a loop the displacement at which
+        it yields, in the signal's unit (for ``sliding`` times s).
     unit : str
         SI unit of the law.
     nominal : float
         Typical magnitude of the law.
     scale : float, optional
-        Typical magnitude of the signal; its nominal value unless given.
+        Typical magnitude of the signal; by default its nominal value.
     names : EffectNames, optional
-        Names of the effect, of the parameter that switches it, of its constant and of the state;
-        unless given the effect is called like the kind, and its variables ``<law>_<id>``,
+        Names of the effect, of the parameter that switches it, of its constant and of its state.
+        By default the effect has the name of the kind, and its variables are ``<law>_<id>``,
         ``<law>_<id>_constant`` and ``<law>_<id>_state``.
     sampling : Sampling, optional
-        Of the record that it is made for.
+        Sampling of the record that the effect is made for.
 
     Returns
     -------
@@ -144,8 +145,8 @@ def lag_effect(
     Raises
     ------
     UserError
-        If the component has no such law or signal, or there is no such kind, or it takes a state
-        and there is none.
+        If the component has no such law or signal, there is no such kind, or the kind is
+        ``hysteresis`` and the signal is no state.
 
     Notes
     -----
@@ -161,9 +162,9 @@ def lag_effect(
         raise UserError(f"{kind} is over a state, which {signal!r} is not")
     size = scale or argument.nominal
     given = names or EffectNames()
-    own = f"{law}_{given.id or kind}"
-    called = given.completed(kind, (own, f"{own}_constant", f"{own}_state"))
-    amount, constant_name, state = called.variables
+    stem = f"{law}_{given.id or kind}"
+    names = given.with_defaults(kind, (stem, f"{stem}_constant", f"{stem}_state"))
+    amount, constant_name, state = names.variables
     power = _POWERS.get(kind, 1)
     loop = f"{law} {'loop of' if kind in ('hysteresis', 'play') else 'remembering'} {signal}"
     members = {
@@ -175,24 +176,24 @@ def lag_effect(
             least=0.0,
         ),
     }
-    members |= _constant_and_state(kind, argument, called.variables, constant, size)
+    members |= _constant_and_state(kind, argument, names.variables, constant, size)
     at_once = (sampling or Sampling()).at_once
-    more, rate = _behaviour(component, kind, signal, called.variables, at_once)
+    value, rate = _behaviour(component, kind, signal, names.variables, at_once)
     members[f"{state}_rate"] = rate
-    return added(
+    return additive_effect(
         component,
         law,
-        more,
+        value,
         members,
-        id=called.id,
-        term=Term(law, signal, ARMS[kind].text, loop, called.qualifier),
-        title=generic_title(called.id, law_title(component, law)),
+        id=names.id,
+        term=Term(law, signal, ARMS[kind].text, loop, names.qualifier),
+        title=generic_title(names.id, law_title(component, law)),
         assumption=f"{law} has no memory of {signal} but that of its states",
         sizes=(
             size_at(amount, unit, size, argument.unit, lambda x: x**power)
             if kind in _MEAN_SQUARE
             else Size("{}", (amount,)),
-            Size(_WAY if kind in _LOOPS else _TIME, (constant_name,)),
+            Size(_DISPLACEMENT_PHRASE if kind in _LOOPS else _TIME_PHRASE, (constant_name,)),
         ),
     )
 
@@ -208,21 +209,21 @@ def storing_wall(
     nominal: float = 1.0,
     scale: float = 1.0,
 ) -> type[Effect]:
-    """Make the effect of a store between two sides, such as the capacity of a wall.
+    """Make an effect that stores heat or mass between two sides, such as the capacity of a wall.
 
-    A conductance ``G`` from one side to the store and ``H`` from there to the other pass the flow
-    of both in series when nothing changes, which the law gives. The flow from the first side is
-    that and ``G (w x + (1 - w) y - s)`` more, where x and y are the sides,
-    ``T ds/dt = w x + (1 - w) y - s`` and ``w = G / (G + H)``. At ``G = 0`` it is the base model.
+    The store is connected by a conductance ``G`` to the first side x and by ``H`` to the second
+    side y. The law gives the stationary flow through both. The effect adds
+    ``G (w x + (1 - w) y - s)`` to the flow from the first side, with
+    ``T ds/dt = w x + (1 - w) y - s`` and ``w = G / (G + H)``. ``G = 0`` is the base model.
 
     Parameters
     ----------
     component : type[Component]
         Has the law and both signals.
     law : str
-        Method that gives the flow from the first side to the second.
+        Method that returns the flow from the first side to the second.
     sides : tuple of str
-        Inputs or states x and y, of one unit.
+        Inputs or states x and y, of the same unit.
     constant : float
         Time constant T, s, from which a fit starts.
     unit : str
@@ -236,7 +237,7 @@ def storing_wall(
     -------
     type[Effect]
         With the parameters ``<law>_wall_conductance`` (G), ``<law>_wall_share`` (w) and
-        ``<law>_wall_constant`` (T), and the state ``<law>_wall_change``: what the store has gained
+        ``<law>_wall_constant`` (T), and the state ``<law>_wall_change``: the change of the store
         since the start, when it was in equilibrium with the sides.
 
     Raises
@@ -249,19 +250,20 @@ def storing_wall(
     The wall of two resistances and a capacity of Madsen and Holst, Energy and Buildings 22, 1995.
     """
     one, other = (variable(component, side) for side in sides)
-    conductance, share, time = (
-        f"{law}_wall_{name}" for name in ("conductance", "share", "constant")
-    )
-    change, start = f"{law}_wall_change", f"{law}_wall_start"
+    conductance = f"{law}_wall_conductance"
+    share = f"{law}_wall_share"
+    time = f"{law}_wall_constant"
+    change = f"{law}_wall_change"
+    start = f"{law}_wall_start"
     known = f"{law}_wall_started"
 
-    def between(self: Any) -> Any:
+    def equilibrium(self: Any) -> Any:
         w = getattr(self, share)
         return w * getattr(self, one.name) + (1.0 - w) * getattr(self, other.name)
 
-    def beyond(self: Any) -> Any:
-        at_start = where(getattr(self, known), getattr(self, start), between(self))
-        return between(self) - at_start - getattr(self, change)
+    def imbalance(self: Any) -> Any:
+        at_start = where(getattr(self, known), getattr(self, start), equilibrium(self))
+        return equilibrium(self) - at_start - getattr(self, change)
 
     members = {
         "__doc__": (
@@ -276,20 +278,20 @@ def storing_wall(
             constant, "s", min=1e-3 * constant, max=1e12, nominal=constant, doc="of the store (T)"
         ),
         change: State(one.unit, rate=f"{change}_rate", nominal=scale, doc="gain since the start"),
-        f"{change}_rate": lambda self: beyond(self) / getattr(self, time),
+        f"{change}_rate": lambda self: imbalance(self) / getattr(self, time),
         start: Discrete(
             one.unit, update=f"{start}_update", period=_ONCE, nominal=scale, doc="of the store"
         ),
-        f"{start}_update": between,
+        f"{start}_update": equilibrium,
         known: Discrete(
             "1", update=f"{known}_update", period=_ONCE, type="boolean", doc="whether it is known"
         ),
         f"{known}_update": lambda self: 1.0,
     }
-    return added(
+    return additive_effect(
         component,
         law,
-        lambda self: getattr(self, conductance) * beyond(self),
+        lambda self: getattr(self, conductance) * imbalance(self),
         members,
         id="storing_wall",
         term=Term(law, "", "G (w x + (1 - w) y - s)", f"store within {law}", law),
@@ -298,7 +300,7 @@ def storing_wall(
         sizes=(
             Size("{} to the store", (conductance,)),
             Size(f"which is at {{}} of {one.name}", (share,), "%", lambda w: 100.0 * w),
-            Size(_TIME, (time,)),
+            Size(_TIME_PHRASE, (time,)),
         ),
     )
 
@@ -358,26 +360,26 @@ def _behaviour(
     variables: tuple[str, ...],
     at_once: float,
 ) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
-    """Return the laws that give the value of an arm and the rate of its state."""
-    chosen = ARMS[kind]
+    """Return the law for the value of an arm and the law for the rate of its state."""
+    arm = ARMS[kind]
     amount, constant, state = variables
     velocity = _rate_of(component, signal)
-    start = component.layout.start_of.get(signal, "") if kind in _SETTLED else ""
+    start = component.layout.start_of.get(signal, "") if kind in _FROM_EQUILIBRIUM else ""
 
     def since_start(self: Any) -> Any:
-        """Return the signal; of a state its change since the start, when both were at rest."""
+        """Return the signal, or the change of a state since the start, when both were at rest."""
         x = getattr(self, signal)
         return x - getattr(self, start) if start else x
 
     def rate(self: Any) -> Any:
         x = getattr(self, velocity)() if kind == "hysteresis" else since_start(self)
-        change = chosen.rate(x, getattr(self, state), getattr(self, constant))
+        change = arm.rate(x, getattr(self, state), getattr(self, constant))
         return change / at_once if kind == "play" else change
 
-    def more(self: Any) -> Any:
-        value = chosen.form(since_start(self), getattr(self, state), getattr(self, constant))
+    def value(self: Any) -> Any:
+        memory = arm.form(since_start(self), getattr(self, state), getattr(self, constant))
         if start and kind == "lagging":
-            value = value + getattr(self, start)
-        return getattr(self, amount) * value
+            memory = memory + getattr(self, start)
+        return getattr(self, amount) * memory
 
-    return more, rate
+    return value, rate

@@ -1,4 +1,4 @@
-"""Types of NumPy arrays, as annotations name them, and the threads of linear algebra."""
+"""Types of NumPy arrays for annotations, and a limit on the threads of linear algebra."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Result = TypeVar("Result")
 
 
 def single_threaded(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Make a function compute each product of matrices in one thread.
+    """Make a function compute its matrix products in one thread.
 
-    Fits run side by side and their matrices are narrow: several threads for a product would only
+    Fits run in parallel and their matrices are narrow: several threads for one product would only
     wait for one another.
 
     Parameters
@@ -29,7 +29,7 @@ def single_threaded(function: Callable[Arguments, Result]) -> Callable[Arguments
     Returns
     -------
     callable
-        Of the same arguments.
+        Takes the same arguments.
     """
 
     @wraps(function)

@@ -15,15 +15,15 @@ class Component:
     """Base class of every component.
 
     The class body declares variables; the attributes of an instance are their current values. Laws
-    are methods that compute from ``self``, without arguments where a declaration names them. They
-    are plain arithmetic and the functions of :mod:`fmus.kit.functions`; no ``if`` on values, so
-    that one source serves floats, NumPy arrays and CasADi symbols.
+    are methods that compute from ``self``; a law that a declaration names takes no arguments. Laws
+    use arithmetic and the functions of :mod:`fmus.kit.functions`, and no ``if`` on values, so that
+    one source serves floats, NumPy arrays and CasADi symbols.
 
     Parameters
     ----------
     **values
-        Initial values by variable name (SI), replacing defaults. States start from their
-        ``*_start`` parameters.
+        Values of parameters and inputs by name, SI; the others have their defaults. States start
+        from their ``*_start`` parameters.
 
     Raises
     ------
@@ -35,25 +35,25 @@ class Component:
     name : str
         Name of the FMU; empty for abstract bases and effects.
     author, copyright, license : str
-        For the FMU's description; left out where empty.
+        Texts for the FMU's description; empty ones are omitted.
     remark : str
-        Differences from its class (effects, fitted values), for the FMU's description and
-        documentation; one statement to a line.
+        Differences from its class (effects, fitted values) for the FMU's description and
+        documentation, one statement a line.
     tolerance : float
         Declared accuracy of the internal integration: local error per internal step, relative to
         ``nominal + |state|``.
     experiment : tuple of float
         Stop time and communication step in seconds, for the FMU's ``DefaultExperiment``.
     presets : Mapping of str to Preset
-        Named sets of parameter values, which the FMU brings along.
+        Named sets of parameter values, which the FMU contains.
     engine : Engine or None
-        Computes it in place of laws; None where it has laws.
+        Computes the component in place of laws; None if it has laws.
     limits : Mapping of str to str
-        Laws that limit another one, each with the law that it is where the limit is not reached.
+        Laws that limit another law, each with the law that it equals below the limit.
     ports : tuple of PowerPort
-        Pairs of variables through which it exchanges power with others.
+        Pairs of variables through which it exchanges power with other components.
     unchecked : tuple of str
-        Laws that compute with bare numbers, so that their units are not checked.
+        Laws whose units are not checked, because they compute with bare numbers.
     declared : dict of str to Declaration
         Variables that this class itself declares, by name.
     layout : Layout
@@ -86,7 +86,7 @@ class Component:
         inherited: dict[str, Declaration] = {}
         for base in reversed(cls.__mro__):
             inherited |= vars(base).get("declared", {})
-        # an input that a class computes, as a property, is none any more
+        # an input that a subclass computes, as a property, is no longer an input
         inherited = {n: v for n, v in inherited.items() if not _is_computed(cls, n)}
         cls.layout = arrange(inherited.values())
         check(cls, cls.layout)
@@ -100,8 +100,7 @@ class Component:
                 raise UserError(
                     f"{self.name or type(self).__name__}: no parameter or input named {name!r}"
                 )
-        # setattr rather than __dict__: an instance whose __dict__ was touched is slower for good in
-        # CPython
+        # setattr, because CPython is slower for an instance whose __dict__ was accessed
         for name, value in (known | values).items():
             setattr(self, name, value)
         self.time = 0.0
@@ -122,7 +121,7 @@ class Component:
         Returns
         -------
         list of callable
-            Without arguments; where an effect overrides a method, it is the effect's.
+            Functions without arguments; the method of an effect where one overrides it.
         """
         return [getattr(self, name) for name in names]
 

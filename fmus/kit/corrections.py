@@ -1,8 +1,7 @@
 """Corrections: effects that add a function of a signal to a law, or multiply the law with it.
 
-The function is a shape or a table. The effects of :mod:`fmus.kit.curves` are functions of inputs
-and states; here the signal may also be the value of another law or the time, and the function may
-be of a memory of any of these.
+The function is a shape or a table. Its argument is an input or a state as in
+:mod:`fmus.kit.curves`, the value of another law, the time, or a memory of any of these.
 """
 
 from __future__ import annotations
@@ -27,21 +26,21 @@ from .titles import capitalised, in_words, law_title
 KINDS = ("add", "multiply")
 MEMORIES = ("", "lagged", "leading", "heat", "integrated", "throughput")
 LAGS = ("lagged", "leading", "heat")
-# families of effects of a signal, by its memory; others remember the signal
+# family of effects by the memory of the signal; the default is "remembering {}"
 _FAMILIES = {"": "over {}", "heat": "over temperature", "throughput": "over throughput"}
 
 
 @dataclass(frozen=True)
 class SignalTerm:
-    """A signal that a law depends on, as it is or as it is remembered.
+    """A signal that a law depends on, or a memory of it.
 
     Attributes
     ----------
     name : str
         Input, state, law, or ``time``.
     memory : {"", "lagged", "leading", "heat", "integrated", "throughput"}
-        The signal itself; the signal through a lag of first order; the signal less that; its square
-        through a lag, as heat is; its integral; or the integral of its modulus.
+        In this order: the signal itself; the signal after a lag of first order; the signal less its
+        lagged value; its square after a lag, like heat; its integral; the integral of its modulus.
     constant : float
         Time constant of the lag, s.
     unit : str
@@ -51,7 +50,8 @@ class SignalTerm:
     start : float
         Start value of the remembered value.
     zero : float
-        Origin of the argument of shapes: an absolute temperature never comes near zero.
+        Origin of the argument of shapes, for signals such as an absolute temperature, which are
+        never near zero.
     """
 
     name: str
@@ -77,7 +77,7 @@ class SignalTerm:
 
     @property
     def words(self) -> str:
-        """Description for people, without the time constant, which is a parameter of the effect."""
+        """Description for people without the time constant, which is a parameter of the effect."""
         return replace(self, constant=0.0).label
 
     @property
@@ -104,9 +104,9 @@ class SmoothTable:
     Attributes
     ----------
     knots : sequence of float, shape (k,)
-        In the unit of the signal, each above the one before.
+        Strictly increasing, in the unit of the signal.
     values : sequence of float, shape (k,)
-        In the unit of the law, or without one if the law is multiplied; 0 unless given.
+        In the unit of the law, or without a unit if the law is multiplied; by default 0.
     fixed : bool
         Whether the values are constants rather than parameters.
     """
@@ -123,15 +123,15 @@ class _Values:
     Attributes
     ----------
     law : str
-    own : str
-        Name of the parameter that switches the effect; others begin with it.
+    switch : str
+        Name of the parameter that switches the effect; other names begin with it.
     unit : str
     nominal : float
-        Their typical magnitude.
+        Typical magnitude of the values.
     """
 
     law: str
-    own: str
+    switch: str
     unit: str
     nominal: float
 
@@ -143,11 +143,11 @@ class _Function:
     Attributes
     ----------
     text : str
-        Its formula, for people.
+        Formula, for people.
     value : callable
-        Its value, from the component instance and x.
+        Value of the function, from the component instance and x.
     declared : dict of str to object
-        Its declarations by name.
+        Declarations of its parameters, by name.
     """
 
     text: str
@@ -156,10 +156,9 @@ class _Function:
 
 
 def effect_family(law: str, signal: str, memory: str = "") -> str:
-    """Return the family of effects that a law has of a signal (:class:`~fmus.kit.effects.Term`).
+    """Return the family (:class:`~fmus.kit.effects.Term`) of an effect of a signal on a law.
 
-    A heated part has a temperature, and an integrated modulus is a throughput, whichever the
-    signal is.
+    The memories ``heat`` and ``throughput`` have families of their own, for any signal.
     """
     return f"{law} {_FAMILIES.get(memory, 'remembering {}').format(signal)}"
 
@@ -176,16 +175,16 @@ def correction(
     number: int = 1,
     beside: bool = False,
 ) -> type[Effect]:
-    """Make an effect that lets a law depend on a signal.
+    """Make an effect that makes a law depend on a signal.
 
     Parameters
     ----------
     component : type[Component]
         Has the law and the signal.
     law : str
-        Method that is corrected, which gives one number; its arguments are passed on.
+        Method to correct, which returns one number; its arguments are passed on.
     signal : SignalTerm
-        The signal (x). If it is the corrected law itself, x is its value without the correction.
+        The signal (x). For the corrected law itself, x is its value without the correction.
     shape : str or SmoothTable
         One of :data:`~fmus.kit.curves.SHAPES`, or a table.
     unit : str
@@ -195,8 +194,7 @@ def correction(
     kind : {"add", "multiply"}
         Whether ``f(x)`` is added to the law, or the law is multiplied with ``1 + f(x)``.
     number : int
-        Distinguishes corrections of the same law, signal and memory, of which each has its own
-        parameters.
+        Distinguishes the parameters of several corrections of the same law, signal and memory.
     beside : bool
         Whether a constant is added to the shape: ``a (f(x) + b)``.
 
@@ -204,35 +202,35 @@ def correction(
     -------
     type[Effect]
         With a parameter that switches it, ``<law>_of_<signal>[_<memory>][_<number>]``: the amount
-        ``a``, of a table 1 for all of it. Further variables begin with that name: ``_width`` of a
-        shape that has one, ``_beside`` of a constant, ``_at_<k>`` of a table's values, ``_memory``
-        of the remembered value, ``_memory_constant`` of its lag.
+        ``a``, which for a table is 1 for the whole table. The names of further variables begin with
+        it and end in ``_width`` (of a shape that has one), ``_beside`` (the constant), ``_at_<k>``
+        (a value of a table), ``_memory`` (the remembered value) and ``_memory_constant`` (its lag).
 
     Raises
     ------
     UserError
         If the component has no such law or signal, or the signal is computed from the law; if there
-        is no such shape, memory or kind; if knots do not rise, or values are not as many; if a
-        magnitude or a time constant is not positive.
+        is no such shape, memory or kind; if knots do not increase or differ in number from the
+        values; if a magnitude or a time constant is not positive.
     """
     source = _plain(signal)
     size = float(nominal)
     _check_choices(source, shape, kind, size)
     _check_laws(component, law, source)
     suffix = "_".join(filter(None, (source.name, source.memory, str(number) if number > 1 else "")))
-    own = f"{law}_of_{suffix}"
-    values = _Values(law, own, unit, size) if kind == "add" else _Values(law, own, "1", 1.0)
+    switch = f"{law}_of_{suffix}"
+    values = _Values(law, switch, unit, size) if kind == "add" else _Values(law, switch, "1", 1.0)
     given: str | SmoothTable
     if isinstance(shape, str):
         given = shape
-        function = _shaped(values, source, shape, beside)
+        function = _shape_function(values, source, shape, beside)
     else:
         given = _plain_table(shape)
-        function = _tabulated(values, source, given)
-    memory = f"{own}_memory"
+        function = _table_function(values, source, given)
+    memory = f"{switch}_memory"
 
     def now(self: Any) -> Any:
-        """Return the signal itself; of the corrected law its value without the correction."""
+        """Return the signal itself; for the corrected law, its value without the correction."""
         value = getattr(super(effect, self) if source.name == law else self, source.name)
         return value() if callable(value) else value
 
@@ -243,9 +241,9 @@ def correction(
         return now(self) - remembered if source.memory == "leading" else remembered
 
     def corrected(self: Any, *arguments: Any) -> Any:
-        below = getattr(super(effect, self), law)(*arguments)
-        more = function.value(self, argument(self))
-        return below + more if kind == "add" else below * (1.0 + more)
+        base = getattr(super(effect, self), law)(*arguments)
+        value = function.value(self, argument(self))
+        return base + value if kind == "add" else base * (1.0 + value)
 
     body = {
         "__doc__": (
@@ -255,15 +253,15 @@ def correction(
         "__module__": __name__,
         law: corrected,
     }
-    remembers = _remembering(law, source, memory, now) if source.memory else {}
+    remembers = _memory_members(law, source, memory, now) if source.memory else {}
     family = effect_family(law, source.name, source.memory)
     effect = make_effect(
-        f"{own}_correction".title().replace("_", ""),
+        f"{switch}_correction".title().replace("_", ""),
         body | function.declared | remembers,
         id=law,
         title=f"{capitalised(law_title(component, law))} that depends on {in_words(source.words)}",
         term=Term(law, source.words, function.text, family, suffix),
-        neutral=own,
+        neutral=switch,
         assumption=(
             f"{law} does not hang on {source.words}"
             + (" like this" if isinstance(given, str) else "")
@@ -284,7 +282,7 @@ def correction(
 
 
 def _plain(signal: SignalTerm) -> SignalTerm:
-    """Return a signal with Python's own numbers, because a Python FMU writes them down."""
+    """Return a signal with Python floats, because a Python FMU contains their ``repr``."""
     return replace(
         signal,
         constant=float(signal.constant),
@@ -294,28 +292,28 @@ def _plain(signal: SignalTerm) -> SignalTerm:
 
 
 def _plain_table(table: SmoothTable) -> SmoothTable:
-    """Return a table with Python's own numbers, and with a value at every knot."""
+    """Return a table with Python floats and a value at every knot."""
     knots = tuple(map(float, table.knots))
     values = tuple(map(float, table.values)) or (0.0,) * len(knots)
     _check_table(knots, values)
     return SmoothTable(knots, values, table.fixed)
 
 
-def _shaped(values: _Values, signal: SignalTerm, shape: str, beside: bool) -> _Function:
-    """Return the function ``a f(x)`` whose ``f`` has one of the shapes; ``a (f(x) + b)`` if beside.
+def _shape_function(values: _Values, signal: SignalTerm, shape: str, beside: bool) -> _Function:
+    """Return the function ``a f(x)``, or ``a (f(x) + b)``, where ``f`` is one of the shapes.
 
-    Besides the coefficient ``a`` it declares the width ``w`` of a shape that has one, and ``b``.
+    It declares the coefficient ``a``, the width ``w`` of a shape that has one, and ``b``.
     """
     chosen = SHAPES[shape]
     law = values.law
-    own = values.own
-    width = f"{own}_width"
-    constant = f"{own}_beside"
+    switch = values.switch
+    width = f"{switch}_width"
+    constant = f"{switch}_beside"
     text = with_constant(chosen.text) if beside else chosen.text
     scale = Constant(signal.scale, signal.unit_of_memory)
     typical = signal.scale**chosen.power
     declared = {
-        own: coefficient(
+        switch: coefficient(
             per(values.unit, signal.unit_of_memory, chosen.power),
             values.nominal / typical,
             f"{text} in {law}, x being {signal.counted} (a)",
@@ -338,13 +336,13 @@ def _shaped(values: _Values, signal: SignalTerm, shape: str, beside: bool) -> _F
         argument = x - signal.zero if signal.zero else x
         w = getattr(self, width) if chosen.width else 1.0
         form = chosen.form(argument, w, scale)
-        return getattr(self, own) * (form + getattr(self, constant) if beside else form)
+        return getattr(self, switch) * (form + getattr(self, constant) if beside else form)
 
     return _Function(text, value, declared)
 
 
 def with_constant(text: str) -> str:
-    """Return the formula of a shape with a constant beside it: ``a (x^3 + b)`` for ``a x^3``."""
+    """Return the formula of a shape plus a constant: ``a (x^3 + b)`` for ``a x^3``."""
     whole, *more = re.split(r"(?=, [^()]*$| with | beyond )", text.removeprefix("a "), maxsplit=1)
     inner = whole[1:-1] if whole.startswith("(") and whole.endswith(")") else whole
     return f"a ({inner} + b){''.join(more)}"
@@ -357,13 +355,13 @@ def _power(unit: str, power: float) -> str:
     return in_brackets(unit) + (f"^{power:g}" if power != 1 else "")
 
 
-def _tabulated(values: _Values, signal: SignalTerm, table: SmoothTable) -> _Function:
-    """Return a function that is a table."""
+def _table_function(values: _Values, signal: SignalTerm, table: SmoothTable) -> _Function:
+    """Return the function of a table; unless fixed, its values are declared as parameters."""
     law = values.law
-    own = values.own
-    names = [f"{own}_at_{k}" for k in range(len(table.knots))]
-    how_much = f"how much of the table of {signal.words} {law} has; 0 is without"
-    declared = {own: Parameter(0.0, "1", min=-ANY, max=ANY, doc=how_much)}
+    switch = values.switch
+    names = [f"{switch}_at_{k}" for k in range(len(table.knots))]
+    doc = f"how much of the table of {signal.words} {law} has; 0 is without"
+    declared = {switch: Parameter(0.0, "1", min=-ANY, max=ANY, doc=doc)}
     if not table.fixed:
         for name, x, y in zip(names, table.knots, table.values, strict=True):
             declared[name] = Parameter(
@@ -377,15 +375,15 @@ def _tabulated(values: _Values, signal: SignalTerm, table: SmoothTable) -> _Func
 
     def value(self: Any, x: Any) -> Any:
         ys = table.values if table.fixed else [getattr(self, name) for name in names]
-        return getattr(self, own) * smooth_table(x, table.knots, ys)
+        return getattr(self, switch) * smooth_table(x, table.knots, ys)
 
     return _Function("a table", value, declared)
 
 
-def _remembering(
+def _memory_members(
     law: str, signal: SignalTerm, memory: str, now: Callable[[Any], Any]
 ) -> dict[str, Any]:
-    """Declare the state of a memory with its rate, and the time constant of a lag, by name."""
+    """Return the state of a memory, its rate, and the time constant of a lag, by name."""
     rate = f"{memory}_rate"
     constant = f"{memory}_constant"
 
@@ -419,7 +417,7 @@ def _remembering(
 
 
 def _check_choices(signal: SignalTerm, shape: str | SmoothTable, kind: str, nominal: float) -> None:
-    """Check that memory, kind and shape exist, and that magnitudes are positive numbers."""
+    """Raise an error unless memory, kind and shape exist and magnitudes are positive numbers."""
     for title, given, allowed in (("memory", signal.memory, MEMORIES), ("kind", kind, KINDS)):
         if given not in allowed:
             known = list(filter(None, allowed))
@@ -437,13 +435,13 @@ def _check_choices(signal: SignalTerm, shape: str | SmoothTable, kind: str, nomi
             raise UserError(f"{title} must be positive, which {size:g} is not")
     if not isfinite(signal.start):
         raise UserError(
-            f"what is remembered of {signal.name} at first must be a number, which"
+            f"start value of the memory of {signal.name} must be a number, which"
             f" {signal.start:g} is not"
         )
 
 
 def _check_table(knots: Sequence[float], values: Sequence[float]) -> None:
-    """Check that knots rise, and that there is a finite value at each."""
+    """Raise an error unless knots increase and there is a finite value at each."""
     if not knots or not all(a < b for a, b in zip((-inf, *knots), (*knots, inf), strict=True)):
         raise UserError(f"knots of a table must rise, which {list(knots)} do not")
     if len(values) != len(knots):
@@ -453,7 +451,7 @@ def _check_table(knots: Sequence[float], values: Sequence[float]) -> None:
 
 
 def _check_laws(component: type[Component], law: str, signal: SignalTerm) -> None:
-    """Check that the law and the signal exist, are single numbers, and make no loop."""
+    """Raise an error unless law and signal exist, are single numbers, and form no loop."""
     layout = component.layout
     label = component.name or component.__name__
     laws = _laws(component)
@@ -478,15 +476,15 @@ def _check_laws(component: type[Component], law: str, signal: SignalTerm) -> Non
 
 
 def _laws(component: type[Component]) -> dict[str, Callable[..., Any]]:
-    """Return the methods that the component has beyond those of every component, by name."""
+    """Return the methods of a component that its base class does not have, by name."""
     methods = {name: law_of(component, name) for name in dir(component)}
     return {n: law for n, law in methods.items() if law is not None and not hasattr(Component, n)}
 
 
 def _evaluated(component: type[Component], law: str, other: str = "") -> tuple[Any, bool]:
-    """Return the value of a law at the defaults, and whether it calls another law for that.
+    """Return the value of a law at the defaults, and whether it calls another law.
 
-    The value is None where there is none.
+    The value is None if the law cannot be evaluated there.
     """
     called = False
 

@@ -1,10 +1,9 @@
 """Curves: effects that add a function of one signal, chosen from a table of shapes, to a law.
 
-A law that a model takes to be linear is a curve in truth: friction over velocity, a spring's force
-over its elongation, a voltage over charge. Each shape here adds to a law ``f(x)`` of one signal; at
-the neutral value of its first parameter the law gives the bits of the component below.
-:mod:`fmus.kit.generic` has those that engineers know by a name of their own. Stribeck's curve is
-that of Armstrong-Hélouvry, Dupont, Canudas de Wit: A survey of models, analysis tools and
+Examples are friction over velocity, a spring's force over its elongation and a voltage over charge,
+where a model assumes a straight line. At the neutral value of the first parameter the law gives the
+bits of the base model. :mod:`fmus.kit.generic` has the curves with established names. Stribeck's
+curve is that of Armstrong-Hélouvry, Dupont, Canudas de Wit: A survey of models, analysis tools and
 compensation methods for the control of machines with friction, Automatica 30(7), 1994; the weir is
 Poleni's.
 """
@@ -24,15 +23,14 @@ from .layout import law_of
 from .titles import generic_title, law_title
 
 ANY = 1e12  # bound of parameters that may have any value, in nominal values
-# exponent beyond which an exponential is cut off: ten million million times its unit
-_STEEPEST = 30.0
-_ROUND = 1e-6  # of the nominal signal, below which a square root is straight
-_STEEP = 10.0  # of the sign in Stribeck's curve, relative to the velocity at which it falls
-_SHARP = 0.01  # width of the smooth sign of a velocity, relative to its typical size
-# Least width, likewise: what bends within that is a step to any record, and no integrator follows
+_STEEPEST = 30.0  # exponent at which an exponential is cut off, about 1e13
+_ROUND = 1e-6  # fraction of the nominal signal below which a square root is nearly linear
+_STEEP = 10.0  # steepness of a smooth sign, relative to the width of its shape
+_SHARP = 0.01  # width of the smooth sign of a velocity, relative to its typical magnitude
+# Least width, relative likewise. A narrower bend is a step in any record, and no integrator follows
 # it to the accuracy of an FMU.
 _SHARPEST = 1e-4
-# units over units that have a name of their own
+# quotients of units with a name of their own
 _NAMED_QUOTIENTS = {
     ("V", "A"): "ohm",
     ("A", "V"): "S",
@@ -40,7 +38,7 @@ _NAMED_QUOTIENTS = {
     ("C", "s"): "A",
     ("J", "s"): "W",
 }
-# shapes whose coefficient nobody knows from a rig: what it adds somewhere tells more
+# shapes whose size is given as their value at a typical signal, as no rig shows the coefficient
 _GROWING = ("quadratic", "odd_quadratic", "cubic", "quartic", "square_root")
 
 
@@ -51,17 +49,17 @@ class Shape:
     Attributes
     ----------
     form : callable
-        Of the signal, its width ``w`` and its nominal value.
+        Value of ``f``, from the signal, its width ``w`` and its nominal value.
     power : float
-        Of the signal in the unit that ``a`` is divided by; 0 where ``f`` has no unit.
+        Power of the signal's unit in the unit of ``f``; 0 if ``f`` has no unit.
     width : float
-        Start value of ``w`` in a fit, in typical magnitudes of the signal; 0 where there is none.
+        Start value of ``w`` in a fit, in typical magnitudes of the signal; 0 if there is no width.
     text : str
         The formula, for people; n is the nominal signal, because units have whole powers in FMI.
     least : float
         Lower bound of ``a``, in nominal values.
     bend : str
-        What happens at ``w``, with a place for it; empty where nothing is seen there.
+        Phrase for the behaviour at ``w``, with a place for its value; empty if none is visible.
     """
 
     form: Callable[[Any, Any, float], Any]
@@ -142,26 +140,26 @@ SHAPES: dict[str, Shape] = {
 
 @dataclass(frozen=True)
 class EffectNames:
-    """The names of an effect that is made for a law; an empty one is replaced by the standard name.
+    """The names of an effect that is made for a law; empty ones are replaced by default names.
 
     Attributes
     ----------
     id : str
         Id of the effect.
     variables : tuple of str
-        Names of its variables: of the parameter that switches it, then of the others.
+        Names of its variables, first of the parameter that switches it.
     qualifier : str
-        Distinguishes the effect from the same of another law.
+        Distinguishes the effect from the same effect on another law.
     """
 
     id: str = ""
     variables: tuple[str, ...] = ()
     qualifier: str = ""
 
-    def completed(self, id: str, variables: tuple[str, ...]) -> EffectNames:
-        """Return the names with the standard id and variables where they are empty."""
-        more = variables[len(self.variables) :]
-        return EffectNames(self.id or id, (*self.variables, *more), self.qualifier)
+    def with_defaults(self, id: str, variables: tuple[str, ...]) -> EffectNames:
+        """Return the names, with the default id if empty and the default variables that lack."""
+        rest = variables[len(self.variables) :]
+        return EffectNames(self.id or id, (*self.variables, *rest), self.qualifier)
 
 
 @effect_maker
@@ -184,9 +182,9 @@ def curve(
     component : type[Component]
         Has the law and the signal.
     law : str
-        Method that is added to.
+        Method that the shape is added to.
     signal : str
-        Input or state that it is a function of (x).
+        Input or state that is the argument of the shape (x).
     shape : str
         One of `SHAPES`.
     unit : str
@@ -194,12 +192,12 @@ def curve(
     nominal : float
         Typical magnitude of the law.
     scale : float, optional
-        Typical magnitude of the signal; its nominal value unless given.
+        Typical magnitude of the signal; by default its nominal value.
     names : EffectNames, optional
-        Names of the effect, of ``a`` and of ``w``; unless given the effect is called like the
-        shape, and its parameters ``<law>_<shape>`` and ``<law>_<shape>_width``.
+        Names of the effect, of ``a`` and of ``w``. By default the effect has the name of the shape,
+        and its parameters are ``<law>_<shape>`` and ``<law>_<shape>_width``.
     either_way : bool
-        Whether ``a`` may have any sign, as in a rate, from which a braking term is subtracted.
+        Whether ``a`` may have any sign, as in a rate from which a braking term is subtracted.
 
     Returns
     -------
@@ -217,12 +215,12 @@ def curve(
     chosen = SHAPES[shape]
     argument = variable(component, signal)
     size = scale or argument.nominal
-    standard = (f"{law}_{shape}", f"{law}_{shape}_width")
-    called = (names or EffectNames()).completed(shape, standard)
-    amount, width = called.variables
+    defaults = (f"{law}_{shape}", f"{law}_{shape}_width")
+    names = (names or EffectNames()).with_defaults(shape, defaults)
+    amount, width = names.variables
     typical = Constant(argument.nominal, argument.unit)
 
-    def added_value(self: Any) -> Any:
+    def value(self: Any) -> Any:
         x = getattr(self, signal)
         w = getattr(self, width) if chosen.width else 1.0
         return getattr(self, amount) * chosen.form(x, w, typical)
@@ -245,14 +243,14 @@ def curve(
     if chosen.bend:
         at_bend = (lambda w: -w) if shape == "lower_stop" else (lambda w: w)
         sizes.append(Size(chosen.bend, (width,), argument.unit, at_bend))
-    return added(
+    return additive_effect(
         component,
         law,
-        added_value,
+        value,
         members,
-        id=called.id,
-        term=Term(law, signal, chosen.text, f"{law} over {signal}", called.qualifier),
-        title=generic_title(called.id, law_title(component, law)),
+        id=names.id,
+        term=Term(law, signal, chosen.text, f"{law} over {signal}", names.qualifier),
+        title=generic_title(names.id, law_title(component, law)),
         assumption=f"{law} has no part {chosen.text} with x = {signal}",
         sizes=tuple(sizes),
     )
@@ -261,19 +259,20 @@ def curve(
 def size_at(
     amount: str, unit: str, typical: float, unit_of_x: str, form: Callable[[float], Any]
 ) -> Size:
-    """Say what an effect adds to a law at a typical value of its signal.
+    """Return the size of an effect as its value at a typical value of its signal.
 
     Parameters
     ----------
     amount : str
-        Parameter that it is in proportion to.
+        Parameter that the value is proportional to.
     unit : str
-        Of the law.
+        Unit of the law.
     typical : float
-        Value of the signal, which is rounded.
+        Typical value of the signal; it is rounded to two digits.
     unit_of_x : str
+        Unit of the signal.
     form : callable
-        What it adds per amount, of that value.
+        Value of the effect per amount, from the value of the signal.
     """
     x = float(f"{typical:.2g}")
     place = f"{x:g}" if unit_of_x == "1" else f"{x:g} {unit_of_x}"
@@ -281,7 +280,7 @@ def size_at(
 
 
 def variable(component: type[Component], name: str) -> Declaration:
-    """Look up the declared input or state that an effect depends on."""
+    """Return the input or state of a name; raise a UserError if the component has none."""
     layout = component.layout
     known = {v.name: v for v in (*layout.inputs, *layout.states, *layout.discretes)}
     if name not in known:
@@ -292,7 +291,7 @@ def variable(component: type[Component], name: str) -> Declaration:
 
 
 def coefficient(unit: str, nominal: float, doc: str, least: float = -ANY) -> Any:
-    """Declare the parameter that switches an effect; without it at 0."""
+    """Declare the parameter that switches an effect, which is off at 0."""
     return Parameter(
         0.0,
         unit,
@@ -306,18 +305,18 @@ def coefficient(unit: str, nominal: float, doc: str, least: float = -ANY) -> Any
 def width_parameter(shape: Shape, unit: str, size: float, doc: str) -> Any:
     """Declare the width of a shape of a signal that has this unit and this typical magnitude."""
     start = shape.width * size
-    # a stop may be anywhere, but a width of zero is none
+    # a stop may be anywhere, but the width of a bend must be positive
     least = -ANY * size if shape.power else _SHARPEST * size
     return Parameter(start, unit, min=least, max=1e3 * size, nominal=start, doc=doc)
 
 
 def in_brackets(unit: str) -> str:
-    """Put a unit in brackets unless it is a single name, so that it can be a factor or a base."""
+    """Return a unit in brackets, unless it is a single name, for use in a product or a power."""
     return f"({unit})" if set(unit) & set("/*^") else unit
 
 
 def per(unit: str, below: str, power: float = 1) -> str:
-    """Return the unit of a coefficient that is multiplied by a power of a variable."""
+    """Return the unit of a quantity divided by a power of another."""
     if not power or below == "1":
         return unit
     if power == 1 and (unit, below) in _NAMED_QUOTIENTS:
@@ -325,27 +324,26 @@ def per(unit: str, below: str, power: float = 1) -> str:
     return f"{in_brackets(unit)}/{in_brackets(below)}" + (f"^{power:g}" if power != 1 else "")
 
 
-def added(
+def additive_effect(
     component: type[Component],
     law: str,
-    more: Callable[[Any], Any],
+    value: Callable[[Any], Any],
     members: Mapping[str, Any],
     **about: Any,
 ) -> type[Effect]:
-    """Make the effect that adds to a law.
+    """Make an effect that adds a value to a law.
 
     Parameters
     ----------
     component : type[Component]
         Has the law.
     law : str
-    more : callable
-        Gives the value that is added, from the component instance.
+    value : callable
+        Returns the value to add, from the component instance.
     members : Mapping of str to object
-        Further members of the class, its docstring among them; the first parameter switches the
-        effect.
+        Further members of the class, with its docstring; the first parameter switches the effect.
     **about
-        What is said of the effect, its id among it; see `make_effect`.
+        Description of the effect, with its id; see `make_effect`.
 
     Raises
     ------
@@ -355,15 +353,14 @@ def added(
     if law_of(component, law) is None:
         raise UserError(f"{_label(component)}: no law named {law!r}")
 
-    def enlarged(self: Any) -> Any:
-        return getattr(super(effect, self), law)() + more(self)
+    def sum_with_value(self: Any) -> Any:
+        return getattr(super(effect, self), law)() + value(self)
 
-    switch = next(name for name, value in members.items() if isinstance(value, Declaration))
-    said = {"term": Term(law), "neutral": switch, **about}
+    switch = next(name for name, member in members.items() if isinstance(member, Declaration))
     effect = make_effect(
-        f"{said['id']}_of_{law}".title().replace("_", ""),
-        {"__module__": __name__, **members, law: enlarged},
-        **said,
+        f"{about['id']}_of_{law}".title().replace("_", ""),
+        {"__module__": __name__, **members, law: sum_with_value},
+        **{"term": Term(law), "neutral": switch, **about},
     )
     return effect
 

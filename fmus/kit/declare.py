@@ -1,8 +1,7 @@
-"""Declarations of a component's variables: kind, unit, range and description, each stated once.
+"""Declarations of a component's variables: kind, unit, range and description.
 
-A declaration is written as a class attribute; the value of the same name lives in the instance.
-Units are strings that pint understands and are SI throughout; ``display`` names the unit people
-prefer to read.
+A declaration is a class attribute; the attribute of the same name of an instance is the value.
+Units are SI, as strings that pint reads; ``display`` is the unit shown to people.
 """
 
 from __future__ import annotations
@@ -17,9 +16,9 @@ _D = TypeVar("_D", bound="Declaration")
 
 
 def summary(documented: Any) -> str:
-    """Return the summary of a docstring, in one line and without its full stop.
+    """Return the summary of a docstring in one line, without its full stop.
 
-    It is the first line, and those after it until one ends with a full stop or is empty.
+    The summary ends at the first line that ends with a full stop, or before the first empty line.
 
     Parameters
     ----------
@@ -40,30 +39,30 @@ def summary(documented: Any) -> str:
 
 
 class Constant(float):
-    """A number with a unit that is written into laws, such as the acceleration of gravity.
+    """A number with a unit for use in laws, such as the acceleration of gravity.
 
-    A parameter is better where somebody may want another value. What is computed of two constants
-    has no unit.
+    Declare a parameter instead if the value may change. The result of arithmetic with a constant is
+    a plain float, without a unit.
 
     Parameters
     ----------
     value : float
     unit : str
-        As pint reads it.
+        SI unit as pint reads it.
     """
 
     unit: str
 
     def __new__(cls, value: float, unit: str) -> Constant:
         """Make the number."""
-        made = super().__new__(cls, value)
-        made.unit = unit
-        return made
+        constant = super().__new__(cls, value)
+        constant.unit = unit
+        return constant
 
 
 @dataclass(kw_only=True, eq=False)
 class Declaration:
-    """The attributes that every variable has: a name, a unit, a range and a description.
+    """A declared variable: its name, unit, range and description.
 
     Attributes
     ----------
@@ -72,7 +71,7 @@ class Declaration:
     doc : str
         One sentence for the FMI ``description``.
     title : str
-        Name for people, such as ``"series resistance"``; the identifier in words where empty.
+        Name for people, such as ``"series resistance"``; if empty, the identifier in words.
     min, max : float
         Inclusive range of meaningful values.
     nominal : float
@@ -82,9 +81,9 @@ class Declaration:
     type : {"real", "integer", "boolean"}
         FMI type.
     source : str
-        Where the default value or the law comes from.
+        Source of the default value or of the law.
     name : str
-        Set by the class body.
+        Name of the class attribute.
     """
 
     unit: str
@@ -104,12 +103,12 @@ class Declaration:
 
 @dataclass(kw_only=True, eq=False)
 class Started(Declaration):
-    """A variable with a value to begin with.
+    """A variable with a start value.
 
     Attributes
     ----------
     start : float, int or bool
-        SI; of a parameter it is the default.
+        Start value, SI; the default of a parameter.
     """
 
     start: Number = 0.0
@@ -117,14 +116,15 @@ class Started(Declaration):
 
 @dataclass(kw_only=True, eq=False)
 class ParameterDeclaration(Started):
-    """A value fixed before the simulation starts.
+    """A value that is fixed before the simulation starts.
 
     Attributes
     ----------
     starts : str or None
-        The state, continuous or discrete, whose start value it is; set where the layout is made.
+        State, continuous or discrete, whose start value it is; set when the layout is made.
     fitted : bool
-        Whether a diagnosis fits it; of a limit that is only compared with no record tells.
+        Whether a diagnosis fits it. False for example for a limit of a comparison, which no record
+        can identify.
     """
 
     fitted: bool = True
@@ -133,12 +133,12 @@ class ParameterDeclaration(Started):
 
 @dataclass(kw_only=True, eq=False)
 class TextDeclaration(Declaration):
-    """A parameter that is a text, such as an address or the name of a file; no law sees it.
+    """A parameter that is a text, such as an address or the name of a file; no law can use it.
 
     Attributes
     ----------
     start : str
-        Its default.
+        Default.
     """
 
     start: str = ""
@@ -146,19 +146,19 @@ class TextDeclaration(Declaration):
 
 @dataclass(kw_only=True, eq=False)
 class InputDeclaration(Started):
-    """A value set from outside at communication points."""
+    """A value that a host sets at communication points."""
 
 
 @dataclass(kw_only=True, eq=False)
 class OutputDeclaration(Declaration):
-    """A law whose value is seen from outside.
+    """A law whose value is an output of the FMU.
 
     Attributes
     ----------
     law : callable
         The decorated method.
     measured : bool
-        Whether an instrument can show it; what only the model tells has no error of a sensor.
+        Whether an instrument can measure it; effects of sensors are for measured outputs only.
     """
 
     law: Callable[[Any], Any]
@@ -172,9 +172,9 @@ class StateDeclaration(Started):
     Attributes
     ----------
     rate : str
-        Method that gives its time derivative.
+        Method that returns its time derivative.
     output : bool
-        Whether it is an output of the FMU too.
+        Whether it is also an output of the FMU.
     """
 
     rate: str
@@ -188,13 +188,13 @@ class DiscreteDeclaration(Started):
     Attributes
     ----------
     update : str
-        Method that gives its next value.
+        Method that returns its next value.
     period : float or str
-        Sample period in seconds, or the parameter that holds it.
+        Sample period in seconds, or the name of the parameter for it.
     shift : tuple of str
         Parameters whose sum is the time from the start to the first sample instant, seconds.
     output : bool
-        Whether it is an output of the FMU too.
+        Whether it is also an output of the FMU.
     """
 
     update: str
@@ -204,7 +204,7 @@ class DiscreteDeclaration(Started):
 
 
 def name_declaration(declaration: _D, name: str) -> _D:
-    """Name a declaration outside a class body.
+    """Set the name of a declaration outside a class body.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def name_declaration(declaration: _D, name: str) -> _D:
     Returns
     -------
     Declaration
-        The same.
+        The argument.
     """
     declaration.name = name
     return declaration
@@ -234,7 +234,7 @@ def make_start_parameter(parameter: ParameterDeclaration, state: str) -> Paramet
     Returns
     -------
     ParameterDeclaration
-        The same.
+        The argument.
     """
     parameter.starts = state
     return name_declaration(parameter, f"{state}_start")
@@ -246,17 +246,17 @@ def Parameter(default: Number, unit: str, **about: Any) -> Any:
     Parameters
     ----------
     default : float, int or bool
-        SI.
+        Default value, SI.
     unit : str
         SI unit as pint reads it.
     **about
-        The other attributes of :class:`Declaration`: range, nominal value, description, ...
+        Other attributes of :class:`Declaration`: range, nominal value, description, ...
     """
     return ParameterDeclaration(start=default, unit=unit, **about)
 
 
 def Text(default: str, doc: str) -> Any:
-    """Declare a parameter that is a text, for a component with an engine of its own.
+    """Declare a text parameter, for a component with an engine of its own.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def Input(unit: str, start: Number = 0.0, **about: Any) -> Any:
     unit : str
         SI unit as pint reads it.
     start : float, int or bool
-        Its value until it is set, SI.
+        Value until a host sets it, SI.
     **about
         See :func:`Parameter`.
     """
@@ -286,8 +286,8 @@ def Input(unit: str, start: Number = 0.0, **about: Any) -> Any:
 def Output(unit: str, **about: Any) -> Callable[[Callable[[Any], Any]], Any]:
     """Declare the decorated law as an output of the same name.
 
-    The first line of its docstring is the description. The law stays callable
-    (``self.voltage()``), and a subclass overrides it with a plain method.
+    The summary of its docstring is the description. The law remains a method (``self.voltage()``),
+    and a subclass overrides it with a plain method.
 
     Parameters
     ----------
@@ -309,18 +309,18 @@ def Output(unit: str, **about: Any) -> Callable[[Callable[[Any], Any]], Any]:
 
 
 def State(unit: str, rate: str, start: Number = 0.0, output: bool = False, **about: Any) -> Any:
-    """Declare a continuous state; every state ``s`` brings a parameter ``s_start``.
+    """Declare a continuous state ``s``, and with it a parameter ``s_start``.
 
     Parameters
     ----------
     unit : str
         SI unit as pint reads it.
     rate : str
-        Method that gives its time derivative.
+        Method that returns its time derivative.
     start : float
         Default of its start parameter, SI.
     output : bool
-        Whether it is an output of the FMU too.
+        Whether it is also an output of the FMU.
     **about
         See :func:`Parameter`.
     """
@@ -338,28 +338,28 @@ def Discrete(
 ) -> Any:
     """Declare a state that changes only at sample instants.
 
-    All states of one clock, which is a period and a shift, are updated together from the values
-    before the instant. Where several clocks coincide they are updated in order of declaration, and
-    a later one sees the new values of an earlier one.
+    All states of one clock (a period and a shift) are updated together from the values before the
+    instant. Clocks that tick at the same instant are updated in order of declaration, and a later
+    one uses the new values of an earlier one.
 
-    A sample instant at the end of a communication step is taken at the start of the next one, with
-    the inputs of that one; so at the start time the state still shows its start value.
+    A sample instant at the end of a communication step is taken at the start of the next step, with
+    its inputs; therefore at the start time the state has its start value.
 
     Parameters
     ----------
     unit : str
         SI unit as pint reads it.
     update : str
-        Method that gives the next value.
+        Method that returns the next value.
     period : float or str
-        Sample period in seconds, or the parameter that holds it.
+        Sample period in seconds, or the name of the parameter for it.
     start : float, int or bool
         Default of its start parameter, SI.
     output : bool
-        Whether it is an output of the FMU too.
+        Whether it is also an output of the FMU.
     shift : tuple of str
-        Parameters whose sum is the time from the start to the first sample instant, seconds; a
-        shift of a clock as FMI 3.0 has it (section 2.2.8.3).
+        Parameters whose sum is the time from the start to the first sample instant, seconds: the
+        shift of a clock (FMI 3.0, section 2.2.8.3).
     **about
         See :func:`Parameter`.
     """
@@ -386,22 +386,23 @@ class Preset:
 
 @dataclass(frozen=True)
 class Engine:
-    """The engine that computes a component without laws, such as a rig at the end of a cable.
+    """The engine that computes a component without laws, such as a connection to a rig.
 
-    Such a component keeps something outside of its memory, so its FMU state cannot be saved.
+    The FMU state of such a component cannot be saved, because part of it is outside the FMU.
 
     Attributes
     ----------
     slave : str
-        Class with the methods of :class:`fmus.kit.slave.Slave`, ``module:Class``; called with the
-        component's class, its memory and its texts.
+        Class with the methods of :class:`fmus.kit.slave.Slave`, ``module:Class``; its arguments are
+        the component's class, memory and texts.
     needs : Mapping of str to str
-        Packages that it imports at run time, by the name that is imported: what to install.
+        Packages that it imports at run time: name of the distribution by name of the module.
     folder : str
         Package with the C files of the native build.
     sources : tuple of str
         C files, which implement the engine of ``fmi/engine.h``.
     headers : tuple of str
+        Header files.
     libraries : Mapping of str to tuple of str
         Names for ``-l`` by FMI platform.
     """

@@ -1,4 +1,4 @@
-"""Effects: known forms of what a component lacks, and the components that they are laid over."""
+"""Effects: known forms of model error, and components with effects stacked on them."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ from .errors import UserError, suggestion
 from .layout import APART
 
 _Call = ParamSpec("_Call")
-_SAID = frozenset({"id", "title", "output", "term", "neutral", "assumption", "sizes", "is_random"})
-_LONGEST_NAME = 120  # file systems allow 255 bytes, with a prefix and a suffix of the cache
+_ATTRIBUTES = frozenset(
+    {"id", "title", "output", "term", "neutral", "assumption", "sizes", "is_random"}
+)
+_LONGEST_NAME = 120  # file systems allow 255 bytes, and the cache adds a prefix and a suffix
 
 
 @dataclass(frozen=True)
@@ -27,14 +29,14 @@ class Term:
     Attributes
     ----------
     law, signal, shape : str
-        The law it changes, the signal that the change is a function of, and that function.
+        Law that changes, signal that the change is a function of, and that function.
     family : str
         Name shared by effects that are one cause in several shapes: a law over a signal, a law with
-        a memory of one, the loop that it runs through over one, or an input as it arrives. Empty
-        where there are no others.
+        a memory of a signal, a loop over a signal, or an input as it arrives. Empty if the effect
+        is the only one.
     qualifier : str
-        Distinguishes it from an effect of the same id: the law, or the input, that it concerns, or
-        its shape.
+        Distinguishes it from other effects of the same id: the law or the input that changes, or
+        the shape.
     """
 
     law: str = ""
@@ -44,40 +46,39 @@ class Term:
     qualifier: str = ""
 
 
-def _as_it_is(value: Any) -> Any:
+def _identity(value: Any) -> Any:
     return value
 
 
 @dataclass(frozen=True)
 class Size:
-    """Size of an effect, as a quantity that can be held against a rig.
+    """Size of an effect, as a quantity that can be compared with a rig.
 
     Attributes
     ----------
     phrase : str
-        What follows the title of the effect, with a place for the quantity: ``"beyond {}"``.
+        Phrase after the title of the effect, with a place for the quantity: ``"beyond {}"``.
     parameters : tuple of str
-        The parameters of the effect that it is made of.
+        Parameters of the effect from which the quantity is computed.
     unit : str
-        SI unit of the quantity, or ``%``; that of the parameter where empty.
+        SI unit of the quantity, or ``%``; if empty, that of the parameter.
     quantity : callable
-        Of the values of these parameters, SI; monotonic in the first one.
+        Function of the values of these parameters, SI; monotonic in the first one.
     """
 
     phrase: str
     parameters: tuple[str, ...]
     unit: str = ""
-    quantity: Callable[..., Any] = _as_it_is
+    quantity: Callable[..., Any] = _identity
 
 
-_KINDS_SAID = (str, int, Term, tuple)  # a law of such a name is none of these
+_ATTRIBUTE_TYPES = (str, int, Term, tuple)  # a law or variable of the same name has another type
 
 
 class EffectType(type):
-    """The type of effects, which keeps what is said of one apart from its laws.
+    """The metaclass of effects, which separates their attributes, such as ``id``, from their laws.
 
-    A law of a component may have any name; laid over it, an effect that has an ``id`` must not take
-    the law of that name away.
+    A component may have a law named ``id``; an effect stacked on it must not hide that law.
     """
 
     _about: dict[str, Any]
@@ -85,17 +86,20 @@ class EffectType(type):
     def __new__(
         mcs, name: str, bases: tuple[type, ...], body: dict[str, Any], /, **about: Any
     ) -> EffectType:
-        """Make a class; in its body, what is said of it are numbers, texts, a term and sizes."""
-        alike = {key: body[key] for key in _SAID & body.keys()}
-        own = {key: value for key, value in alike.items() if isinstance(value, _KINDS_SAID)}
-        apart = {
-            key: name_declaration(value, key)
-            for key, value in alike.items()
-            if isinstance(value, Declaration)
-        }
-        laws = {key: value for key, value in body.items() if key not in own | apart}
-        laws |= {key: v.law for key, v in apart.items() if isinstance(v, OutputDeclaration)}
-        return super().__new__(mcs, name, bases, laws | {"_about": own | about, APART: apart})
+        """Make a class; attributes are distinguished from laws and variables by their types."""
+        members = dict(body)
+        attributes: dict[str, Any] = {}
+        declarations: dict[str, Declaration] = {}
+        for key in _ATTRIBUTES & body.keys():
+            value = body[key]
+            if isinstance(value, _ATTRIBUTE_TYPES):
+                attributes[key] = members.pop(key)
+            elif isinstance(value, Declaration):
+                declarations[key] = name_declaration(members.pop(key), key)
+            if isinstance(value, OutputDeclaration):
+                members[key] = value.law
+        members |= {"_about": attributes | about, APART: declarations}
+        return super().__new__(mcs, name, bases, members)
 
     def __init__(
         cls, name: str, bases: tuple[type, ...], body: dict[str, Any], /, **about: Any
@@ -103,49 +107,48 @@ class EffectType(type):
         super().__init__(name, bases, body)
 
 
-def _said_of_effect(name: str) -> property:
-    """Return the attribute of an effect's class that is said of it, or of the nearest base."""
+def _effect_attribute(name: str) -> property:
+    """Return the property for an attribute of an effect's class or of its nearest base."""
 
     def value(cls: type) -> Any:
         abouts = (vars(part).get("_about", {}) for part in cls.__mro__)
         return next(about[name] for about in abouts if name in about)
 
-    def say(cls: EffectType, value: Any) -> None:
+    def set_value(cls: EffectType, value: Any) -> None:
         cls._about[name] = value
 
-    return property(value, say)
+    return property(value, set_value)
 
 
-for _name in _SAID:
-    setattr(EffectType, _name, _said_of_effect(_name))
+for _name in _ATTRIBUTES:
+    setattr(EffectType, _name, _effect_attribute(_name))
 
 
 class Effect(Component, metaclass=EffectType):
     """An unmodelled effect of known form: a mixin that overrides a law through ``super()``.
 
-    An effect of the physics overrides laws; an output is for effects of its measurement, which no
-    law sees (:mod:`fmus.kit.sensors`).
+    An effect of the physics overrides laws. An effect of a measurement has an ``output``, whose
+    error no law depends on (:mod:`fmus.kit.sensors`).
 
     Attributes
     ----------
     id : str
         Name in the effect catalogue.
     title : str
-        Name for people, a noun phrase such as ``"A second RC pair"``; its id in words where empty.
+        Name for people, a noun phrase such as ``"A second RC pair"``; if empty, the id in words.
     output : str
-        The output whose measurement it concerns; empty for effects of the physics.
+        Output whose measurement it changes; empty for effects of the physics.
     term : Term
-        Its change of a law, where that has a formula.
+        Change of a law, if it has a formula.
     neutral : str
-        The parameter that switches it: at the default value the component is exactly the one below.
+        Parameter that switches it: at the default value the component is exactly the base model.
     assumption : int or str
-        The assumption it relaxes: its number in the component's README, or words.
+        Assumption that it relaxes: its number in the component's README, or words.
     sizes : tuple of Size
-        How large it is, in quantities that mean something at a rig; where there are none, its
-        parameters are told as they are.
+        Size in quantities that have a meaning at a rig; if empty, the parameters are reported.
     is_random : bool
-        Whether it adds random numbers. Those of a record are others, so that no diagnosis looks for
-        it unless it is named.
+        Whether it adds random numbers. They cannot match those of a record, so that a diagnosis
+        includes the effect only by name.
     """
 
     id: ClassVar[str] = ""
@@ -164,49 +167,47 @@ def make_effect(name: str, body: Mapping[str, Any], /, **about: Any) -> type[Eff
     Parameters
     ----------
     name : str
-        Of the class.
+        Name of the class.
     body : Mapping of str to object
         Laws and declared variables, ``__doc__`` and ``__module__``.
     **about
-        What is said of it: the attributes of `Effect`; ``made_by`` and ``made_with``, a function
-        and its arguments after the component by which it can be made anew, where this is not said
-        by `effect_maker`.
+        Attributes of `Effect`. Unless `effect_maker` adds them, also ``made_by`` and ``made_with``:
+        the function that makes the effect, and its arguments after the component.
     """
-    effect = cast("type[Effect]", EffectType(name, (Effect,), dict(body), **about))
-    return effect
+    return cast("type[Effect]", EffectType(name, (Effect,), dict(body), **about))
 
 
 def effect_maker(make: Callable[_Call, type[Effect]]) -> Callable[_Call, type[Effect]]:
-    """Note on every effect that a function makes the call by which it can be made anew.
+    """Decorate a function that makes effects, so that each effect keeps the call that made it.
 
     Parameters
     ----------
     make : callable
-        Its first parameter is the component, its second the law, output or input of the effect; an
-        argument after the first is one that `repr` writes as it is made.
+        Its first parameter is the component, its second the law, output or input of the effect.
+        The `repr` of an argument after the first must be an expression for it.
     """
-    form = signature(make)
+    parameters = signature(make)
 
     @wraps(make)
-    def noted(*positional: _Call.args, **named: _Call.kwargs) -> type[Effect]:
+    def maker(*positional: _Call.args, **named: _Call.kwargs) -> type[Effect]:
         effect = make(*positional, **named)
-        call = form.bind(*positional, **named)
+        call = parameters.bind(*positional, **named)
         call.apply_defaults()
         _, *arguments = call.arguments.items()
-        effect._about |= {"made_by": noted, "made_with": dict(arguments)}
+        effect._about |= {"made_by": maker, "made_with": dict(arguments)}
         return effect
 
-    return noted
+    return maker
 
 
 def made_by(cls: type[Component]) -> Callable[..., type[Effect]] | None:
-    """Return the function by which an effect can be made anew; None for a class that is written."""
+    """Return the function that made an effect; None for a class that is defined in a module."""
     function: Callable[..., type[Effect]] | None = vars(cls).get("_about", {}).get("made_by")
     return function
 
 
 def made_with(cls: type[Component]) -> Mapping[str, Any]:
-    """Return the arguments of that function after the component."""
+    """Return the arguments, after the component, of the function that made an effect."""
     arguments: Mapping[str, Any] = vars(cls).get("_about", {}).get("made_with", {})
     return arguments
 
@@ -218,19 +219,18 @@ def effect_name(effect: type[Effect]) -> str:
 
 
 def effects_by_name(*effects: type[Effect]) -> dict[str, type[Effect]]:
-    """Return effects by their names, for a catalogue."""
+    """Return effects by name, for a catalogue."""
     return {effect_name(effect): effect for effect in effects}
 
 
 def effects_in(*modules: ModuleType) -> dict[str, type[Effect]]:
-    """Return the effects that modules define by their names, in the order of their definition."""
-    defined = [
-        cast("type[Effect]", thing)
-        for module in modules
-        for thing in vars(module).values()
-        if isinstance(thing, EffectType) and thing.__module__ == module.__name__
-    ]
-    return effects_by_name(*(effect for effect in defined if effect.id))
+    """Return the effects that modules define, by name, in the order of their definition."""
+    effects = []
+    for module in modules:
+        for value in vars(module).values():
+            if isinstance(value, EffectType) and value.__module__ == module.__name__:
+                effects.append(cast("type[Effect]", value))
+    return effects_by_name(*(effect for effect in effects if effect.id))
 
 
 def _identifier(effect: type[Effect]) -> str:
@@ -240,7 +240,7 @@ def _identifier(effect: type[Effect]) -> str:
 
 
 def _joined(parts: list[str]) -> str:
-    """Join names into one that is short enough for a file; a longer one ends in a checksum."""
+    """Join names into the name of a file; one that is too long is cut and ends in a checksum."""
     name = "_with_".join(parts)
     if len(name) <= _LONGEST_NAME:
         return name
@@ -248,18 +248,18 @@ def _joined(parts: list[str]) -> str:
 
 
 def _owners(cls: type[Component]) -> dict[str, type]:
-    """Return the variables of a class by name, each with the base class that declares it."""
+    """Return the class that declares each variable of a class, by name of the variable."""
     return {name: part for part in reversed(cls.__mro__) for name in vars(part).get("declared", {})}
 
 
 def _redeclared(
     prefix: str, parts: tuple[type[Component], ...], defaults: Mapping[str, float | str]
 ) -> dict[str, Any]:
-    """Return declarations that give parameters other defaults.
+    """Return declarations with new defaults for parameters.
 
-    A parameter that is the start value of a state has its default in the declaration of the state.
+    The default of a state's start parameter is in the declaration of the state.
     """
-    holders: dict[str, Any] = {}  # by parameter: the declaration that has its default
+    holders: dict[str, Any] = {}  # declaration that has the default, by name of the parameter
     for part in parts:
         for variable in (*part.layout.parameters, *part.layout.texts):
             holders[variable.name] = variable
@@ -275,7 +275,7 @@ def _redeclared(
 
 
 def _check_effects(prefix: str, base: type[Component], effects: tuple[type[Effect], ...]) -> None:
-    """Check that effects can be laid over a component together; UserError if not."""
+    """Raise an error unless effects can be stacked on a component together."""
     ids = [_identifier(effect) for effect in effects]
     for identifier in ids:
         if ids.count(identifier) > 1:
@@ -303,22 +303,22 @@ def stack(
     name: str | None = None,
     defaults: Mapping[str, float | str] | None = None,
 ) -> type[Component]:
-    """Lay effects over a component.
+    """Make the class of a component with effects.
 
-    Later effects see the laws of earlier ones through ``super()``.
+    Later effects call the laws of earlier ones through ``super()``.
 
     Parameters
     ----------
     base : type[Component]
-        The component class, also one that has effects already.
+        Component, with or without effects.
     *effects : type[Effect]
         Effects, innermost first.
     name : str, optional
-        FMU name of the result; default joins the ids of the effects, with their outputs or
-        qualifiers, shortened to the length of a file name.
+        FMU name of the result; by default the ids of the effects, with their outputs or qualifiers,
+        shortened to the length of a file name.
     defaults : Mapping of str to float or str, optional
-        Values that replace defaults of parameters, start values included, SI, and of texts. Those
-        of the base stay otherwise.
+        New defaults of parameters (SI), start values and texts, by name; the others are those of
+        the base.
 
     Returns
     -------
@@ -328,8 +328,8 @@ def stack(
     ------
     UserError
         If the base has no laws, two effects have the same id and output, two classes declare a
-        variable of the same name, or there is no such output, or a default is of no parameter or
-        out of its range.
+        variable of the same name, there is no such output, there is no parameter for a default, or
+        a default is out of range.
     """
     prefix = base.name
     if effects and base.engine is not None:
@@ -363,6 +363,6 @@ def unstack(cls: type[Component]) -> tuple[type[Component], tuple[type[Effect], 
 
 
 def stacked_with(cls: type[Component]) -> Mapping[str, float | str]:
-    """Return the defaults that replace those of a component and of the effects stacked on it."""
+    """Return the new defaults that a component and its effects were stacked with, by name."""
     values: Mapping[str, float | str] = vars(cls).get("_stacked_with", {})
     return values

@@ -1,4 +1,4 @@
-"""The exception for mistakes of a user, and the hint for a misspelt name."""
+"""The exception for mistakes of a user, and a hint for misspelt names."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Collection
 
 
 class UserError(ValueError):
-    """A mistake in what the user gave us, described in one readable line.
+    """A mistake in a user's input, described in one line.
 
-    The text names what is wrong, where (file, row, column or variable), which value it has and what
-    is allowed. The command line prints it and exits with code 2; no traceback reaches the user.
+    The text says what is wrong, where (file, row, column or variable), which value is there and
+    what is allowed. The command line prints it and exits with code 2, without a traceback.
     """
 
 
@@ -19,7 +19,7 @@ class DeclarationError(UserError):
     Parameters
     ----------
     text : str
-        With the names of class and variable.
+        Message, with the names of class and variable.
     owner : str
         Name of the class.
     variable : str
@@ -37,18 +37,18 @@ def suggestion(name: str, known: Collection[str], few: int = 20) -> str:
     Parameters
     ----------
     name : str
-        What was written.
+        The unknown name.
     known : collection of str
         The names that exist.
     few : int
-        Largest number of names that are listed where none is similar.
+        Largest number of names that are listed if none is similar.
 
     Returns
     -------
     str
         ``" (did you mean R1?)"``, ``" (there are: R1, R2)"``, or empty; to append to a message.
     """
-    # here, because this module travels inside Python FMUs, which need not wait for it
+    # imported here, because Python FMUs contain this module and must load quickly
     import difflib
 
     folded = {word.casefold(): word for word in known}

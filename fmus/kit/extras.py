@@ -1,7 +1,7 @@
-"""Packages that some tasks need and others do not, and the extras of ppy-rig that bring them.
+"""Optional packages, and the extras of ppy-rig that install them.
 
-``pip install ppy-rig`` brings what FMUs and systems need. Everything else is imported where it is
-used, and one line says what to install where it is not there.
+``pip install ppy-rig`` installs the packages for FMUs and systems. Every other package is imported
+where it is used; if it is missing, an error of one line gives the command that installs it.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from .errors import UserError
 
 
 class Package(NamedTuple):
-    """A package that an extra brings.
+    """An optional package.
 
     Attributes
     ----------
     distribution : str
-        Its name for ``pip``.
+        Name for ``pip``.
     extra : str
-        Of ppy-rig.
+        Extra of ppy-rig that installs it.
     task : str
         Task that needs it, as the subject of a sentence.
     """
@@ -49,27 +49,27 @@ PACKAGES: Mapping[str, Package] = {
     "ziglang": Package("ziglang", "native", "compiling for other platforms"),
     "zmq": Package("pyzmq", "rig", "talking to a rig"),
 }
-"""Name that is imported -> what it belongs to."""
+"""Name of the imported module -> optional package."""
 
 
 def install_command(*names: str) -> str:
-    """Return the command that installs packages of `PACKAGES`, with all that their tasks need."""
+    """Return the command that installs the extras of packages of `PACKAGES`."""
     extras = sorted({PACKAGES[name].extra for name in names})
     return f'pip install "ppy-rig[{",".join(extras)}]"'
 
 
 def require(*names: str) -> None:
-    """Refuse a task that needs packages, before any of its work is done.
+    """Raise an error if packages for a task are not installed.
 
     Parameters
     ----------
-    names : str
-        Of `PACKAGES`.
+    *names : str
+        Keys of `PACKAGES`.
 
     Raises
     ------
     UserError
-        If some are not installed; it says which.
+        If one is not installed; the message names all that are missing.
     """
     absent = [name for name in names if importlib.util.find_spec(name) is None]
     if absent:
@@ -78,12 +78,12 @@ def require(*names: str) -> None:
 
 @contextmanager
 def optional() -> Iterator[None]:
-    """Import packages of `PACKAGES` while the context lasts, or run what does.
+    """Return a context in which a missing package of `PACKAGES` raises a readable error.
 
     Raises
     ------
     UserError
-        If one is not installed.
+        In place of ModuleNotFoundError, with the command that installs the package.
     """
     try:
         yield

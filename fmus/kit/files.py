@@ -1,7 +1,4 @@
-"""Files and folders written whole or not at all, and questions to the file system.
-
-The questions never raise.
-"""
+"""Atomic writing of files and folders, and tests for their existence that never raise."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ from fmus.kit.interrupt import uninterrupted
 
 
 def write(path: Path, contents: bytes) -> None:
-    """Write a file whole or not at all, making its folder.
+    """Write a file atomically, making its folder.
 
     Parameters
     ----------
@@ -40,7 +37,7 @@ def write(path: Path, contents: bytes) -> None:
 
 
 def put(path: Path, contents: bytes, mode: int = 0o666) -> None:
-    """Write a file whole or not at all into an existing folder.
+    """Write a file atomically into an existing folder.
 
     The file is on the disk when this returns.
 
@@ -50,21 +47,21 @@ def put(path: Path, contents: bytes, mode: int = 0o666) -> None:
         A link is replaced, not followed.
     contents : bytes
     mode : int
-        Of the file, less the umask.
+        Permissions of the file, less the umask.
 
     Raises
     ------
     OSError
         If it cannot be written.
     """
-    # beside the target, so that replacing it is one step; with a name of its own, so that two
-    # writers do not mix
+    # in the same folder, because a rename is atomic only within a file system; with a unique name,
+    # so that two writers do not mix
     temporary = path.with_name(f"{path.name}.{uuid.uuid4().hex}.part")
     try:
         with open(temporary, "xb", opener=functools.partial(os.open, mode=mode)) as file:
             file.write(contents)
             file.flush()
-            # else a file may have its name, and after a power failure no contents
+            # otherwise the file may be empty after a power failure
             os.fsync(file.fileno())
         temporary.replace(path)
     except BaseException:
@@ -76,9 +73,9 @@ def put(path: Path, contents: bytes, mode: int = 0o666) -> None:
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Write a folder whole or not at all, making the one that it is in.
+    """Replace a folder atomically at the end of a context, making its parent.
 
-    What is there stays until the end of this context, and for good if an exception ends it.
+    The old folder stays if an exception ends the context.
 
     Parameters
     ----------
@@ -93,11 +90,11 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises
     ------
     UserError
-        If it cannot be written; in the place of an OSError in this context, too.
+        If it cannot be written, or in place of an OSError in this context.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # beside it, so that replacing it is one step, and of a name that nothing else has
+        # in the same folder, because a rename is atomic only within a file system
         scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
         new = scratch / "new"
         old = scratch / "old"
@@ -106,15 +103,15 @@ def replacing(path: Path) -> Iterator[Path]:
             with uninterrupted():
                 _exchange(path, new, old)
         finally:
-            lost = old.exists() and not path.exists()  # it could not be put back either
-            shutil.rmtree(new if lost else scratch, ignore_errors=True)
+            is_only_copy = old.exists() and not path.exists()  # it could not be moved back
+            shutil.rmtree(new if is_only_copy else scratch, ignore_errors=True)
     except OSError as error:
         raise UserError(f"cannot write {path}: {error.strerror or error}") from error
     _sync(path.parent)
 
 
 def _exchange(path: Path, new: Path, old: Path) -> None:
-    """Move a folder away, if there is one, and a new one to its place."""
+    """Move the folder at a path, if any, to `old`, and a new folder to the path."""
     if path.exists():
         path.rename(old)
     try:
@@ -126,7 +123,7 @@ def _exchange(path: Path, new: Path, old: Path) -> None:
 
 
 def _sync(folder: Path) -> None:
-    """Put the names of files in a folder on the disk, where the platform can."""
+    """Write the directory entries of a folder to the disk, if the platform can."""
     if sys.platform == "win32":
         return
     with contextlib.suppress(OSError):
@@ -138,17 +135,17 @@ def _sync(folder: Path) -> None:
 
 
 def is_file(path: Path) -> bool:
-    """Return whether there is a file; a name that no file can have, such as a long one, is none."""
-    return _is(path.is_file)
+    """Return whether a path is a file; False for a name that no file can have."""
+    return _answer(path.is_file)
 
 
 def is_folder(path: Path) -> bool:
-    """Return whether there is a folder, likewise."""
-    return _is(path.is_dir)
+    """Return whether a path is a folder; False for a name that no folder can have."""
+    return _answer(path.is_dir)
 
 
-def _is(question: Callable[[], bool]) -> bool:
-    """Return the answer of the file system; False for a name that it does not accept."""
+def _answer(question: Callable[[], bool]) -> bool:
+    """Return the answer of the file system; False if it rejects the name."""
     try:
         return question()
     except (OSError, ValueError):

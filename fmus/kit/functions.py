@@ -1,8 +1,8 @@
-"""Arithmetic for laws, on floats, NumPy arrays and CasADi symbols alike.
+"""Functions for laws, which accept floats, NumPy arrays and CasADi symbols.
 
-A law is written once; whether it computes with floats, arrays or symbols depends on the values
-that its component holds. On floats the results follow C (overflow gives infinity, ``log(0)`` gives
-``-inf``) so that the Python and the native build compute the same.
+A law computes with floats, arrays or symbols, depending on the attributes of its component. On
+floats the results follow C (overflow gives infinity, ``log(0)`` gives ``-inf``), so that the Python
+and the native build compute the same.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ _IN_CASADI = {
 
 
 def _library_function(name: str, value: Any) -> Any:
-    """Return NumPy's function for arrays and CasADi's for symbols.
+    """Return the function of NumPy for an array, or of CasADi for a symbol.
 
-    Neither library is imported here: a value of its types shows that it is loaded.
+    The library is not imported here: a value of its types shows that it is loaded.
     """
     if type(value).__module__.startswith("casadi"):
         return getattr(sys.modules["casadi"], _IN_CASADI.get(name, name))
@@ -59,7 +59,7 @@ def _library_function(name: str, value: Any) -> Any:
 
 
 def _unary(name: str, scalar: Callable[[float], float], doc: str) -> Callable[[Any], Any]:
-    """Make a function of one value from a function of floats and the name in the libraries."""
+    """Make a function of one value from a function of floats and its name in the libraries."""
 
     def function(x: Any) -> Any:
         if not isinstance(x, _SCALARS):
@@ -77,7 +77,7 @@ def _unary(name: str, scalar: Callable[[float], float], doc: str) -> Callable[[A
 
 
 def _binary(name: str, scalar: Callable[[Any, Any], Any], doc: str) -> Callable[[Any, Any], Any]:
-    """Make a function of two values from a function of floats and the name in the libraries."""
+    """Make a function of two values from a function of floats and its name in the libraries."""
 
     def function(a: Any, b: Any) -> Any:
         if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
@@ -89,39 +89,39 @@ def _binary(name: str, scalar: Callable[[Any, Any], Any], doc: str) -> Callable[
     return function
 
 
-exp = _unary("exp", math.exp, "Exponential.")
-log = _unary("log", math.log, "Natural logarithm.")
-sqrt = _unary("sqrt", math.sqrt, "Square root.")
-sin = _unary("sin", math.sin, "Sine of an angle in rad.")
-cos = _unary("cos", math.cos, "Cosine of an angle in rad.")
-arccos = _unary("arccos", math.acos, "Angle in rad, from 0 to pi, whose cosine is x.")
+exp = _unary("exp", math.exp, "Return the exponential of x.")
+log = _unary("log", math.log, "Return the natural logarithm of x.")
+sqrt = _unary("sqrt", math.sqrt, "Return the square root of x.")
+sin = _unary("sin", math.sin, "Return the sine of an angle in rad.")
+cos = _unary("cos", math.cos, "Return the cosine of an angle in rad.")
+arccos = _unary("arccos", math.acos, "Return the angle in rad, from 0 to pi, whose cosine is x.")
 arctan2 = _binary(
     "arctan2",
     math.atan2,
-    "Angle in rad, from -pi to pi, of the point with ordinate a and abscissa b.",
+    "Return the angle in rad, from -pi to pi, of the point with ordinate a and abscissa b.",
 )
-hypot = _binary(
-    "hypot", math.hypot, "Square root of the sum of the squares, without overflow on the way."
+hypot = _binary("hypot", math.hypot, "Return the square root of a^2 + b^2 without overflow.")
+tanh = _unary("tanh", math.tanh, "Return the hyperbolic tangent of x.")
+absolute = _unary("absolute", math.fabs, "Return the magnitude of x.")
+floor = _unary("floor", lambda x: float(math.floor(x)), "Return the largest integer not above x.")
+sign = _unary(
+    "sign",
+    lambda x: float(x > 0) - float(x < 0) if x == x else math.nan,
+    "Return the sign of x: -1, 0 or 1.",
 )
-tanh = _unary("tanh", math.tanh, "Hyperbolic tangent.")
-absolute = _unary("absolute", math.fabs, "Magnitude.")
-floor = _unary("floor", lambda x: float(math.floor(x)), "Largest integer not above x.")
-sign = _unary("sign", lambda x: float(x > 0) - float(x < 0) if x == x else math.nan, "-1, 0 or 1.")
 logical_and = _binary(
-    "logical_and", lambda a, b: bool(a and b), "Whether both hold; ``and`` for conditions in laws."
+    "logical_and", lambda a, b: bool(a and b), "Return ``a and b`` for conditions in laws."
 )
 logical_or = _binary(
-    "logical_or", lambda a, b: bool(a or b), "Whether one holds; ``or`` for conditions in laws."
+    "logical_or", lambda a, b: bool(a or b), "Return ``a or b`` for conditions in laws."
 )
-logical_not = _unary(
-    "logical_not", lambda x: not x, "Whether it does not hold; ``not`` for conditions in laws."
-)
+logical_not = _unary("logical_not", lambda x: not x, "Return ``not x`` for conditions in laws.")
 
 
 def where(condition: Any, yes: Any, no: Any) -> Any:
-    """Choose ``yes`` where the condition holds, else ``no``.
+    """Return ``yes`` where a condition is true, else ``no``, element by element.
 
-    Both are computed; each must be finite-valued arithmetic over the whole declared range.
+    Both are computed; each must be finite over the whole declared range.
 
     Parameters
     ----------
@@ -138,30 +138,30 @@ def where(condition: Any, yes: Any, no: Any) -> Any:
 
 
 def minimum(a: Any, b: Any) -> Any:
-    """Smaller of two values, element by element; like C's ``fmin`` it passes over a NaN."""
+    """Return the smaller of two values, element by element; like C's ``fmin`` it ignores a NaN."""
     if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
         return a if a < b or b != b else b
     return _library_function("fmin", b if isinstance(a, _SCALARS) else a)(a, b)
 
 
 def maximum(a: Any, b: Any) -> Any:
-    """Larger of two values, element by element; like C's ``fmax`` it passes over a NaN."""
+    """Return the larger of two values, element by element; like C's ``fmax`` it ignores a NaN."""
     if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
         return a if a > b or b != b else b
     return _library_function("fmax", b if isinstance(a, _SCALARS) else a)(a, b)
 
 
 def clip(x: Any, low: Any, high: Any) -> Any:
-    """Limit ``x`` to ``[low, high]``."""
+    """Return ``x`` limited to ``[low, high]``, element by element."""
     return minimum(maximum(x, low), high)
 
 
 def outside(x: Any, low: Any, high: Any) -> Any:
-    """Return how far ``x`` is above ``high``, or below ``low`` as a negative number, or 0.
+    """Return the excess of ``x`` over ``high``, or below ``low`` as a negative number, else 0.
 
-    Where both limits are the same its slope is 1 everywhere, at that value too: of
-    ``x - clip(x, low, high)`` automatic differentiation gives 0.75 there, as it gives each of two
-    equal values half the slope.
+    If both limits are equal, automatic differentiation gives the slope 1 everywhere. For
+    ``x - clip(x, low, high)`` it would give 0.75 at the limits, because it gives half the slope to
+    each of two equal values.
     """
     return maximum(x - high, 0.0) + minimum(x - low, 0.0)
 
@@ -172,18 +172,18 @@ def _check_table(xs: Sequence[Any], ys: Sequence[Any]) -> None:
 
 
 def table(x: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
-    """Interpolate linearly in a table, and stay flat beyond its ends, as ``numpy.interp`` does.
+    """Interpolate linearly in a table, with constant values beyond its ends, like ``numpy.interp``.
 
-    Its points may be parameters, with respect to which it has exact sensitivities. For NaN it
-    gives the first value.
+    The points of the table may be parameters; the sensitivities to them are exact. For NaN the
+    result is the first value.
 
     Parameters
     ----------
     x : float, ndarray or SX
     xs : sequence
-        Abscissae, each above the one before.
+        Strictly increasing abscissae.
     ys : sequence
-        Values, as many.
+        Values at the abscissae.
 
     Returns
     -------
@@ -196,7 +196,7 @@ def table(x: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
         If there are no points, or not as many values as abscissae.
     """
     _check_table(xs, ys)
-    if hasattr(x, "looked_up"):  # a number of which only the unit is known
+    if hasattr(x, "looked_up"):  # a number of the unit check, without a value
         return x.looked_up(xs, ys)
     result = ys[0]
     for start, end, low, high in zip(xs, xs[1:], ys, ys[1:], strict=False):
@@ -208,17 +208,17 @@ def smooth_table(x: Any, xs: Sequence[float], ys: Sequence[Any]) -> Any:
     """Interpolate in a table by cubics with a continuous slope, and linearly beyond its ends.
 
     The slope at a point is that of the parabola through it and its neighbours (Fritsch, Carlson,
-    SIAM J. Numer. Anal. 17, 1980, the scheme that is linear in the values). Where there is a point
-    at zero the curve may step: it is straight from the point before it to the one after it, and its
-    slope may jump there.
+    SIAM J. Numer. Anal. 17, 1980, the scheme that is linear in the values). Around a point at zero
+    the curve is straight from the point before to the point after it, and its slope may jump at
+    these three points, so that the table can represent a step at zero.
 
     Parameters
     ----------
     x : float, ndarray or SX
     xs : sequence of float
-        Abscissae, each above the one before.
+        Strictly increasing abscissae.
     ys : sequence
-        Values, as many.
+        Values at the abscissae.
 
     Returns
     -------
@@ -237,8 +237,8 @@ def smooth_table(x: Any, xs: Sequence[float], ys: Sequence[Any]) -> Any:
         return ys[0]
     ends = slopes(xs, ys)
     beyond = [*(x > start for start in xs[:-1]), x >= xs[-1]]
-    # of a sum of which one term is not nothing each derivative is a sum of as many; of choices
-    # within choices each by a value would go through all that follow
+    # A sum of terms of which one is not zero: with nested choices instead, the derivative by a
+    # value would go through all later choices.
     result = where(beyond[0], 0.0, ys[0] + ends[0][0] * (x - xs[0]))
     for k, (first_slope, last_slope) in enumerate(ends):
         width = xs[k + 1] - xs[k]
@@ -254,7 +254,7 @@ def smooth_table(x: Any, xs: Sequence[float], ys: Sequence[Any]) -> Any:
 
 
 def slopes(xs: Sequence[float], ys: Sequence[Any]) -> list[tuple[Any, Any]]:
-    """Return the slopes of a smooth table at both ends of each interval; see :func:`smooth_table`.
+    """Return the slopes of :func:`smooth_table` at both ends of each interval.
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ def slopes(xs: Sequence[float], ys: Sequence[Any]) -> list[tuple[Any, Any]]:
     widths = [xs[k + 1] - xs[k] for k in range(len(xs) - 1)]
     chords = [(high - low) / width for low, high, width in zip(ys, ys[1:], widths, strict=False)]
     last = len(widths)
-    straight = {0, last}  # points at which the slope is that of the interval itself
+    straight = {0, last}  # points at which the slope is that of the chord of the interval
     for k in range(1, last):
         if xs[k] == 0.0:
             straight |= {k - 1, k, k + 1}

@@ -1,21 +1,20 @@
-"""Effects that many mechanical models share: friction, an offset, a hardening spring, more creep.
+"""Effects for mechanical models: friction, an offset, a hardening spring, more creep.
 
-Each function here makes an effect for one law of a component, whatever its name::
+Each function here makes an effect for one law of a component::
 
     EFFECTS = {e.id: e for e in (coulomb_friction(Stage, "friction", "velocity"),
     force_offset(Stage, "friction"))}
 
-Its parameters are named after that law, and at the neutral value the law gives the bits of the
-component below. The variables that an effect depends on (a velocity, a position, a load) are
-declared by the component, which gives their units; a law declares none, so its unit is an argument
-here.
+The parameters of the effect are named after that law, and at the neutral value the law gives the
+bits of the base model. The component declares the variables that an effect depends on (a velocity,
+a position, a load) with their units. A law has no declared unit, which therefore is an argument.
 """
 
 from __future__ import annotations
 
 from .arms import lag_effect
 from .component import Component
-from .curves import EffectNames, added, coefficient, curve
+from .curves import EffectNames, additive_effect, coefficient, curve
 from .effects import Effect, Size, Term, effect_maker
 
 
@@ -24,17 +23,17 @@ def coulomb_friction(
 ) -> type[Effect]:
     """Make the effect of dry friction: a smooth sign of the velocity.
 
-    It adds ``F_c tanh(v / v_c)`` to the friction. Slower than ``v_c`` it is viscous: what should
-    stick creeps. ``F_c = 0`` is the base model.
+    It adds ``F_c tanh(v / v_c)`` to the friction. Below ``v_c`` the friction is viscous, so that
+    the part creeps instead of sticking. ``F_c = 0`` is the base model.
 
     Parameters
     ----------
     component : type[Component]
         Has the law and the variable.
     law : str
-        Method that gives the friction, positive against a positive velocity.
+        Method that returns the friction, positive against a positive velocity.
     velocity : str
-        Variable that holds the velocity.
+        Input or state that is the velocity.
     unit : str
         SI unit of the law.
     nominal : float
@@ -67,10 +66,9 @@ def asymmetric_friction(
 ) -> type[Effect]:
     """Make the effect of viscous friction that differs in the two directions.
 
-    It adds ``d |v|`` to the friction, ``d`` more damping forwards and ``d`` less backwards;
-    ``d = 0`` is the base model. *Dry* friction that differs is a mean one and a constant:
-    :func:`coulomb_friction` with :func:`force_offset`, indistinguishable from it while something
-    moves.
+    It adds ``d |v|`` to the friction: the damping is larger by ``d`` forwards and smaller by ``d``
+    backwards. ``d = 0`` is the base model. For *dry* friction that differs in the two directions,
+    combine :func:`coulomb_friction` with :func:`force_offset`; in motion both are the same.
 
     Parameters
     ----------
@@ -106,7 +104,7 @@ def asymmetric_friction(
 def force_offset(
     component: type[Component], law: str, unit: str = "N", nominal: float = 1.0
 ) -> type[Effect]:
-    """Make the effect of a constant force, as of a weight or a drive with an offset.
+    """Make the effect of a constant force, such as a weight or the offset of a drive.
 
     Parameters
     ----------
@@ -124,7 +122,7 @@ def force_offset(
         If the component has no such law.
     """
     offset = f"{law}_offset"
-    return added(
+    return additive_effect(
         component,
         law,
         lambda self: getattr(self, offset),
@@ -146,7 +144,7 @@ def force_offset(
 def cubic_stiffness(
     component: type[Component], law: str, position: str, unit: str = "N", nominal: float = 1.0
 ) -> type[Effect]:
-    """Make the effect of a spring that hardens, or softens, with the stroke, after Duffing.
+    """Make the effect of Duffing's spring, which hardens or softens with the stroke.
 
     It adds ``k_3 x^3`` to the force of the spring; ``k_3 = 0`` is the base model.
 
@@ -155,14 +153,14 @@ def cubic_stiffness(
     component, unit, nominal
         See :func:`coulomb_friction`.
     law : str
-        Method that gives the force of the spring.
+        Method that returns the force of the spring.
     position : str
-        Variable that holds its elongation.
+        Input or state that is its elongation.
 
     Returns
     -------
     type[Effect]
-        With the parameter ``<law>_cubic`` (k_3); it hardens where that is positive.
+        With the parameter ``<law>_cubic`` (k_3); the spring hardens if it is positive.
 
     Raises
     ------
@@ -192,20 +190,20 @@ def extra_kelvin(
 ) -> type[Effect]:
     """Make the effect of one more Kelvin element in a chain that creeps.
 
-    It adds ``J f`` to the elongation, where ``T df/dt = F - f`` is the force of its spring; the
-    transfer function from the load is ``J / (T s + 1)``. ``J = 0`` is the base model. A chain may
-    have several.
+    It adds ``J f`` to the elongation, where ``T df/dt = F - f`` and ``f`` is the force of its
+    spring; the transfer function from the load is ``J / (T s + 1)``. ``J = 0`` is the base model.
+    Several may be stacked.
 
     Parameters
     ----------
     component : type[Component]
         Has the law and the variable.
     law : str
-        Method that gives the elongation, or strain, that lags behind the load.
+        Method that returns the elongation, or strain, that lags behind the load.
     load : str
-        Variable that holds the load, or stress (F).
+        Input or state that is the load, or stress (F).
     ordinal : str
-        ``"second"``, ``"third"``, ... distinguishes them; the effect's id is ``<ordinal>_kelvin``.
+        ``"second"``, ``"third"``, ... of the element; the effect's id is ``<ordinal>_kelvin``.
     time : float
         Time constant from which a fit starts, in s.
     unit : str
@@ -224,8 +222,8 @@ def extra_kelvin(
     UserError
         If the component has no such law or variable.
     """
-    own = f"{ordinal}_{law}"
-    variables = (f"{own}_compliance", f"{own}_time", f"{own}_force")
+    stem = f"{ordinal}_{law}"
+    variables = (f"{stem}_compliance", f"{stem}_time", f"{stem}_force")
     names = EffectNames(f"{ordinal}_kelvin", variables)
     effect = lag_effect(component, law, load, "lagging", time, unit, nominal=nominal, names=names)
     return describe_effect(
@@ -240,23 +238,23 @@ def extra_kelvin(
 def describe_effect(
     effect: type[Effect], assumption: int | str, text: str, title: str = ""
 ) -> type[Effect]:
-    """Give an effect the description and the assumption that it has in a component's catalogue.
+    """Set the description, assumption and title of an effect in a component's catalogue.
 
     Parameters
     ----------
     effect : type[Effect]
         Changed in place.
     assumption : int or str
-        The assumption it relaxes: its number in the component's README, or words.
+        Assumption that it relaxes: its number in the component's README, or words.
     text : str
         Docstring of the effect; its first line describes it in reports and in FMUs.
     title : str
-        Its name for people, a noun phrase; the one it has unless given.
+        Name for people, a noun phrase; if empty, the title stays.
 
     Returns
     -------
     type[Effect]
-        The same.
+        The argument.
     """
     effect.__doc__ = text
     effect.assumption = assumption

@@ -1,13 +1,11 @@
-"""Effects of inputs: the laws see an input as it arrives, not as it was commanded.
+"""Effects of inputs: the laws use an input as it arrives, which differs from the command.
 
-Each function here makes an effect for one real input of a component, to be laid over it by
-:func:`.stack`::
+Each function here makes an effect for one real input of a component, for use with :func:`.stack`::
 
     stack(Motor, dead_zone(Motor, "voltage"))
 
-A host sets the commanded value; at the neutral value of the effect the laws see just that. Effects
-of one input are laid one over the other: the first one is next to the command, the last one next to
-the laws.
+A host sets the command; at the neutral value of the effect it is the value that laws use. Several
+effects of one input are applied in order: the first to the command, the last before the laws.
 """
 
 from __future__ import annotations
@@ -29,19 +27,19 @@ _ANY = 1e6  # bound of parameters, in typical magnitudes of the input
 
 
 class _ArrivingInput:
-    """An input as laws see it: a law of the set value, or of the value that the effect below gives.
+    """Descriptor of an input as laws use it: a function of the command, or of an earlier effect.
 
     Parameters
     ----------
     name : str
-        The input.
+        Name of the input.
     law : callable
-        Gives the arriving value, from the component instance and the value below.
+        Returns the arriving value, from the component instance and the value before the effect.
 
     Attributes
     ----------
     effect : type[Effect]
-        The effect that it belongs to.
+        Effect that the descriptor belongs to.
     """
 
     def __init__(self, name: str, law: Callable[[Any, Any], Any]):
@@ -51,11 +49,11 @@ class _ArrivingInput:
 
     def __get__(self, one: Any, owner: Any = None) -> Any:
         if one is None:
-            raise AttributeError(self.name)  # of the class there is a declaration only
+            raise AttributeError(self.name)  # a class has only the declaration
         return self.law(one, self.below(one))
 
     def below(self, one: Any) -> Any:
-        """Return the value that the effect below gives, or the value that was set."""
+        """Return the value before the effect: of the effect below it, or the command."""
         try:
             return getattr(super(self.effect, one), self.name)
         except AttributeError:
@@ -72,14 +70,14 @@ class _Change:
     Attributes
     ----------
     text : str
-        Its formula, for people.
+        Formula, for people.
     arrives : callable
-        Gives the arriving value, from the component instance and the value below.
+        Returns the arriving value, from the component instance and the value before the effect.
     declared : dict of str to Declaration
         Variables of the effect; the first parameter switches it.
     sizes : tuple of Size
     rates : Mapping of str to callable
-        Laws for the rates of its states, from the component instance and the value below.
+        Rates of its states, from the component instance and the value before the effect.
     family : str
         Name shared by effects that are one cause in several shapes, with a place for the input.
     """
@@ -92,8 +90,8 @@ class _Change:
     family: str = "{} as it arrives"
 
 
-def _changed(id: str, name: str, doc: str, change: _Change) -> type[Effect]:
-    """Make the effect of an input."""
+def _input_effect(id: str, name: str, doc: str, change: _Change) -> type[Effect]:
+    """Make the effect with an id that changes an input."""
     arriving = _ArrivingInput(name, change.arrives)
 
     def rate_law(rate: Callable[[Any, Any], Any]) -> Callable[[Any], Any]:
@@ -131,15 +129,15 @@ def _input(
     return known[name], scale or known[name].nominal
 
 
-def _switch(fed: InputDeclaration, size: float, doc: str, least: float = 0.0) -> Any:
-    """Declare the parameter that switches an effect, a value of the input; without it at 0."""
+def _switch(variable: InputDeclaration, size: float, doc: str, least: float = 0.0) -> Any:
+    """Declare the parameter that switches an effect: a value of the input, 0 by default."""
     return Parameter(
         0.0,
-        fed.unit,
+        variable.unit,
         min=least * size,
         max=_ANY * size,
         nominal=0.1 * size,
-        display=fed.display,
+        display=variable.display,
         doc=f"{doc}; 0 is without",
     )
 
@@ -152,9 +150,9 @@ def dead_zone(component: type[Component], input: str, scale: float | None = None
     ----------
     component : type[Component]
     input : str
-        One of its real inputs.
+        Name of a real input.
     scale : float, optional
-        Its typical magnitude; its nominal value unless given.
+        Typical magnitude of the input; by default its nominal value.
 
     Returns
     -------
@@ -166,25 +164,25 @@ def dead_zone(component: type[Component], input: str, scale: float | None = None
     UserError
         If there is no such input.
     """
-    fed, size = _input(component, input, scale)
+    variable, size = _input(component, input, scale)
     width = f"{input}_dead_zone"
 
     def arrives(self: Any, x: Any) -> Any:
         return outside(x, -getattr(self, width), getattr(self, width))
 
-    switch = _switch(fed, size, f"{input} below which nothing arrives (d)")
+    switch = _switch(variable, size, f"{input} below which nothing arrives (d)")
     doc = "Dead zone of an input: within ``d`` of zero nothing arrives, beyond it what is more."
     change = _Change(
         "x - clip(x, -d, d)", arrives, {width: switch}, (Size("dead below {}", (width,)),)
     )
-    return _changed("dead_zone", input, doc, change)
+    return _input_effect("dead_zone", input, doc, change)
 
 
 @effect_maker
 def asymmetric_dead_zone(
     component: type[Component], input: str, scale: float | None = None
 ) -> type[Effect]:
-    """Make the effect of a dead zone whose ends differ: from ``-r d`` to ``d`` nothing arrives.
+    """Make the effect of an asymmetric dead zone: between ``-r d`` and ``d`` nothing arrives.
 
     Parameters
     ----------
@@ -202,7 +200,7 @@ def asymmetric_dead_zone(
     UserError
         If there is no such input.
     """
-    fed, size = _input(component, input, scale)
+    variable, size = _input(component, input, scale)
     end = f"{input}_dead_zone_end"
     ratio = f"{input}_dead_zone_ratio"
 
@@ -210,7 +208,7 @@ def asymmetric_dead_zone(
         return outside(x, -(getattr(self, ratio) * getattr(self, end)), getattr(self, end))
 
     declared = {
-        end: _switch(fed, size, f"positive {input} below which nothing arrives (d)"),
+        end: _switch(variable, size, f"positive {input} below which nothing arrives (d)"),
         ratio: Parameter(
             1.0,
             "1",
@@ -223,17 +221,17 @@ def asymmetric_dead_zone(
     doc = "Dead zone of an input whose ends differ: from ``-r d`` to ``d`` nothing arrives."
     sizes = (
         Size("dead up to {}", (end,)),
-        Size("and down to {}", (end, ratio), fed.unit, lambda d, r: -r * d),
+        Size("and down to {}", (end, ratio), variable.unit, lambda d, r: -r * d),
     )
     change = _Change("x - clip(x, -r d, d)", arrives, declared, sizes)
-    return _changed("asymmetric_dead_zone", input, doc, change)
+    return _input_effect("asymmetric_dead_zone", input, doc, change)
 
 
 @effect_maker
 def input_offset(
     component: type[Component], input: str, scale: float | None = None
 ) -> type[Effect]:
-    """Make the effect of an offset: something arrives where nothing is commanded.
+    """Make the effect of an offset: a constant value is added to the command.
 
     Parameters
     ----------
@@ -250,25 +248,25 @@ def input_offset(
     UserError
         If there is no such input.
     """
-    fed, size = _input(component, input, scale)
+    variable, size = _input(component, input, scale)
     offset = f"{input}_input_offset"
 
     def arrives(self: Any, x: Any) -> Any:
         return x + getattr(self, offset)
 
-    switch = _switch(fed, size, f"{input} that arrives where none is commanded", least=-_ANY)
+    switch = _switch(variable, size, f"{input} that arrives where none is commanded", least=-_ANY)
     doc = "Offset of an input: something arrives where nothing is commanded."
     change = _Change("x + a", arrives, {offset: switch}, (Size("{}", (offset,)),))
-    return _changed("input_offset", input, doc, change)
+    return _input_effect("input_offset", input, doc, change)
 
 
 @effect_maker
 def input_saturation(
     component: type[Component], input: str, scale: float | None = None
 ) -> type[Effect]:
-    """Make the effect of an input that levels off and never passes ``1 / sqrt(c)``.
+    """Make the effect of a saturation: an input approaches the limit ``1 / sqrt(c)``.
 
-    ``x / sqrt(1 + c x^2)`` arrives.
+    The value that arrives is ``x / sqrt(1 + c x^2)``.
 
     Parameters
     ----------
@@ -285,7 +283,7 @@ def input_saturation(
     UserError
         If there is no such input.
     """
-    fed, size = _input(component, input, scale)
+    variable, size = _input(component, input, scale)
     level = f"{input}_saturation"
 
     def arrives(self: Any, x: Any) -> Any:
@@ -293,7 +291,7 @@ def input_saturation(
 
     switch = Parameter(
         0.0,
-        per("1", fed.unit, 2),
+        per("1", variable.unit, 2),
         min=0.0,
         max=_ANY / size**2,
         nominal=0.1 / size**2,
@@ -303,9 +301,9 @@ def input_saturation(
         "Input that levels off: ``x / sqrt(1 + c x^2)`` arrives, which never passes"
         " ``1 / sqrt(c)``."
     )
-    sizes = (Size("never passes {}", (level,), fed.unit, lambda c: c**-0.5),)
+    sizes = (Size("never passes {}", (level,), variable.unit, lambda c: c**-0.5),)
     change = _Change("x / sqrt(1 + c x^2)", arrives, {level: switch}, sizes)
-    return _changed("input_saturation", input, doc, change)
+    return _input_effect("input_saturation", input, doc, change)
 
 
 @effect_maker
@@ -317,15 +315,15 @@ def backlash(
 ) -> type[Effect]:
     """Make the effect of play: an input is passed on only after ``d``, in both directions.
 
-    ``x - clip(x - z, -d, d)`` arrives, where ``z`` follows it at once, within a hundredth of a
-    second unless the record that it is made for has another scale.
+    The value that arrives is ``x - clip(x - z, -d, d)``. The state ``z`` follows it almost at once:
+    within a hundredth of a second, or `Sampling.at_once` of a record.
 
     Parameters
     ----------
     component, input, scale
         See :func:`dead_zone`.
     sampling : Sampling, optional
-        Of the record that it is made for.
+        Sampling of the record that the effect is made for.
 
     Returns
     -------
@@ -337,7 +335,7 @@ def backlash(
     UserError
         If there is no such input.
     """
-    fed, size = _input(component, input, scale)
+    variable, size = _input(component, input, scale)
     gap = f"{input}_play"
     place = f"{input}_passed_on"
     at_once = (sampling or Sampling()).at_once
@@ -349,12 +347,12 @@ def backlash(
         return (arrives(self, x) - getattr(self, place)) / at_once
 
     declared = {
-        gap: _switch(fed, size, f"half of the play of {input} (d)"),
+        gap: _switch(variable, size, f"half of the play of {input} (d)"),
         place: State(
-            fed.unit,
+            variable.unit,
             rate=f"{place}_rate",
             nominal=size,
-            display=fed.display,
+            display=variable.display,
             doc=f"{input} as passed on",
         ),
     }
@@ -363,10 +361,10 @@ def backlash(
         " on the way back."
     )
     text = "x - clip(x - z, -d, d)"
-    sizes = (Size("a gap of {}", (gap,), fed.unit, lambda d: 2.0 * d),)
+    sizes = (Size("a gap of {}", (gap,), variable.unit, lambda d: 2.0 * d),)
     rates = {f"{place}_rate": rate}
     change = _Change(text, arrives, declared, sizes, rates, "loop of {} on its way")
-    return _changed("backlash", input, doc, change)
+    return _input_effect("backlash", input, doc, change)
 
 
 @effect_maker
@@ -376,14 +374,14 @@ def input_lag(
     scale: float | None = None,
     sampling: Sampling | None = None,
 ) -> type[Effect]:
-    """Make the effect of an input that arrives late: the share ``p`` of it lags by ``T``.
+    """Make the effect of a lag: the share ``p`` of an input lags with the time constant ``T``.
 
     Parameters
     ----------
     component, input, scale
         See :func:`dead_zone`.
     sampling : Sampling, optional
-        Of the record that it is made for.
+        Sampling of the record that the effect is made for.
 
     Returns
     -------
@@ -396,7 +394,7 @@ def input_lag(
     UserError
         If there is no such input.
     """
-    fed, size = _input(component, input, scale)
+    variable, size = _input(component, input, scale)
     share = f"{input}_lagging_share"
     time = f"{input}_lag"
     lagged = f"{input}_behind"
@@ -426,10 +424,10 @@ def input_lag(
             doc="time by which it lags (T)",
         ),
         lagged: State(
-            fed.unit,
+            variable.unit,
             rate=f"{lagged}_rate",
             nominal=size,
-            display=fed.display,
+            display=variable.display,
             doc=f"{input} that lags",
         ),
     }
@@ -441,7 +439,7 @@ def input_lag(
     )
     rates = {f"{lagged}_rate": rate}
     change = _Change(text, arrives, declared, sizes, rates, "{} arriving late")
-    return _changed("input_lag", input, doc, change)
+    return _input_effect("input_lag", input, doc, change)
 
 
 INPUT_CURVES = (dead_zone, asymmetric_dead_zone, input_offset, input_saturation)

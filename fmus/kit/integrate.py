@@ -1,8 +1,8 @@
 """The integrator of a component in Python: adaptive Runge-Kutta 4(3) with exact sample instants.
 
-The method, its error estimate and the step control are those of ``fmi2/integrate.c``; see
-``docs/decisions`` for why this one. Operations and their order are the same, so both round alike.
-It works on floats and on NumPy arrays (a batch shares one internal step).
+The method, its error estimate and the step control are those of ``fmi/integrate.c``, with the same
+operations in the same order, so that both round alike; ``docs/decisions`` has the reasons for this
+method. It works on floats and on NumPy arrays (a batch shares one internal step).
 """
 
 from __future__ import annotations
@@ -20,33 +20,32 @@ from .sharing import has_shared_laws
 
 MIN_STEP = 1e-14
 MAX_STEPS = 1_000_000
-# Times this close are the same instant: hosts round, and late in a simulation by more than a share
-# of the period.
+# Times closer than these are the same instant: hosts round times, and at late times the rounding is
+# more than a small part of the period.
 SAME_INSTANT = 1e-9  # relative to the period
 ROUNDING = 1e-15  # relative to the time
 
 
-def _unrolled(names: list[str], batch: bool, shares: bool) -> str:
-    """Write the source of one trial step, unrolled over the states.
+def _step_source(names: list[str], batch: bool, shares: bool) -> str:
+    """Write the source of a function that tries one step, unrolled over the states.
 
     A loop would make a Python FMU three times as slow. The function returns the error relative to
-    the tolerance, infinity if it is not finite, and leaves the states as they were if that is above
-    1. Where C computes infinity, Python may raise (``1e200**2``, ``1 / 0``); that too is an
-    infinite error.
+    the tolerance, or infinity if it is not finite; if it is above 1 the states are restored. Where
+    C computes infinity, Python may raise (``1e200**2``, ``1 / 0``); the error then is infinity.
 
-    In the source written, a, b, c, d and q are the rates at the five stages, p = b + c, x the
-    states at the beginning, r the functions of the rates, n the nominal values and e the errors.
+    In that source, a, b, c, d and q are the rates at the five stages, p = b + c, x the states at
+    the beginning, r the functions of the rates, n the nominal values and e the errors.
 
     Parameters
     ----------
     names : list of str
-        States.
+        Names of the states.
     batch : bool
-        True if states are arrays, whose elements share one internal step.
+        Whether states are arrays, whose elements share one internal step.
     shares : bool
-        True if there are shared laws, whose values are kept within a stage.
+        Whether there are shared laws, whose values are kept within a stage.
     """
-    anew = "m._kept = {}; " if shares else ""
+    new_stage = "m._kept = {}; " if shares else ""
     n = range(len(names))
 
     def each(pattern: str, separator: str = "; ") -> str:
@@ -64,23 +63,23 @@ def _unrolled(names: list[str], batch: bool, shares: bool) -> str:
         "    " + each("x{i} = m.{s}"),
     ]
     body = [
-        f"    {anew}m.time = t; " + each("a{i} = r{i}()"),
+        f"    {new_stage}m.time = t; " + each("a{i} = r{i}()"),
         "    g = 0.5 * h",
     ]
     for letter, time, state in stages:
         body += [
-            f"    {anew}m.time = {time}; " + each("m.{s} = " + state),
+            f"    {new_stage}m.time = {time}; " + each("m.{s} = " + state),
             "    " + each(letter + "{i} = r{i}()"),
         ]
     worst = "max({})" if len(names) > 1 else "{}"
     body += [
-        f"    {anew}g = h / 32.0; m.time = t + 0.75 * h",
+        f"    {new_stage}g = h / 32.0; m.time = t + 0.75 * h",
         "    " + each("m.{s} = x{i} + g * (5.0 * a{i} + 7.0 * b{i} + 13.0 * c{i} - d{i})"),
         "    " + each("q{i} = r{i}()"),
         "    g = h / 6.0; w = h / sqrt(tolerance)",
         "    " + each("p{i} = b{i} + c{i}; m.{s} = x{i} + g * (a{i} + 2.0 * p{i} + d{i})"),
-        # Zonneveld's estimate, with 2/3 of h, vanishes for a decay by one time constant in a step;
-        # b - c does not. A fifth of the estimate is compared with the tolerance (decision 3).
+        # Zonneveld's estimate, with 2/3 of h, vanishes for a decay if the step is one time
+        # constant; b - c does not. A fifth of it is compared with the tolerance (decision 3).
         "    g = h / 7.5 / tolerance",
         "    "
         + each(
@@ -88,7 +87,7 @@ def _unrolled(names: list[str], batch: bool, shares: bool) -> str:
             " (n{i} + abs(x{i}))"
         ),
         *(["    " + each("e{i} = float(e{i}.max())")] if batch else []),
-        # max() alone would drop a NaN that is not its first argument
+        # max() ignores a NaN that is not its first argument
         f"    error = {worst.format(each('e{i}', ', '))} if {each('e{i}', ' + ')} < inf else inf",
         "    if error > 1.0: " + each("m.{s} = x{i}"),
         "    return error",
@@ -100,18 +99,18 @@ def _unrolled(names: list[str], batch: bool, shares: bool) -> str:
 
 
 @lru_cache(maxsize=64)
-def _trial(cls: type[Component], batch: bool) -> Callable[..., float] | None:
-    """Compile the trial step of a class.
+def _trial_step(cls: type[Component], batch: bool) -> Callable[..., float] | None:
+    """Compile the function that tries one step of a component; None if it has no states.
 
-    All instances of a class share it; each class has its own, because CPython adapts code to types.
+    Each class has its own function, because CPython specialises code for types.
     """
     names = [state.name for state in cls.layout.states]
     if not names:
         return None
     namespace: dict[str, Any] = {"inf": math.inf, "sqrt": math.sqrt}
-    exec(_unrolled(names, batch, has_shared_laws(cls)), namespace)
+    exec(_step_source(names, batch, has_shared_laws(cls)), namespace)
     step: Callable[..., float] = namespace["step"]
-    if batch:  # a trial step that overflows is rejected, no reason for NumPy to warn
+    if batch:  # a step that overflows is rejected, so that NumPy need not warn
         step = sys.modules["numpy"].errstate(all="ignore")(step)
     return step
 
@@ -122,20 +121,20 @@ class Integrator:
     Parameters
     ----------
     component : Component
-        Holds the states, as floats or as arrays of one shape.
+        Its attributes are floats or arrays of one shape.
     batch : bool
-        Whether the attributes hold NumPy arrays.
+        Whether the attributes are NumPy arrays.
 
     Attributes
     ----------
     hint : float
-        Remembered internal step in seconds; infinity tries the whole communication step first.
+        Next internal step to try, s; infinity tries the whole communication step first.
     counters : list of float
         Number of samples taken in each group of discrete states.
     start_time : float
-        Time of the first sample instant.
+        Start time of the simulation, s, from which shifts of clocks count.
     tolerance : float
-        Accuracy of an internal step; the component's own unless it is replaced.
+        Accuracy of an internal step; by default that of the component.
     """
 
     def __init__(self, component: Component, batch: bool = False):
@@ -154,7 +153,7 @@ class Integrator:
         self.tolerance = component.tolerance
         self._budget = MAX_STEPS
         cls: Any = type(component)
-        self._step = _trial(cls, batch)
+        self._step = _trial_step(cls, batch)
 
     def advance(self, time: float, step: float) -> None:
         """Advance the component from ``time`` to ``time + step``.
@@ -170,7 +169,7 @@ class Integrator:
         Raises
         ------
         UserError
-            If a state stops being finite or the declared accuracy cannot be reached.
+            If a state becomes infinite or NaN, or the declared accuracy cannot be reached.
         """
         if not self.groups:
             self._integrate(time, time + step)
@@ -195,11 +194,11 @@ class Integrator:
                 steps += self._integrate(time, target)
             self._budget -= steps
             if self._budget <= 0 and target < end:
-                raise self._exhausted(target)
+                raise self._too_many_steps(target)
             time = target
 
     def _seconds(self, clock: Clock) -> tuple[float, float]:
-        """Return the period and the shift of a clock, which may be values of parameters."""
+        """Return the period and the shift of a clock in seconds; both may be parameters."""
         period = clock.period
         seconds = getattr(self.component, period) if isinstance(period, str) else period
         return seconds, sum(getattr(self.component, name) for name in clock.shift)
@@ -217,7 +216,7 @@ class Integrator:
         trial = self._step
         if trial is None:
             return 0
-        # a local name costs less than an attribute of self, and this loop is run very often
+        # local names are faster than attributes of self in this loop
         component = self.component
         tolerance = self.tolerance
         nominal = self.nominal
@@ -229,13 +228,13 @@ class Integrator:
             if error <= 1.0 and h == remaining and self.hint == math.inf:
                 return used
             if 0.0 < error < math.inf:
-                following = h * min(max(0.9 / math.sqrt(math.sqrt(error)), 0.2), 5.0)
+                next_step = h * min(max(0.9 / math.sqrt(math.sqrt(error)), 0.2), 5.0)
             else:
-                following = h * (5.0 if error == 0.0 else 0.1)
+                next_step = h * (5.0 if error == 0.0 else 0.1)
             if error <= 1.0:
                 time += h
-                # a step shortened to land on the target says nothing against a longer one
-                self.hint = max(self.hint, following) if h == remaining else following
+                # a step that was shortened to end at the target must not shorten later ones
+                self.hint = max(self.hint, next_step) if h == remaining else next_step
                 if h == remaining:
                     return used
             elif h < MIN_STEP * max(1.0, abs(time)):
@@ -246,10 +245,10 @@ class Integrator:
                 )
                 raise UserError(f"{reason} at {time:.10g} s")
             else:
-                self.hint = following
-        raise self._exhausted(time)
+                self.hint = next_step
+        raise self._too_many_steps(time)
 
-    def _exhausted(self, time: float) -> UserError:
+    def _too_many_steps(self, time: float) -> UserError:
         """Return the error for too many internal steps in one communication step."""
         return UserError(
             f"more than {MAX_STEPS} internal steps in one communication step at {time:.10g} s: with"
@@ -257,9 +256,9 @@ class Integrator:
         )
 
     def _culprit(self) -> str:
-        """Name the state that stops the integration.
+        """Return a message with the state that stops the integration.
 
-        It is one whose rate is not finite, or else the one that changes fastest.
+        It is the first state whose rate is not finite, or else the one that changes fastest.
         """
         culprit = self.names[0]
         fastest = -1.0

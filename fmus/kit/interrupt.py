@@ -1,4 +1,4 @@
-"""Ctrl-C that takes effect only where no work is half done and no exception is discarded."""
+"""Contexts that defer Ctrl-C until no work is half done and no exception can be discarded."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from types import FrameType
 
 
 class Interrupt:
-    """The note that Ctrl-C was pressed."""
+    """A flag that is set when Ctrl-C is pressed."""
 
     pressed = False
 
 
 @contextmanager
 def deferred() -> Iterator[Interrupt]:
-    """Note the first Ctrl-C within this context, and interrupt at the second one only.
+    """Record the first Ctrl-C within this context, and interrupt only at the second.
 
-    In other threads than the main one, and where Ctrl-C is handled elsewhere, it does nothing.
+    It has no effect outside the main thread, or if Ctrl-C has another handler.
     """
     interrupt = Interrupt()
     before = signal.getsignal(signal.SIGINT)
@@ -41,15 +41,15 @@ def deferred() -> Iterator[Interrupt]:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Have a Ctrl-C within this context, or a function, interrupt at its end.
+    """Defer a Ctrl-C within this context, or a decorated function, to its end.
 
-    It is for what computes with expressions of CasADi, whose operators call Python to learn what
-    their operands are, and discard the exception that an interrupt is there.
+    It is for computations with CasADi expressions: their operators call Python to find the types of
+    operands, and discard a KeyboardInterrupt that is raised there.
 
     Raises
     ------
     KeyboardInterrupt
-        Also in the place of another exception.
+        After a Ctrl-C, also in place of another exception.
     """
     interrupt = Interrupt()
     try:

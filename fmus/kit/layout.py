@@ -1,4 +1,4 @@
-"""The layout of a component: its declared variables in memory order, and their consistency."""
+"""The layout of a component: its declared variables in memory order, and checks of them."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from .errors import DeclarationError, UserError, suggestion
 from .ports import DOMAINS, PowerPort
 
 _TYPES = ("real", "integer", "boolean")
-APART = "_apart"  # declarations of a class body that have left it already
-_LONGEST_TEXT = 511  # bytes, of fmi/engine.h
-LONGEST_SHIFT = 2  # parameters, of fmi2/any_model.h
+APART = "_apart"  # class attribute for declarations that are not members of the class
+_LONGEST_TEXT = 511  # bytes, as in fmi/engine.h
+LONGEST_SHIFT = 2  # parameters, as in fmi/any_model.h
 
 
 class Clock(NamedTuple):
-    """When a group of discrete states is sampled: sample k at start + shift + k period.
+    """The clock of a group of discrete states, with sample k at start + shift + k period.
 
     Attributes
     ----------
     period : float or str
-        Seconds, or the parameter that holds it.
+        Seconds, or the name of the parameter for it.
     shift : tuple of str
         Parameters whose sum is the shift.
     """
@@ -54,13 +54,13 @@ class Layout:
     Attributes
     ----------
     parameters : tuple of ParameterDeclaration
-        The start values of the states are last among them.
+        The start values of the states are the last of them.
     inputs : tuple of InputDeclaration
     states : tuple of StateDeclaration
     discretes : tuple of DiscreteDeclaration
     outputs : tuple of OutputDeclaration
     texts : tuple of TextDeclaration
-        Not in memory; their value references follow those of all names.
+        They are not in memory; their value references come after those of all names.
     """
 
     parameters: tuple[ParameterDeclaration, ...]
@@ -72,12 +72,12 @@ class Layout:
 
     @property
     def parameter_index(self) -> dict[str, int]:
-        """Place of every parameter among the parameters."""
+        """Index of every parameter among the parameters, by name."""
         return {p.name: i for i, p in enumerate(self.parameters)}
 
     @property
     def derivatives(self) -> list[tuple[str, str]]:
-        """Name ``der(s)`` and unit of every state's derivative, last in memory."""
+        """Name ``der(s)`` and unit of the derivative of every state; they are last in memory."""
         return [(f"der({s.name})", f"{s.unit}/s") for s in self.states]
 
     @property
@@ -92,12 +92,12 @@ class Layout:
 
     @cached_property
     def start_parameters(self) -> dict[str, str]:
-        """The state that starts at each parameter that is a start value, by name."""
+        """State of each start parameter, by name of the parameter."""
         return {p.name: p.starts for p in self.parameters if p.starts is not None}
 
     @cached_property
     def start_of(self) -> dict[str, str]:
-        """The start parameter of each state, continuous or discrete, by name."""
+        """Start parameter of each state, continuous or discrete, by name of the state."""
         return {state: parameter for parameter, state in self.start_parameters.items()}
 
     @property
@@ -110,7 +110,7 @@ class Layout:
 
     @property
     def clock_parameters(self) -> set[str]:
-        """Parameters that say when something is sampled: periods and shifts."""
+        """Parameters that are periods or shifts of clocks."""
         names: set[str] = set()
         for clock, _ in self.sampled:
             names.update(clock.shift)
@@ -129,34 +129,34 @@ class Layout:
 
     @property
     def measurable(self) -> list[Declaration]:
-        """Those of them that an instrument can show."""
+        """Outputs of the FMU that an instrument can measure."""
         return [v for v in self.shown if getattr(v, "measured", True)]
 
     @property
     def measured_outputs(self) -> tuple[OutputDeclaration, ...]:
-        """Outputs that an instrument can show, without states."""
+        """Outputs that an instrument can measure, without states."""
         return tuple(v for v in self.outputs if v.measured)
 
 
 def law_of(owner: type, name: str) -> Callable[..., Any] | None:
     """Return a method of a class; None if it has none of that name.
 
-    It may have the name of something that is said of an effect, such as its id, which is what
-    ``getattr`` gives.
+    A law may have the name of an attribute of effects, such as ``id``, which ``getattr`` would
+    return instead.
     """
-    held = _held(owner, name)
-    return held if callable(held) else None
+    member = _member(owner, name)
+    return member if callable(member) else None
 
 
-def _held(owner: type, name: str) -> Any:
-    """Return what stands under a name in the body of a class, or of its nearest base; or None."""
+def _member(owner: type, name: str) -> Any:
+    """Return a member from the body of a class, or of its nearest base; None if there is none."""
     return next((vars(part)[name] for part in owner.__mro__ if name in vars(part)), None)
 
 
 def extract(owner: type) -> dict[str, Declaration]:
-    """Take the declarations out of a class body, leaving an output's law as an ordinary method.
+    """Remove the declarations from a class; the law of an output stays as a method.
 
-    CPython reads an instance attribute fast only where the class has none of that name.
+    CPython reads an instance attribute fast only if the class has no attribute of that name.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def extract(owner: type) -> dict[str, Declaration]:
     Returns
     -------
     dict of str to Declaration
-        By name.
+        Declaration by name.
     """
     declared = {
         name: value for name, value in vars(owner).items() if isinstance(value, Declaration)
@@ -180,7 +180,7 @@ def extract(owner: type) -> dict[str, Declaration]:
 
 
 def arrange(declarations: Iterable[Declaration]) -> Layout:
-    """Put declarations into memory order, adding the start parameter of every state.
+    """Arrange declarations in memory order, and add the start parameter of every state.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ def arrange(declarations: Iterable[Declaration]) -> Layout:
 
 
 def check_laws(owner: Any) -> None:
-    """Check that no law of a class body has the name of something that every component has.
+    """Raise an error if a law of a class has the name of a member of every component.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ def check_laws(owner: Any) -> None:
     Raises
     ------
     UserError
-        Naming class and law.
+        With the names of class and law.
     """
     component = owner.__mro__[-2]
     taken = {*component.__annotations__, *vars(component)}
@@ -242,19 +242,19 @@ def check_laws(owner: Any) -> None:
 
 
 def check(owner: Any, layout: Layout) -> None:
-    """Check the variables of a class body for mistakes that would otherwise show far from there.
+    """Raise an error for a mistake in the declarations of a class.
 
     Parameters
     ----------
     owner : type
-        The class; methods that its declarations name must be there, and its ports fit, unless it is
-        abstract, without a ``name``.
+        The class. Methods that its declarations name, and its ports, are checked only if it has a
+        ``name``, as abstract classes have none.
     layout : Layout
 
     Raises
     ------
     UserError
-        Naming class and variable.
+        With the names of class and variable.
     """
     _check_variables(owner, layout)
     if owner.name:
@@ -264,9 +264,9 @@ def check(owner: Any, layout: Layout) -> None:
 
 
 def _check_variables(owner: Any, layout: Layout) -> None:
-    """Check each variable for itself: name, range, nominal value, type and start value."""
+    """Check name, range, nominal value, type and start value of each variable."""
     names: set[str] = set()
-    # parameters last, so that a mistake in a state is not blamed on its start parameter
+    # parameters last, so that a message about a state does not name its start parameter
     for v in (
         *layout.inputs,
         *layout.states,
@@ -291,7 +291,7 @@ def _check_variables(owner: Any, layout: Layout) -> None:
 
 
 def _check_name(owner: Any, v: Declaration, taken: set[str]) -> None:
-    """Check that the name of a variable is an identifier and names nothing else."""
+    """Check that the name of a variable is an identifier and not that of another member."""
     component = owner.__mro__[-2]
     # the law of an output has its name
     holder = component if isinstance(v, OutputDeclaration) else owner
@@ -301,9 +301,9 @@ def _check_name(owner: Any, v: Declaration, taken: set[str]) -> None:
         )
     if v.name in taken:
         raise _mistake(owner, v, "is declared twice; every state brings its '_start' parameter")
-    held = _held(holder, v.name)
-    # what has a setter computes the variable, as an input that arrives late
-    is_taken = held is not None and not hasattr(held, "__set__")
+    member = _member(holder, v.name)
+    # a descriptor with a setter computes the variable, such as an input that arrives late
+    is_taken = member is not None and not hasattr(member, "__set__")
     if v.name in component.__annotations__ or is_taken:
         raise _mistake(
             owner, v, "has the name of something else in the class; give one of both another name"
@@ -311,7 +311,7 @@ def _check_name(owner: Any, v: Declaration, taken: set[str]) -> None:
 
 
 def _check_type_and_start(owner: Any, v: Declaration) -> None:
-    """Check that a variable has a type of FMI, and a start value of that type in its range."""
+    """Check that a variable has a type of FMI, and that its start value fits type and range."""
     if v.type not in _TYPES or (v.type != "real" and isinstance(v, StateDeclaration)):
         kinds = "there are real, integer and boolean, and a continuous state is real"
         raise _mistake(owner, v, f"is of type {v.type!r}; {kinds}")
@@ -324,7 +324,7 @@ def _check_type_and_start(owner: Any, v: Declaration) -> None:
 
 
 def _check_references(owner: Any, layout: Layout) -> None:
-    """Check the methods, parameters and sample periods that a class names."""
+    """Check the methods, presets, sample periods and shifts that a class names."""
     if not _is_name(owner.name):
         raise UserError(
             f"{owner.__module__}.{owner.__qualname__}: name {owner.name!r} must be an ASCII"

@@ -1,8 +1,8 @@
 """Ports of a component: pairs of variables through which it exchanges power with others.
 
-A pair is a potential, which connected ports share, and a flow, which adds up to zero over them
-(Modelica 3.6, section 9.2); their product is a power. Connectors of Modelica and terminals of FMI
-are made from ports.
+A pair is a potential, which is equal at connected ports, and a flow, whose sum over them is zero
+(Modelica 3.6, section 9.2); the product is a power. Modelica connectors and FMI terminals are
+written from ports.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ class PowerPort:
     name : str
     domain : {"electrical", "translational", "rotational", "thermal"}
     potential, flow : str
-        Variables of the component, inputs or shown to the outside.
+        Variables of the component: inputs, or outputs of the FMU.
     connectors : tuple of str
-        Names of one or two connectors. Of two, the potential is that of the first less that of the
-        second, and the flow goes in at the first and out at the second.
+        Names of one or two connectors. With two, the potential is the difference first less second,
+        and the flow enters at the first and leaves at the second.
     delivers : bool
-        Whether the flow counts as positive where it leaves through the first connector.
+        Whether a positive flow leaves through the first connector.
     rate : str
         Input that is the time derivative of the potential; empty if there is none.
     """
@@ -65,5 +65,5 @@ class PowerPort:
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """The component's variables that belong to it."""
+        """Variables of the component that belong to the port."""
         return tuple(filter(None, (self.potential, self.flow, self.rate)))

@@ -1,12 +1,13 @@
-"""Registry of packages of components, which installed distributions bring by entry points.
+"""Registry of packages of components, which installed distributions declare as entry points.
 
 A distribution names each of its packages in ``pyproject.toml``::
 
     [project.entry-points."ppy_rig.components"]
     tank = "tank_models:PACKAGE"
 
-The object is a `ComponentPackage`: data, in which ``module:name`` stands for what is imported when
-it is used. Packages are read once in a process. One that cannot be used is left out with a warning.
+The object is a `ComponentPackage`, which names classes and functions as ``module:name``; they are
+imported when they are used. Packages are loaded once in a process. A package that cannot be used is
+omitted with a warning.
 """
 
 from __future__ import annotations
@@ -32,23 +33,23 @@ _OURS = "fmus"
 
 
 class RegistryWarning(UserWarning):
-    """A package of components was left out, and why."""
+    """Warning that a package of components is omitted."""
 
 
 @dataclass(frozen=True)
 class MemberDeclaration:
-    """A member of a system: a component with values of its own.
+    """A member of a system: a component with its values and effects.
 
     Attributes
     ----------
     component : str
-        Name of a component, of any package.
+        Name of a component of any package.
     values : Mapping of str to float or str
-        Of parameters, and of inputs that stay at a value; in the units of the component.
+        Values of parameters and of constant inputs, in the units of the component.
     effects : tuple of str
-        Ids of its effects that are added to it, innermost first.
+        Ids of effects that are stacked on the component, innermost first.
     model_name : str
-        Name of the component with these effects; needed if there are some.
+        Name of the component with these effects; required if there are any.
     """
 
     component: str
@@ -65,17 +66,18 @@ class SystemDeclaration:
     ----------
     name : str
     summary : str
-        A sentence, which is the description of its SSP file.
+        One sentence, the description in its SSP file.
     members : Mapping of str to MemberDeclaration
-        By the name in the system, in the order in which they are stepped.
+        Members by their names in the system, in the order of stepping.
     connections : tuple of str
-        Each as ``"member.output -> member.input"``.
+        Connections as ``"member.output -> member.input"``.
     inputs : Mapping of str to tuple of str
-        Inputs of members as ``"member.input"``, by the name of the input of the system.
+        Inputs of members as ``"member.input"``, by name of the input of the system.
     outputs : tuple of str
-        Outputs of members as ``"member.output"``; the system has them by the name of the variable.
+        Outputs of members as ``"member.output"``; outputs of the system have the names of these
+        variables.
     step, stop : float
-        Communication step and duration in s.
+        Communication step and duration, s.
     """
 
     name: str
@@ -95,9 +97,9 @@ class Excitation:
     Attributes
     ----------
     ranges : Mapping of str to tuple of float
-        Lowest and highest value of an input by its name, SI.
+        Lowest and highest value of each input by name, SI.
     bandwidth : float
-        Highest frequency in Hz.
+        Highest frequency, Hz.
     """
 
     ranges: Mapping[str, tuple[float, float]]
@@ -106,21 +108,21 @@ class Excitation:
 
 @dataclass(frozen=True)
 class StimulusDeclaration:
-    """Signals over time that an experiment can have as a kind of stimulus.
+    """A kind of stimulus for experiments, which offers several signals over time.
 
     Attributes
     ----------
     summary : str
-        A sentence.
+        One sentence.
     key : str
         Key of the stimulus table whose value chooses one of the signals.
     choices : tuple of str
         Names of the signals.
     unit : str
-        Of all of them.
+        Unit of all signals.
     signals : str
-        ``module:function`` of a function from times in s, an array of shape (n,), to a mapping from
-        names to arrays of shape (n,).
+        ``module:function`` of a function that maps times in s, shape (n,), to the signals, shape
+        (n,), by name.
     """
 
     summary: str
@@ -137,10 +139,10 @@ class RigDeclaration:
     Attributes
     ----------
     inputs, outputs : Mapping of str to str
-        SI unit by the name of the signal.
+        SI unit by name of the signal.
     limits : Mapping of str to tuple of float
-        Lowest and highest value by the name of the signal and, for one that must not step, the
-        largest change per second; SI.
+        Lowest and highest value by name of the signal, and for one that must not step the largest
+        change per second, SI.
     """
 
     inputs: Mapping[str, str]
@@ -150,22 +152,22 @@ class RigDeclaration:
 
 @dataclass(frozen=True)
 class ComponentPackage:
-    """Components, and what belongs to them.
+    """A package of components with their systems, stimuli, experiments and calibrations.
 
     Attributes
     ----------
     components, proxies : Mapping of str to str
-        ``module:Class`` by the name of the component; proxies forward their signals to a rig and
-        need one to run.
+        ``module:Class`` by name of the component. Proxies forward their signals to a rig, which
+        must run.
     default_model : str
-        The component that is meant where a command or a function is given no model.
+        Default component of commands and functions.
     excitations : Mapping of str to Excitation
-        By component.
+        Inputs that a rig can apply, by name of the component.
     declared_systems : tuple of SystemDeclaration
     stimuli : Mapping of str to StimulusDeclaration
-        By the kind of stimulus.
+        Kinds of stimuli by name.
     rigs : Mapping of str to RigDeclaration
-        By the name of the rig, for ``--option signals=NAME``.
+        Signals of rigs by name, for ``--option signals=NAME``.
     experiment_folder, preset_folder : Path or None
         Folders of experiments, and of calibrations of rigs: ``.toml`` files.
     """
@@ -201,9 +203,14 @@ class ComponentPackage:
         return _toml_files(self.preset_folder)
 
     def offered(self, name: str) -> Any:
-        """Return a component's class by its name: ``__getattr__`` of the module of the package.
+        """Return a component's class by name; it serves as ``__getattr__`` of the package's module.
 
-        The class is imported when it is first used, so that listing components imports none.
+        The class is imported at its first use, so that a list of components imports none.
+
+        Raises
+        ------
+        AttributeError
+            If the package has no such class.
         """
         for place in self.models.values():
             if place.endswith(f":{name}"):
@@ -219,7 +226,7 @@ _KINDS = {
     "experiments": "experiment",
     "presets": "calibration",
 }
-"""Attribute of a package by which things have unique names -> their kind, for messages."""
+"""Attribute of a package whose names must be unique -> word for messages."""
 
 
 def _toml_files(folder: Path | None) -> dict[str, Path]:
@@ -231,54 +238,54 @@ def _toml_files(folder: Path | None) -> dict[str, Path]:
 
 @cache
 def packages() -> tuple[ComponentPackage, ...]:
-    """Return the packages that are installed.
+    """Return the installed packages of components.
 
-    Ours come first, and among them that of the default model, then those of others by the name of
-    their distribution.
+    The order is: packages of ppy-rig, the one with the default model first; then others by the name
+    of their distribution.
 
     Raises
     ------
     UserError
-        If there are none, not even ours: the installation is older than the source.
+        If there are none, because the installation is older than the source.
     """
-    # a command that needs no component does not wait for it
+    # imported here, so that commands that need no component start faster
     from importlib.metadata import entry_points
 
-    loaded = [*_loaded(entry_points(group=GROUP))]
+    loaded = [*_load_packages(entry_points(group=GROUP))]
     if not loaded:
         raise UserError(
             f"no package of components is installed (entry points {GROUP!r});"
             " install ppy-rig again, a checkout by: pip install --no-deps -e ."
         )
     owners: dict[tuple[str, str], str] = {}
-    found = []
-    for entry, package in sorted(loaded, key=_place):
+    accepted = []
+    for entry, package in sorted(loaded, key=_sort_key):
         names = [(kind, name) for kind in _KINDS for name in getattr(package, kind)]
-        taken = next((one for one in names if one in owners), None)
-        if taken is None:
+        duplicate = next((one for one in names if one in owners), None)
+        if duplicate is None:
             owners |= dict.fromkeys(names, entry.value)
-            found.append(package)
+            accepted.append(package)
         else:
-            kind, name = taken
-            _leave_out(entry, f"{owners[taken]} has a {_KINDS[kind]} {name!r} already")
-    return tuple(found)
+            kind, name = duplicate
+            _warn_omitted(entry, f"{owners[duplicate]} has a {_KINDS[kind]} {name!r} already")
+    return tuple(accepted)
 
 
-def _loaded(entries: Any) -> Iterator[tuple[EntryPoint, ComponentPackage]]:
-    """Yield entry points with the package that each gives."""
+def _load_packages(entries: Any) -> Iterator[tuple[EntryPoint, ComponentPackage]]:
+    """Yield each entry point with its package; warn of those that cannot be loaded."""
     for entry in entries:
         try:
             package = entry.load()
-        except Exception as error:  # what the code of somebody else may raise
-            _leave_out(entry, f"{type(error).__name__}: {error}")
+        except Exception as error:  # foreign code may raise any exception
+            _warn_omitted(entry, f"{type(error).__name__}: {error}")
             continue
         if isinstance(package, ComponentPackage):
             yield entry, package
         else:
-            _leave_out(entry, f"it is no ComponentPackage but {type(package).__name__}")
+            _warn_omitted(entry, f"it is no ComponentPackage but {type(package).__name__}")
 
 
-def _place(pair: tuple[EntryPoint, ComponentPackage]) -> tuple[bool, bool, str, str]:
+def _sort_key(pair: tuple[EntryPoint, ComponentPackage]) -> tuple[bool, bool, str, str]:
     entry, package = pair
     is_ours = entry.module.partition(".")[0] == _OURS
     return not is_ours, not package.default_model, _distribution(entry), entry.name
@@ -288,13 +295,13 @@ def _distribution(entry: EntryPoint) -> str:
     return entry.dist.name if entry.dist else ""
 
 
-def _leave_out(entry: EntryPoint, reason: str) -> None:
-    """Warn that a package is left out."""
+def _warn_omitted(entry: EntryPoint, reason: str) -> None:
+    """Warn that a package is omitted."""
     text = f"components {entry.value} of {_distribution(entry)} are left out: {reason}"
     warnings.warn(" ".join(text.split()), RegistryWarning, stacklevel=2)
 
 
-# --- what all packages have ----------------------------------------------------------------------
+# --- contents of all packages --------------------------------------------------------------------
 
 
 @cache
@@ -308,7 +315,7 @@ def components() -> dict[str, str]:
 
 
 def proxies() -> dict[str, str]:
-    """Return ``module:Class`` of every proxy of a rig by name."""
+    """Return ``module:Class`` of every proxy by name."""
     return _merged("proxies")
 
 
@@ -344,7 +351,7 @@ def models() -> dict[str, str]:
 
 
 def default_model() -> str:
-    """Return the name of the component that is meant where no model is named.
+    """Return the name of the default component of commands and functions.
 
     Raises
     ------
@@ -358,7 +365,7 @@ def default_model() -> str:
 
 
 def excitation(name: str) -> Excitation | None:
-    """Return the inputs that a rig can apply to a component; None where that is not known."""
+    """Return the inputs that a rig can apply to a component; None if they are not known."""
     return _merged("excitations").get(name)
 
 
@@ -366,7 +373,7 @@ def excitation(name: str) -> Excitation | None:
 
 
 def load(place: str) -> Any:
-    """Return the object that ``module:name`` stands for.
+    """Import the object ``module:name``.
 
     Raises
     ------
@@ -376,18 +383,18 @@ def load(place: str) -> Any:
     module, _, name = place.partition(":")
     try:
         return getattr(import_module(module), name)
-    except Exception as error:  # what the code of somebody else may raise
+    except Exception as error:  # foreign code may raise any exception
         raise UserError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
 
 
 @cache
 def component(name: str) -> type[Component]:
-    """Load a component class by its FMU name.
+    """Return the class of a component by its FMU name.
 
     Raises
     ------
     UserError
-        If there is none of that name, or it cannot be imported.
+        If there is no component of that name, or it cannot be imported.
     """
     from .component import Component
 
@@ -401,17 +408,15 @@ def component(name: str) -> type[Component]:
 
 
 def is_registered(cls: type[Component]) -> bool:
-    """Return whether a class is a registered component, without effects."""
+    """Return whether a class is a registered component without effects."""
     return cls.name in models() and component(cls.name) is cls
 
 
 def effects(name: str) -> dict[str, type[Effect]]:
-    """Collect the effects of a component by id.
+    """Return the effects of a component by id.
 
-    They are ``EFFECTS`` of its package's module ``effects``, if there is one.
-
-    Where a package has several components, an effect of a law that one of them has not is none of
-    its own.
+    They are in ``EFFECTS`` of the module ``effects`` of its package, if there is one. Effects on
+    laws that only other components of the package have are omitted.
 
     Raises
     ------

@@ -1,8 +1,9 @@
-"""Times that effects are made for: how fast and for how long the record is that they explain.
+"""Times in effects, which depend on the sample time and the length of a record.
 
-What follows its input "at once", and how finely a delay is held, have to be times in an FMU. They
-are 10 ms and 20 ms, which suits a bench. A record of 40 kHz is over before a delay of 20 ms has
-passed, and of one sample a minute a hundredth of a second is stiff; there they are scaled.
+An effect needs a time constant for a state that follows its input at once, and a period for the
+samples of a delay. They are 10 ms and 20 ms, which suits a bench. They are scaled for other
+records: one of 40 kHz may be shorter than 20 ms, and with one sample a minute 10 ms makes a model
+stiff.
 """
 
 from __future__ import annotations
@@ -12,18 +13,18 @@ from dataclasses import dataclass, replace
 _AT_ONCE = 0.01  # s
 _DELAY_PERIOD = 0.02  # s
 _TIME_CONSTANT = 1.0  # s
-# Within a sample nobody sees what happens, and beyond a hundredth of one it costs steps.
+# No record shows times within a sample, and those below a hundredth of a sample cost many steps.
 _FINEST = 0.01  # samples
-# What takes longer than a tenth of a record can hardly be distinguished from a drift.
-_LONGEST = 0.1  # of a record
-_FIRST = 10.0  # samples: a lag that is seen
+# A longer time can hardly be distinguished from a drift.
+_LONGEST = 0.1  # relative to the record
+_FIRST = 10.0  # samples; a lag of this time is visible
 
-DELAY_SAMPLES = 64  # of the register that holds a delay
+DELAY_SAMPLES = 64  # length of the shift register of a delay
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """Sampling of a record; unless given, of one for which the usual times serve.
+    """Sampling of a record; by default one that suits the times for a bench.
 
     Attributes
     ----------
@@ -38,23 +39,23 @@ class Sampling:
 
     @property
     def at_once(self) -> float:
-        """The time within which something follows that follows at once, s."""
+        """Time constant of a state that follows its input at once, s."""
         return min(max(_AT_ONCE, _FINEST * self.step), self.step)
 
     @property
     def delay_period(self) -> float:
-        """The period of a register that holds a delay, s.
+        """Sample period of the shift register of a delay, s.
 
-        It is not finer than the record; all of the register is a tenth of that at most, or 64
-        samples.
+        It is at least the sample time of the record. The register covers at most a tenth of the
+        record, or 64 samples of it.
         """
         return max(self.step, min(_DELAY_PERIOD, _LONGEST * self.duration / DELAY_SAMPLES))
 
     def holding(self, delay: float) -> Sampling:
-        """Return the sampling that has the finest register for a delay, s, and for twice that."""
+        """Return the sampling with the finest register that covers a delay, s, and twice of it."""
         return replace(self, duration=min(self.duration, 2.0 * delay / _LONGEST))
 
     @property
     def time_constant(self) -> float:
-        """The time constant from which a fit starts, s."""
+        """Time constant from which a fit starts, s."""
         return max(_FIRST * self.step, min(_TIME_CONSTANT, _LONGEST * self.duration))

@@ -1,15 +1,15 @@
 """Measurement errors: effects on the measured value of an output, not on the physics.
 
-Each function here makes an effect for one real output of a component, to be laid over it by
+Each function here makes an effect for one real output of a component, for use with
 :func:`.stack`::
 
     stack(PpyActuator, sensor_lag(PpyActuator, "voltage"), sensor_gain(PpyActuator, "displacement"))
 
-Its ``id`` is the name of the function, its ``output`` the one it was made for, and its parameters
-are named after that. It overrides the output, which no law sees, so the physics stays as it is to
-the bit; at the neutral value the output does, too. Effects of one output are laid one over the
-other, the first one next to the physics. ``docs/decisions/0007-measurement-effects.md`` gives the
-reasons.
+The ``id`` of the effect is the name of the function, its ``output`` is that output, and its
+parameters are named after the output. The effect overrides the output, which no law uses, so that
+the physics keeps its bits; at the neutral value the output also does. Several effects of one output
+are applied in order, the first to the physics. ``docs/decisions/0007-measurement-effects.md`` has
+the reasons.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ _ARGUMENTS = """
     ----------
     component : type[Component]
     output : str
-        One of its real outputs.
+        Name of a measured real output.
     sampling : Sampling, optional
-        Of the record that it is made for.
+        Sampling of the record that the effect is made for.
 
     Returns
     -------
@@ -55,10 +55,7 @@ _ARGUMENTS = """
 
 @dataclass(frozen=True)
 class _Quantity:
-    """The output that an effect is made for, and the law that gives its value below the effect.
-
-    Its sampling is that of the record that the effect is made for.
-    """
+    """The output that an effect is made for, with the law for its value before the effect."""
 
     name: str
     unit: str
@@ -68,7 +65,7 @@ class _Quantity:
     sampling: Sampling
 
     def about(self, per: str = "", scale: float = 1.0) -> dict[str, Any]:
-        """Return unit, nominal value and display unit of a variable measured like the output.
+        """Return unit, nominal value and display unit of a variable of the output's quantity.
 
         Parameters
         ----------
@@ -84,11 +81,11 @@ class _Quantity:
 def _measurement(
     assumption: str, title: str, size: Size
 ) -> Callable[[Callable[[_Quantity], dict[str, Any]]], Factory]:
-    """Make a factory of effects from a function that returns the class body for one output.
+    """Return a decorator that makes a factory of effects.
 
-    The docstring of that function is the docstring of the effects, unless the body has one; the
-    first variable of the body switches them. Their title has a place for the output. Their size
-    is given without that variable.
+    The decorated function returns the class body for one output. Its docstring is that of the
+    effects, unless the body has one; the first variable of the body switches them. The title has a
+    place for the output, and the size lacks the variable.
     """
     return lambda body: _factory(assumption, title, size, body)
 
@@ -99,7 +96,7 @@ def _factory(
     size: Size,
     body: Callable[[_Quantity], dict[str, Any]],
 ) -> Factory:
-    """Make a factory of effects that relax an assumption, and are called by a title."""
+    """Make a factory of effects; see `_measurement`."""
 
     @effect_maker
     def make(
@@ -113,7 +110,7 @@ def _factory(
             )
         measured = declared[output]
 
-        # `effect` is bound below, before this is first called
+        # `effect` is assigned below, before the first call
         def below(self: Any) -> Any:
             return getattr(super(effect, self), output)()
 
@@ -139,7 +136,7 @@ def _factory(
         )
         return effect
 
-    # not functools.wraps: the signature is that of the factory
+    # without functools.wraps, because the signature is that of the factory
     make.__name__ = make.__qualname__ = body.__name__
     make.__doc__ = f"{body.__doc__}{_ARGUMENTS}"
     return make
@@ -166,7 +163,7 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
     def rate(self: Any) -> Any:
         value = quantity.below(self)
         time = getattr(self, lag)
-        # until the first sample, which is taken when the first step begins, the start is now
+        # before the first sample, which is taken at the first step, the start is now
         at_start = where(getattr(self, started), getattr(self, reference), value)
         return (value - at_start - getattr(self, change)) / (
             time + shortest * exp(-time / shortest)
@@ -238,18 +235,18 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
         return value - where(getattr(self, started), getattr(self, latest), value)
 
     def measured(self: Any) -> Any:
-        # the present value less all that has changed in the time of the delay
+        # the present value less all changes within the time of the delay
         value = quantity.below(self)
         delay_time = getattr(self, delay)
-        # since the latest sample: straight from there to here, never in no time
+        # change since the latest sample: linear in time, over a time that is not zero
         age = maximum(self.time - getattr(self, instant), 1e-9 * period)
         undone = minimum(delay_time / age, 1.0) * change_since_sample(self, value)
-        # and in the periods before it, straight from sample to sample
+        # changes in the periods before it: linear from sample to sample
         periods = (delay_time - age) / period
         for k, change in enumerate(changes):
             undone = undone + clip(periods - k, 0.0, 1.0) * getattr(self, change)
-        # the register holds no change from before the start: there the value was that at the start
-        # and the line's deviation from it
+        # the register has no changes from before the start; there the value is that at the start
+        # plus the deviation of a line
         elapsed = where(getattr(self, started), maximum(self.time - getattr(self, begin), 0.0), 0.0)
         return value - undone + where(delay_time > elapsed, getattr(self, history), 0.0)
 
@@ -292,12 +289,12 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
         f"{instant}_update": lambda self: self.time,
         f"{started}_update": lambda self: 1.0,
     }
-    # at a sample each change moves on by a place, and the newest comes in
-    shifted_in = [
+    # at a sample the register shifts by one place
+    updates = [
         lambda self: change_since_sample(self, quantity.below(self)),
         *map(value_of, changes[:-1]),
     ]
-    for change, update in zip(changes, shifted_in, strict=True):
+    for change, update in zip(changes, updates, strict=True):
         members[change] = sampled(
             f"change of {quantity.name} between two samples",
             update=f"{change}_update",
@@ -384,13 +381,13 @@ MEASUREMENTS: dict[str, Factory] = {
 def measurement_effects(
     component: type[Component], sampling: Sampling | None = None
 ) -> list[type[Effect]]:
-    """Make every effect of measurements: each of `MEASUREMENTS` for each real output.
+    """Make each of `MEASUREMENTS` for each measured real output of a component.
 
     Parameters
     ----------
     component : type[Component]
     sampling : Sampling, optional
-        Of the record that they are made for.
+        Sampling of the record that the effects are made for.
 
     Returns
     -------

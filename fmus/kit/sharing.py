@@ -1,7 +1,7 @@
-"""Laws that are computed once where many laws of one evaluation use them.
+"""Laws that are computed once in an evaluation although several laws call them.
 
-On floats a law that six rates call is computed six times. A graph has no need of this: there,
-what is the same is found by itself.
+On floats a law that six rates call would be computed six times. A graph does not need this: common
+subexpressions are eliminated there.
 """
 
 from __future__ import annotations
@@ -12,20 +12,21 @@ from typing import Any
 
 
 def shared(law: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Let a law be computed once in an evaluation.
+    """Decorate a law so that it is computed once in an evaluation.
 
-    Its value is kept in ``_kept`` of the component, a dict while an integrator or a Python FMU
-    evaluates laws at one set of values, and None otherwise: then every call computes. An effect
-    that overrides the law shares the value below it, through ``super()``.
+    Its value is stored in ``_kept`` of the component, which is a dict while an integrator or a
+    Python FMU evaluates laws at one set of values. Otherwise it is None, and every call computes.
+    An effect that overrides the law calls the shared law through ``super()``.
 
     Parameters
     ----------
     law : callable
-        A method without arguments whose result nobody changes.
+        A method without arguments whose result is not modified.
 
     Returns
     -------
     callable
+        The method that stores its value.
     """
 
     @wraps(law)
@@ -42,5 +43,5 @@ def shared(law: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 def has_shared_laws(cls: type) -> bool:
-    """Return whether a class or one of its bases has laws that are shared."""
+    """Return whether a class has shared laws, inherited ones included."""
     return any(hasattr(law, "is_shared") for part in cls.__mro__ for law in vars(part).values())

@@ -1,7 +1,7 @@
 """The Python side of a Python FMU: a component that works on the memory of an FMU instance.
 
-The C front-end owns that memory. Every call loads its values from there and stores its results
-there. Nothing survives in Python between calls, so saving the memory saves the instance (FMU
+The C front-end owns that memory. Every call loads its values from it and stores its results in it.
+Python keeps no state between calls, so that a copy of the memory is a copy of the instance (FMU
 contract, line 5).
 """
 
@@ -27,9 +27,9 @@ _COUNTERS = 4
 
 @cache
 def _transfer(*statements: str) -> Callable[[Component, Any], None]:
-    """Compile assignments between component ``m`` and memory ``y``: a loop takes twice as long.
+    """Compile assignments between component ``m`` and memory ``y``; a loop takes twice as long.
 
-    All instances share the result, because most of the time to create one would go into compiling.
+    All instances share the function, because compiling would take most of the time of creating one.
     """
     namespace: dict[str, Any] = {}
     exec("def transfer(m, y):\n    " + ("; ".join(statements) or "pass"), namespace)
@@ -49,7 +49,7 @@ class Slave:
         internals ``hint, start time, tolerance, parameters changed`` and a counter for each sampled
         group (``fmi/engine.h``).
     texts : memoryview
-        Text parameters, of which laws know nothing.
+        Text parameters, which laws do not use.
     """
 
     def __init__(self, cls: type[Component], memory: Any, texts: Any = b""):
@@ -85,12 +85,12 @@ class Slave:
         Parameters
         ----------
         time : float
-            In s.
+            Time, s.
 
         Returns
         -------
         str or None
-            Message of an error: whatever a law does, the host gets a sentence and not an exception.
+            Message of an error; no exception of a law reaches the host.
         """
         return self._compute(time, self._outputs, self._first_output)
 
@@ -104,7 +104,7 @@ class Slave:
             memory = self.memory
             component = self.component
             if memory[self._internals + _PARAMETERS_CHANGED]:
-                self._take_parameters()
+                self._load_all_parameters()
             self._load(component, memory)
             component.time = time
             component._kept = {}
@@ -122,7 +122,7 @@ class Slave:
         Parameters
         ----------
         time, step : float
-            In s.
+            Start and length of the step, s.
 
         Returns
         -------
@@ -135,7 +135,7 @@ class Slave:
             integrator = self.integrator
             internals = self._internals
             if memory[internals + _PARAMETERS_CHANGED]:
-                self._take_parameters()
+                self._load_all_parameters()
             self._load(component, memory)
             integrator.hint = memory[internals + _HINT]
             if integrator.groups:
@@ -152,25 +152,25 @@ class Slave:
         return None
 
     def warning(self) -> str | None:
-        """Return a warning about a step that succeeded: laws have none."""
+        """Return a warning about a successful step: None, as laws give no warnings."""
         return None
 
     def terminate(self) -> None:
-        """End the simulation: laws hold nothing that would need an end."""
+        """End the simulation: nothing to do, as laws have no resources."""
 
     def close(self) -> None:
         """Release the memory before the front-end frees it."""
         self.memory.release()
 
-    def _take_parameters(self) -> None:
-        """Load the parameters and the tolerance, which change seldom."""
+    def _load_all_parameters(self) -> None:
+        """Load the parameters and the tolerance, which change rarely."""
         self._load_parameters(self.component, self.memory)
         self.integrator.tolerance = self.memory[self._internals + _TOLERANCE]
         self.memory[self._internals + _PARAMETERS_CHANGED] = 0.0
 
 
 def describe_error(error: BaseException) -> str:
-    """Describe an error for the host in one line; Ctrl-C reaches it too.
+    """Return the message of an error for the host; pass on a Ctrl-C to it.
 
     Parameters
     ----------
@@ -179,6 +179,7 @@ def describe_error(error: BaseException) -> str:
     Returns
     -------
     str
+        One line.
     """
     if isinstance(error, UserError):
         return str(error)
@@ -188,7 +189,7 @@ def describe_error(error: BaseException) -> str:
         f" {frame.filename})"
     )
     if isinstance(error, KeyboardInterrupt):
-        # The host shall get the interrupt too, but after this call, which would swallow it: another
-        # thread waits for the lock of Python until then. Nothing here may take long after that.
+        # The host shall also get the interrupt, but after this call, which would discard it: a new
+        # thread waits for Python's lock until this call ends. It must end soon after this line.
         _thread.start_new_thread(_thread.interrupt_main, ())
     return text

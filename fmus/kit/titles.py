@@ -1,4 +1,4 @@
-"""Names for people of effects, laws and variables; tools and options know them by identifiers."""
+"""Names for people of effects, laws and variables; tools and options use their identifiers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .component import Component
 from .effects import Effect
 
 _L = TypeVar("_L", bound=Callable[..., Any])
-# generic effects, and shapes, by their id
+# titles of generic effects and of shapes, by id
 _GENERIC = {
     "asymmetric_dead_zone": "A dead zone with unequal ends",
     "asymmetric": "A part that is the same in both directions",
@@ -62,17 +62,17 @@ def in_words(identifier: str) -> str:
 
 
 def capitalised(text: str) -> str:
-    """Return a text with a capital letter at its beginning."""
+    """Return a text with a capital first letter."""
     return text[:1].upper() + text[1:]
 
 
 def within_sentence(title: str) -> str:
-    """Return a title as it stands within a sentence; an abbreviation such as RC stays as it is."""
+    """Return a title with a small first letter, unless it starts with an abbreviation (RC)."""
     return title if title[1:2].isupper() else title[:1].lower() + title[1:]
 
 
 def titled(title: str) -> Callable[[_L], _L]:
-    """Declare the name for people of the decorated law.
+    """Set the name for people of the decorated law.
 
     Parameters
     ----------
@@ -93,13 +93,13 @@ def titled(title: str) -> Callable[[_L], _L]:
 
 
 def effect_title(effect: type[Effect]) -> str:
-    """Return the name for people of an effect: a noun phrase, else its id in words."""
+    """Return the title of an effect, or by default its id in words."""
     of_output = f" of {in_words(effect.output)}" if effect.output else ""
     return effect.title or f"{in_words(effect.id)}{of_output}"
 
 
 def generic_title(identifier: str, subject: str) -> str:
-    """Return the name for people of a generic effect by its id and the law or input it is of."""
+    """Return the title of a generic effect from its id and the title of its law or input."""
     known = _GENERIC.get(identifier)
     if known is not None:
         return f"{known} in {subject}"
@@ -110,12 +110,12 @@ def generic_title(identifier: str, subject: str) -> str:
 
 
 def variable_title(variable: Any) -> str:
-    """Return the name for people of a declaration or of a variable of any FMU."""
+    """Return the title of a declaration or of a variable of an FMU, or its name in words."""
     return getattr(variable, "title", "") or in_words(variable.name)
 
 
 def law_title(component: type[Component], law: str) -> str:
-    """Return the name for people of a law, an input, an output or a state of a component.
+    """Return the title of a law, an input, an output or a state of a component.
 
     Parameters
     ----------
@@ -125,11 +125,11 @@ def law_title(component: type[Component], law: str) -> str:
     Returns
     -------
     str
-        That of the nearest class that declares one; else the identifier in words.
+        Title from the nearest class that declares one, or by default the identifier in words.
     """
     for part in component.__mro__:
-        held = vars(part).get("declared", {}).get(law) or vars(part).get(law)
-        title = getattr(held, "title", "")
+        member = vars(part).get("declared", {}).get(law) or vars(part).get(law)
+        title = getattr(member, "title", "")
         if title and isinstance(title, str):
             return title
     return in_words(law)

@@ -1,8 +1,7 @@
-"""Units parsed and converted by pint, and written for FMI, for Modelica and for people.
+"""Units: parsed and converted by pint, and written for FMI, for Modelica and for people.
 
-One string in a declaration feeds the FMU, parameter files, documentation and CSV headers. There are
-two ways to write a unit: as pint reads it (``N*m``, ``ohm``), and as Modelica and FMI do (``N.m``,
-``Ohm``).
+A unit is a string, declared once for the FMU, parameter files, documentation and CSV headers. It
+has two spellings: that of pint (``N*m``, ``ohm``), and that of Modelica and FMI (``N.m``, ``Ohm``).
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ _BASE = {
     "candela": "cd",
     "radian": "rad",
 }
-# names that are products of SI base units without a factor -> exponents of these
+# names of units that are products of SI base units without a factor -> exponents
 _COHERENT: dict[str, dict[str, int]] = {
     "kg": {"kg": 1},
     "m": {"m": 1},
@@ -60,24 +59,24 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _POWER = re.compile(r"(?:\^|\*\*)\(?(-?\d+)\)?")
 _INVERSE = re.compile(r"1/([A-Za-z]+)(?:\^(\d+))?")
 _MICRO = re.compile(r"(?<![A-Za-z])u(?=[A-Za-zΩ])")
-_WRITTEN_OUT = 1e6  # below which a number has no power of ten
+_WRITTEN_OUT = 1e6  # smaller numbers are written without a power of ten
 _SIGNS = {"ohm": "Ω", "degC": "°C", "deg": "°", "percent": "%"}
-_TENS = 300  # power of ten that a number may have
+_TENS = 300  # largest power of ten of a factor
 _PREFIXED = ("m", "s", "A", "N", "J", "W", "Pa", "V", "ohm", "C", "F", "Hz", "H")
-_LONGEST = 100  # characters of a unit
-# factors, or their powers, of which none has a power itself
+_LONGEST = 100  # largest number of characters of a unit
+# factors and powers of them; a power has no power itself
 _UNIT_SYNTAX = re.compile(
     r"\s*(?:1\s*(?=/)|[^\W\d]\w*|[°%Ω]\w*|[()*/·.]|\s"
     r"|(?:\^|\*\*)\s*\(?[+-]?\d{1,2}(?:\.\d{1,2})?\)?(?!\s*(?:\^|\*\*|\.?\d)))*"
 )
-# of Modelica: a name with its power directly after it, and divisors in brackets
+# Modelica's grammar: a name directly followed by its power, and divisors in brackets
 _FACTOR = re.compile(r"([^\W\d_]+)([+-]?\d{1,2}(?!\w))?")
 _DIVISORS = re.compile(r"/\(([^()/]*)\)")
 
 
 @cache
 def registry() -> pint.UnitRegistry[Any]:
-    """Return the project's only pint registry."""
+    """Return the pint registry of this process."""
     import pint
 
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
@@ -90,7 +89,7 @@ class BaseUnit:
     Attributes
     ----------
     exponents : dict of str to int
-        FMI ``BaseUnit`` attribute to exponent, zero exponents left out.
+        Nonzero exponent by attribute of FMI's ``BaseUnit``.
     factor, offset : float
     """
 
@@ -101,9 +100,9 @@ class BaseUnit:
 
 @lru_cache
 def _without_pint(unit: str) -> BaseUnit | None:
-    """Express a unit of common SI units in base units; None for any other.
+    """Return a product of common SI units in base units; None for any other unit.
 
-    It is what pint says, of which the registry takes half a second to make.
+    The result is that of pint, whose registry takes half a second to load.
     """
     if unit == "1":
         return BaseUnit({}, 1.0, 0.0)
@@ -132,14 +131,14 @@ def _without_pint(unit: str) -> BaseUnit | None:
 
 
 def _split(name: str) -> tuple[str, str]:
-    """Split the prefix from a name, if it has one."""
+    """Return the prefix of a unit's name, or an empty text, and the rest."""
     if name not in _COHERENT and name[0] in _PREFIXES and name[1:] in _PREFIXED:
         return name[0], name[1:]
     return "", name
 
 
 def powers_of_names(unit: str) -> dict[str, int]:
-    """Split a unit into the names that it is a product of.
+    """Return the names of units in a product, with their powers.
 
     Parameters
     ----------
@@ -148,8 +147,8 @@ def powers_of_names(unit: str) -> dict[str, int]:
     Returns
     -------
     dict of str to int
-        Power of each name, in order of appearance; of the unit itself if it is no such product. A
-        scale with a zero of its own, such as degC, is there as that of differences, delta_degC.
+        Power of each name, in order of appearance; the unit with power 1 if it is no product of
+        names. A unit with an offset, such as degC, is replaced by that of differences, delta_degC.
 
     Examples
     --------
@@ -174,9 +173,9 @@ def parse(unit: str) -> pint.Unit:
     Parameters
     ----------
     unit : str
-        Names that pint knows, as factors of products and quotients, with brackets and powers of up
-        to two digits, or the same in Modelica's grammar (``m/s2``, ``Ohm``); ``"1"`` and ``"%"``
-        are dimensionless.
+        Product or quotient of names that pint knows, with brackets and powers of up to two digits,
+        or the same in Modelica's grammar (``m/s2``, ``Ohm``); ``"1"`` and ``"%"`` are
+        dimensionless.
 
     Returns
     -------
@@ -185,7 +184,7 @@ def parse(unit: str) -> pint.Unit:
     Raises
     ------
     UserError
-        If it is none, or pint does not know a name.
+        If it is no unit, or pint does not know a name.
     """
     if unit.strip() in ("", "1", "-", "–"):
         return registry().dimensionless
@@ -197,9 +196,9 @@ def parse(unit: str) -> pint.Unit:
 
 
 def _parse_or_none(unit: str) -> pint.Unit | None:
-    """Read a unit as pint does; None if that cannot."""
+    """Return the unit that pint reads; None if it cannot read it."""
     if len(unit) > _LONGEST or not _UNIT_SYNTAX.fullmatch(unit):
-        return None  # pint computes any power, and 9**9**9**9 takes for ever
+        return None  # pint would evaluate any power, such as 9**9**9**9
     try:
         return registry().Unit(unit.replace("%", "percent").replace("Ω", "ohm").replace("·", "*"))
     except Exception:
@@ -208,17 +207,17 @@ def _parse_or_none(unit: str) -> pint.Unit | None:
 
 @lru_cache
 def to_familiar(unit: str) -> str:
-    """Write a unit of an FMU as everywhere else: ``N*m`` for ``N.m``, ``ohm`` for ``Ohm``.
+    """Return a unit of an FMU in pint's spelling: ``N*m`` for ``N.m``, ``ohm`` for ``Ohm``.
 
     Parameters
     ----------
     unit : str
-        As an FMU names it, in Modelica's grammar or not.
+        Unit as written in an FMU, in Modelica's grammar or not.
 
     Returns
     -------
     str
-        `unit` unchanged if pint does not know it: an FMU may name its units as it likes.
+        `unit` unchanged if pint does not know it, as units of an FMU may have any name.
     """
     spelt = from_modelica(unit[:_LONGEST])
     if _without_pint(spelt) is not None:
@@ -228,12 +227,12 @@ def to_familiar(unit: str) -> str:
 
 @lru_cache
 def base_unit(unit: str) -> BaseUnit:
-    """Express a unit in SI base units, for FMI's ``UnitDefinitions``.
+    """Return a unit in SI base units, for FMI's ``UnitDefinitions``.
 
     Parameters
     ----------
     unit : str
-        As pint reads it.
+        Unit as pint reads it.
 
     Returns
     -------
@@ -242,7 +241,7 @@ def base_unit(unit: str) -> BaseUnit:
     Raises
     ------
     UserError
-        If FMI cannot express it: a fractional power, or a base unit outside SI.
+        If FMI cannot express it, because of a fractional power or a base unit outside SI.
     """
     common = _without_pint(unit)
     if common is not None:
@@ -259,24 +258,26 @@ def base_unit(unit: str) -> BaseUnit:
 
 
 def convert(value: Any, unit: str, to: str, what: str = "value") -> Any:
-    """Convert a number or an array.
+    """Convert a number or an array to another unit.
 
     Parameters
     ----------
     value : float or ndarray
+        In `unit`.
     unit, to : str
-        From which unit, to which.
+        Units of argument and result.
     what : str
         Name of the value, for the message.
 
     Returns
     -------
     float or ndarray
+        In the unit `to`.
 
     Raises
     ------
     UserError
-        If the two units measure different things.
+        If the units have different dimensions.
     """
     if unit == to:
         return value
@@ -294,7 +295,7 @@ def convert(value: Any, unit: str, to: str, what: str = "value") -> Any:
 
 
 def check(unit: str) -> None:
-    """Refuse what is no unit.
+    """Raise an error unless a text is a unit.
 
     Parameters
     ----------
@@ -303,14 +304,14 @@ def check(unit: str) -> None:
     Raises
     ------
     UserError
-        As `parse` does.
+        See `parse`.
     """
     if _without_pint(unit) is None:
         parse(unit)
 
 
 def measure_alike(unit: str, other: str) -> bool:
-    """Return whether two units measure the same thing; see `convertible`.
+    """Return whether two units measure the same quantity; see `convertible`.
 
     Parameters
     ----------
@@ -323,7 +324,7 @@ def measure_alike(unit: str, other: str) -> bool:
     Raises
     ------
     UserError
-        If one of them is none.
+        If one of them is no unit.
     """
     one = _without_pint(unit)
     another = _without_pint(other)
@@ -333,10 +334,10 @@ def measure_alike(unit: str, other: str) -> bool:
 
 
 def convertible(source: pint.Unit, target: pint.Unit) -> bool:
-    """Return whether two parsed units measure the same thing.
+    """Return whether two parsed units measure the same quantity.
 
-    pint counts an angle as a pure number, so that 1 Hz would be 1 rad/s and 60 rpm would be 2 pi
-    Hz; here an angle must remain one.
+    In pint an angle is dimensionless, so that 1 Hz would be 1 rad/s and 60 rpm would be 2 pi Hz;
+    here the power of the angle must also be the same.
 
     Parameters
     ----------
@@ -367,7 +368,7 @@ class Described(Protocol):
     unit : str
         SI unit.
     display : str or None
-        Unit for people; None is the SI unit.
+        Unit for people; None for the SI unit.
     min, max : float
         Inclusive range.
     """
@@ -380,15 +381,15 @@ class Described(Protocol):
 
 
 def format_value(value: float, variable: Described, digits: int = 6) -> str:
-    """Write a value with its unit as people read it, e.g. ``0.068 mm/C``.
+    """Write a value in its display unit, such as ``0.068 mm/C``.
 
     Parameters
     ----------
     value : float
-        SI.
+        Value, SI.
     variable : Described
     digits : int
-        Significant ones.
+        Number of significant digits.
 
     Returns
     -------
@@ -400,17 +401,17 @@ def format_value(value: float, variable: Described, digits: int = 6) -> str:
 
 
 def format_difference(value: float, variable: Described, digits: int = 6) -> str:
-    """Write a difference of two values, such as an error, with its unit as people read it.
+    """Write a difference of two values, such as an error, in its display unit.
 
-    A difference of 2 K is 2 K, where the value 2 K is written as -271 degC.
+    A difference of 2 K is written as 2 K, although the value 2 K is written as -271 degC.
 
     Parameters
     ----------
     value : float
-        SI.
+        Difference, SI.
     variable : Described
     digits : int
-        Significant ones.
+        Number of significant digits.
 
     Returns
     -------
@@ -420,7 +421,7 @@ def format_difference(value: float, variable: Described, digits: int = 6) -> str
 
 
 def unit_of_differences(variable: Described) -> str:
-    """Choose the unit people prefer for differences: the displayed one unless it has an offset.
+    """Return the unit in which differences are displayed: the display unit if it has no offset.
 
     Parameters
     ----------
@@ -437,16 +438,16 @@ def unit_of_differences(variable: Described) -> str:
 def format_prefixed(
     value: float, variable: Described, digits: int = 3, like: float | None = None
 ) -> str:
-    """Write a value with an SI prefix, as people say it: ``13.0 mΩ``, ``18.0 s``, ``1.70 MN·s/m``.
+    """Write a value with an SI prefix, such as ``13.0 mΩ``, ``18.0 s`` or ``1.70 MN·s/m``.
 
     Parameters
     ----------
     value : float
-        SI.
+        Value, SI.
     variable : Described
-        Its display unit is taken where that is no power of ten of the SI unit, such as degC.
+        Its display unit is used if it is not the SI unit times a power of ten, such as degC.
     digits : int
-        Significant ones, zeros at the end included.
+        Number of significant digits, with trailing zeros.
     like : float, optional
         See `write_prefixed`.
 
@@ -464,17 +465,19 @@ def format_prefixed(
 
 
 def write_prefixed(value: float, unit: str, digits: int = 3, like: float | None = None) -> str:
-    """Write a value in an SI unit with a prefix: ``9.80 mN·m``.
+    """Write a value in an SI unit with a prefix, such as ``9.80 mN·m``.
 
     Parameters
     ----------
     value : float
+        Value in `unit`.
     unit : str
+        SI unit.
     digits : int
-        Significant ones, zeros at the end included.
+        Number of significant digits, with trailing zeros.
     like : float, optional
-        Value whose prefix is taken, so that values beside each other are in one unit; its own
-        unless given, or where that is 0 or not finite.
+        Value that determines the prefix, so that several values have the same unit; by default, or
+        if it is 0 or not finite, the value itself.
 
     Returns
     -------
@@ -485,19 +488,20 @@ def write_prefixed(value: float, unit: str, digits: int = 3, like: float | None 
 
 
 def _is_prefixed(unit: str) -> bool:
-    """Return whether a unit is one of SI times a power of ten."""
-    shown = base_unit(unit)
-    return not shown.offset and math.log10(shown.factor).is_integer()
+    """Return whether a unit is an SI unit times a power of ten."""
+    base = base_unit(unit)
+    return not base.offset and math.log10(base.factor).is_integer()
 
 
 def with_prefix(value: float, unit: str, like: float | None = None) -> tuple[float, str]:
-    """Return a value for a unit with an SI prefix, and that unit as it is printed.
+    """Return a value converted to a unit with an SI prefix, and that unit.
 
     Parameters
     ----------
     value : float
+        Value in `unit`.
     unit : str
-        Of SI, without prefix.
+        SI unit without prefix.
     like : float, optional
         See `write_prefixed`.
 
@@ -505,13 +509,14 @@ def with_prefix(value: float, unit: str, like: float | None = None) -> tuple[flo
     -------
     value : float
     unit : str
+        As printed; see `printed`.
     """
     powers = powers_of_names(unit) if _without_pint(unit) is not None else {}
     first, power = next(iter(powers.items()), ("", 0))
     size = abs(like) if like and math.isfinite(like) else abs(value)
     if first not in _PREFIXED or power != 1 or not size or not math.isfinite(size):
         return value, printed(unit)
-    largest = 0 if first == "s" else 9  # nobody says kiloseconds
+    largest = 0 if first == "s" else 9  # no kiloseconds
     tens = min(max(3 * math.floor(math.log10(size) / 3.0), -9), largest)
     return value / 10.0**tens, _LETTERS[tens] + printed(unit)
 
@@ -521,7 +526,7 @@ def _round(value: float, digits: int) -> float:
 
 
 def _rounded(number: float, digits: int) -> str:
-    """Write a number with so many digits, zeros at the end included."""
+    """Write a number with a number of significant digits, with trailing zeros."""
     if not math.isfinite(number) or not number:
         return f"{number:g}"
     if 10.0 ** (digits - 1) <= abs(number) < _WRITTEN_OUT:
@@ -530,7 +535,7 @@ def _rounded(number: float, digits: int) -> str:
 
 
 def printed(unit: str) -> str:
-    """Write a unit as it is printed: ``N·s/m``, ``mΩ``, ``C⁻²``."""
+    """Write a unit in typographic form, such as ``N·s/m``, ``mΩ`` or ``C⁻²``."""
     inverse = _INVERSE.fullmatch(unit)
     if inverse:
         unit = f"{inverse[1]}^-{inverse[2] or 1}"
@@ -541,13 +546,13 @@ def printed(unit: str) -> str:
 
 
 def _with_unit(value: float, unit: str, display: str, digits: int) -> str:
-    """Write a value converted to the unit that is displayed."""
+    """Write a value converted to its display unit."""
     number = f"{convert(float(value), unit, display):.{digits}g}"
     return number if display == "1" else f"{number} {display}"
 
 
 def format_range(variable: Described) -> str:
-    """Write the range of a variable as people read it, e.g. ``0 … 1e+06 ohm``.
+    """Write the range of a variable in its display unit, such as ``0 … 1e+06 ohm``.
 
     Parameters
     ----------
@@ -556,7 +561,7 @@ def format_range(variable: Described) -> str:
     Returns
     -------
     str
-        Empty if the range is open.
+        Empty if the range has no limits.
     """
     has_lower = math.isfinite(variable.min)
     has_upper = math.isfinite(variable.max)
@@ -571,18 +576,18 @@ def format_range(variable: Described) -> str:
 
 
 def to_modelica(unit: str) -> str:
-    """Write a unit in the grammar of the Modelica language, which tools that import FMUs read.
+    """Return a unit in Modelica's grammar, which tools that import FMUs read.
 
     Parameters
     ----------
     unit : str
-        As pint reads it.
+        Unit as pint reads it.
 
     Returns
     -------
     str
-        Factors with points between them, powers after names, one slash; `unit` unchanged if that
-        is impossible.
+        Factors with points between them, powers after names, at most one slash; `unit` unchanged if
+        that is impossible.
 
     Examples
     --------
@@ -608,14 +613,14 @@ def to_modelica(unit: str) -> str:
 
 
 def _parsed(unit: str) -> ast.expr:
-    """Parse a unit as an expression of Python; SyntaxError if it is none."""
+    """Parse a unit as a Python expression; raise SyntaxError if it is none."""
     text = unit.strip().replace("^", "**").replace("·", "*").replace(".", "*").replace("°C", "degC")
     text = re.sub(r"(?<=[\w)])\s+(?=[\w(])", "*", text)
     return ast.parse(text, mode="eval").body
 
 
 def _powers(node: ast.expr) -> dict[str, int]:
-    """Return the power of each name, in order of appearance; ValueError for anything else."""
+    """Return the power of each name in a product; raise ValueError for any other expression."""
     match node:
         case ast.Name(id=name) if not any(map(str.isdigit, name)):
             return {name: 1}
@@ -635,9 +640,7 @@ def _powers(node: ast.expr) -> dict[str, int]:
 
 
 def from_modelica(unit: str) -> str:
-    """Write a unit that may be in Modelica's grammar as pint reads it.
-
-    The names may still be unknown to pint.
+    """Return a unit, which may be in Modelica's grammar, in pint's spelling.
 
     Parameters
     ----------
@@ -646,6 +649,7 @@ def from_modelica(unit: str) -> str:
     Returns
     -------
     str
+        Its names may be unknown to pint.
 
     Examples
     --------
@@ -658,7 +662,7 @@ def from_modelica(unit: str) -> str:
 
 
 def _factor_for_pint(match: re.Match[str]) -> str:
-    """Write a name and its power as pint reads them."""
+    """Return a name and its power in pint's spelling."""
     name = match[1]
     if name.endswith("Ohm"):
         name = name.removesuffix("Ohm") + "ohm"

@@ -91,11 +91,12 @@ class LinearBlocks:
         The new input ``cut(state)`` replaces the state in every law except that of the state
         itself, like a cut behind an integrator or a hold.
         """
-        opened = replace(self, inputs=(*self.inputs, f"cut({state})"))._from(self)
+        blocks = replace(self, inputs=(*self.inputs, f"cut({state})"))._from(self)
         place = self.columns.index(state)
-        last = len(opened.columns) - 1
+        last = len(blocks.columns) - 1
 
         def rewire(matrix: Array, own: Sequence[bool]) -> Array:
+            """Read the new input instead of the state, except in rows of its own law."""
             others = ~np.array(own, dtype=bool)
             result = matrix.copy()
             result[others, last] = matrix[others, place]
@@ -105,14 +106,14 @@ class LinearBlocks:
         discrete = place - len(self.states)
         updates = tuple(
             replace(u, matrix=rewire(u.matrix, [row == discrete for row in u.rows]))
-            for u in opened.updates
+            for u in blocks.updates
         )
         itself = {state, f"der({state})", f"next({state})"}
-        names = list(opened.signals)
-        rows = rewire(np.array(list(opened.signals.values())), [n in itself for n in names])
+        names = list(blocks.signals)
+        rows = rewire(np.array(list(blocks.signals.values())), [n in itself for n in names])
         return replace(
-            opened,
-            rates=rewire(opened.rates, [n == state for n in opened.states]),
+            blocks,
+            rates=rewire(blocks.rates, [n == state for n in blocks.states]),
             updates=updates,
             signals=dict(zip(names, rows, strict=True)),
         )
@@ -218,10 +219,10 @@ class LinearBlocks:
         places = {old: new for new, old in enumerate(discretes)}
         updates = []
         for update in self.updates:
-            kept = [i for i, row in enumerate(update.rows) if row in places]
-            rows = tuple(places[update.rows[i]] for i in kept)
+            members = [i for i, row in enumerate(update.rows) if row in places]
+            rows = tuple(places[update.rows[i]] for i in members)
             if rows:
-                updates.append(replace(update, rows=rows, matrix=update.matrix[kept]))
+                updates.append(replace(update, rows=rows, matrix=update.matrix[members]))
         return replace(
             self,
             states=tuple(self.states[i] for i in states),
@@ -305,10 +306,9 @@ def blocks_of(
         If a derivative is not finite there.
     """
     layout = graph.layout
-    states, discretes, inputs = (
-        tuple(variable.name for variable in group)
-        for group in (layout.states, layout.discretes, layout.inputs)
-    )
+    states = tuple(v.name for v in layout.states)
+    discretes = tuple(v.name for v in layout.discretes)
+    inputs = tuple(v.name for v in layout.inputs)
     matrices = (function or jacobians(graph)).call(point.arguments(graph))
     rates, outputs, *sampled = (matrix.full() for matrix in matrices)
     updates = _updates(graph, point, sampled)

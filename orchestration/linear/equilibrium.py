@@ -122,9 +122,9 @@ def _check(graph: Graph, request: TrimRequest, targets: Mapping[str, float]) -> 
                     f"{graph.name}: {option(role)} names {name!r}, which is no {kinds[role]}"
                     f"{suggestion(name, known[role])}"
                 )
-    both = next((name for name in request.free if name in request.fixed), None)
-    if both is not None:
-        raise UserError(f"{both} is both fixed and free")
+    conflict = next((name for name in request.free if name in request.fixed), None)
+    if conflict is not None:
+        raise UserError(f"{conflict} is both fixed and free")
     if len(request.free) > len(targets):
         raise UserError(
             f"{graph.name}: {option('free', list(request.free))}: for each of these a state or an"

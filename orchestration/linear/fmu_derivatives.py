@@ -178,6 +178,7 @@ def _differences(fmu: ExchangeFmu, request: FmuRequest, states: Array, inputs: A
     n = states.size
 
     def laws(point: Array) -> Array:
+        """Return rates and outputs at states and inputs."""
         fmu.set_states(point[:n].tolist())
         write(point[n:])
         outputs = np.empty(len(request.outputs))
@@ -206,10 +207,8 @@ def _by_pulses(request: FmuRequest) -> LinearModel:
         name: float(request.settings.get(name, request.model.inputs[name].start))
         for name in request.inputs
     }
-    responses, delayed = (
-        np.stack([_pulse(request, name, levels, at) for name in request.inputs], axis=1)
-        for at in (0, 1)
-    )
+    responses = _pulse_responses(request, levels, 0)
+    delayed = _pulse_responses(request, levels, 1)
     scale = np.abs(responses).max(axis=(1, 2), keepdims=True)
     scale[scale == 0.0] = 1.0
     responses /= scale
@@ -256,13 +255,15 @@ def _order(responses: Array) -> tuple[int, float]:
     return order, float(sizes[order:].max(initial=0.0) / largest)
 
 
-def _pulse(request: FmuRequest, name: str, levels: Mapping[str, float], at: int) -> Array:
-    """Return responses, shape (outputs, steps), to a pulse of height one in step `at`."""
-    size = _PULSE * max(1.0, abs(levels[name]))
-    up, down = (
-        _response(request, {**levels, name: levels[name] + s}, levels, at) for s in (size, -size)
-    )
-    return (up - down) / (2.0 * size)
+def _pulse_responses(request: FmuRequest, levels: Mapping[str, float], at: int) -> Array:
+    """Return responses, shape (outputs, inputs, steps), to pulses of height one in step `at`."""
+    responses = []
+    for name in request.inputs:
+        size = _PULSE * max(1.0, abs(levels[name]))
+        up = _response(request, {**levels, name: levels[name] + size}, levels, at)
+        down = _response(request, {**levels, name: levels[name] - size}, levels, at)
+        responses.append((up - down) / (2.0 * size))
+    return np.stack(responses, axis=1)
 
 
 def _response(
@@ -287,6 +288,7 @@ def _response(
 def _point(
     request: FmuRequest, inputs: dict[str, float], states: dict[str, float]
 ) -> OperatingPoint:
+    """Return the operating point, with the numeric parameters of the settings."""
     numbers = {n: v for n, v in request.settings.items() if not isinstance(v, str)}
     parameters = {n: v for n, v in numeric(numbers).items() if n not in request.model.inputs}
     return OperatingPoint(request.time, parameters, inputs, states, {})
@@ -295,6 +297,7 @@ def _point(
 def _model(
     request: FmuRequest, matrices: Matrices, point: OperatingPoint, method: str
 ) -> LinearModel:
+    """Return the linear model of matrices, with the units of its signals."""
     signals = {**request.model.inputs, **request.model.outputs}
     units = {name: signal.unit for name, signal in signals.items()}
     return LinearModel(

@@ -57,7 +57,7 @@ class LinearSubject:
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit by name of all signals."""
+        """Units of all signals, by name."""
         units = {v.name: v.unit for v in self.graph.layout.variables}
         units |= dict(self.graph.layout.derivatives)
         units |= {f"next({v.name})": v.unit for v in self.graph.layout.discretes}
@@ -263,6 +263,10 @@ def subject_of(model: type[Component] | System, name: str = "") -> LinearSubject
     model : type[Component] or System
     name : str
         Name for messages and results; that of the model if empty.
+
+    Returns
+    -------
+    LinearSubject
 
     Raises
     ------

@@ -48,6 +48,7 @@ def _has_several(column: Column) -> bool:
 
 
 def _elements(table: Table, column: Column, names: list[str]) -> list[Column]:
+    """Return a column for each element of an array."""
     rows = [cell.split() for cell in column.cells]
     for number, words in zip(table.rows, rows, strict=True):
         if len(words) != len(names):

@@ -165,10 +165,11 @@ def read_overview(path: str | Path) -> FileOverview:
 
 
 def _clock(table: Table) -> ClockOverview:
+    """Return the clock of a file; raise if it has none that can be used."""
     column = find_time(table, (), table.columns)
     other = complementary_column(column, table.columns) if holds_instants(column) else None
-    whole = merge_date_and_time(table, column, other) if other else column
-    time = time_in_seconds(table, Match(whole, TIME, None))
+    time_column = merge_date_and_time(table, column, other) if other else column
+    time = time_in_seconds(table, Match(time_column, TIME, None))
     samples = Samples(table.path, time, {}, table.rows, table.repairs)
     repair_clock(samples)
     clock = samples.time
@@ -183,6 +184,7 @@ def _clock(table: Table) -> ClockOverview:
 
 
 def _column_overview(table: Table, column: Column) -> ColumnOverview:
+    """Return the overview of a column."""
     content, values = _content(table, column)
     known = values[np.isfinite(values)]
     return ColumnOverview(

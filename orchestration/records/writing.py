@@ -36,8 +36,8 @@ def header(units: Mapping[str, str]) -> list[str]:
         If a name or a unit cannot stand in a header.
     """
     cells = ["time [s]"]
-    for name, given in units.items():
-        unit = given or "1"
+    for name, stated in units.items():
+        unit = stated or "1"
         plain = INDEX.sub("", name) + unit
         if not name or name != name.strip() or any(mark in plain for mark in '[]\r\n"'):
             raise ValueError(

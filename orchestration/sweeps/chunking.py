@@ -23,14 +23,14 @@ class Chunks:
     Parameters
     ----------
     task : Task
-    which : sequence of int
+    open_rows : sequence of int
         Rows of the cases.
     count : int
         Workers that run them in parallel, and among which the cases are divided.
     """
 
-    def __init__(self, task: Task, which: Sequence[int], count: int = 1):
-        self._waiting = deque(which)
+    def __init__(self, task: Task, open_rows: Sequence[int], count: int = 1):
+        self._waiting = deque(open_rows)
         self._count = count
         trace = 8 * len(task.time) * len(task.outputs)
         self._most = max(1, min(LARGEST, _BYTES // trace))

@@ -58,7 +58,7 @@ def bundle(task: Task) -> TaskBundle:
 
 
 def run_on_cluster(
-    address: str, task: Task, cases: Array, which: Sequence[int]
+    address: str, task: Task, cases: Array, open_rows: Sequence[int]
 ) -> Iterator[RowsAndOutcomes]:
     """Run cases on a cluster, and yield their outcomes in the order of completion.
 
@@ -68,7 +68,7 @@ def run_on_cluster(
         Address of its scheduler, such as ``tcp://10.0.0.5:8786``.
     task : Task
     cases : ndarray, shape (n, p)
-    which : sequence of int
+    open_rows : sequence of int
         Rows to run.
 
     Yields
@@ -85,7 +85,7 @@ def run_on_cluster(
     with CaseRunner(task):  # raises an error here if the FMU cannot be opened
         pass
     client, threads = _connect(address)
-    chunks = Chunks(task, which, threads)
+    chunks = Chunks(task, open_rows, threads)
     # cases of chunks whose worker ended; only one of them may be the cause
     suspects: deque[list[int]] = deque()
     running: dict[Any, list[int]] = {}
@@ -223,7 +223,7 @@ def release() -> None:
 
 @contextmanager
 def _in_worker_folder() -> Iterator[None]:
-    """Make the folder of the worker that of temporary files while the context lasts.
+    """Use the folder of the worker for temporary files within the context.
 
     Dask removes that folder even if the process is killed.
     """

@@ -25,7 +25,7 @@ def names_to_draw(names: Sequence[str]) -> list[str]:
 
 
 def describe_omission(names: Sequence[str]) -> list[str]:
-    """Return a line on the names for which a picture has no panel; nothing if it has all."""
+    """Return a line on the names for which a picture has no panel; no line if it shows all."""
     if len(names) <= MOST:
         return []
     return [
@@ -75,7 +75,7 @@ def no_numbers() -> UserError:
 
 
 def omissions(data: xarray.Dataset) -> list[str]:
-    """Return a line for each omission of the picture of a sweep."""
+    """Return a line on each part of a sweep that its picture does not show."""
     numbers = _numbers(data)
     first, *others = _parameters(data)
     return [*describe_omission(numbers), *_describe_others(data[numbers[0]], first, others)]

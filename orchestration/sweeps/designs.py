@@ -42,13 +42,13 @@ class Design:
     @property
     def names(self) -> list[str]:
         """Names of the parameters."""
-        return [one.name for one in self.ranges]
+        return [parameter.name for parameter in self.ranges]
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of values per parameter of a grid; the number of cases of another design."""
         if self.kind == "grid":
-            return tuple(len(one.values) for one in self.ranges)
+            return tuple(len(parameter.values) for parameter in self.ranges)
         return (len(self.cases),)
 
 
@@ -96,17 +96,17 @@ def design(
         raise UserError(
             f"nothing to sweep: name a parameter, such as {option('over', {'R1': '0.3..0.7:41'})}"
         )
-    names = [one.name for one in ranges]
+    names = [parameter.name for parameter in ranges]
     for name in names:
         if names.count(name) > 1:
             raise UserError(f"{option('over')} names {name} twice")
     if kind in GIVEN:
         return _design_of_values(tuple(ranges), kind, samples)
-    for one in ranges:
-        if one.counted:
+    for parameter in ranges:
+        if parameter.counted:
             raise UserError(
-                f"{one.name} has a list of values, but {option('kind', kind)} chooses them: write"
-                " from..to"
+                f"{parameter.name} has a list of values, but {option('kind', kind)} chooses them:"
+                " write from..to"
             )
     if kind == tornado.TORNADO:
         _refuse_samples(kind, samples)
@@ -125,34 +125,36 @@ def _refuse_samples(kind: str, samples: int | None) -> None:
 def _design_of_values(ranges: tuple[Range, ...], kind: str, samples: int | None) -> Design:
     """Return a design of the values in the ranges."""
     _refuse_samples(kind, samples)
-    for one in ranges:
-        if not one.counted:
-            raise UserError(f"{one.name}: a {kind} needs the number of values, as in 0.3..0.7:41")
+    for parameter in ranges:
+        if not parameter.counted:
+            raise UserError(
+                f"{parameter.name}: a {kind} needs the number of values, as in 0.3..0.7:41"
+            )
     return _grid(ranges) if kind == "grid" else _one_by_one(ranges, kind)
 
 
 def _grid(ranges: tuple[Range, ...]) -> Design:
     """Return all combinations of values; the last parameter changes fastest."""
-    for one in ranges:
-        distinct, counts = np.unique(one.values, return_counts=True)
-        if len(distinct) < len(one.values):
-            raise UserError(f"{one.name}: {distinct[counts > 1][0]:g} stands there twice")
-    lengths = [len(one.values) for one in ranges]
+    for parameter in ranges:
+        distinct, counts = np.unique(parameter.values, return_counts=True)
+        if len(distinct) < len(parameter.values):
+            raise UserError(f"{parameter.name}: {distinct[counts > 1][0]:g} stands there twice")
+    lengths = [len(parameter.values) for parameter in ranges]
     check_count(float(np.prod(np.array(lengths, dtype=float))))
-    grid = np.meshgrid(*(one.values for one in ranges), indexing="ij")
+    grid = np.meshgrid(*(parameter.values for parameter in ranges), indexing="ij")
     return Design("grid", ranges, np.column_stack([column.ravel() for column in grid]))
 
 
 def _one_by_one(ranges: tuple[Range, ...], kind: str) -> Design:
     """Return a design whose k-th case has the k-th values of all parameters."""
-    lengths = [len(one.values) for one in ranges]
+    lengths = [len(parameter.values) for parameter in ranges]
     if len(set(lengths)) > 1:
-        listed = ", ".join(f"{one.name} {len(one.values)}" for one in ranges)
+        listed = ", ".join(f"{parameter.name} {len(parameter.values)}" for parameter in ranges)
         raise UserError(
             f"{option('kind', kind)} needs equal numbers of values for all parameters, not {listed}"
         )
     check_count(lengths[0])
-    return Design(kind, ranges, np.column_stack([one.values.ravel() for one in ranges]))
+    return Design(kind, ranges, np.column_stack([parameter.values.ravel() for parameter in ranges]))
 
 
 def check_count(count: float) -> None:
@@ -185,5 +187,5 @@ def _design_of_samples(
 
         sampler = qmc.Sobol if kind == "sobol" else qmc.LatinHypercube
         shares = sampler(len(ranges), rng=np.random.default_rng(seed)).random(samples)
-    columns = [one.between(shares[:, k]) for k, one in enumerate(ranges)]
+    columns = [parameter.between(shares[:, k]) for k, parameter in enumerate(ranges)]
     return Design(kind, ranges, np.column_stack(columns))

@@ -75,13 +75,13 @@ def run_sweep(
         stack.enter_context(locked_folder(journal_folder))
         journal = SweepJournal(journal_folder, task, cases.cases, guid)
         open_cases = journal.open_rows
-        whole = len(cases.cases)
-        done = whole - len(open_cases)
-        progress(done, whole)
+        count = len(cases.cases)
+        done = count - len(open_cases)
+        progress(done, count)
         repeats = _repeats(cases, open_cases)
         for rows, outcomes in _run_all(task, cases.cases, [*repeats], workers, scheduler):
             done += _write(journal, rows, outcomes, repeats)
-            progress(done, whole)
+            progress(done, count)
         result = dataset(model, task, cases, journal)
         if folder is None:
             result.load()
@@ -110,10 +110,10 @@ def _run_all(
 ) -> Iterator[RowsAndOutcomes]:
     """Run cases; at the end the FMU runs those that compiled code left undecided."""
     undecided: list[int] = []
-    for which, outcomes in _run(task, cases, rows, workers, scheduler):
-        undecided += [which[place] for place in outcomes.undecided]
-        decided = [place for place in range(len(which)) if place not in outcomes.undecided]
-        yield [which[place] for place in decided], outcomes.at(decided)
+    for chunk, outcomes in _run(task, cases, rows, workers, scheduler):
+        undecided += [chunk[place] for place in outcomes.undecided]
+        decided = [place for place in range(len(chunk)) if place not in outcomes.undecided]
+        yield [chunk[place] for place in decided], outcomes.at(decided)
     if undecided:
         yield from _run(task.by_fmu, cases, undecided, workers, scheduler)
 
@@ -121,6 +121,7 @@ def _run_all(
 def _run(
     task: Task, cases: Array, rows: list[int], workers: int, scheduler: str | None
 ) -> Iterator[RowsAndOutcomes]:
+    """Run cases by local workers, or on a cluster if there is a scheduler."""
     if scheduler is None or not rows:
         return run_cases(task, cases, rows, min(workers, max(1, len(rows))))
     return run_on_cluster(scheduler, task, cases, rows)

@@ -127,9 +127,9 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> S
     # in a tornado a parameter keeps the value of the experiment while another one changes
     replaced = {} if table.design == TORNADO else over
     experiment = _without(stated, replaced)
-    with subject(experiment, where) as on:
-        fed = {name: signal for name, signal in on.inputs.items() if name not in over}
-        prepared = prepare(experiment, replace(on, inputs=fed), where, note)
+    with subject(experiment, where) as target:
+        inputs = {name: signal for name, signal in target.inputs.items() if name not in over}
+        prepared = prepare(experiment, replace(target, inputs=inputs), where, note)
     settings = {name: value for name, value in prepared.settings.items() if name not in replaced}
     if fit is not None:
         for line in fit.differences(settings):

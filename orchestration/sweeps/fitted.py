@@ -146,14 +146,14 @@ def read_fitted(path: Path, model: Model) -> SweepFit:
         same units.
     """
     try:
-        given = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, RecursionError) as error:
         raise UserError(f"{path}: no JSON, as ppy identify --json writes it ({error})") from error
-    if not isinstance(given, dict) or "fitted" not in given:
+    if not isinstance(content, dict) or "fitted" not in content:
         raise UserError(f"{path}: holds no fit, as ppy identify --json writes it")
-    answer = checked(_Answer, given, str(path))
+    answer = checked(_Answer, content, str(path))
     fitted = answer.fitted
     estimates = {name: _estimate(path, name, one, model) for name, one in fitted.parameters.items()}
     between = _correlations(path, fitted)
@@ -166,18 +166,18 @@ def read_fitted(path: Path, model: Model) -> SweepFit:
         raise UserError(f"{path}: {error}") from error
 
 
-def _estimate(path: Path, name: str, given: _Parameter, model: Model) -> Estimate:
+def _estimate(path: Path, name: str, parameter: _Parameter, model: Model) -> Estimate:
     """Return the estimate of a parameter; raise if the model does not have it in the same unit."""
     if name not in model.parameters:
         raise UserError(
             f"{path}: {model.name} has no parameter {name}; it is a fit of another model"
         )
     unit = model.parameters[name].unit
-    if given.unit != unit:
-        raise UserError(f"{path}: {name} is in {given.unit}, but {model.name} has it in {unit}")
-    low, high = given.ci95
+    if parameter.unit != unit:
+        raise UserError(f"{path}: {name} is in {parameter.unit}, but {model.name} has it in {unit}")
+    low, high = parameter.ci95
     interval = (-np.inf if low is None else low, np.inf if high is None else high)
-    return Estimate(given.value, given.value, interval, given.unit)
+    return Estimate(parameter.value, parameter.value, interval, parameter.unit)
 
 
 def _correlations(path: Path, fitted: _Fitted) -> dict[tuple[str, str], float]:

@@ -22,7 +22,7 @@ _runner: CaseRunner | None = None  # of a worker process
 
 
 def run_cases(
-    task: Task, cases: Array, which: Sequence[int], count: int = 1
+    task: Task, cases: Array, open_rows: Sequence[int], count: int = 1
 ) -> Iterator[RowsAndOutcomes]:
     """Run cases, and yield their outcomes in the order of completion.
 
@@ -30,7 +30,7 @@ def run_cases(
     ----------
     task : Task
     cases : ndarray, shape (n, p)
-    which : sequence of int
+    open_rows : sequence of int
         Rows to run.
     count : int
         Number of workers: other processes, or threads for compiled code. A single worker is this
@@ -50,8 +50,8 @@ def run_cases(
     may_run_here = task.limits is None or task.equations
     if may_run_here:
         with CaseRunner(task) as runner:  # raises an error here if the FMU cannot be opened
-            if count == 1 or len(which) < 2:
-                chunks = Chunks(task, which)
+            if count == 1 or len(open_rows) < 2:
+                chunks = Chunks(task, open_rows)
                 while chunks:
                     rows = chunks.next()
                     outcomes = runner.run(cases[rows])
@@ -59,7 +59,7 @@ def run_cases(
                     yield rows, outcomes
                 return
     with _pool(task, count) as submit:
-        yield from _run_in_parallel(submit, task, cases, Chunks(task, which, count), count)
+        yield from _run_in_parallel(submit, task, cases, Chunks(task, open_rows, count), count)
 
 
 @contextmanager

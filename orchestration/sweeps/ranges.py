@@ -74,13 +74,13 @@ def read_range(text: str, model: Model) -> Range:
     UserError
         If the text is not of this form, the model has no such parameter, or a value is not allowed.
     """
-    name, equals, given = (part.strip() for part in text.partition("="))
-    if not equals or not given:
+    name, equals, notation = (part.strip() for part in text.partition("="))
+    if not equals or not notation:
         raise UserError(f"{_over(text)}: write name=from..to:count or name=value, value, ...")
     signal = _signal(name, model, text)
-    match = _RANGE.match(given)
+    match = _RANGE.match(notation)
     if match is None:
-        numbers = [_value(word, signal, text) for word in given.split(",")]
+        numbers = [_value(word, signal, text) for word in notation.split(",")]
         return Range(name, signal.unit, np.array(numbers))
     low = _value(_with_unit_of(match["high"], match["low"]), signal, text)
     high = _value(match["high"], signal, text)
@@ -147,27 +147,28 @@ def _over(text: str) -> str:
     return option("over", {name: values} if equals else name)
 
 
-def _count(given: str, text: str) -> int:
+def _count(word: str, text: str) -> int:
     """Return the number of values of a range; raise if it is not 2 to `MOST`."""
-    if not given.isdigit() or not 2 <= int(given) <= MOST:
+    if not word.isdigit() or not 2 <= int(word) <= MOST:
         raise UserError(
-            f"{_over(text)}: {given or 'nothing'} is no number of values (allowed: 2 to {MOST:,})"
+            f"{_over(text)}: {word or 'nothing'} is no number of values (allowed: 2 to {MOST:,})"
         )
-    return int(given)
+    return int(word)
 
 
-def _with_unit_of(other: str, given: str) -> str:
+def _with_unit_of(other: str, amount: str) -> str:
     """Return a value with the unit of another one if it has none."""
-    return f"{given} {_unit(other)}" if not _unit(given) else given
+    return f"{amount} {_unit(other)}" if not _unit(amount) else amount
 
 
-def _unit(given: str) -> str:
-    number = _NUMBER.match(given.strip())
-    return given.strip()[number.end() :].strip() if number else ""
+def _unit(amount: str) -> str:
+    number = _NUMBER.match(amount.strip())
+    return amount.strip()[number.end() :].strip() if number else ""
 
 
-def _value(given: str, signal: Signal, text: str) -> float:
-    value = read_setting(given.strip(), signal, _over(text))
+def _value(word: str, signal: Signal, text: str) -> float:
+    """Return a finite value in the unit of a signal."""
+    value = read_setting(word.strip(), signal, _over(text))
     if isinstance(value, str) or not np.isfinite(value):
-        raise UserError(f"{_over(text)}: {given.strip()!r} is not a number")
+        raise UserError(f"{_over(text)}: {word.strip()!r} is not a number")
     return float(value)

@@ -42,7 +42,7 @@ def checked_reductions(names: Sequence[str]) -> list[str]:
 
 
 def reduce_traces(traces: Array, names: Sequence[str]) -> Array:
-    """Return numbers of traces.
+    """Return the reductions of traces to numbers.
 
     Parameters
     ----------

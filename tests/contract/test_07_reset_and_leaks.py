@@ -59,6 +59,7 @@ def test_reset_of_other_models(built, cls, runtime):
 linux_only = pytest.mark.skipif(sys.platform != "linux", reason="memory is counted on Linux")
 
 
+@pytest.mark.slow
 @each_front_end
 @linux_only
 def test_creating_and_freeing_leaks_nothing(archive):

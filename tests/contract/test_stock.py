@@ -109,6 +109,7 @@ def run_with(archive: str, given: dict) -> dict:
     return hosts.run_fmpy(archive, **given)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", slow_but(COMPONENTS, *TELLING_NAMES))
 def test_the_numbers_are_those_of_the_native_build_in_libcosim(stock, fmu, name):
     times, inputs, outputs = stimulus(name)

@@ -68,6 +68,7 @@ def loop(fmu, runtime) -> Iterator[Loop]:
         )
 
 
+@pytest.mark.slow
 def test_steps_of_reference_and_current(loop):
     """Settles at each reference to 1 %; beyond what 10 V give, K 10 V / R = 13 N, it stays at
     that.

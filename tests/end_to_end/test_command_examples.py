@@ -100,6 +100,7 @@ def run_at(rig, command, folder):
         works(*shlex.split(example)[1:], "--endpoint", rig.endpoint, cwd=folder)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", SERVED)
 def test_examples_of_a_server(rig, tmp_path, command):
     run_at(rig, command, tmp_path)

@@ -89,6 +89,7 @@ def test_the_core_alone_works(
     assert printed in works(*arguments, cwd=folder, environment=core)
 
 
+@pytest.mark.slow
 def test_an_fmu_is_checked(core: dict[str, str], folder: Path, pid: Path) -> None:
     assert "no errors" in works("check", pid, cwd=folder, environment=core)
 

@@ -168,6 +168,7 @@ def test_what_is_wrong_ahead_of_the_dynamics_is_named_there_where_it_is_asked_fo
     assert starved.parameters["u_saturation"].value == pytest.approx(0.15, rel=0.03)
 
 
+@pytest.mark.slow
 def test_its_system_has_a_member_ahead(starved, tmp_path):
     system = read_ssp(starved.system(tmp_path / "s.ssp"), tmp_path / "parts")
     assert {member.name for member in system.members} == {"fmu", "correction", "feed"}

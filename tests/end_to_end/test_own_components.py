@@ -37,6 +37,7 @@ def works(environment, tmp_path):
     return works
 
 
+@pytest.mark.slow
 def test_it_is_listed_after_ours(works):
     listed = dict(line.split(maxsplit=1) for line in works("list").splitlines())
     assert list(listed)[len(COMPONENTS)] == "tank"

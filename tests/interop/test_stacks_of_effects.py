@@ -62,6 +62,7 @@ def findings(cls, folder):
         yield from (f"{cls.name}: {problem}" for problem in validate_fmu(str(packed)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("count", "seed"), [(4, 1), pytest.param(STACKS, SEED, marks=pytest.mark.slow)]
 )

@@ -181,6 +181,7 @@ def _same_a_step_later(tables):
         close(tables["Ecos"][signal], tables["libcosim"][signal])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runtime", slow_but(RUNTIMES, "native"))
 def test_a_voltage_is_measured_with_an_error_in_every_master(exported, runtime):
     """The reading is a step old in masters that read outputs before they set inputs; Ecos reads
@@ -205,6 +206,7 @@ def test_a_voltage_is_measured_with_an_error_in_every_master(exported, runtime):
             close(found[measured][1:], found[voltage][:-1] + error)
 
 
+@pytest.mark.slow
 def test_ecos_reads_an_answer_after_it_has_passed_on_the_inputs(exported):
     """Outputs with direct feedthrough are one exchange ahead in Ecos, on equal trajectories."""
     inputs, count, _, (tension,) = RUNS["dma_bench"]
@@ -233,6 +235,7 @@ def test_fmpy_holds_zero_in_the_first_step_where_others_exchange_before_it(expor
     close(first["Ecos"], first["libcosim"])
 
 
+@pytest.mark.slow
 def test_connectors_of_the_system_drive_fmpy_and_stop_libcosim_and_ecos(exported):
     from fmpy.ssp.simulation import simulate_ssp
 
@@ -269,6 +272,7 @@ def test_parameters_of_members_reach_libcosim_and_by_their_name_ecos_but_not_fmp
     assert simulate_ssp(str(path), stop_time=system.step, step_size=system.step)[tension][0] == 0.0
 
 
+@pytest.mark.slow
 def test_a_factor_reaches_libcosim_and_ecos_but_not_fmpy(exported, tmp_path):
     """Two lags in a row, exact for held inputs; the second is fed 3 x + 0.5."""
     fmu = build_one_state_fmu(tmp_path)
@@ -335,6 +339,7 @@ def test_libcosim_reads_a_uri_but_not_fmpy_nor_ecos(exported, tmp_path):
         run_ecos_ssp(other, 1.0, 1, {}, ["one.x"])
 
 
+@pytest.mark.slow
 def test_parameters_of_the_system_reach_ours_and_none_of_the_others(exported, tmp_path):
     """As the standard allows to write them; `ssp.read` follows them."""
     fmu = build_one_state_fmu(tmp_path)

@@ -8,13 +8,13 @@ import uuid
 import zipfile
 from collections.abc import Mapping
 
-# of a description whose GUID is not derived yet
+# placeholder in a description whose GUID is not derived yet
 NO_GUID = "{00000000-0000-0000-0000-000000000000}"
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip can hold
 
 
 def pack(files: Mapping[str, bytes]) -> bytes:
-    """Zip files reproducibly: sorted names, one fixed time, fixed permissions.
+    """Zip files reproducibly: with sorted names, one fixed time and fixed permissions.
 
     Parameters
     ----------
@@ -24,6 +24,7 @@ def pack(files: Mapping[str, bytes]) -> bytes:
     Returns
     -------
     bytes
+        The archive.
     """
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive:

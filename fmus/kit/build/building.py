@@ -1,4 +1,4 @@
-"""Building of FMUs: planning the contents of the archive, compiling, and caching the result."""
+"""Building of FMUs: plan the contents of the archive, compile, and cache the result."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from fmus.kit.storage import cache
 if TYPE_CHECKING:
     from fmus.kit.build.sources import EngineSources
 
-RUNTIMES = ("python", "native")  # behind our front-end
-STOCK = "pythonfmu"  # for users of pythonfmu; it fulfils less of the contract, see `stock.LIMITS`
+RUNTIMES = ("python", "native")  # with the project's own front-end in C
+STOCK = "pythonfmu"  # with pythonfmu's binary; fulfils less of the contract, see `stock.LIMITS`
 
 
 def version() -> str:
@@ -42,7 +42,7 @@ class BuildPlan:
     sources : dict of str to bytes
         C files and headers by name.
     libraries : Mapping of str to tuple of str
-        Libraries they are linked with, by platform.
+        Libraries that the sources are linked with, by platform.
     """
 
     name: str
@@ -73,7 +73,8 @@ def plan_build(cls: type[Component], runtime: str, fmi: int = 2) -> BuildPlan:
     Raises
     ------
     UserError
-        If there is no such runtime or version, or 3.0 is asked of a build without laws in C.
+        If there is no such runtime or version, or FMI 3.0 is requested for a build without laws
+        in C.
     """
     # CasADi takes a tenth of a second to load, and other parts of this package do not need it
     from fmus.kit.build import description
@@ -89,10 +90,10 @@ def plan_build(cls: type[Component], runtime: str, fmi: int = 2) -> BuildPlan:
     contents = documents(cls)
     describe = description.describe_fmi3 if fmi == 3 else description.describe_fmi2
     if fmi == 3:
-        contents |= _of_fmi3(cls, contents.pop("model.png", None), engine)
+        contents |= _fmi3_files(cls, contents.pop("model.png", None), engine)
     if not native:
         contents |= python_package(cls)
-    can = description.Capabilities(
+    capabilities = description.Capabilities(
         needs_execution_tool=not native,
         interpolates_inputs=compiled_laws,
         directional_derivatives=compiled_laws,
@@ -101,7 +102,7 @@ def plan_build(cls: type[Component], runtime: str, fmi: int = 2) -> BuildPlan:
     )
 
     def described(guid: str) -> dict[str, bytes]:
-        return {"modelDescription.xml": describe(cls, graph, can, version(), guid)}
+        return {"modelDescription.xml": describe(cls, graph, capabilities, version(), guid)}
 
     guid = archive.identity(
         contents | c_sources(graph, engine, archive.NO_GUID, fmi) | described(archive.NO_GUID)
@@ -113,8 +114,10 @@ def plan_build(cls: type[Component], runtime: str, fmi: int = 2) -> BuildPlan:
     return BuildPlan(cls.name, runtime, fmi, guid, contents, sources, engine.libraries)
 
 
-def _of_fmi3(cls: type[Component], icon: bytes | None, engine: EngineSources) -> dict[str, bytes]:
-    """Return the files that FMI 3.0 has beside the model description."""
+def _fmi3_files(
+    cls: type[Component], icon: bytes | None, engine: EngineSources
+) -> dict[str, bytes]:
+    """Return the files of FMI 3.0 other than the model description, by path in the archive."""
     from fmus.kit.build import description
     from fmus.kit.build.sources import UNIT
 
@@ -144,14 +147,14 @@ def build(
     cls : type[Component]
         A component, possibly with effects stacked on it.
     runtime : {"python", "native", "pythonfmu"}
-        The first two as :func:`plan_build` has them; the last is a stock archive of pythonfmu
-        (:mod:`.stock`).
+        Runtimes of :func:`plan_build`, or a stock archive of pythonfmu (:mod:`.stock`).
     platforms : sequence of str, optional
-        FMI platforms; default is every one that a compiler here, or pythonfmu, can serve.
+        FMI platforms; by default all that an installed compiler, or pythonfmu, can serve.
     progress : callable
         Called with a short message at each step.
     failed : callable, optional
-        Called with each platform that cannot be served, and why; the archive then has the others.
+        Called with each platform that fails and its error; the archive then has the other
+        platforms. By default the error is raised.
     fmi : {2, 3}
         Version of FMI; see :func:`plan_build`.
 
@@ -163,8 +166,8 @@ def build(
     Raises
     ------
     UserError
-        If no compiler is there, or pythonfmu is not; if a platform cannot be served and nobody is
-        told that it failed, or none can be served.
+        If no compiler, or for a stock archive no pythonfmu, is installed; if a platform fails and
+        `failed` is not given, or if every platform fails.
     """
     _check(runtime, (*RUNTIMES, STOCK))
     if runtime == STOCK:
@@ -179,7 +182,7 @@ def build(
 def check_build(
     cls: type[Component], runtime: str, platforms: Sequence[str] | None = None, fmi: int = 2
 ) -> None:
-    """Refuse, before anything is made, what cannot be built.
+    """Raise an error if an FMU cannot be built, before anything is made.
 
     Parameters
     ----------
@@ -189,8 +192,8 @@ def check_build(
     Raises
     ------
     UserError
-        If there is no such runtime, version or platform, a component has no such build, or what
-        would make it is not installed.
+        If there is no such runtime, version or platform, the component has no such build, or the
+        compiler or pythonfmu is not installed.
     """
     _check(runtime, (*RUNTIMES, STOCK))
     _check_version(cls, runtime, fmi)
@@ -214,8 +217,8 @@ def build_cached(cls: type[Component], runtime: str, fmi: int = 2) -> Path:
     Returns
     -------
     Path
-        In a folder that is named after the GUID and the key of its library, hence after everything
-        in the FMU.
+        The folder is named after the GUID and the digest of the library, and thereby depends on
+        everything in the FMU.
 
     Raises
     ------
@@ -232,13 +235,13 @@ def build_cached(cls: type[Component], runtime: str, fmi: int = 2) -> Path:
 
 
 def _check(runtime: str, known: Sequence[str]) -> None:
-    """Check that there is such a runtime."""
+    """Raise an error unless a runtime is known."""
     if runtime not in known:
         raise UserError(f"unknown runtime {runtime!r}; there are: {', '.join(known)}")
 
 
 def _check_version(cls: type[Component], runtime: str, fmi: int) -> None:
-    """Check that there is such a version of FMI, and that such a build can have it."""
+    """Raise an error unless a version of FMI is known and available for a build."""
     if fmi not in (2, 3):
         raise UserError(f"unknown version {fmi} of FMI; there are: 2, 3")
     if fmi == 3 and runtime != "native":
@@ -259,15 +262,15 @@ def _packed(
         try:
             binaries |= _binary(planned, target, progress)
         except UserError as error:
-            is_last_hope = target == platforms[-1] and not binaries
-            if failed is None or is_last_hope:
+            all_failed = target == platforms[-1] and not binaries
+            if failed is None or all_failed:
                 raise
             failed(target, error)
     return archive.pack(planned.files | binaries)
 
 
 def _binary(planned: BuildPlan, target: str, progress: Callable[[str], None]) -> dict[str, bytes]:
-    """Compile the binary of a plan for a platform; return its path in the archive with it."""
+    """Compile the binary of a plan for a platform; return it by its paths in the archive."""
     from fmus.kit.build.sources import compiled
 
     compiler = toolchain.find_compiler(target).label

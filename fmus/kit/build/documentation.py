@@ -1,6 +1,6 @@
 """The documents in an FMU: a page with README and variables, licences, icon, presets, reference.
 
-The page is ``documentation/index.html``; it needs nothing from elsewhere.
+The page is ``documentation/index.html``; it loads no other file.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from fmus.kit.units import format_range, format_value
 
 _LICENCES = Path(__file__).parent / "licences"
 _REFERENCES = "extra/org.fmi-standard.fmi-ls-ref"
-# a full stop before a capital letter, the next item or the end of the list, not one of "fig. 2"
+# a full stop before a capital letter, the next item or the end of the list; not that of "fig. 2"
 _END_OF_SENTENCE = r"\.(?=\s+(?:[A-Z`]|\d+\. )|\s*\n\n|\s*\Z)"
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; \
@@ -44,7 +44,7 @@ def documents(cls: type[Component]) -> dict[str, bytes]:
     Parameters
     ----------
     cls : type[Component]
-        Its README, icon and reference result stand beside its module.
+        Its README, icon and reference result are in the folder of its module.
 
     Returns
     -------
@@ -65,22 +65,22 @@ def documents(cls: type[Component]) -> dict[str, bytes]:
 
 
 def relaxed_assumption(cls: type[Component], effect: type[Effect]) -> tuple[str, str]:
-    """Return what a component assumes and an effect relaxes.
+    """Return the assumption of a component that an effect relaxes.
 
     Parameters
     ----------
     cls : type[Component]
         Its README numbers the assumptions.
     effect : type[Effect]
-        Says which, or says it in words.
+        Gives the number of the assumption, or its words.
 
     Returns
     -------
     words : str
-        ``the model assumes that ...``, the first sentence of the README on it; empty where that
-        has none of the number.
+        ``the model assumes that ...``, from the first sentence of the assumption in the README;
+        empty if the README has no assumption of this number.
     number : str
-        ``assumption 5 of its documentation``; empty where it has none.
+        ``assumption 5 of its documentation``; empty if the effect gives words.
     """
     given = effect.assumption
     if isinstance(given, str):
@@ -88,23 +88,25 @@ def relaxed_assumption(cls: type[Component], effect: type[Effect]) -> tuple[str,
     readme = _folder(cls) / "README.md"
     text = readme.read_text(encoding="utf-8") if readme.exists() else ""
     listed = text.partition("\n## Assumptions\n")[2]
-    found = re.search(
+    number = f"assumption {given} of its documentation"
+    sentence = re.search(
         rf"^{given}\. (?:(?:`\w+`, )*`\w+`: )?(.+?){_END_OF_SENTENCE}", listed, re.M | re.S
     )
-    words = within_sentence(" ".join(found[1].replace("`", "").split())) if found else ""
-    number = f"assumption {given} of its documentation"
-    return f"the model assumes that {words}" if words else "", number
+    if sentence is None:
+        return "", number
+    words = within_sentence(" ".join(sentence[1].replace("`", "").split()))
+    return f"the model assumes that {words}", number
 
 
 def _folder(cls: type[Component]) -> Path:
-    """Return the folder of a component, also of one with effects stacked on it."""
+    """Return the folder of the module of a component, with or without effects."""
     return Path(getattr(sys.modules.get(cls.__module__), "__file__", None) or "").parent
 
 
 def _reference(cls: type[Component], folder: Path) -> dict[str, bytes]:
-    """Pack the reference result: an experiment of MA-HS-Experiments with its inputs and outputs.
+    """Return the files of the reference result: an MA-HS experiment with its inputs and outputs.
 
-    A component with effects has none.
+    There are none for a component with effects.
     """
     stimuli = folder / f"{cls.name}_in.csv"
     results = folder / f"{cls.name}_ref.csv"
@@ -130,7 +132,7 @@ def _reference(cls: type[Component], folder: Path) -> dict[str, bytes]:
     }
 
 
-# by the end of a name: MIME type, role and description in the manifest of FMI-LS-REF
+# MIME type, role and description in the manifest of FMI-LS-REF, by the end of a name
 _RELATED = {
     ".html": ("text/html", "document", "equations, assumptions, sources and variables"),
     ".ssv": ("application/x-ssp-parameter-set", "parameter", "a set of parameters"),
@@ -173,20 +175,20 @@ def _manifest(files: Mapping[str, bytes]) -> bytes:
 
 
 def _xml(root: Element) -> bytes:
-    """Write a document, indented."""
+    """Write an indented XML document."""
     indent(root)
     text: bytes = tostring(root, encoding="utf-8", xml_declaration=True)
     return text
 
 
 def _option(text: str, key: str) -> str:
-    """Return the value of a line ``key,value``."""
+    """Return the value of a key from lines ``key,value``."""
     value: str = re.findall(rf"^{key},(.*)$", text, re.M)[0]
     return value
 
 
 def page(cls: type[Component], readme: Path) -> str:
-    """Write the page.
+    """Write the documentation page of a component.
 
     Parameters
     ----------
@@ -197,7 +199,7 @@ def page(cls: type[Component], readme: Path) -> str:
     Returns
     -------
     str
-        HTML that needs nothing from elsewhere.
+        HTML that loads no other file.
     """
     from markdown_it import MarkdownIt
 

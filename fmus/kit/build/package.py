@@ -1,8 +1,8 @@
 """The Python package of a Python FMU: modules of the kit, of the component, and an entry module.
 
-The package in an FMU is imported under a name that is unique to it, so everything in it must be
-imported relatively. Our components are written that way. A user's model says ``from fmus.kit import
-...``; that is rewritten on the way in.
+Each FMU imports its package under a unique name, so that all imports within the package must be
+relative. The components of this project are written that way. The statement ``from fmus.kit import
+...`` of a user's model is rewritten.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from fmus.kit.effects import made_by, made_with, stacked_with, unstack
 from fmus.kit.errors import UserError
 from fmus.kit.layout import law_of
 
-# Modules of the kit that every Python FMU brings along: they need the standard library only.
+# modules of the kit that every Python FMU contains; they need only the standard library
 RUNTIME_MODULES = (
     "__init__",
     "arms",
@@ -46,7 +46,7 @@ RUNTIME_MODULES = (
 _KIT = "fmus.kit"
 _KIT_FOLDER = Path(__file__).parents[1]
 _OURS = _KIT.partition(".")[0]
-# folders of modules that are not ours
+# folders for modules of users
 _FILES = "models"  # single files
 _PACKAGES = "packages"  # parts of packages
 _PLACEHOLDER = b'"""Part of a Python FMU."""\n'
@@ -55,7 +55,7 @@ _ALONE = f"{_PYTHON}; no packages beyond the standard library.\n"
 
 
 def python_package(cls: type[Component]) -> dict[str, bytes]:
-    """Collect the files that Python needs at run time.
+    """Return the files that Python needs at run time.
 
     Parameters
     ----------
@@ -92,17 +92,10 @@ def python_package(cls: type[Component]) -> dict[str, bytes]:
 
 
 def _entry(cls: type[Component], places: dict[type[Component], tuple[str, str]], slave: str) -> str:
-    """Write the module that makes the component's class again and offers ``create``.
+    """Write the module that rebuilds the component's class and defines ``create``.
 
-    It is called by ``fmi/python.c``.
-
-    Parameters
-    ----------
-    cls : type[Component]
-    places : dict of type to tuple of str
-        See :func:`bundle`.
-    slave : str
-        The statement that imports the class of the instance.
+    ``fmi/python.c`` calls ``create``. `places` is that of :func:`bundle`; `slave` is the statement
+    that imports the class of an instance.
     """
     base, effects = unstack(cls)
     # classes of different modules may share a name
@@ -132,7 +125,7 @@ def _entry(cls: type[Component], places: dict[type[Component], tuple[str, str]],
 
 
 def _argument_imports(effects: Iterable[type[Component]]) -> set[str]:
-    """Return the imports of the kit's classes of which effects have values as arguments."""
+    """Return the import statements for the dataclasses among the arguments of effects."""
     values = [value for effect in effects for value in made_with(effect).values()]
     kinds = {type(value) for value in values if is_dataclass(value)}
     return {f"from .{place_of(kind.__module__)} import {kind.__name__}" for kind in kinds}
@@ -141,7 +134,7 @@ def _argument_imports(effects: Iterable[type[Component]]) -> set[str]:
 def _part(cls: type[Component], parts: dict[type[Component], str]) -> str:
     """Return the expression for a class in the entry module.
 
-    An effect that was made for an output, a law or an input is made for it again.
+    For an effect that was made for an output, a law or an input it is the call that makes it.
     """
     arguments = made_with(cls)
     if not arguments:
@@ -159,30 +152,30 @@ def _part(cls: type[Component], parts: dict[type[Component], str]) -> str:
 def bundle(
     classes: Iterable[type[Component]], modules: Iterable[str] = (), needs: Collection[str] = ()
 ) -> tuple[dict[str, bytes], dict[type[Component], tuple[str, str]]]:
-    """Collect the modules of some classes.
+    """Collect the modules that define classes.
 
     Parameters
     ----------
     classes : iterable of type
         Components and effects.
     modules : iterable of str
-        Further modules that are collected.
+        Further modules to collect.
     needs : collection of str
-        Packages that are not brought along, and may be imported all the same.
+        Packages that must be installed, which modules may import.
 
     Returns
     -------
     files : dict of str to bytes
         Path below the root of the package to contents; the kit's own modules are not among them.
     places : dict of type to tuple of str
-        For each class the dotted name, below that root, of the module to import from, and the name
-        to import: of the class, or of the function that makes it.
+        For each class the module to import from, as a dotted name below that root, and the name to
+        import: of the class, or of the function that makes it.
 
     Raises
     ------
     UserError
         If a class is not at the top of a file, or its module imports something that an FMU cannot
-        bring along.
+        contain.
     """
     collected = Bundle(needs=needs)
     for module in modules:
@@ -194,7 +187,7 @@ def bundle(
 
 
 def _imported_from(cls: type[Component], collected: Bundle) -> tuple[str, str]:
-    """Return module and name that give a class, or the function that makes it, collecting them."""
+    """Collect the module of a class, or of the function that makes it; return module and name."""
     source: Any = made_by(cls) or cls
     module = source.__module__
     name = source.__name__
@@ -204,23 +197,23 @@ def _imported_from(cls: type[Component], collected: Bundle) -> tuple[str, str]:
             f"{cls.__qualname__} is not defined at the top of a module: a Python FMU cannot"
             " import it"
         )
-    if module.startswith(f"{_KIT}."):  # it is there already
+    if module.startswith(f"{_KIT}."):  # every package has it
         return place_of(module), name
     return collected.add(module), name
 
 
 @dataclass
 class Bundle:
-    """The modules that were collected so far.
+    """A collection of modules for the package of an FMU.
 
     Attributes
     ----------
     files : dict of str to bytes
         Path below the root of the package to contents.
     places : dict of str to str
-        Module name outside to dotted name below the root of the package.
+        Original name of a module to its dotted name below the root of the package.
     needs : collection of str
-        Packages that are not brought along, and may be imported all the same.
+        Packages that must be installed, which modules may import.
     """
 
     files: dict[str, bytes] = field(default_factory=dict)
@@ -228,7 +221,7 @@ class Bundle:
     needs: Collection[str] = ()
 
     def add(self, module: str) -> str:
-        """Add a module, and all modules of ours and of the user's that it imports.
+        """Add a module, with all modules of this project and of the user that it imports.
 
         Parameters
         ----------
@@ -243,7 +236,7 @@ class Bundle:
         Raises
         ------
         UserError
-            If its source is in no file, or it imports something that an FMU cannot bring along.
+            If its source is in no file, or it imports something that an FMU cannot contain.
         """
         if module in self.places:
             return self.places[module]
@@ -259,7 +252,7 @@ class Bundle:
         return place
 
     def _place(self, module: str, source: Path) -> str:
-        """Return the dotted name that a module gets below the root of the package."""
+        """Return the dotted name of a module below the root of the package."""
         if "." in module:
             return place_of(module)
         stem = re.sub(r"\W", "_", source.stem)
@@ -272,7 +265,7 @@ class Bundle:
         return name
 
     def _rewritten(self, module: str, source: Path, depth: int) -> bytes:
-        """Return the text of a module with every absolute import of ours or the user's relative."""
+        """Return the text of a module, with absolute imports of collected modules made relative."""
         text = source.read_text(encoding="utf-8")
         lines = text.split("\n")
         for node in _imports(ast.parse(text, str(source))):
@@ -293,9 +286,9 @@ class Bundle:
         return "\n".join(lines).encode()
 
     def _target(self, module: str, source: Path, node: ast.ImportFrom) -> str | None:
-        """Return the place of a module that is imported from, adding it.
+        """Add the module that a statement imports from, and return its dotted name in the package.
 
-        None if it is in the standard library or need not be brought along.
+        None if it is in the standard library or in a package that must be installed.
         """
         where = f"{source}, line {node.lineno}"
         package = module if source.name == "__init__.py" else module.rpartition(".")[0]
@@ -323,7 +316,7 @@ class Bundle:
 
 
 def place_of(module: str) -> str:
-    """Return the dotted name, below the root of the package, of a module in a package outside."""
+    """Return the dotted name, below the root of an FMU's package, of a module of a package."""
     if module.startswith(f"{_OURS}."):
         return module.removeprefix(f"{_OURS}.")
     return f"{_PACKAGES}.{module}"
@@ -331,15 +324,15 @@ def place_of(module: str) -> str:
 
 def _imported_modules(name: str, node: ast.ImportFrom) -> set[str]:
     """Return the modules that ``from name import ...`` needs: submodules, and the module itself."""
-    submodules = {f"{name}.{alias.name}" for alias in node.names}
-    modules = {submodule for submodule in submodules if _is_module(submodule)}
+    names = {f"{name}.{alias.name}" for alias in node.names}
+    modules = set(filter(_is_module, names))
     if len(modules) < len(node.names):
         modules.add(name)  # some of the names are defined in it
     return modules
 
 
 def _check_kit_modules(modules: set[str], where: str) -> None:
-    """Check that every Python FMU brings these modules of the kit along."""
+    """Raise an error unless every Python FMU contains these modules of the kit."""
     absent = sorted(
         m for m in modules - {_KIT} if m.removeprefix(f"{_KIT}.") not in RUNTIME_MODULES
     )
@@ -350,7 +343,7 @@ def _check_kit_modules(modules: set[str], where: str) -> None:
 
 
 def _check_plain_import(node: ast.Import, source: Path, needs: Collection[str]) -> None:
-    """Check that ``import name`` is of the standard library or of an installed package."""
+    """Raise an error unless ``import name`` is of the standard library or an allowed package."""
     for alias in node.names:
         if alias.name.split(".")[0] not in (*sys.stdlib_module_names, *needs):
             raise UserError(
@@ -361,7 +354,7 @@ def _check_plain_import(node: ast.Import, source: Path, needs: Collection[str]) 
 
 
 def _is_module(name: str) -> bool:
-    """Return whether a module can be imported by this name."""
+    """Return whether a name is that of a module that can be imported."""
     try:
         return importlib.util.find_spec(name) is not None
     except ImportError:  # the name before the last point is no package
@@ -369,7 +362,7 @@ def _is_module(name: str) -> bool:
 
 
 def _source(module: str) -> Path:
-    """Return the file of a module, loaded or not."""
+    """Return the source file of a module, which need not be loaded."""
     loaded = sys.modules.get(module)
     path = getattr(loaded, "__file__", None)
     if loaded is None:
@@ -383,7 +376,7 @@ def _source(module: str) -> Path:
 
 
 def _imports(tree: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
-    """Yield every import that is carried out at run time, in functions too."""
+    """Yield every import that is executed at run time, also within functions."""
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, (ast.Import, ast.ImportFrom)):
             yield node

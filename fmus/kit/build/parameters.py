@@ -1,4 +1,4 @@
-"""Parameter files in SSV, the format of SSP 1.0, and XML files as FMI and SSP want them."""
+"""Parameter sets in SSV, the format of SSP 1.0, and XML files of FMI and SSP."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class Typed(Protocol):
 
     @property
     def unit(self) -> str:
-        """Unit as pint reads it; empty where no unit is to be written."""
+        """Unit as pint reads it; empty if no unit is to be written."""
 
 
 def to_ssv(
     name: str, values: Mapping[str, float | str], declared: Mapping[str, Typed], doc: str = ""
 ) -> bytes:
-    """Write a parameter set.
+    """Write a parameter set in SSV.
 
     Parameters
     ----------
@@ -68,14 +68,14 @@ def to_ssv(
 
 
 def _written(value: float | str, kind: str) -> str:
-    """Write a text, a boolean or an integer as XML does."""
+    """Write a value of type string, boolean or integer as XML does."""
     if kind == "string":
         return str(value)
     return str(bool(value)).lower() if kind == "boolean" else str(int(value))
 
 
 def define_units(parent: Element, namespace: str, used: Iterable[str]) -> None:
-    """Append an element ``Units`` that defines units in SI base units, if there are any.
+    """Append an element ``Units`` with the definitions of units in SI base units, if any.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def define_units(parent: Element, namespace: str, used: Iterable[str]) -> None:
 
 
 def serialized(root: Element) -> bytes:
-    """Write an element as a file: in UTF-8, indented, with the declaration always spelt alike.
+    """Write an element as an XML file: indented, with a fixed XML declaration.
 
     Parameters
     ----------
@@ -116,6 +116,7 @@ def serialized(root: Element) -> bytes:
     Returns
     -------
     bytes
+        UTF-8.
     """
     indent(root)
     body: bytes = tostring(root, encoding="utf-8")

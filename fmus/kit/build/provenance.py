@@ -1,12 +1,11 @@
 """The provenance of an FMU in its description: the component, effects and remarks it was made from.
 
-From it the class of the FMU can be made again; the values are the start values of the FMU's
-parameters. Every component of ours has it, and a user's class that effects or other values were
-laid over (:func:`fmus.kit.stack`). A user's class alone has none: the same laws would no longer
-give the same bytes, which would depend on the folder they are built from and on all else in their
-file.
+The class of the FMU can be rebuilt from it, with the start values of the FMU's parameters. It is
+written for every registered component, and for a user's class with effects or other values
+(:func:`fmus.kit.stack`). It is not written for a user's class alone, because the bytes of its FMU
+would depend on the folder of its file and on everything else in that file.
 
-It stands in ``VendorAnnotations`` (FMI 2.0.4, section 2.2.6), in FMI 3.0 in an
+Its place is ``VendorAnnotations`` in FMI 2.0 (2.0.4, section 2.2.6), and in FMI 3.0 an
 ``Annotation`` of the type ``ppy-rig``::
 
     <Tool name="ppy-rig">
@@ -17,10 +16,10 @@ It stands in ``VendorAnnotations`` (FMI 2.0.4, section 2.2.6), in FMI 3.0 in an
       </MadeFrom>
     </Tool>
 
-``laws`` is the digest of the laws, effects included (:attr:`fmus.kit.symbolic.Graph.digest`): where
-the class that is made again has the same, its equations are those of the FMU. A user's class is
-given as ``<MadeFrom file="models/creep.py" class="Creep" sha256="..." laws="...">``. Of an effect
-that was made for a record, sample time and length of that are given in seconds:
+``laws`` is the digest of the laws with effects (:attr:`fmus.kit.symbolic.Graph.digest`): a class
+with the same digest has the equations of the FMU. A user's class is written as
+``<MadeFrom file="models/creep.py" class="Creep" sha256="..." laws="...">``. An effect that was made
+for a record has the sample time and the length of the record in seconds:
 ``<Effect name="transport_delay(voltage)" step="60" duration="86400"/>``.
 """
 
@@ -48,26 +47,25 @@ _TOOL = "ppy-rig"
 
 @dataclass(frozen=True)
 class Provenance:
-    """The parts that a component was made from.
+    """The component, effects and remarks that an FMU was made from.
 
     Attributes
     ----------
     component : str
         Name of a registered component; empty if it is a user's class.
     file, cls : str
-        File and name of a user's class. The path is relative to the folder in which the FMU was
-        built if the file is below it.
+        File and name of a user's class. The path is relative to the working directory of the build
+        if the file is below that.
     sha256 : str
         Digest of the file's contents, in hexadecimal digits.
     laws : str
-        Digest of the laws; empty if the description does not tell it.
+        Digest of the laws; empty if the description has none.
     effects : tuple of str
-        Names of the effects laid over it, innermost first; see
-        :func:`fmus.kit.effects.effect_name`.
+        Names of the effects, innermost first; see :func:`fmus.kit.effects.effect_name`.
     remarks : tuple of str
-        Further statements about it.
+        Further statements, one by one.
     samplings : Mapping of str to Sampling
-        Of the records that effects were made for, by the names of these.
+        Sampling of the record that an effect was made for, by the effect's name.
     """
 
     component: str = ""
@@ -88,7 +86,8 @@ class Provenance:
 def annotate_fmi2(root: Element, cls: type[Component], graph: Graph) -> None:
     """Append the provenance of a component to a model description of FMI 2.0.
 
-    Nothing is appended for a user's class alone, or for one that no file gives by name.
+    Nothing is appended for a user's class without effects, or for a class that no file defines
+    under its name.
 
     Parameters
     ----------
@@ -119,7 +118,7 @@ def annotate_fmi3(root: Element, cls: type[Component], graph: Graph) -> None:
 
 
 def _made_from(cls: type[Component], graph: Graph) -> Element | None:
-    """Return the element that says what a component was made from."""
+    """Return the element for the provenance of a component; None if it has none."""
     base, effects = unstack(cls)
     origin = _origin(base)
     if origin is None or (cls is base and "file" in origin):
@@ -133,7 +132,7 @@ def _made_from(cls: type[Component], graph: Graph) -> Element | None:
 
 
 def _sampling_of(effect: type[Effect]) -> dict[str, str]:
-    """Return the attributes that give the sampling of the record an effect was made for."""
+    """Return the attributes for the sampling of the record that an effect was made for."""
     sampling = made_with(effect).get("sampling")
     return {name: repr(value) for name, value in vars(sampling).items()} if sampling else {}
 
@@ -146,7 +145,7 @@ def _origin(base: type[Component]) -> dict[str, str] | None:
     path = Path(getattr(module, "__file__", None) or "").absolute()
     if getattr(module, base.__name__, None) is not base or not path.is_file():
         return None
-    # a path from there is the same on every machine, and reveals nothing about this one
+    # a relative path is the same on every machine, and reveals nothing about this one
     here = Path.cwd()
     place = path.relative_to(here) if path.is_relative_to(here) else path
     return {
@@ -167,7 +166,7 @@ def read_provenance(root: Element) -> Provenance | None:
     Returns
     -------
     Provenance or None
-        None for an FMU without one.
+        None if the FMU has none.
 
     Raises
     ------
@@ -195,7 +194,7 @@ def read_provenance(root: Element) -> Provenance | None:
 
 
 def _sampling(effect: str, given: Mapping[str, str]) -> Sampling:
-    """Read the attributes that `_sampling_of` writes."""
+    """Return the sampling from the attributes that `_sampling_of` writes."""
     try:
         return Sampling(float(given["step"]), float(given["duration"]))
     except (KeyError, ValueError) as error:

@@ -12,7 +12,7 @@ from fmus.kit.component import Component
 from fmus.kit.symbolic import Graph, codegen
 
 FOLDER = Path(__file__).parents[1] / "fmi"
-UNIT = "all.c"  # includes every other
+UNIT = "all.c"  # includes every other C file
 _FRONT_END = (
     "instance.c",
     "evaluate.c",
@@ -53,7 +53,7 @@ _RECORD_ENGINE = (
 
 @dataclass(frozen=True)
 class _Version:
-    """The files of a version of FMI, in its folder.
+    """The C files for a version of FMI.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class _Version:
     headers, front_end : tuple of str
         Headers and sources of every build.
     exchange : tuple of str
-        Sources of a build that offers model exchange.
+        Sources of a build with model exchange.
     """
 
     standard: tuple[str, ...]
@@ -94,9 +94,10 @@ class EngineSources:
     Attributes
     ----------
     headers, sources : tuple of Path
-        Files that are included, and files of which the unit consists.
+        Files that are included, and files that are compiled.
     generated : tuple of str
-        Generated files that the unit includes, beside the tables that ``engine.h`` includes.
+        Generated files that are compiled; the generated tables that ``engine.h`` includes are not
+        among them.
     libraries : Mapping of str to tuple of str
         Names for ``-l`` by FMI platform.
     """
@@ -108,7 +109,7 @@ class EngineSources:
 
 
 def _unix(library: str) -> dict[str, tuple[str, ...]]:
-    """Return a library that every platform but Windows is linked with."""
+    """Return a library by platform, for every platform but Windows."""
     return dict.fromkeys(("linux64", "darwin64", "aarch64-linux"), (library,))
 
 
@@ -173,24 +174,24 @@ def c_sources(graph: Graph, engine: EngineSources, guid: str, fmi: int) -> dict[
         texts = codegen.lawless_sources(graph, guid)
     generated = {name: text.encode() for name, text in texts.items()}
     version = _VERSIONS[fmi]
-    of_version = (*version.front_end, *(version.exchange if has_laws else ()))
+    front_end = (*version.front_end, *(version.exchange if has_laws else ()))
     headers = (*(FOLDER / name for name in _HEADERS), *engine.headers)
     folder = FOLDER / f"fmi{fmi}"
-    own = (
+    files = (
         *headers,
         *(toolchain.fmi_headers(fmi) / name for name in version.standard),
-        *(folder / name for name in (*version.headers, *of_version)),
+        *(folder / name for name in (*version.headers, *front_end)),
         *(FOLDER / name for name in _FRONT_END),
         *engine.sources,
     )
-    sources = {path.name: path.read_bytes() for path in own}
+    sources = {path.name: path.read_bytes() for path in files}
     # an engine may have to define feature macros of the system before the first header is read
-    parts = (*(path.name for path in engine.sources), *_FRONT_END, *of_version, *engine.generated)
+    parts = (*(path.name for path in engine.sources), *_FRONT_END, *front_end, *engine.generated)
     return sources | {UNIT: unit(*parts)} | generated
 
 
 def record_engine_sources() -> dict[str, bytes]:
-    """Return every C file of the library that runs any model over records (``fmi/record.c``).
+    """Return the C files of the library that simulates any model over records (``fmi/record.c``).
 
     Returns
     -------
@@ -202,7 +203,7 @@ def record_engine_sources() -> dict[str, bytes]:
 
 
 def record_model_sources(graph: Graph) -> dict[str, bytes]:
-    """Write every C file of a library of a model, which another runs over records.
+    """Return the C files of the library of one model, which the record library simulates.
 
     Parameters
     ----------
@@ -221,7 +222,7 @@ def record_model_sources(graph: Graph) -> dict[str, bytes]:
 
 
 def record_sources(graph: Graph) -> dict[str, bytes]:
-    """Write every C file of a library that is both: it runs the one model that is in it.
+    """Return the C files of a library that contains one model and simulates it over records.
 
     Parameters
     ----------
@@ -238,9 +239,9 @@ def record_sources(graph: Graph) -> dict[str, bytes]:
 
 
 def unit(*names: str) -> bytes:
-    """Make one translation unit of C files.
+    """Return a C file that includes others as one translation unit.
 
-    The compiler sees through the calls between the parts, and a tool has one file to compile.
+    The compiler can then inline calls between the files, and a tool has one file to compile.
 
     Parameters
     ----------
@@ -255,7 +256,7 @@ def unit(*names: str) -> bytes:
 
 
 def compiled(sources: Mapping[str, bytes], libraries: Sequence[str], target: str) -> bytes:
-    """Compile the sources of a build, unless the cache has their library.
+    """Compile the sources of a build, or read their library from the cache.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""C compilers: finding and running zig or the system's, and a cache of the libraries they make.
+"""C compilers: find and run zig or the system's compiler, and cache the libraries they make.
 
-zig compiles for every platform, and offline; the system's compiler for this platform only.
+zig compiles for every platform, offline; the system's compiler only for this platform.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from fmus.kit.errors import UserError
 from fmus.kit.extras import install_command
 from fmus.kit.storage import cache, scratch
 
-# FMI 2 platform -> zig targets. Two targets of darwin64 become one universal library. The versions
-# are the oldest that will do: of glibc; of macOS the first on arm64, and on x86-64 one with all
-# functions that are called.
+# FMI 2 platform -> zig targets. The two targets of darwin64 become one universal library. The
+# versions are the oldest possible ones: of glibc; of macOS the first for arm64, and for x86-64 the
+# first with all functions that are called.
 ZIG_TARGETS = {
     "linux64": ("x86_64-linux-gnu.2.17",),
     "win64": ("x86_64-windows-gnu",),
@@ -45,8 +45,8 @@ FOLDERS_OF_FMI_3 = {
 }
 _HOSTS = {"Linux": "linux64", "Windows": "win64", "Darwin": "darwin64"}
 
-# No contraction of a*b+c: the two builds, and every platform, shall round alike. zig keeps frame
-# pointers unless told otherwise, a twelfth of the step of a small component.
+# No contraction of a*b+c, so that both builds and all platforms round alike. zig keeps frame
+# pointers by default, which cost a twelfth of the step of a small component.
 FLAGS = (
     "-std=c99",
     "-O2",
@@ -58,11 +58,11 @@ FLAGS = (
     "-s",
     "-g0",
 )
-# s for a library, for all its targets together. The largest takes some seconds; the first one of a
-# platform minutes, for zig then makes the C library of that platform, and keeps it.
+# Time limits, in s, for a library with all its targets. The largest takes some seconds; the first
+# one of a platform takes minutes, because zig then builds the C library of that platform.
 _LIMIT = 300.0
 _FIRST_LIMIT = 1800.0
-_served: set[str] = set()  # platforms for which this process has compiled with zig
+_compiled_platforms: set[str] = set()  # platforms for which this process has compiled with zig
 
 
 def host_platform() -> str:
@@ -75,7 +75,7 @@ def host_platform() -> str:
     Raises
     ------
     UserError
-        If FMI 2.0 has no name for it, or it is not built here.
+        If FMUs cannot be built on this platform.
     """
     system = platform.system()
     processor = platform.machine().lower()
@@ -90,7 +90,7 @@ def host_platform() -> str:
 
 
 def fmi_headers(version: int) -> Path:
-    """Return the folder of the headers of FMI 2.0 or 3.0, as the standard has them."""
+    """Return the folder of the standard's headers of FMI 2.0 or 3.0."""
     return Path(__file__).parents[1] / "fmi" / f"fmi{version}" / "standard"
 
 
@@ -116,7 +116,7 @@ class Compiler:
 
     @property
     def version(self) -> str:
-        """The version; libraries of two compilers are the same only if it is."""
+        """The version of the compiler, which is part of the digest of a library."""
         if self.targets:
             return f"zig {importlib.metadata.version('ziglang')}"
         try:
@@ -126,7 +126,7 @@ class Compiler:
         return _printed_version(self.command, about.st_mtime_ns, about.st_size)
 
     def options(self, target: str, libraries: Sequence[str] = ()) -> list[list[str]]:
-        """Return the options of each of its runs for a platform, without paths.
+        """Return the options, without paths, of each run of the compiler for a platform.
 
         Parameters
         ----------
@@ -135,20 +135,20 @@ class Compiler:
         libraries : sequence of str
             Names for ``-l``.
         """
-        own = [*FLAGS, *(f"-l{library}" for library in libraries)]
+        shared = [*FLAGS, *(f"-l{library}" for library in libraries)]
         if target == "darwin64":
-            own.append("-Wl,-install_name,@rpath/library.dylib")
+            shared.append("-Wl,-install_name,@rpath/library.dylib")
         if not self.targets:
-            return [own]
-        return [["-target", one, *own] for one in self.targets]
+            return [shared]
+        return [["-target", one, *shared] for one in self.targets]
 
 
 @functools.cache
 def _printed_version(command: tuple[str, ...], changed: int, size: int) -> str:
     """Return the path of a compiler and the version that it prints.
 
-    Another version may be installed under the same path: the compiler is run again if the time of
-    change (ns) or the size (bytes) of its file differ. These replace the version if it prints none.
+    The arguments `changed` (time of change of its file, ns) and `size` (bytes) make the cache run a
+    compiler again that was replaced. They stand for the version if it prints none.
     """
     try:
         printed = run_program([*command, "--version"], 10.0).stdout
@@ -177,7 +177,7 @@ def find_compiler(target: str) -> Compiler:
     Raises
     ------
     UserError
-        If there is none, saying what to install.
+        If there is none; the message says how to install one.
     """
     if target not in ZIG_TARGETS:
         raise UserError(
@@ -197,7 +197,7 @@ def find_compiler(target: str) -> Compiler:
 
 
 def available_platforms() -> list[str]:
-    """Return the platforms that a compiler on this machine can serve.
+    """Return the platforms for which a compiler is installed.
 
     Returns
     -------
@@ -207,7 +207,7 @@ def available_platforms() -> list[str]:
     Raises
     ------
     UserError
-        If there is none, saying what to install.
+        If there is none; the message says how to install a compiler.
     """
     platforms = []
     for target in ZIG_TARGETS:
@@ -244,16 +244,16 @@ def compile_library(
     Returns
     -------
     bytes
-        The library; on darwin64 a universal one for x86-64 and arm64 when zig made it.
+        The library; for darwin64 zig makes a universal one, for x86-64 and arm64.
 
     Raises
     ------
     UserError
         If there is no compiler, or it fails (with its first error line), or takes longer than
-        `_LIMIT`, with zig for the first library of a platform `_FIRST_LIMIT`.
+        `_LIMIT`, or `_FIRST_LIMIT` for zig's first library of a platform.
     """
     compiler = find_compiler(target)
-    is_first = compiler.targets and target not in _served
+    is_first = compiler.targets and target not in _compiled_platforms
     limit = _FIRST_LIMIT if is_first else _LIMIT
     until = time.monotonic() + limit
     built = []
@@ -272,12 +272,12 @@ def compile_library(
                 ) from error
             with scratch.written(folder):
                 built.append(output.read_bytes())
-    _served.add(target)
+    _compiled_platforms.add(target)
     return built[0] if len(built) == 1 else _universal(built)
 
 
 def _compile(compiler: Compiler, command: Sequence[str], target: str, limit: float) -> None:
-    """Run a compiler; UserError if it fails, TimeoutExpired if it takes more than `limit` s."""
+    """Run a compiler; raise UserError if it fails, TimeoutExpired after `limit` s."""
     failure = f"{compiler.label} failed for {target}"
     try:
         done = run_program(command, limit)
@@ -286,7 +286,7 @@ def _compile(compiler: Compiler, command: Sequence[str], target: str, limit: flo
             f"{failure}: {compiler.command[0]} cannot be started ({error.strerror})"
         ) from error
     if done.returncode != 0:
-        # compilers report a full disk in words of their own, if at all
+        # compilers report a full disk in various words, or not at all
         scratch.check_room(Path(command[command.index("-o") + 1]).parent)
         lines = done.stderr.splitlines() or ["no message"]
         first_error = next((line for line in lines if "error" in line), lines[0])
@@ -294,7 +294,7 @@ def _compile(compiler: Compiler, command: Sequence[str], target: str, limit: flo
 
 
 def _universal(libraries: list[bytes]) -> bytes:
-    """Join thin Mach-O libraries into a universal one (the format of ``<mach-o/fat.h>``)."""
+    """Join Mach-O libraries of single architectures into a universal one (``<mach-o/fat.h>``)."""
     alignment = 14  # 2**14: the page size of arm64
     header = bytearray(b"".join(n.to_bytes(4, "big") for n in (0xCAFEBABE, len(libraries))))
     body = bytearray()
@@ -310,13 +310,13 @@ def _universal(libraries: list[bytes]) -> bytes:
 
 
 def run_program(command: Sequence[str], limit: float) -> subprocess.CompletedProcess[str]:
-    """Run a program that reads nothing, and wait for it.
+    """Run a program without standard input, and wait for its end.
 
     Parameters
     ----------
     command : sequence of str
     limit : float
-        s.
+        Time limit, s.
 
     Returns
     -------
@@ -328,9 +328,10 @@ def run_program(command: Sequence[str], limit: float) -> subprocess.CompletedPro
     OSError
         If it cannot be started.
     subprocess.TimeoutExpired
-        If it is not done in time. As after an interrupt, nothing that it started runs on.
+        If it takes longer than the limit. It is then killed with all its child processes, as after
+        an interrupt.
     """
-    # a group of its own can be ended as a whole; Ctrl-C, which does not reach it then, ends it here
+    # A process group can be killed as a whole. Ctrl-C does not reach it, but interrupts the wait.
     with subprocess.Popen(
         command,
         stdin=subprocess.DEVNULL,
@@ -349,7 +350,7 @@ def run_program(command: Sequence[str], limit: float) -> subprocess.CompletedPro
 
 
 def _end(process: subprocess.Popen[str]) -> None:
-    """Kill a program with everything that it started."""
+    """Kill a program with all its child processes."""
     if sys.platform == "win32":
         subprocess.run(["taskkill", "/F", "/T", "/PID", str(process.pid)], capture_output=True)
         process.kill()
@@ -378,7 +379,7 @@ def cached_library(
     Returns
     -------
     Path
-        Named after the digest of everything that goes into it, and sound; see :func:`load_library`.
+        Named after the digest of :func:`library_digest`, and undamaged; see :func:`load_library`.
 
     Raises
     ------
@@ -400,7 +401,7 @@ def cached_library(
 def library_digest(
     sources: Mapping[str, bytes], unit: str, target: str, libraries: Sequence[str] = ()
 ) -> str:
-    """Return the digest of all that goes into a library: sources, compiler, version and options.
+    """Return the digest of a library's sources, compiler, compiler version and options.
 
     Parameters
     ----------
@@ -425,12 +426,12 @@ def library_digest(
 
 
 def load_library(path: Path) -> ctypes.CDLL:
-    """Load a library; one from the cache only if it has not changed since it was written.
+    """Load a shared library, after checking one from the cache against its digest.
 
     Raises
     ------
     UserError
-        If it has changed, or cannot be loaded.
+        If it is damaged, or cannot be loaded.
     """
     if path.parent == cache.folder() and not cache.is_sound(path):
         raise UserError(

@@ -1,4 +1,4 @@
-"""Components as a package of the Modelica language, made from their traced laws."""
+"""Components as a package in the Modelica language, written from their traced laws."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Annotations of models: documentation, and icons with connectors at their places.
+"""Annotations of Modelica models: documentation, icons and placements of connectors.
 
 An icon is a box with the name, signals at its sides and connectors of ports below.
 """
@@ -17,19 +17,19 @@ _BOX = (
     " fillColor={255,255,255}, fillPattern=FillPattern.Solid),"
     ' Text(extent={{-150,110},{150,150}}, textString="%name")})'
 )
-_EDGE = 110  # from the middle, where connectors are; the box ends at 100
+_EDGE = 110  # distance of connectors from the middle; the box ends at 100
 _SIZE = 10
 
 
 def annotation(cls: type[Component]) -> str:
-    """Write the annotation of a model: its icon, and what it is."""
+    """Write the annotation of a model: its icon and its documentation."""
     paragraphs = [*inspect.cleandoc(cls.__doc__ or "").split("\n\n"), *cls.remark.splitlines()]
     body = "".join(f"<p>{html.escape(' '.join(p.split()))}</p>" for p in paragraphs if p)
     return f"annotation({_BOX}, Documentation(info={string(f'<html>{body}</html>')}));"
 
 
 def placements(cls: type[Component]) -> dict[str, str]:
-    """Place the connectors of a model on its icon.
+    """Return the placements of the connectors of a model on its icon.
 
     Parameters
     ----------
@@ -38,8 +38,8 @@ def placements(cls: type[Component]) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        Annotation by the name of the connector: inputs at the left, outputs at the right, both
-        from top to bottom, and those of ports below, from left to right.
+        Annotation by name of the connector: inputs at the left and outputs at the right, from top
+        to bottom, and those of ports at the bottom, from left to right.
     """
     at_ports = {name for port in cls.ports for name in port.variables}
     inputs = [v.name for v in cls.layout.inputs if v.name not in at_ports]
@@ -52,7 +52,7 @@ def placements(cls: type[Component]) -> dict[str, str]:
 
 
 def _spread(names: Sequence[str]) -> list[tuple[str, int]]:
-    """Spread names evenly over the side of the box, from -100 to 100."""
+    """Return a position for each name, evenly over the side of the box from -100 to 100."""
     return [(name, round(200 * (k + 0.5) / len(names)) - 100) for k, name in enumerate(names)]
 
 

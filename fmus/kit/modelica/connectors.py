@@ -1,8 +1,7 @@
-"""Connectors of physical domains and of signals.
+"""Modelica connectors of physical domains and of signals.
 
-They have the variables of those of the Modelica Standard Library, whose types are compatible with
-these (section 6.4): a ``connect`` may join one of here and one of there. The package needs no
-library, so that any compiler reads it.
+They are type compatible (section 6.4) with connectors of the Modelica Standard Library, so that a
+``connect`` may join the two. The package needs no library, so that any compiler reads it.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from fmus.kit.modelica.names import identifier, string
 from fmus.kit.ports import DOMAINS, PowerPort
 from fmus.kit.units import to_modelica
 
-INTERFACES = "Interfaces"  # the package that they are in
+INTERFACES = "Interfaces"  # name of their package
 
 
 class _Connector(NamedTuple):
@@ -25,9 +24,9 @@ class _Connector(NamedTuple):
     potential, flow : str
         Names of its variables.
     quantities : tuple of str
-        Those of ISO 80000 that the variables are of, as the standard library names them.
+        ISO 80000 quantities of the two variables, with the names of the standard library.
     colour : str
-        Of its icon.
+        Colour of its icon: red, green, blue.
     """
 
     name: str
@@ -45,17 +44,17 @@ _CONNECTORS = {
         "HeatPort", "T", "Q_flow", ("ThermodynamicTemperature", "Power"), "191,0,0"
     ),
 }
-SIGNALS = {"real": "Real", "integer": "Integer", "boolean": "Boolean"}  # by type of a variable
+SIGNALS = {"real": "Real", "integer": "Integer", "boolean": "Boolean"}  # by type of the variable
 _COLOURS = {"Real": "0,0,127", "Integer": "255,127,0", "Boolean": "255,0,255"}
 
 
 def connector_class(domain: str) -> str:
-    """Return the name of the connector of a domain, from the package of components."""
+    """Return the name of the connector of a domain, relative to the package of components."""
     return f"{INTERFACES}.{_CONNECTORS[domain].name}"
 
 
 def signal_class(type: str, causality: str) -> str:
-    """Return the name of the connector of a signal: of its type, ``Input`` or ``Output``."""
+    """Return the name of the connector for a type of signal and ``Input`` or ``Output``."""
     return f"{INTERFACES}.{SIGNALS[type]}{causality}"
 
 
@@ -87,12 +86,12 @@ def port_equations(port: PowerPort) -> list[str]:
 
 
 def interface_classes() -> dict[str, str]:
-    """Write every connector.
+    """Write the classes of all connectors.
 
     Returns
     -------
     dict of str to str
-        Text of each class by its name, without the clause that it is within.
+        Text of each class by its name, without the ``within`` clause.
     """
     classes = {}
     for domain, connector in _CONNECTORS.items():

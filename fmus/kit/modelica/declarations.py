@@ -1,4 +1,4 @@
-"""Declarations of a component's variables: parameters, signals, states, connectors of ports."""
+"""Modelica declarations of a component's parameters, signals, states and connectors."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def declared_identifiers(cls: type[Component]) -> set[str]:
 
 
 def declarations(cls: type[Component], states: bool = True) -> list[str]:
-    """Declare the variables of a component, and the connectors of its ports.
+    """Write the declarations of a component's variables and of the connectors of its ports.
 
     Parameters
     ----------
     cls : type[Component]
     states : bool
-        Whether its states are there with their start values; else those that are shown are outputs
-        like others.
+        Whether states are declared with their start values. Otherwise states that are outputs of
+        the FMU are declared as outputs, and the others are omitted.
 
     Returns
     -------
@@ -35,13 +35,13 @@ def declarations(cls: type[Component], states: bool = True) -> list[str]:
     """
     places = placements(cls)
     lines = [
-        _declared(f"parameter {SIGNALS[p.type]}", p, {}, value=_literal(p.start, p.type))
+        _declaration(f"parameter {SIGNALS[p.type]}", p, {}, value=_literal(p.start, p.type))
         for p in cls.layout.parameters
     ]
     lines += _inputs(cls, places)
     lines += _states(cls, places) if states else []
     lines += [
-        _declared(signal_class(v.type, "Output"), v, {}, annotation=places[v.name])
+        _declaration(signal_class(v.type, "Output"), v, {}, annotation=places[v.name])
         for v in (cls.layout.outputs if states else cls.layout.shown)
     ]
     for port in cls.ports:
@@ -53,36 +53,36 @@ def declarations(cls: type[Component], states: bool = True) -> list[str]:
 
 
 def _inputs(cls: type[Component], places: Mapping[str, str]) -> list[str]:
-    """Declare inputs: signals, but for those that come from ports."""
+    """Write the declarations of inputs: as connectors, except those of ports."""
     at_ports = {name for port in cls.ports for name in port.variables}
     lines = []
     for v in cls.layout.inputs:
         prefix = SIGNALS[v.type] if v.name in at_ports else signal_class(v.type, "Input")
         start = {"start": _literal(v.start, v.type)}
-        lines.append(_declared(prefix, v, start, annotation=places.get(v.name, "")))
+        lines.append(_declaration(prefix, v, start, annotation=places.get(v.name, "")))
     return lines
 
 
 def _states(cls: type[Component], places: Mapping[str, str]) -> list[str]:
-    """Declare continuous and discrete states, with their start values."""
+    """Write the declarations of continuous and discrete states, with their start values."""
     layout = cls.layout
     states: list[StateDeclaration | DiscreteDeclaration] = [*layout.states, *layout.discretes]
     lines = []
     for state in states:
         prefix = signal_class(state.type, "Output") if state.output else SIGNALS[state.type]
         start = {"start": identifier(layout.start_of[state.name]), "fixed": "true"}
-        lines.append(_declared(prefix, state, start, annotation=places.get(state.name, "")))
+        lines.append(_declaration(prefix, state, start, annotation=places.get(state.name, "")))
     return lines
 
 
-def _declared(
+def _declaration(
     prefix: str,
     v: Declaration,
     attributes: Mapping[str, str],
     value: str = "",
     annotation: str = "",
 ) -> str:
-    """Declare a variable with these attributes, its unit and its range."""
+    """Write the declaration of a variable with its unit, its range and further attributes."""
     attributes = dict(attributes)
     if v.type == "real":
         attributes["unit"] = string(to_modelica(v.unit))
@@ -100,7 +100,7 @@ def _declared(
 
 
 def _literal(value: float, type: str) -> str:
-    """Write a value of a type."""
+    """Write a literal of a type."""
     if type == "boolean":
         return "true" if value else "false"
     return str(int(value)) if type == "integer" else real(value)

@@ -1,4 +1,4 @@
-"""Equations that define variables by expressions, with auxiliary variables for what they share."""
+"""Modelica equations that define variables, with auxiliary variables for common subexpressions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fmus.kit.modelica.names import identifier
 
 _RELATION = re.compile("[<>]")
 _SIGNS = {ca.OP_NEG, ca.OP_NOT}
-_WRITTEN_TWICE = {ca.OP_EQ, ca.OP_NE}  # operands, for want of an equality of Real
+_WRITTEN_TWICE = {ca.OP_EQ, ca.OP_NE}  # their operands; Modelica has no equality of Real
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Auxiliary:
     name : str
     node : ExpressionNode
     law : str
-        Empty if no law gives it.
+        Name of the law; empty for a common subexpression.
     """
 
     name: str
@@ -72,20 +72,19 @@ def define(
     taken: set[str],
     literal: bool = False,
 ) -> EquationSet:
-    """Write the equations of some variables.
+    """Write the equations that define variables.
 
-    No variable of type Boolean stands for an expression: it would keep its value until the next
-    event.
+    No auxiliary variable is Boolean: it would keep its value until the next event.
 
     Parameters
     ----------
     targets : sequence of Target
     laws : Mapping of ExpressionNode to str
-        What laws give, by expression.
+        Name of the law by the expression for its value.
     taken : set of str
-        Names that are in use, to which those of auxiliary variables are added.
+        Names in use; the names of auxiliary variables are added.
     literal : bool
-        Whether relations within a Real are evaluated at every point, and are no events.
+        Whether relations within a Real are evaluated at every point, without events.
 
     Returns
     -------
@@ -93,14 +92,14 @@ def define(
     """
     names: dict[ExpressionNode, str] = {}
     for target in targets:
-        stands = target.type == "real" and "(" not in target.text
-        if stands and not (target.node.is_boolean or target.node.is_leaf):
+        is_real_variable = target.type == "real" and "(" not in target.text
+        if is_real_variable and not (target.node.is_boolean or target.node.is_leaf):
             names.setdefault(target.node, target.text)
     auxiliaries = []
     for node in _shared([t.node for t in targets], laws):
         if node not in names:
             law = laws.get(node, "")
-            name = _name_of_law(law, taken) if law else _numbered(taken)
+            name = _name_of_law(law, taken) if law else _name_of_term(taken)
             taken.add(name)
             names[node] = name
             auxiliaries.append(Auxiliary(name, node, law))
@@ -115,13 +114,16 @@ def define(
 
 
 def _name_of_law(law: str, taken: set[str]) -> str:
-    """Return the name of a law, or another one if the law is evaluated at samples too."""
+    """Return the name of a law, or a second one if the law is also evaluated at samples."""
     return identifier(f"sampled_{law}" if law in taken else law, taken)
 
 
-def _numbered(taken: set[str]) -> str:
+def _name_of_term(taken: set[str]) -> str:
     """Return a name for a common subexpression."""
-    return next(name for k in range(1, len(taken) + 2) if (name := f"term_{k}") not in taken)
+    number = 1
+    while f"term_{number}" in taken:
+        number += 1
+    return f"term_{number}"
 
 
 def _shared(
@@ -147,7 +149,7 @@ def _shared(
 
 
 def _visit(node: ExpressionNode, order: dict[ExpressionNode, None]) -> None:
-    """Note the place of an expression behind its operands."""
+    """Append an expression to an order, after its operands."""
     if node in order or node.is_leaf:
         return
     for operand in node.operands:

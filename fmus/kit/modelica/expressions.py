@@ -1,8 +1,8 @@
-"""Expressions of Modelica made from the expression graph of a component's laws.
+"""Modelica expressions from the expression graph of a component's laws.
 
-The graph computes with numbers, of which 0 is false; Modelica distinguishes Boolean from Real. An
-expression is Boolean if its operation gives a truth value, or chooses between two, and is converted
-where the other type is needed.
+The graph has only numbers, where 0 is false; Modelica distinguishes Boolean from Real. An
+expression is Boolean if the result of its operation is a truth value, or a choice between truth
+values. It is converted where the other type is needed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import casadi as ca
 from fmus.kit.errors import UserError
 from fmus.kit.modelica.names import real
 
-# precedence of operators, from what binds least to what binds most (section 3.2)
+# precedence of operators, from the lowest to the highest (section 3.2)
 _CHOICE, _OR, _AND, _NOT, _RELATION, _SUM, _PRODUCT, _POWER, _PRIMARY = range(9)
 _INFIX = {
     ca.OP_ADD: ("+", _SUM),
@@ -48,24 +48,24 @@ _FUNCTIONS = {
     ca.OP_TAN: "tan",
     ca.OP_TANH: "tanh",
 }
-_SYMBOL, _CONSTANT, _IF = -1, -2, -3  # in the place of an operation of CasADi
+_SYMBOL, _CONSTANT, _IF = -1, -2, -3  # further kinds of nodes, which are no CasADi operations
 _EQUALITIES = {ca.OP_EQ, ca.OP_NE}
 _TRUTHS = {*_RELATIONS, *_LOGICAL, *_EQUALITIES, ca.OP_NOT}
 
 
 @dataclass(frozen=True, eq=False)
 class ExpressionNode:
-    """An expression, which is the same as another only if it is that object.
+    """An expression; two are equal only if they are the same object.
 
     Attributes
     ----------
     operation : int
-        Of CasADi, or a symbol, a constant or a choice.
+        CasADi's operation, or the code of a symbol, a constant or a choice.
     operands : tuple of ExpressionNode
     text : str
-        Of a symbol.
+        Text of a symbol.
     value : float
-        Of a constant.
+        Value of a constant.
     is_boolean : bool
     """
 
@@ -82,12 +82,12 @@ class ExpressionNode:
 
 
 def symbol(text: str, is_boolean: bool = False) -> ExpressionNode:
-    """Return a symbol, or what is written in its place."""
+    """Return a symbol with a text."""
     return ExpressionNode(_SYMBOL, text=text, is_boolean=is_boolean)
 
 
 def constant(value: float) -> ExpressionNode:
-    """Return a number."""
+    """Return a constant."""
     return ExpressionNode(_CONSTANT, value=value)
 
 
@@ -102,7 +102,7 @@ def apply(operation: int, operands: list[ExpressionNode]) -> ExpressionNode:
     Returns
     -------
     ExpressionNode
-        A choice if it is what CasADi makes of one, ``(c ? a : 0) + (!c ? b : 0)``.
+        A choice for CasADi's form of one, ``(c ? a : 0) + (!c ? b : 0)``.
     """
     if operation == ca.OP_ADD:
         for first, second in (operands, operands[::-1]):
@@ -118,7 +118,7 @@ def apply(operation: int, operands: list[ExpressionNode]) -> ExpressionNode:
 
 
 def _chooses(first: ExpressionNode, second: ExpressionNode) -> bool:
-    """Return whether two summands are the branches of a choice."""
+    """Return whether two summands are the two branches of a choice."""
     if not first.operation == second.operation == ca.OP_IF_ELSE_ZERO:
         return False
     otherwise = second.operands[0]
@@ -126,12 +126,10 @@ def _chooses(first: ExpressionNode, second: ExpressionNode) -> bool:
 
 
 def _are_boolean(yes: ExpressionNode, no: ExpressionNode) -> bool:
-    """Return whether a choice is Boolean: one branch is, and the other is or is 0 or 1."""
-    branches = [yes, no]
-    truths = [
-        b for b in branches if b.is_boolean or (b.operation == _CONSTANT and b.value in (0, 1))
-    ]
-    return len(truths) == 2 and any(b.is_boolean for b in branches)
+    """Return whether a choice is Boolean: one branch is Boolean, the other is too, or is 0 or 1."""
+    if not (yes.is_boolean or no.is_boolean):
+        return False
+    return all(b.is_boolean or (b.operation == _CONSTANT and b.value in (0, 1)) for b in (yes, no))
 
 
 class _Text(NamedTuple):
@@ -141,18 +139,18 @@ class _Text(NamedTuple):
     precedence: int
 
     def within(self, precedence: int) -> str:
-        """Return the text as an operand, in brackets if it binds less than is needed."""
+        """Return the text as an operand, in brackets if its precedence is lower."""
         return self.text if self.precedence >= precedence else f"({self.text})"
 
 
 @dataclass(frozen=True)
 class Writer:
-    """Writes expressions.
+    """Writer of expressions.
 
     Attributes
     ----------
     names : Mapping of ExpressionNode to str
-        Variables that stand for expressions.
+        Name of the variable that replaces an expression.
     """
 
     names: Mapping[ExpressionNode, str]
@@ -165,7 +163,7 @@ class Writer:
         node : ExpressionNode
         variable : str
         type : {"real", "integer", "boolean"}
-            Of the variable.
+            Type of the variable.
 
         Returns
         -------
@@ -185,7 +183,7 @@ class Writer:
         return _to_boolean(node, self._named(node))
 
     def _named(self, node: ExpressionNode) -> _Text:
-        """Write an expression, or the variable that stands for it."""
+        """Write an expression, or the variable that replaces it."""
         if node in self.names:
             return _Text(self.names[node], _PRIMARY)
         return self._operation(node)
@@ -209,7 +207,7 @@ class Writer:
         return self._other(node)
 
     def _other(self, node: ExpressionNode) -> _Text:
-        """Write a choice, a sign, a power, or what CasADi has in the place of a product."""
+        """Write a choice, a negation, a power, or CasADi's operations for 2 x and 1 / x."""
         match node.operation:
             case ca.OP_NEG:
                 return _Text(f"-{self._real(node.operands[0]).within(_PRODUCT)}", _SUM)
@@ -231,11 +229,11 @@ class Writer:
                 if condition.operation == ca.OP_NOT and condition not in self.names:
                     return self._choice(condition.operands[0], *branches[::-1])
                 return self._choice(condition, *branches)
-        raise UserError(f"a law calls {_name(node.operation)}, which Modelica has not")
+        raise UserError(f"a law calls {_name(node.operation)}, which Modelica does not have")
 
     def _choice(self, condition: ExpressionNode, yes: _Text, no: _Text) -> _Text:
-        otherwise = no.text  # a choice there goes on with `else if`
-        text = f"if {self._boolean(condition).text} then {yes.within(_OR)} else {otherwise}"
+        # a choice as the last branch needs no brackets: `else if`
+        text = f"if {self._boolean(condition).text} then {yes.within(_OR)} else {no.text}"
         return _Text(text, _CHOICE)
 
     def _truth(self, node: ExpressionNode) -> _Text:
@@ -260,7 +258,7 @@ class Writer:
         return self._choice(condition, yes, no)
 
     def _equality(self, node: ExpressionNode) -> _Text:
-        """Write ``==`` or its opposite; of two Real, of which only functions have it, by order."""
+        """Write ``==`` or its negation; of two Reals by ``<`` and ``>``, for want of ``==``."""
         is_equal = node.operation == ca.OP_EQ
         if all(o.is_boolean for o in node.operands):
             left, right = (self._boolean(o).within(_PRIMARY) for o in node.operands)
@@ -273,7 +271,7 @@ class Writer:
 
 
 def _name(operation: int) -> str:
-    """Return the name that CasADi has for an operation, in small letters."""
+    """Return CasADi's name of an operation, in lower case."""
     names = (name for name in dir(ca) if getattr(ca, name) == operation)
     return next(n.removeprefix("OP_").lower() for n in names if n.startswith("OP_"))
 

@@ -1,7 +1,7 @@
-"""Functions that equations call.
+"""Modelica functions that equations call.
 
-Within a function nothing is an event (specification 3.6, section 8.5): a converter steps at every
-count of its signal, and no solver should stop there.
+A function has no events (specification 3.6, section 8.5): the output of a converter steps at every
+count of its signal, where no solver should stop.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ end hypotenuse;
 
 
 def function_classes() -> dict[str, str]:
-    """Write every function.
+    """Write the classes of all functions.
 
     Returns
     -------
     dict of str to str
-        Text of each class by its name, without the clause that it is within.
+        Text of each class by its name, without the ``within`` clause.
     """
     down = _ROUNDED.format(
         name="roundedDown", comment="Largest integer not above x", rounded="floor"

@@ -1,4 +1,4 @@
-"""A component as a model of Modelica: its variables, the connectors of its ports and its laws."""
+"""A component as a Modelica model: its variables, the connectors of its ports and its laws."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ from fmus.kit.units import to_modelica
 
 @uninterrupted()
 def model_text(cls: type[Component]) -> str:
-    """Write a component as a model.
+    """Write a component as a Modelica model.
 
     Parameters
     ----------
     cls : type[Component]
-        With laws, possibly with effects stacked on it.
+        A component with laws, possibly with effects stacked on it.
 
     Returns
     -------
     str
-        Without the clause that it is within.
+        Text of the class, without the ``within`` clause.
 
     Raises
     ------
     UserError
-        If a law calls a function that the language has not.
+        If a law calls a function that Modelica does not have.
     """
     graph, laws = trace_with_laws(cls)
     return _Model(cls, graph, laws).text()
@@ -60,10 +60,10 @@ class _ModelEquations:
     Attributes
     ----------
     events : list of str
-        Variables of type Boolean, which restart a solver where they change.
+        Boolean variables, whose changes restart a solver.
     continuous : EquationSet
     sampled : list of EquationSet
-        One for each clock.
+        Equations of each clock.
     """
 
     events: list[str]
@@ -77,14 +77,14 @@ class _ModelEquations:
 
 @dataclass(frozen=True)
 class _Model:
-    """A component that is written.
+    """A component with its graph, from which the model is written.
 
     Attributes
     ----------
     cls : type[Component]
     graph : Graph
     laws : Mapping of str to casadi.SX
-        What each law gives.
+        Value of each law.
     """
 
     cls: type[Component]
@@ -99,8 +99,8 @@ class _Model:
     def units(self) -> dict[str, str]:
         """Unit of each law that has one."""
         layout = self.layout
-        called = [s.rate for s in layout.states] + [d.update for d in layout.discretes]
-        return units_of_laws(self.cls, [*called, *(o.name for o in layout.outputs)])
+        laws = [s.rate for s in layout.states] + [d.update for d in layout.discretes]
+        return units_of_laws(self.cls, [*laws, *(o.name for o in layout.outputs)])
 
     def text(self) -> str:
         name = class_name(self.cls.name)
@@ -113,7 +113,7 @@ class _Model:
         return "\n".join(lines) + "\n"
 
     def _equations(self) -> _ModelEquations:
-        """Write the equations, and give their auxiliary variables names that are free."""
+        """Write the equations, with unused names for their auxiliary variables."""
         taken = declared_identifiers(self.cls)
         numbers = range(1, self.graph.indicators.numel() + 1)
         events = [identifier(f"event_{k}", taken) for k in numbers]
@@ -123,13 +123,13 @@ class _Model:
         return _ModelEquations(events, continuous, sampled)
 
     def _protected(self, equations: _ModelEquations) -> list[str]:
-        """Declare the variables that equations have beside those of the component."""
-        hidden = [*map(self._auxiliary, equations.auxiliaries)]
-        hidden += [f"Boolean {name};" for name in equations.events]
-        return ["protected", *indented(hidden)] if hidden else []
+        """Write the declarations of auxiliary variables and event variables."""
+        lines = [*map(self._auxiliary, equations.auxiliaries)]
+        lines += [f"Boolean {name};" for name in equations.events]
+        return ["protected", *indented(lines)] if lines else []
 
     def _equation_section(self, equations: _ModelEquations) -> list[str]:
-        """Return the lines of the equations, those of each clock within its instants."""
+        """Return the lines of the equations, those of each clock in a ``when`` clause."""
         lines = [line for port in self.cls.ports for line in wrapped(port_equations(port))]
         lines += wrapped(equations.continuous.lines)
         for (clock, _), part in zip(self.layout.sampled, equations.sampled, strict=True):
@@ -137,17 +137,17 @@ class _Model:
         return lines
 
     def _auxiliary(self, auxiliary: Auxiliary) -> str:
-        """Declare an auxiliary variable."""
+        """Write the declaration of an auxiliary variable."""
         unit = self.units.get(auxiliary.law, "")
         attributes = f"(unit={string(to_modelica(unit))})" if unit and unit != "1" else ""
         about = summary(getattr(self.cls, auxiliary.law)) if auxiliary.law else ""
         return f"Real {auxiliary.name}{attributes}{comment(about)};"
 
     def _continuous(self, taken: set[str], events: Sequence[str]) -> EquationSet:
-        """Write the equations of rates and outputs, and of what restarts a solver.
+        """Write the equations of rates, outputs and events.
 
-        Laws are written for every point, and none of their branches holds until the next event. For
-        a solver to restart where they switch, the signs of the event indicators are variables.
+        Branches of laws are chosen at every point, without events. So that a solver restarts where
+        they switch, the signs of the event indicators are Boolean variables.
         """
         layout = self.layout
         texts = {v.name: identifier(v.name) for v in layout.variables}
@@ -169,8 +169,8 @@ class _Model:
     def _sampled(self, group: int, taken: set[str]) -> EquationSet:
         """Write the equations of one clock.
 
-        They see inputs and their own discrete states as they are before the instant, and those of
-        the clocks declared before as they are after it.
+        They use inputs and discrete states from before the instant, but the new values of discrete
+        states whose clocks are declared earlier.
         """
         layout = self.layout
         before = {d.name for _, members in layout.sampled[:group] for d in members}
@@ -188,7 +188,7 @@ class _Model:
         return define(targets, self._by_node(laws), taken)
 
     def _nodes(self, texts: Mapping[str, str], results: list[ca.SX]) -> list[list[ExpressionNode]]:
-        """Return expressions for the elements of columns, and behind these for every law."""
+        """Return the expressions for the elements of each column, and last those for all laws."""
         graph = self.graph
         columns = [ca.densify(c) for c in (*results, ca.vertcat(ca.SX(0, 1), *self.laws.values()))]
         function = ca.Function("laws", graph.arguments, ca.cse(columns))
@@ -199,16 +199,16 @@ class _Model:
         return carry_out(function, arguments, constant, apply)
 
     def _by_node(self, laws: list[ExpressionNode]) -> dict[ExpressionNode, str]:
-        """Return the law that gives an expression; the first called where several do."""
-        named: dict[ExpressionNode, str] = {}
+        """Return the law of each expression; the first one if several laws have the same value."""
+        names: dict[ExpressionNode, str] = {}
         for name, node in zip(self.laws, laws, strict=True):
             if not node.is_leaf:
-                named.setdefault(node, name)
-        return named
+                names.setdefault(node, name)
+        return names
 
 
 def _sample(clock: Clock) -> str:
-    """Write the condition that holds at the instants of a clock."""
+    """Write the condition that is true at the instants of a clock."""
     period = identifier(clock.period) if isinstance(clock.period, str) else real(clock.period)
     shift = " + ".join(map(identifier, clock.shift)) or "0.0"
     return f"sample({shift}, {period})"

@@ -8,8 +8,8 @@ from collections.abc import Collection, Iterable
 
 from fmus.kit.errors import UserError
 
-# keywords (section 2.3.3), and what the equations that are written here call
 _WIDTH = 100
+# keywords (section 2.3.3), and names that the generated equations use
 _WORDS = """
 algorithm and annotation block break class connect connector constant constrainedby der discrete
 each else elseif elsewhen encapsulated end enumeration equation expandable extends external false
@@ -24,13 +24,14 @@ _ESCAPED = str.maketrans({"\\": "\\\\", '"': '\\"'})
 
 
 def identifier(name: str, taken: Collection[str] = ()) -> str:
-    """Return an identifier, with underscores behind a name that is reserved or taken.
+    """Return a Modelica identifier: the name, with underscores appended if it is not available.
 
     Parameters
     ----------
     name : str
-        An identifier of Python, in ASCII.
+        A Python identifier, in ASCII.
     taken : collection of str
+        Names that are not available, besides Modelica's reserved words.
 
     Returns
     -------
@@ -42,17 +43,17 @@ def identifier(name: str, taken: Collection[str] = ()) -> str:
 
 
 def class_name(name: str) -> str:
-    """Return the name of a class: ``PpyActuator`` for ``ppy_actuator``."""
+    """Return the name of the class of a component: ``PpyActuator`` for ``ppy_actuator``."""
     return identifier("".join(part[:1].upper() + part[1:] for part in name.split("_")))
 
 
 def real(value: float) -> str:
-    """Write a number.
+    """Write a literal of type Real.
 
     Raises
     ------
     UserError
-        If it is not finite, which no number of the language is.
+        If the number is not finite, which Modelica cannot express.
     """
     if not math.isfinite(value):
         raise UserError(f"Modelica has no number for {value:g}")
@@ -60,13 +61,13 @@ def real(value: float) -> str:
 
 
 def string(text: str) -> str:
-    """Write a string."""
+    """Write a string literal."""
     return f'"{text.translate(_ESCAPED)}"'
 
 
 def comment(text: str) -> str:
-    """Write the comment of an element, with a space before it; empty if there is none."""
-    plain = text.replace("``", "")  # of a docstring
+    """Write the comment of an element with a space before it; return an empty text for none."""
+    plain = text.replace("``", "")  # literals of a docstring
     return f" {string(plain)}" if text else ""
 
 
@@ -77,15 +78,11 @@ def indented(lines: Iterable[str]) -> list[str]:
 
 def wrapped(lines: Iterable[str], indent: str = "  ") -> list[str]:
     """Indent lines without strings, and break long ones."""
-    return [
-        part
-        for line in lines
-        for part in textwrap.wrap(
-            line,
-            _WIDTH,
-            initial_indent=indent,
-            subsequent_indent=indent + "    ",
-            break_long_words=False,
-            break_on_hyphens=False,
-        )
-    ]
+    wrapper = textwrap.TextWrapper(
+        _WIDTH,
+        initial_indent=indent,
+        subsequent_indent=indent + "    ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return [part for line in lines for part in wrapper.wrap(line)]

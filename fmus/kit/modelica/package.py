@@ -1,4 +1,4 @@
-"""A package of components as files: a folder for a package, a file for every other class.
+"""A Modelica package of components as files: a folder for a package, a file for every class.
 
 Specification 3.6, section 13.4: ``package.mo`` makes a folder a package, and ``package.order``
 lists its classes.
@@ -31,27 +31,28 @@ _ABOUT = "Components of a polypyrrole artificial-muscle rig, with the laws of th
 def package_files(
     classes: Sequence[type[Component]], version: str, fmus: Mapping[str, bytes] | None = None
 ) -> dict[str, bytes]:
-    """Write a package of components.
+    """Write a Modelica package of components.
 
     Parameters
     ----------
     classes : sequence of type[Component]
-        Possibly with effects stacked on them.
+        Components, possibly with effects stacked on them.
     version : str
+        Version of the package.
     fmus : Mapping of str to bytes, optional
-        Native FMUs 2.0 of all of them, by name; with these there is a model for each that it
-        computes.
+        Native FMUs 2.0 of all components, by name. If given, the package also has a model for each
+        FMU that loads and steps it.
 
     Returns
     -------
     dict of str to bytes
-        Contents of each file by its path, from the folder that the package is put into.
+        Contents of each file by its path relative to the parent folder of the package.
 
     Raises
     ------
     UserError
-        If one has no laws, if two have the same name, or if a law calls a function that the
-        language has not.
+        If a component has no laws, two have the same name, or a law calls a function that Modelica
+        does not have.
     """
     models: dict[str, str] = {}
     for cls in classes:
@@ -79,7 +80,7 @@ def package_files(
 def _wrapper_files(
     classes: Sequence[type[Component]], fmus: Mapping[str, bytes]
 ) -> dict[str, bytes]:
-    """Write the models that FMUs compute, with what they load."""
+    """Return the files of models that load FMUs, with the libraries of these FMUs."""
     models = support_classes()
     resources: dict[str, bytes] = {}
     for cls in classes:
@@ -109,7 +110,7 @@ def _folder(
     packages: Sequence[str] = (),
     version: str = "",
 ) -> dict[str, str]:
-    """Write the files of one package."""
+    """Return the files of one Modelica package."""
     path = f"{within}/{name}" if within else name
     full = f"{within}.{name}" if within else name
     annotation = f"  annotation(version={string(version)});\n" if version else ""

@@ -1,9 +1,9 @@
-"""A component as a model that its FMU computes, in co-simulation.
+"""A Modelica model that loads the FMU of a component and steps it, in co-simulation.
 
 The FMU is an external object (specification 3.6, section 12.9.7), which ``include/ppy_rig_fmu.h``
-loads and steps. At every communication point it steps to it with the inputs of the point before;
-its outputs are held until the next one. Inputs are taken as they are before the instant, so that no
-algebraic loop runs through it.
+loads and steps. At every communication point the FMU steps from the previous point to this one,
+with the inputs of the previous point; its outputs are constant until the next point. Inputs are
+sampled from before the instant, so that the FMU is in no algebraic loop.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from fmus.kit.modelica.names import (
     wrapped,
 )
 
-WRAPPERS = "FMUs"  # the package that they are in
+WRAPPERS = "FMUs"  # name of their package
 _INCLUDE = (
     'annotation(Include="#include \\"ppy_rig_fmu.h\\"",'
     ' IncludeDirectory="modelica://PpyRig/Resources/Include")'
@@ -63,36 +63,36 @@ end communicate;
 
 
 def support_classes() -> dict[str, str]:
-    """Write what every wrapper uses.
+    """Write the classes that every wrapper uses.
 
     Returns
     -------
     dict of str to str
-        Text of each class by its name, without the clause that it is within.
+        Text of each class by its name, without the ``within`` clause.
     """
     return {"Instance": _INSTANCE, "communicate": _COMMUNICATE}
 
 
 def wrapper_text(cls: type[Component], guid: str) -> str:
-    """Write a component as a model that its FMU computes.
+    """Write the model that loads the FMU of a component.
 
     Parameters
     ----------
     cls : type[Component]
     guid : str
-        Of the FMU.
+        GUID of the FMU.
 
     Returns
     -------
     str
-        Without the clause that it is within.
+        Text of the class, without the ``within`` clause.
     """
     layout = cls.layout
     name = class_name(cls.name)
     taken = declared_identifiers(cls)
-    step, fmu, values = (
-        identifier(each, taken) for each in ("communication_step", "fmu", "results")
-    )
+    step = identifier("communication_step", taken)
+    fmu = identifier("fmu", taken)
+    values = identifier("results", taken)
     places = {v.name: k for k, v in enumerate(layout.variables)}
     inputs = _array([_number(v, before=True) for v in layout.inputs])
     outputs = _array([str(places[v.name]) for v in layout.shown])
@@ -124,28 +124,28 @@ def wrapper_text(cls: type[Component], guid: str) -> str:
 
 
 def _instance(cls: type[Component], guid: str, name: str) -> list[str]:
-    """Declare the instance of the FMU, with the types of its variables and its parameters."""
+    """Write the declaration of the FMU's instance: types of variables, values of parameters."""
     layout = cls.layout
     types = "".join(v.type[0] for v in layout.variables)
-    opened = f"{string(cls.name)}, {string(guid)}, {string(types)}, {len(layout.parameters)}"
+    arguments = f"{string(cls.name)}, {string(guid)}, {string(types)}, {len(layout.parameters)}"
     parameters = _array([_number(p) for p in layout.parameters])
-    return [f"  Instance {name} = Instance({opened},", *wrapped([f"{parameters});"], "    ")]
+    return [f"  Instance {name} = Instance({arguments},", *wrapped([f"{parameters});"], "    ")]
 
 
 def _array(elements: list[str]) -> str:
-    """Write an array; an empty one has no type unless it is filled."""
+    """Write an array; an empty one as ``fill``, because ``{}`` has no type."""
     return f"{{{', '.join(elements)}}}" if elements else "fill(0, 0)"
 
 
 def _number(v: Declaration, before: bool = False) -> str:
-    """Write a variable as a Real, as it is, or before an instant."""
+    """Write a variable as a Real, now or before an instant."""
     name = identifier(v.name)
     text = f"pre({name})" if before else name
     return f"if {text} then 1.0 else 0.0" if v.type == "boolean" else text
 
 
 def _read(value: str, type: str) -> str:
-    """Write a Real as a value of a type."""
+    """Write the conversion of a Real to a type."""
     if type == "boolean":
         return f"{value} > 0.5"
     return f"integer({value} + 0.5)" if type == "integer" else value

@@ -1,4 +1,4 @@
-"""CasADi functions that are evaluated again and again without converting numbers."""
+"""CasADi functions that are evaluated repeatedly without conversion of numbers."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from fmus.kit.arrays import Array
 class BufferedFunction:
     """A CasADi function whose arguments and result are the same arrays in every call.
 
-    Two threads must not use one at once.
+    It must not be called by two threads at once.
 
     Parameters
     ----------
     function : casadi.Function
-        With one result, which is not sparse.
+        Function with one dense result.
     arguments : sequence of ndarray
-        The memory from which arguments are read, column by column.
+        Memory from which arguments are read, column by column.
 
     Attributes
     ----------
@@ -31,14 +31,14 @@ class BufferedFunction:
 
     def __init__(self, function: ca.Function, arguments: Sequence[Array]):
         self.result = np.zeros(function.numel_out(0))
-        buffer: Any  # CasADi's stubs want a size beside the memoryview, which has one
+        buffer: Any  # CasADi's stubs require a size in addition to the memoryview
         buffer, self._call = function.buffer()
         for i, argument in enumerate(arguments):
             buffer.set_arg(i, argument.data)
         buffer.set_res(0, self.result.data)
-        self._kept = function, buffer, arguments  # the call borrows their memory
+        self._references = function, buffer, arguments  # the call uses their memory
 
     def __call__(self) -> Array:
-        """Evaluate the function, and return its result."""
+        """Evaluate the function and return its result."""
         self._call()
         return self.result

@@ -1,10 +1,10 @@
 """Simulation of a component over a whole record as compiled C, with exact sensitivities.
 
-This is the fast path for fitting: the same laws, tables and integrator as in the native FMU
-(``fmi/record.c`` in place of the FMI front-end), compiled once for this machine and kept in the
-user's cache folder. The integrator is in a library that all models share. A component that is
-stiff over the record has an integrator of its own (``fmi2/exponential.c``). Without a C compiler
-CasADi interprets the laws instead.
+It makes fits fast. The laws, tables and integrator are those of the native FMU, with
+``fmi/record.c`` in place of the FMI front-end; they are compiled once for this machine and stored
+in the user's cache folder. All models share the library with the integrator. Components that are
+stiff over the record have another integrator (``fmi/exponential.c``). Without a C compiler CasADi
+interprets the laws.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from fmus.kit.record.library import RecordLibrary, compiled
 from fmus.kit.record.linearisation import Linearisation
 from fmus.kit.symbolic import Graph, hoist, trace, with_sensitivities
 
-# CasADi counts references to its constants, which all expressions share, without regard to threads:
-# to make or to drop expressions in two threads at once ends the process.
+# CasADi's reference counts of constants, which all expressions share, are not thread-safe: the
+# process crashes if two threads create or delete expressions at once.
 _EXPRESSIONS = RLock()
 
 
@@ -40,9 +40,9 @@ class Trajectory:
     signals : dict of str to ndarray, shape (n,)
         Outputs, states and discrete states by name, SI.
     sensitivities : dict of str to ndarray, shape (n, p)
-        Their derivatives with respect to the p chosen parameters.
+        Derivatives of the signals with respect to p parameters.
     steps : float
-        Internal steps of the integrator, where these are known.
+        Number of internal steps of the integrator; 0 if it is not known.
     """
 
     signals: dict[str, Array]
@@ -63,7 +63,7 @@ class CompiledModel:
     Raises
     ------
     UserError
-        If there can be no sensitivity to a name (see :func:`.with_sensitivities`).
+        If there is no sensitivity to a name (see :func:`.with_sensitivities`).
     """
 
     def __init__(self, model: type[Component] | Graph, sensitivities: Sequence[str] = ()):
@@ -74,13 +74,13 @@ class CompiledModel:
             self._graph = with_sensitivities(base, self.names)
             self._linearisation = Linearisation(base, self._graph)
             hoisted, values = hoist(self._graph)
-            self._own = np.zeros(len(self._graph.layout.parameters))
-            self._hoisted = BufferedFunction(values, [self._own])
+            self._parameters = np.zeros(len(self._graph.layout.parameters))
+            self._hoisted = BufferedFunction(values, [self._parameters])
             layout = hoisted.layout
-            made = record_model_sources(hoisted) if _compiler() else Interpreted(hoisted)
+            laws = record_model_sources(hoisted) if _has_compiler() else Interpreted(hoisted)
             del base, hoisted, values
         self._engine = (
-            made if isinstance(made, Interpreted) else RecordLibrary.from_sources(layout, made)
+            laws if isinstance(laws, Interpreted) else RecordLibrary.from_sources(layout, laws)
         )
 
     def __del__(self) -> None:
@@ -96,28 +96,28 @@ class CompiledModel:
         effort: float = 1e6,
         tolerance: float = 0.0,
     ) -> Trajectory:
-        """Simulate a record.
+        """Simulate the component over a record.
 
         Parameters
         ----------
         time : ndarray, shape (n,)
             Seconds, increasing.
         inputs : Mapping[str, ndarray]
-            Values of shape (n,) by input name, SI; missing ones stay at their start value.
+            Values of shape (n,) by input name, SI; others are constant at their start value.
         parameters : Mapping[str, float], optional
             Values that replace defaults, SI.
         linear : bool or collection of str
-            Inputs that are interpolated between samples instead of held: all of them, none, or
-            those named.
+            Inputs that are interpolated linearly between samples: all, none, or some by name. The
+            others are constant from sample to sample.
         effort : float
-            Internal steps per sample, on average, beyond which the simulation is abandoned.
+            Largest mean number of internal steps per sample; the simulation fails beyond it.
         tolerance : float
-            Accuracy of an internal step, if the component's own need not be reached.
+            Accuracy of an internal step, if it may be less than that of the component.
 
         Returns
         -------
         Trajectory
-            Values at ``time``, outputs with the inputs of the same sample.
+            Values at ``time``; outputs are those with the inputs of the same sample.
 
         Raises
         ------
@@ -126,26 +126,26 @@ class CompiledModel:
         """
         layout = self._graph.layout
         self._check_inputs(inputs)
-        own = self._parameter_vector(parameters or {})
+        vector = self._parameter_vector(parameters or {})
         n = len(time)
-        fed = [
+        columns = [
             np.broadcast_to(np.asarray(inputs.get(v.name, v.start), dtype=float), n)
             for v in layout.inputs
         ]
-        table = np.ascontiguousarray(np.column_stack(fed)) if fed else np.empty((n, 0))
+        table = np.ascontiguousarray(np.column_stack(columns)) if columns else np.empty((n, 0))
         times = np.ascontiguousarray(time, dtype=float)
         names = {v.name for v in layout.inputs} if linear is True else linear or ()
         interpolated = np.array([float(v.name in names) for v in layout.inputs])
-        # some expressions are made when they are needed first, and laws are of one thread at a time
+        # a ladder creates expressions at its first use, and the buffers allow one thread at a time
         with _EXPRESSIONS:
-            self._own[:] = own
-            everything = np.concatenate([own, self._hoisted()])
-            ladder = self._linearisation.ladder(times, table, bool(interpolated.any()), own)
+            self._parameters[:] = vector
+            values = np.concatenate([vector, self._hoisted()])
+            ladder = self._linearisation.ladder(times, table, bool(interpolated.any()), vector)
         outputs, states, steps = self._engine.simulate(
             times,
             table,
             interpolated,
-            everything,
+            values,
             tolerance=max(tolerance, self._graph.tolerance),
             effort=effort,
             ladder=ladder,
@@ -153,7 +153,7 @@ class CompiledModel:
         return self._trajectory(outputs, states, steps)
 
     def _check_inputs(self, inputs: Mapping[str, Array]) -> None:
-        """Check that the model has all these inputs."""
+        """Raise an error unless the model has all these inputs."""
         known = [v.name for v in self._graph.layout.inputs]
         unknown = [name for name in inputs if name not in known]
         if unknown:
@@ -163,7 +163,7 @@ class CompiledModel:
             )
 
     def _parameter_vector(self, parameters: Mapping[str, float]) -> Array:
-        """Return the values of all parameters, some of which replace defaults."""
+        """Return the values of all parameters: given ones, and defaults."""
         values = {p.name: float(p.start) for p in self._graph.layout.parameters}
         for name, value in parameters.items():
             if name not in values:
@@ -182,7 +182,7 @@ class CompiledModel:
             (base.states, continuous),
             (base.discretes, discrete),
         ):
-            # each row holds the values, then their derivatives, parameter by parameter
+            # a row has the values, then their derivatives, parameter by parameter
             by_parameter = rows.reshape(len(rows), 1 + len(self.names), len(group))
             for i, variable in enumerate(group):
                 signals[variable.name] = by_parameter[:, 0, i]
@@ -191,7 +191,7 @@ class CompiledModel:
 
 
 def plain_library(cls: type[Component]) -> tuple[Path, float]:
-    """Compile a component, without sensitivities, to a library that rounds as its native FMU does.
+    """Compile a component without sensitivities to a library that rounds like its native FMU.
 
     Parameters
     ----------
@@ -200,9 +200,10 @@ def plain_library(cls: type[Component]) -> tuple[Path, float]:
     Returns
     -------
     path : Path
-        For a `RecordLibrary`, of which it is the engine and the model; its parameters are those of
-        the component's layout, and it is run without a ladder.
+        Engine and model of a `RecordLibrary` that runs without a ladder. The parameters are those
+        of the component's layout.
     tolerance : float
+        Accuracy of an internal step.
 
     Raises
     ------
@@ -212,13 +213,13 @@ def plain_library(cls: type[Component]) -> tuple[Path, float]:
     with _EXPRESSIONS:
         graph = _graph(cls)
         tolerance = graph.tolerance
-        made = record_sources(graph)
+        sources = record_sources(graph)
         del graph
-    return compiled(made), tolerance
+    return compiled(sources), tolerance
 
 
 def _graph(model: type[Component] | Graph) -> Graph:
-    """Return the graph of a component that has laws."""
+    """Return the graph of a component; raise a UserError if it has no laws."""
     graph = model if isinstance(model, Graph) else trace(model)
     if not graph.restorable:
         raise UserError(
@@ -227,8 +228,8 @@ def _graph(model: type[Component] | Graph) -> Graph:
     return graph
 
 
-def _compiler() -> bool:
-    """Return whether there is a C compiler."""
+def _has_compiler() -> bool:
+    """Return whether there is a C compiler for this machine."""
     try:
         toolchain.find_compiler(toolchain.host_platform())
     except UserError:

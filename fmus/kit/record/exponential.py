@@ -1,6 +1,6 @@
 """The exponential integrator for stiff components, in Python, for interpreted laws.
 
-The operations and their order are those of ``fmi2/exponential.c``, where the method is explained.
+The operations and their order are those of ``fmi/exponential.c``, which explains the method.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ import numpy as np
 from fmus.kit.arrays import Array
 from fmus.kit.record.linearisation import ROUNDED, Ladder
 
-# share of the tolerance that the error of a step may reach: sensitivities are to be as good as
+# largest error of a step relative to the tolerance, small so that sensitivities are as accurate as
 # signals
 SHARE = 0.01
-SAME = 1e-9  # relative difference of steps that are the same
-_LONGER = 1.0 / 32.0  # error over the tolerated one, below which twice the step can be tried
+SAME = 1e-9  # relative difference below which two steps are the same
+_LONGER = 1.0 / 32.0  # error relative to the largest one, below which the step is doubled
 
 
 class ExponentialIntegrator:
@@ -27,12 +27,13 @@ class ExponentialIntegrator:
     ----------
     ladder : Ladder
     rates : callable
-        Rates (m,) from the time and the states (m,).
+        Rates of the m states, shape (m,), from the time in s and the states, shape (m,).
     nominal : ndarray, shape (m,)
         Nominal values of the states.
     tolerance : float
+        Accuracy of an internal step, relative to ``nominal + |state|``.
     start : float
-        Time at which the record begins.
+        Start time of the record, s.
 
     Attributes
     ----------
@@ -57,23 +58,23 @@ class ExponentialIntegrator:
         self._start = start
 
     def step(self, now: float, target: float, x: Array, sloped: bool) -> tuple[float, Array] | None:
-        """Take the longest step towards a time that is accurate enough.
+        """Try one step towards a target time.
 
         Parameters
         ----------
         now, target : float
+            Times, s.
         x : ndarray, shape (m,)
+            States at ``now``.
         sloped : bool
             Whether inputs change during the step.
 
         Returns
         -------
-        time : float
-            End of the step; its begin, if it was rejected.
-        x : ndarray
-        None
-            If the time to the target is shorter than the shortest step, or so many steps were made
-            that the Runge-Kutta method costs less.
+        tuple of float and ndarray, or None
+            Time and states at the end of the step, or at its start if its error was too large. None
+            if the target is nearer than the shortest step, or if so many steps were made that the
+            Runge-Kutta method costs less.
         """
         if self._steps > self._ladder.worth * (target - self._start):
             return None
@@ -88,7 +89,7 @@ class ExponentialIntegrator:
         h = ladder.largest * 0.5**level
         self._steps += 1
         with np.errstate(all="ignore"):  # a trial step that overflows is rejected
-            moved, error = (
+            change, error = (
                 self._affine(now, h, level, x, sloped)
                 if ladder.affine
                 else self._step_and_halves(now, h, level, x)
@@ -99,10 +100,10 @@ class ExponentialIntegrator:
         if error < _LONGER and level == self.level:
             self.level = max(level - 1, 0)
         if h < remaining * (1.0 - ROUNDED):
-            return now + h, x + moved
+            return now + h, x + change
         gap = remaining - h
-        last = gap * self._rates(target, x + moved) if abs(gap) > SAME * remaining else 0.0
-        return target, x + moved + last
+        last = gap * self._rates(target, x + change) if abs(gap) > SAME * remaining else 0.0
+        return target, x + change + last
 
     def _product(self, matrix: Array, v: Array) -> Array:
         """Return the product with a matrix that is stored as the stack of its blocks."""
@@ -112,41 +113,41 @@ class ExponentialIntegrator:
         return product.ravel()
 
     def _phi(self, level: int, order: int, v: Array) -> Array:
-        """Return the product with phi of a level and an order."""
+        """Return the product of the matrix function phi of a level and an order with a vector."""
         return self._product(self._ladder.phi[level, order - 1], v)
 
-    def _changed(self, now: float, x: Array, rate: Array, moved: Array) -> Array:
-        """Return the change of the rates that A x does not account for."""
-        return self._rates(now, x + moved) - rate - self._product(self._ladder.matrix, moved)
+    def _nonlinear(self, now: float, x: Array, rate: Array, change: Array) -> Array:
+        """Return the change of the rates less that of their linear part, A x."""
+        return self._rates(now, x + change) - rate - self._product(self._ladder.matrix, change)
 
     def _affine(
         self, now: float, h: float, level: int, x: Array, sloped: bool
     ) -> tuple[Array, float]:
-        """Return the change of the states in a step that is exact, and an error of zero."""
+        """Return the change of the states in an exact step, and its error: 0, or infinity."""
         rate = self._rates(now, x)
-        moved = np.zeros_like(x)
+        change = np.zeros_like(x)
         if sloped:
-            moved += h * self._phi(level, 2, self._changed(now + h, x, rate, moved))
-        moved = moved + h * self._phi(level, 1, rate)
-        return moved, 0.0 if np.isfinite(moved).all() else math.inf
+            change += h * self._phi(level, 2, self._nonlinear(now + h, x, rate, change))
+        change = change + h * self._phi(level, 1, rate)
+        return change, 0.0 if np.isfinite(change).all() else math.inf
 
     def _krogstad(self, now: float, h: float, level: int, x: Array) -> Array:
         """Return the change of the states in a step of Krogstad's method."""
         rate = self._rates(now, x)
-        moved = 0.5 * h * self._phi(level + 1, 1, rate)
-        d2 = self._changed(now + 0.5 * h, x, rate, moved)
-        d3 = self._changed(now + 0.5 * h, x, rate, moved + h * self._phi(level + 1, 2, d2))
-        plain = h * self._phi(level, 1, rate)
-        d4 = self._changed(now + h, x, rate, plain + 2.0 * h * self._phi(level, 2, d3))
+        half = 0.5 * h * self._phi(level + 1, 1, rate)
+        d2 = self._nonlinear(now + 0.5 * h, x, rate, half)
+        d3 = self._nonlinear(now + 0.5 * h, x, rate, half + h * self._phi(level + 1, 2, d2))
+        linear = h * self._phi(level, 1, rate)
+        d4 = self._nonlinear(now + h, x, rate, linear + 2.0 * h * self._phi(level, 2, d3))
         both = d2 + d3
         return (
-            plain
+            linear
             + h * self._phi(level, 2, 2.0 * both - d4)
             + h * self._phi(level, 3, 4.0 * (d4 - both))
         )
 
     def _step_and_halves(self, now: float, h: float, level: int, x: Array) -> tuple[Array, float]:
-        """Return the change of the states, extrapolated from two half steps, and its error."""
+        """Return the change of the states by Richardson extrapolation, and its relative error."""
         one = self._krogstad(now, h, level, x)
         half = self._krogstad(now, 0.5 * h, level + 1, x)
         both = half + self._krogstad(now + 0.5 * h, 0.5 * h, level + 1, x + half)

@@ -1,6 +1,6 @@
 """Simulation over a whole record without a C compiler: CasADi interprets the laws.
 
-The integrators are in Python. The operations and their order are those of ``fmi/record.c``, at a
+The integrators are in Python, with the operations of ``fmi/record.c`` in the same order, at a
 hundredth of its speed.
 """
 
@@ -21,7 +21,7 @@ from fmus.kit.symbolic import Graph
 
 
 class _ExhaustedError(UserError):
-    """All internal steps of a communication step were made."""
+    """More internal steps are needed than one communication step allows."""
 
 
 class Interpreted:
@@ -33,7 +33,7 @@ class Interpreted:
     """
 
     def __init__(self, graph: Graph):
-        self._lock = Lock()  # all simulations have the same memory
+        self._lock = Lock()  # all simulations use the same memory
         layout = graph.layout
         index = layout.parameter_index
         self._groups = layout.inputs, (*layout.states, *layout.discretes), layout.outputs
@@ -47,10 +47,10 @@ class Interpreted:
         self._shifts = [[index[name] for name in clock.shift] for clock in clocks]
         self._now = np.zeros(1)
         self._parameters = np.zeros(len(layout.parameters))
-        self._fed = np.zeros(len(layout.inputs))
+        self._inputs = np.zeros(len(layout.inputs))
         self._x = np.zeros(len(layout.states))
         self._z = np.zeros(len(layout.discretes))
-        arguments = [self._now, self._parameters, self._fed, self._x, self._z]
+        arguments = [self._now, self._parameters, self._inputs, self._x, self._z]
         rates, outputs, *updates = graph.functions(tangent=False)
         self._rates = BufferedFunction(rates, arguments)
         self._outputs = BufferedFunction(outputs, arguments)
@@ -67,27 +67,32 @@ class Interpreted:
         effort: float,
         ladder: Ladder | None = None,
     ) -> tuple[Array, Array, float]:
-        """Simulate a record.
+        """Simulate the graph over a record of n samples.
 
         Parameters
         ----------
         time : ndarray, shape (n,)
+            Seconds, increasing.
         table : ndarray, shape (n, inputs)
+            Inputs, SI.
         linear : ndarray, shape (inputs,)
-            1 for an input that is interpolated between samples, 0 for one that is held.
-        parameters : ndarray
-        tolerance, effort : float
-            Accuracy of an internal step, and the number of internal steps that is allowed for each
-            sample.
+            1 for an input that is interpolated between samples, 0 for one that is constant.
+        parameters : ndarray, shape (parameters,)
+            SI.
+        tolerance : float
+            Accuracy of an internal step.
+        effort : float
+            Largest mean number of internal steps per sample.
         ladder : Ladder, optional
-            Of a component that is stiff over the record.
+            Matrix functions of a component that is stiff over the record.
 
         Returns
         -------
-        outputs, states : ndarray
-            Row by row; the states are followed by the discrete ones.
+        outputs : ndarray, shape (n, outputs)
+        states : ndarray, shape (n, states)
+            Continuous states, then discrete states.
         steps : float
-            Internal steps that were made.
+            Number of internal steps.
 
         Raises
         ------
@@ -101,7 +106,7 @@ class Interpreted:
     def _start(
         self, time: Array, parameters: Array, tolerance: float, ladder: Ladder | None
     ) -> None:
-        """Set everything to the start of a record."""
+        """Set parameters, states, clocks and integrators to the start of a record."""
         self._parameters[:] = parameters
         self._x[:] = parameters[self._x_starts]
         self._z[:] = parameters[self._z_starts]
@@ -124,14 +129,14 @@ class Interpreted:
     def _run(
         self, time: Array, table: Array, linear: Array, effort: float
     ) -> tuple[Array, Array, float]:
-        """Advance from sample to sample; return outputs and states at each, and internal steps."""
+        """Advance from sample to sample; return outputs, states, and number of internal steps."""
         allowed = effort * len(time)
         steps = 0.0
         outputs = np.empty((len(time), self._outputs.result.size))
         states = np.empty((len(time), self._x.size + self._z.size))
         for k, now in enumerate(time.tolist()):
             self._now[0] = now
-            self._fed[:] = table[k]
+            self._inputs[:] = table[k]
             outputs[k] = self._outputs()
             states[k] = np.concatenate([self._x, self._z])
             self._check(states[k], now)
@@ -142,30 +147,30 @@ class Interpreted:
                 raise UserError(
                     f"times must increase, but {time[k + 1]:.10g} s follows {now:.10g} s"
                 )
-            self._held = table[k]
-            self._since = now
+            self._last_inputs = table[k]
+            self._last_time = now
             self._slope = None
             if linear.any():
                 self._slope = np.where(linear, table[k + 1] - table[k], 0.0) / h
-            self._most = int(min(MAX_STEPS, allowed - steps))
-            self._budget = self._most
+            self._step_limit = int(min(MAX_STEPS, allowed - steps))
+            self._budget = self._step_limit
             try:
                 self._advance(now, now + h)
             except _ExhaustedError:
-                if self._most == MAX_STEPS:
+                if self._step_limit == MAX_STEPS:
                     raise
                 raise UserError(
                     f"more than {effort:g} internal steps per sample up to {time[k + 1]:.10g} s:"
                     " with these parameters a time constant is that much shorter than the time"
                     " between samples"
                 ) from None
-            steps += self._most - self._budget
+            steps += self._step_limit - self._budget
         return outputs, states, steps
 
     def _check(self, states: Array, now: float) -> None:
-        """Check that inputs, states and outputs are finite."""
+        """Raise an error unless inputs, states and outputs are finite."""
         for values, group in zip(
-            (self._fed, states, self._outputs.result), self._groups, strict=True
+            (self._inputs, states, self._outputs.result), self._groups, strict=True
         ):
             if not np.isfinite(values).all():
                 name = group[int(np.argmin(np.isfinite(values)))].name
@@ -178,7 +183,7 @@ class Interpreted:
             for i, period in enumerate(self._sample_periods):
                 slack = SAME_INSTANT * period + ROUNDING * abs(end)
                 if self._first_samples[i] + self._sample_counts[i] * period <= now + slack:
-                    self._feed(now)
+                    self._set_time(now)
                     self._z[:] = self._updates[i]()
                     self._sample_counts[i] += 1
                 instant = self._first_samples[i] + self._sample_counts[i] * period
@@ -188,58 +193,58 @@ class Interpreted:
             if target > now and self._x.size:
                 self._integrate(now, target)
             else:
-                self._spend(now)
+                self._count_step(now)
             now = target
 
-    def _feed(self, now: float) -> None:
-        """Set the time, and the inputs that are interpolated."""
+    def _set_time(self, now: float) -> None:
+        """Set the time, and interpolate inputs at this time."""
         self._now[0] = now
         if self._slope is not None:
-            self._fed[:] = self._held + (now - self._since) * self._slope
+            self._inputs[:] = self._last_inputs + (now - self._last_time) * self._slope
 
     def _rate(self, now: float, states: Array) -> Array:
         """Return the time derivatives of the states."""
-        self._feed(now)
+        self._set_time(now)
         self._x[:] = states
         return self._rates().copy()
 
     def _integrate(self, now: float, target: float) -> None:
         """Integrate the states from one time to another.
 
-        By exponential steps as long as they are worth while, from there on by Runge and Kutta's.
+        Exponential steps are used while they cost less than those of the Runge-Kutta method.
         """
         while self._exponential is not None and now < target:
             result = self._exponential.step(now, target, self._x.copy(), self._slope is not None)
-            if result is None:  # not worth while
+            if result is None:
                 break
-            self._spend(now)
+            self._count_step(now)
             now, self._x[:] = result
-        self._by_runge_kutta(now, target)
+        self._integrate_by_runge_kutta(now, target)
 
-    def _by_runge_kutta(self, now: float, target: float) -> None:
-        """Integrate by the method of ``fmi2/integrate.c``."""
+    def _integrate_by_runge_kutta(self, now: float, target: float) -> None:
+        """Integrate by the Runge-Kutta method of ``fmi/integrate.c``."""
         while now < target:
-            self._spend(now)
+            self._count_step(now)
             remaining = target - now
             h = self._hint if self._hint <= 0.999 * remaining else remaining
             x = self._x.copy()
             with np.errstate(all="ignore"):  # a trial step that overflows is rejected
                 error = self._try(now, h, x)
-            following = h * _step_factor(error)
+            next_step = h * _step_factor(error)
             if error <= 1.0:
                 now += h
                 if self._hint < math.inf:
-                    self._hint = max(self._hint, following) if h == remaining else following
+                    self._hint = max(self._hint, next_step) if h == remaining else next_step
                 if h == remaining:
                     return
                 continue
             self._x[:] = x
             if h < MIN_STEP * max(1.0, abs(now)):
                 raise UserError(f"accuracy {self._tolerance:g} cannot be reached at {now:.10g} s")
-            self._hint = following
+            self._hint = next_step
 
-    def _spend(self, now: float) -> None:
-        """Count an internal step, so that no sample takes for ever."""
+    def _count_step(self, now: float) -> None:
+        """Count an internal step; raise an error if there were too many since the last sample."""
         self._budget -= 1
         if self._budget < 0:
             raise _ExhaustedError(
@@ -247,7 +252,7 @@ class Interpreted:
             )
 
     def _try(self, now: float, h: float, x: Array) -> float:
-        """Try one step, set the states to its end, and return its error over the tolerance."""
+        """Set the states to the end of a step, and return its error relative to the tolerance."""
         k1 = self._rate(now, x)
         k2 = self._rate(now + 0.5 * h, x + 0.5 * h * k1)
         k3 = self._rate(now + 0.5 * h, x + 0.5 * h * k2)
@@ -264,7 +269,7 @@ class Interpreted:
 
 
 def _step_factor(error: float) -> float:
-    """Return the next step over the last one, from the error over the tolerance."""
+    """Return the ratio of the next step to the last one for an error relative to the tolerance."""
     if error == 0.0:
         return 5.0
     return min(max(0.9 / error**0.25, 0.2), 5.0) if error < math.inf else 0.1

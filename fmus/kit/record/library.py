@@ -1,6 +1,6 @@
-"""Compiled libraries that run a component over whole records: the native engine without FMI.
+"""Compiled libraries that simulate a component over whole records, without FMI.
 
-The engine (``fmi/record.c``) is compiled once for a machine; of a model only its laws are.
+The engine (``fmi/record.c``) is compiled once for a machine; each model is a library of its laws.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
 from fmus.kit.record.linearisation import Ladder
 
-_ENGINE = Lock()  # threads that need the engine at once wait for the one that compiles it
+_ENGINE = Lock()  # so that one thread compiles the engine and the others wait
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 
 
@@ -44,12 +44,12 @@ class _Ladder(ctypes.Structure):
 
 
 class RecordLibrary:
-    """A component that is run over records by compiled code.
+    """A component whose compiled code is simulated over records.
 
     Parameters
     ----------
     engine, model : Path
-        Libraries of the engine and of the model, or one that is both.
+        Libraries of the engine and of the model, or one library of both.
     outputs, states : int
         Number of outputs, and of states and discrete states together.
 
@@ -67,7 +67,7 @@ class RecordLibrary:
 
     @classmethod
     def from_sources(cls, layout: Layout, sources: Mapping[str, bytes]) -> RecordLibrary:
-        """Compile a model with this layout, of which these are the sources, and load it."""
+        """Compile a model from its sources, and load it."""
         states = len(layout.states) + len(layout.discretes)
         return cls(compiled_engine(), compiled(sources), len(layout.outputs), states)
 
@@ -82,14 +82,14 @@ class RecordLibrary:
         effort: float,
         ladder: Ladder | None,
     ) -> tuple[Array, Array, float]:
-        """Run over a record, as :meth:`Interpreted.simulate`."""
+        """Simulate the component over a record; see :meth:`.Interpreted.simulate`."""
         outputs = np.empty((len(time), self._outputs))
         states = np.empty((len(time), self._states))
         message = ctypes.create_string_buffer(1024)
-        made = ctypes.c_double()
-        steps = None  # of the exponential integrator; without them by Runge and Kutta
+        steps = ctypes.c_double()
+        exponential = None
         if ladder is not None:
-            steps = _Ladder(
+            exponential = _Ladder(
                 ladder.levels,
                 int(ladder.affine),
                 ladder.matrix.shape[-1],
@@ -107,8 +107,8 @@ class RecordLibrary:
             _pointer(parameters),
             tolerance,
             effort,
-            None if steps is None else ctypes.byref(steps),
-            ctypes.byref(made),
+            None if exponential is None else ctypes.byref(exponential),
+            ctypes.byref(steps),
             _pointer(outputs),
             _pointer(states),
             message,
@@ -116,7 +116,7 @@ class RecordLibrary:
         )
         if failed:
             raise UserError(message.value.decode(errors="replace"))
-        return outputs, states, made.value
+        return outputs, states, steps.value
 
     def cases(
         self,
@@ -127,33 +127,35 @@ class RecordLibrary:
         effort: float,
         columns: Sequence[int],
     ) -> tuple[Array, Mask]:
-        """Run over a record once for each row of parameters.
+        """Simulate the component over a record once for each row of parameters.
 
         Parameters
         ----------
         time : ndarray, shape (n,)
+            Seconds.
         tables : ndarray, shape (k, n, u) or (1, n, u)
-            Inputs of each case, or of all of them; held between the points.
+            Inputs of each case, or of all cases, SI; constant from sample to sample.
         parameters : ndarray, shape (k, p)
+            SI.
         tolerance, effort : float
-            As for `simulate`.
+            See `simulate`.
         columns : sequence of int
-            The m signals that are returned: numbers of outputs, then states and discrete states.
+            Indices of m signals to return, in the order outputs, states, discrete states.
 
         Returns
         -------
         courses : ndarray, shape (k, n, m)
-            In rows as those of an FMU.
+            Signals of each case at the sample times.
         done : ndarray of bool, shape (k,)
-            Whether each could be run; otherwise its course means nothing.
+            Whether the simulation of each case succeeded; otherwise its signals are meaningless.
 
         Raises
         ------
         MemoryError
             If there is too little memory.
         """
-        kept = np.array(columns, dtype=np.intc)
-        courses = np.empty((len(parameters), len(time), len(kept)))
+        indices = np.array(columns, dtype=np.intc)
+        courses = np.empty((len(parameters), len(time), len(indices)))
         done = np.zeros(len(parameters), bool)
         failed = self._cases(
             self._model,
@@ -165,8 +167,8 @@ class RecordLibrary:
             _pointer(parameters),
             tolerance,
             effort,
-            kept.ctypes,
-            len(kept),
+            indices.ctypes,
+            len(indices),
             _pointer(courses),
             done.ctypes,
         )
@@ -176,7 +178,7 @@ class RecordLibrary:
 
 
 def compiled(sources: Mapping[str, bytes]) -> Path:
-    """Compile sources for this machine, or return the library from the cache.
+    """Return the library of sources for this machine, compiled unless the cache has it.
 
     Raises
     ------
@@ -188,7 +190,7 @@ def compiled(sources: Mapping[str, bytes]) -> Path:
 
 
 def compiled_engine() -> Path:
-    """Compile the engine for this machine, or return it from the cache.
+    """Return the library of the engine for this machine, compiled unless the cache has it.
 
     Raises
     ------
@@ -200,15 +202,15 @@ def compiled_engine() -> Path:
 
 
 def _pointer(array: Array) -> object:
-    """Return a pointer to the values of an array, which must outlive it."""
+    """Return a pointer to the values of an array; the array must outlive the pointer."""
     return array.ctypes.data_as(_DOUBLES)
 
 
 def _load_engine(path: Path) -> tuple[Any, Any]:
     """Load an engine, and return its functions ``ppy_simulate`` and ``ppy_cases``."""
-    loaded = load_library(path)
-    simulate = loaded.ppy_simulate
-    cases = loaded.ppy_cases
+    library = load_library(path)
+    simulate = library.ppy_simulate
+    cases = library.ppy_cases
     simulate.argtypes = [
         ctypes.c_void_p,
         ctypes.c_size_t,
@@ -246,7 +248,7 @@ def _load_engine(path: Path) -> tuple[Any, Any]:
 
 
 def _load_model(path: Path) -> ctypes.c_void_p:
-    """Load a model, and return where its description is (``fmi2/any_model.h``)."""
+    """Load a model, and return the address of its description (``fmi/any_model.h``)."""
     model = load_library(path).ppy_model
     model.argtypes = []
     model.restype = ctypes.c_void_p

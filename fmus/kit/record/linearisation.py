@@ -1,17 +1,16 @@
-"""Matrix functions of a linearised component, by which stiff ones are integrated over a record.
+"""Matrix functions of a linearised component, for exponential integration of stiff components.
 
-The rates are split into A x, where A is their Jacobian at the start of the record, and a remainder;
-A x is solved exactly. Sampled states have been updated by then, because that comes before the first
-step: a lag whose equilibrium is sampled once follows from there. Sensitivities are states too, and
-their part of A is as exact: below the Jacobian J of the states themselves stands, for each
-parameter, a block H with the derivatives of the sensitivities' rates by the states, and on the
-diagonal J again. Such a matrix is stored as the stack of J and all H; a function of it is the same
-stack of that function and of its Frechet derivatives.
+The rates are split into A x and a remainder, where A is their Jacobian after the sampled updates at
+the start of the record; A x is integrated exactly. With sensitivities as further states, A is a
+block matrix. Its first column has the Jacobian J of the states, and below it, for each parameter, a
+block H with the derivatives of the sensitivities' rates by the states; its diagonal has J in every
+block. The matrix is stored as the stack of J and all H. A function of the matrix has the same
+structure: the stack of the function of J and of its Frechet derivatives.
 
-The functions are phi_k(z) = sum of z^j / (j + k)! at z = h A for steps h that are halved again and
-again: a series for the shortest, then doubling (Hochbruck, Ostermann: Exponential integrators, Acta
-Numerica 2010, section 2.1; Skaflestad, Wright: The scaling and modified squaring method for matrix
-functions related to the exponential, 2009).
+The functions are phi_k(z) = sum of z^j / (j + k)! at z = h A for steps h that are halved
+repeatedly: a series for the shortest step, then doubling (Hochbruck, Ostermann: Exponential
+integrators, Acta Numerica 2010, section 2.1; Skaflestad, Wright: The scaling and modified squaring
+method for matrix functions related to the exponential, 2009).
 """
 
 from __future__ import annotations
@@ -28,28 +27,28 @@ from fmus.kit.interrupt import uninterrupted
 from fmus.kit.record.buffered_function import BufferedFunction
 from fmus.kit.symbolic import Graph
 
-# The first four are products of the largest eigenvalue and a time.
-# Of the time between samples from which a component is stiff: below it, accuracy needs about as
-# many Runge-Kutta steps as stability does.
+# The first four numbers are products of the magnitude of the largest eigenvalue and a time.
+# Time between samples above which a component is stiff: below it, accuracy needs about as many
+# Runge-Kutta steps as stability.
 _STIFF = 2.0
-# of a Runge-Kutta step: longer ones are not accurate enough
+# Longest Runge-Kutta step that is accurate enough.
 _ACCURATE = 0.05
-# of the time between samples that are not equally spaced, where an exact step is made of several
+# Time between samples that are not equally spaced, where several exact steps make an interval.
 _UNEVEN = 50.0
-# Of the time in which Runge-Kutta steps cost as much as one exponential step with a remainder,
-# which is made three times for its error and spends most of its time in products.
+# Time over which Runge-Kutta steps cost as much as one exponential step with a remainder, which is
+# computed three times for its error; most of its cost are matrix products.
 WORTH = 100.0
-# Runge-Kutta steps that cost as much as the matrix functions of exact steps; an exact step itself
-# costs less than one of them
+# Number of Runge-Kutta steps that cost as much as the matrix functions of exact steps; an exact
+# step costs less than one Runge-Kutta step.
 _SETTING_UP = 2000.0
-# product of the norm of A and the shortest step: one Runge-Kutta step covers any shorter time
+# Product of the norm of A and the shortest step: one Runge-Kutta step covers any shorter time.
 _SHORTEST = 0.02
 _TERMS = 8  # highest power in the series; the next term is below rounding
 _ORDERS = 4  # of the functions, phi_0 to phi_3
 _SERIES = np.array([[1 / math.factorial(j + k) for j in range(_TERMS + 1)] for k in range(_ORDERS)])
-# relative difference of intervals between samples that are equal but for the rounding of a clock
+# relative difference of sampling intervals that comes from the rounding of a clock
 ROUNDED = 1e-6
-_INSPECTED = 5  # samples with whose inputs the eigenvalues are computed
+_INSPECTED = 5  # number of samples at whose inputs the eigenvalues are computed
 
 
 @dataclass(frozen=True)
@@ -61,15 +60,15 @@ class Ladder:
     largest : float
         Longest step, s.
     affine : bool
-        Whether the remainder beside A x is constant during a step, or linear in time.
+        Whether the remainder is constant or linear in time during a step, so that steps are exact.
     worth : float
-        Steps per second that cost no more than those of the Runge-Kutta method; infinite where
-        steps are exact.
+        Steps per second that cost as much as those of the Runge-Kutta method; infinite if steps are
+        exact.
     matrix : ndarray, shape (1 + p, n, n)
         A, as the stack of its blocks.
     phi : ndarray, shape (levels + 2, 3, 1 + p, n, n)
-        phi_1, phi_2 and phi_3 of every step, the longest first; the last two steps serve as halves
-        and quarters only.
+        phi_1, phi_2 and phi_3 of every step, the longest first; the last two steps are only halves
+        and quarters of others.
     """
 
     largest: float
@@ -80,23 +79,23 @@ class Ladder:
 
     @property
     def levels(self) -> int:
-        """Number of different steps that may be taken."""
+        """Number of different steps."""
         return len(self.phi) - 2
 
 
 @dataclass(frozen=True)
 class _Clock:
-    """The properties of the instants of a record on which a ladder depends."""
+    """The sample times of a record, as far as a ladder depends on them."""
 
-    samples: int  # but the first
+    samples: int  # without the first
     duration: float  # s
     usual_step: float  # s
-    largest: float  # s; the usual step, doubled until it reaches over any other
+    largest: float  # s; the usual step, doubled until it is not shorter than any other
     is_uneven: bool
 
     @classmethod
     def of(cls, time: Array) -> _Clock | None:
-        """Read the instants; None unless they increase."""
+        """Return the properties of sample times; None unless they increase."""
         steps = np.diff(time)
         if not (steps.size and np.isfinite(steps).all() and (steps > 0.0).all()):
             return None
@@ -130,9 +129,9 @@ class Linearisation:
     Parameters
     ----------
     base : Graph
-        The component.
+        Graph of the component.
     extended : Graph
-        With its sensitivities, of which the parameters begin with those of the component.
+        Graph with sensitivities; its first parameters are those of the component.
     """
 
     def __init__(self, base: Graph, extended: Graph):
@@ -145,26 +144,27 @@ class Linearisation:
         # arguments of `_blocks`
         self._start = np.zeros(1)
         self._parameters = np.zeros(len(extended.layout.parameters))
-        self._first = np.zeros(len(base.layout.inputs))
-        self._fed = np.zeros(len(base.layout.inputs))
+        self._first_inputs = np.zeros(len(base.layout.inputs))
+        self._inputs = np.zeros(len(base.layout.inputs))
 
     def ladder(self, time: Array, table: Array, linear: bool, parameters: Array) -> Ladder | None:
-        """Compute the matrix functions for a record over which the component is stiff.
+        """Compute the matrix functions for a record if the component is stiff over it.
 
         Parameters
         ----------
         time : ndarray, shape (n,)
             Seconds.
         table : ndarray, shape (n, inputs)
+            Inputs, SI.
         linear : bool
             Whether inputs are interpolated.
         parameters : ndarray
-            Of the extended graph.
+            Parameters of the extended graph, SI.
 
         Returns
         -------
         Ladder or None
-            None where it is not stiff, so that the Runge-Kutta method costs least.
+            None if the component is not stiff, so that the Runge-Kutta method costs less.
         """
         clock = self._clock_of(time)
         if not self._to_nominal.size or clock is None:
@@ -172,7 +172,7 @@ class Linearisation:
         affine = self._affine(linear, self._resampled(clock.duration, parameters))
         matrices = self._matrices(float(time[0]), table, parameters)
         norms = np.abs(matrices[:, 0] * self._to_nominal).sum(2).max(1)
-        # no eigenvalue is larger than a norm, which costs less
+        # a norm bounds all eigenvalues, and costs less
         stiff = clock.stiff(affine)
         candidates = np.flatnonzero(np.isfinite(norms) & (norms > stiff))
         if not candidates.size:
@@ -189,7 +189,7 @@ class Linearisation:
         return Ladder(clock.largest, affine, worth, matrix, phi)
 
     def _clock_of(self, time: Array) -> _Clock | None:
-        """Read the instants of a record, which in a fit are those of the last simulation."""
+        """Return the properties of the sample times; in a fit they are those of the last call."""
         if not np.array_equal(time, self._clock[0]):
             self._clock = time.copy(), _Clock.of(time)
         return self._clock[1]
@@ -202,10 +202,10 @@ class Linearisation:
             samples = np.linspace(0, len(table) - 1, _INSPECTED).astype(int).tolist()
         self._start[0] = start
         self._parameters[:] = parameters
-        self._first[:] = table[0]
+        self._first_inputs[:] = table[0]
         matrices = np.empty((len(samples), blocks.result.size))
         for matrix, sample in zip(matrices, samples, strict=True):
-            self._fed[:] = table[sample]
+            self._inputs[:] = table[sample]
             matrix[:] = blocks()
         return matrices.reshape(len(samples), -1, *self._to_nominal.shape)
 
@@ -225,7 +225,7 @@ class Linearisation:
     def _blocks(self) -> tuple[BufferedFunction, bool]:
         """J and all H at the first step, row by row, and whether J depends on its inputs.
 
-        The first sampled updates have happened by then, with the inputs of the first sample.
+        They are taken after the first sampled updates, with the inputs of the first sample.
         """
         graph = self._extended
         n = len(self._to_nominal)
@@ -238,11 +238,11 @@ class Linearisation:
             values = ca.vertcat(first, states, discretes)
             discretes = ca.substitute(update, symbols, values)
         values = ca.vertcat(graph.inputs, states, discretes)
-        rows = ca.densify(ca.substitute(blocks, symbols, values).T)  # CasADi's go down columns
+        rows = ca.densify(ca.substitute(blocks, symbols, values).T)  # CasADi stores by columns
         arguments = [graph.time, graph.parameters, first, graph.inputs]
         function = ca.Function("blocks", arguments, ca.cse([rows]))
-        law = BufferedFunction(function, [self._start, self._parameters, self._first, self._fed])
-        return law, bool(depends_on_inputs)
+        memory = [self._start, self._parameters, self._first_inputs, self._inputs]
+        return BufferedFunction(function, memory), bool(depends_on_inputs)
 
     def _affine(self, linear: bool, resampled: tuple[bool, ...]) -> bool:
         """Return whether the rates are affine in the states, with the same coefficients throughout.
@@ -250,9 +250,9 @@ class Linearisation:
         Parameters
         ----------
         linear : bool
-            Whether inputs are interpolated; then the rates must be affine in these too.
+            Whether inputs are interpolated; then the rates must also be affine in inputs.
         resampled : tuple of bool
-            For each discrete state whether it is sampled again after the start.
+            Whether each discrete state is sampled again after the start.
         """
         key = (linear, resampled)
         if key not in self._known_affine:
@@ -261,20 +261,20 @@ class Linearisation:
 
     @uninterrupted()
     def _is_affine(self, linear: bool, resampled: tuple[bool, ...]) -> bool:
-        """Work out what `_affine` returns and remembers."""
+        """Compute the result of `_affine`, which stores it."""
         graph = self._base
         if ca.depends_on(graph.rates, graph.time):
             return False
         discretes = graph.discretes[[k for k, again in enumerate(resampled) if again]]
-        moving = ca.vertcat(graph.time, graph.inputs, graph.states, discretes)
+        varying = ca.vertcat(graph.time, graph.inputs, graph.states, discretes)
         arguments = ca.vertcat(graph.states, graph.inputs) if linear else graph.states
-        return not (
-            arguments.numel() and ca.depends_on(ca.jacobian(graph.rates, arguments), moving)
-        )
+        if not arguments.numel():
+            return True
+        return not ca.depends_on(ca.jacobian(graph.rates, arguments), varying)
 
 
 def _times(a: Array, b: Array) -> Array:
-    """Return the products of one matrix and several, each stored as the stack of its blocks."""
+    """Return the products of one matrix with several, all stored as stacks of blocks."""
     product: Array = a[0] @ b
     product[:, 1:] += a[1:] @ b[:, :1]
     return product
@@ -282,7 +282,7 @@ def _times(a: Array, b: Array) -> Array:
 
 @cache
 def _shares(n: int) -> Array:
-    """Return what of phi_1 to phi_3 at z, of n rows, is in 2**k phi_k(2 z), by columns as these."""
+    """Return the coefficients 1 / (k - j)! of phi_j(z) in 2**k phi_k(2 z), times identities."""
     shares = [
         [1 / math.factorial(k - j) if k >= j else 0.0 for k in range(_ORDERS)]
         for j in range(1, _ORDERS)
@@ -291,13 +291,13 @@ def _shares(n: int) -> Array:
 
 
 def _phi(z: Array, doublings: int) -> Array:
-    """Return phi_1, phi_2 and phi_3 at z and after doublings of z, the last first.
+    """Return phi_1, phi_2 and phi_3 at z and after each doubling of z, the last doubling first.
 
-    They stand beside each other, after phi_0 = exp:
+    With the row (phi_0, ..., phi_3), where phi_0 = exp, the formula
 
         2**k phi_k(2 z) = phi_0(z) phi_k(z) + sum of phi_j(z) / (k - j)!, j from 1 to k,
 
-    is then one product of the row (phi_0, ..., phi_3) with a matrix that begins with that row.
+    is one product of the row with a matrix whose first rows are that row.
     """
     blocks, n, _ = z.shape
     powers = np.zeros((_TERMS + 1, *z.shape))
@@ -312,7 +312,7 @@ def _phi(z: Array, doublings: int) -> Array:
     doubling = np.empty((width, width))
     doubling[n:] = _shares(n)
     halves = np.repeat(0.5 ** np.arange(_ORDERS), n)
-    # of rates that grow without bounds: a step that is not finite is halved
+    # rates that grow without bounds overflow; a step that is not finite is halved
     with np.errstate(over="ignore", invalid="ignore"):
         for level in reversed(range(doublings)):
             row = rows[level + 1]

@@ -1,9 +1,9 @@
-"""Interpolation of smooth inputs between samples: lines, or a cubic spline where a course bends.
+"""Interpolation of smooth inputs between samples: linear, or by a cubic spline if they are curved.
 
-The area under a straight line differs from that under a curved course by a twelfth of the
-curvature, and so does a state that integrates the input. Simulations take inputs in straight
-pieces. Two of them between two samples, which meet where their area is that of the spline, move a
-state as the spline does, except for the decay of the state within the interval.
+Simulations interpolate inputs linearly. The area under a straight line differs from that under a
+curved signal by a twelfth of the curvature, and a state that integrates the input differs as much.
+Therefore a knot is added between two samples so that the area under the two straight lines is that
+under the spline. A state then changes as with the spline, except for its decay within the interval.
 """
 
 from __future__ import annotations
@@ -15,27 +15,31 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 
-_STILL = 1e-9  # of the range, below which an input did not move
-# Error with which a cubic through two neighbours on either side predicts a sample, over that of a
-# straight line through one on either side, below which a course is curved. Noise makes it 1.14,
-# straight lines as much by rounding; a sine of 4 samples a period, 0.67.
+_STILL = 1e-9  # change relative to the range, below which an input is constant
+# A signal is curved if the prediction error of a cubic through two neighbours on either side is
+# less than this part of the error of a straight line through one neighbour on either side. The
+# ratio is 1.14 for noise and, by rounding, for straight lines; 0.67 for a sine of 4 samples a turn.
 _CURVED = 0.8
 
 
 def is_curved(time: Array, values: Array) -> bool:
-    """Return whether a course bends from sample to sample, beyond noise and kinks.
+    """Return whether a signal is curved from sample to sample, more than by noise and kinks.
 
     Parameters
     ----------
     time : ndarray, shape (n,)
         Seconds.
     values : ndarray, shape (n,)
-        Of a smooth input, any unit.
+        Smooth input, any unit.
+
+    Returns
+    -------
+    bool
     """
     moving = np.abs(np.diff(values))[1:-2] > _STILL * np.ptp(values)
     if not moving.any():
         return False
-    # the median decides, so that neither a kink nor a step does
+    # the median is robust against single kinks and steps
     straight = np.median(np.abs(_prediction_errors(time, values, 1))[moving])
     cubic = np.median(np.abs(_prediction_errors(time, values, 2))[moving])
     return bool(cubic < _CURVED * straight)
@@ -44,7 +48,7 @@ def is_curved(time: Array, values: Array) -> bool:
 def _prediction_errors(time: Array, values: Array, near: int) -> Array:
     """Return the errors (n - 4,) of predicting samples from neighbours.
 
-    Each is predicted by the polynomial through ``near`` samples on either side of it (Lagrange).
+    The prediction is Lagrange's polynomial through ``near`` samples on either side.
     """
     places = [k for k in range(-near, near + 1) if k]
 
@@ -64,22 +68,26 @@ def _prediction_errors(time: Array, values: Array, near: int) -> Array:
 def with_knots(
     time: Array, inputs: Mapping[str, Array], linear: bool | Collection[str]
 ) -> tuple[Array, Mapping[str, Array], slice]:
-    """Add a knot between every two samples of smooth inputs, where one of them is curved.
+    """Add a knot between every two samples if a smooth input is curved.
 
     Parameters
     ----------
     time : ndarray, shape (n,)
         Seconds.
     inputs : Mapping of str to ndarray, shape (n,)
+        Any units.
     linear : bool or collection of str
-        Inputs that are smooth, all or those named; others are held until the next sample.
+        Inputs that are smooth: all, none, or some by name. The others are constant from sample to
+        sample.
 
     Returns
     -------
-    time, inputs
-        As given if nothing is curved, else (2n - 1,).
+    time : ndarray, shape (n,) or (2n - 1,)
+        The argument if no input is curved.
+    inputs : Mapping of str to ndarray, shape (n,) or (2n - 1,)
+        The argument if no input is curved.
     samples : slice
-        Positions of the given samples in them.
+        Positions of the samples in the result.
     """
     smooth = inputs if linear is True else linear or ()
     full = {}
@@ -90,29 +98,29 @@ def with_knots(
             bends[name] = _bend(time.tobytes(), full[name].tobytes())
     if all(bend is None for bend in bends.values()):
         return time, inputs, slice(None)
-    fed = {}
+    refined = {}
     for name, values in full.items():
         between = (values[:-1] + values[1:]) / 2.0 if name in smooth else values[:-1]
         bend = bends.get(name)
-        fed[name] = _alternating(values, between if bend is None else between + bend)
-    return _alternating(time, (time[:-1] + time[1:]) / 2.0), fed, slice(None, None, 2)
+        refined[name] = _merged(values, between if bend is None else between + bend)
+    return _merged(time, (time[:-1] + time[1:]) / 2.0), refined, slice(None, None, 2)
 
 
 @lru_cache(maxsize=16)  # a fit simulates the same record hundreds of times
 def _bend(time: bytes, values: bytes) -> Array | None:
-    """Return the distances of the knots from straight lines (n - 1,); None if nothing bends."""
+    """Return the distances (n - 1,) of knots from straight lines; None if no curve is visible."""
     instants = np.frombuffer(time)
-    course = np.frombuffer(values)
-    if not is_curved(instants, course):
+    signal = np.frombuffer(values)
+    if not is_curved(instants, signal):
         return None
     from scipy.interpolate import CubicSpline
 
-    slopes = CubicSpline(instants, course)(instants, 1)
+    slopes = CubicSpline(instants, signal)(instants, 1)
     return np.asarray(-np.diff(instants) * np.diff(slopes) / 6.0)
 
 
-def _alternating(samples: Array, between: Array) -> Array:
-    """Merge samples with the values between them."""
+def _merged(samples: Array, between: Array) -> Array:
+    """Merge samples with the values between them, in turn."""
     result = np.empty(2 * len(samples) - 1)
     result[::2] = samples
     result[1::2] = between

@@ -1,4 +1,4 @@
-"""Storage behind the scenes: a checked cache, and temporary folders that end with their process."""
+"""Internal storage: a verified cache, and temporary folders that are removed with their process."""
 
 import lazy_loader
 

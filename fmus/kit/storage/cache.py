@@ -1,6 +1,6 @@
-"""The cache: a folder of files that can be made again.
+"""The cache: a folder of files that can be rebuilt.
 
-No file is taken from it that is damaged, or that anybody but this user can have written.
+A file is used only if it is undamaged, and if no other user could write it.
 """
 
 from __future__ import annotations
@@ -17,39 +17,39 @@ from fmus.kit import files
 from fmus.kit.errors import UserError
 from fmus.kit.storage.lock import NO_LINK
 
-_DIGEST = ".sha256"  # beside each entry, as ``sha256sum`` writes it
-_NO_WAIT = getattr(os, "O_NONBLOCK", 0)  # a pipe in place of a file is not waited for
+_DIGEST = ".sha256"  # of the digest of each entry, a file in the format of ``sha256sum``
+_NO_WAIT = getattr(os, "O_NONBLOCK", 0)  # so that opening a pipe in place of a file does not block
 
 
 def folder() -> Path:
-    """Return the folder of the cache; ``PPY_CACHE`` in the environment replaces it."""
+    """Return the folder of the cache: ``PPY_CACHE`` of the environment, or the user's default."""
     import platformdirs
 
     return Path(os.environ.get("PPY_CACHE") or platformdirs.user_cache_dir("ppy-rig"))
 
 
 def cached_file(name: str, make: Callable[[], bytes], place: Path | None = None) -> Path:
-    """Return the path of a file in the cache, making it unless it is there and sound.
+    """Return the path of a file in the cache, making it if it is missing or damaged.
 
     Parameters
     ----------
     name : str
-        Identifies the contents completely; with a slash it is in a folder of the cache.
+        Name that identifies the contents completely; it may contain folders.
     make : callable
         Returns the contents.
     place : Path, optional
-        Default is `folder`.
+        Folder of the cache; by default `folder`.
 
     Returns
     -------
     Path
-        A regular file, whole, this user's, and writable by nobody else; so are the folders it is
-        in.
+        A complete regular file. It and its folders belong to this user, and no other user can write
+        them.
 
     Raises
     ------
     UserError
-        If the folder is another user's, or cannot be written.
+        If the folder belongs to another user, or cannot be written.
     """
     root = place or folder()
     path = root / name
@@ -77,7 +77,7 @@ def _store(path: Path, contents: bytes) -> None:
 
 @contextlib.contextmanager
 def _write_errors(root: Path) -> Iterator[None]:
-    """Replace errors of the file system by a message that says what to do."""
+    """Replace errors of the file system by a UserError that proposes a remedy."""
     try:
         yield
     except OSError as error:
@@ -88,7 +88,7 @@ def _write_errors(root: Path) -> Iterator[None]:
 
 
 def is_sound(path: Path) -> bool:
-    """Return whether an entry is there, is unchanged, and was written by this user."""
+    """Return whether an entry exists, is undamaged, and was written by this user."""
     try:
         return _read(_digest_file(path)) == _digest_line(path, _read(path))
     except OSError:
@@ -96,17 +96,17 @@ def is_sound(path: Path) -> bool:
 
 
 def _make_private(place: Path) -> None:
-    """Make a folder for this user alone, or withdraw the rights of others to an existing one.
+    """Make a folder that only this user can access, or remove the access of others.
 
     Raises
     ------
     OSError
         If it cannot be made.
     UserError
-        If it is another user's, or stays open to others.
+        If it belongs to another user, or others can still write it.
     """
     place.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if sys.platform == "win32":  # folders of a user are the user's, and there is no mode
+    if sys.platform == "win32":  # no modes; the folders of a user are private by default
         return
     target = place.stat()
     # the owner of a link may change its target
@@ -121,12 +121,12 @@ def _make_private(place: Path) -> None:
 
 
 def _unusable(place: Path, why: str) -> UserError:
-    """Return the error for a folder that is no cache of this user."""
+    """Return the error for a folder that cannot be the cache of this user."""
     return UserError(f"{place}: the cache {why}; name a folder of your own in PPY_CACHE")
 
 
 def _read(path: Path) -> bytes:
-    """Return the contents of a file of this user; OSError if it is anything else."""
+    """Return the contents of a file of this user; raise OSError for any other file."""
 
     def opened(name: str, flags: int) -> int:
         return os.open(name, flags | NO_LINK | _NO_WAIT)
@@ -147,5 +147,5 @@ def _digest_file(path: Path) -> Path:
 
 
 def _digest_line(path: Path, contents: bytes) -> bytes:
-    """Return the digest and the name of an entry, so that no other can take its place."""
+    """Return the digest file's line: the digest and the name, so that entries cannot be swapped."""
     return f"{hashlib.sha256(contents).hexdigest()}  {path.name}\n".encode()

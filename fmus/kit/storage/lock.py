@@ -1,4 +1,4 @@
-"""File locks of the operating system, which end with the process that holds them."""
+"""File locks of the operating system, which are released at the end of their process."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ NO_LINK = getattr(os, "O_NOFOLLOW", 0)
 
 
 def take(path: Path) -> int | None:
-    """Lock a file, which is made if it is not there.
+    """Lock a file, making it if it does not exist.
 
     Parameters
     ----------
     path : Path
-        The process that locks it may remove it, but only while it is locked.
+        The file. It may be removed only by the process that has locked it.
 
     Returns
     -------
     int or None
-        A descriptor for :func:`release`; None if it is locked, by another process or by this one.
+        Descriptor for :func:`release`; None if another process, or this one, has locked the file.
 
     Raises
     ------
     OSError
-        If it cannot be made, or the file system has no locks.
+        If the file cannot be made, or the file system has no locks.
     """
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | NO_LINK, 0o644)
         try:
-            if not _locked(descriptor):
+            if not _try_lock(descriptor):
                 os.close(descriptor)
                 return None
-            # the process that had it before may have removed it since it was opened
+            # the previous owner may have removed the file after it was opened here
             if _is_open(descriptor, path):
                 return descriptor
         except BaseException:
@@ -44,26 +44,26 @@ def take(path: Path) -> int | None:
 
 
 def release(path: Path, descriptor: int) -> None:
-    """Remove a file that :func:`take` locked, and release it."""
+    """Remove a file that :func:`take` locked, and release the lock."""
     if sys.platform == "win32":
-        os.close(descriptor)  # an open file cannot be removed; another process may take it now
+        os.close(descriptor)  # an open file cannot be removed; another process may lock it now
         with contextlib.suppress(OSError):
             path.unlink()
     else:
         with contextlib.suppress(OSError):
-            path.unlink()  # while it is locked: nobody can have taken it again
+            path.unlink()  # before the lock is released, so that no other process has locked it
         os.close(descriptor)
 
 
 def _is_open(descriptor: int, path: Path) -> bool:
-    """Return whether a descriptor is of the file that has this path now."""
+    """Return whether a descriptor is that of the file at a path."""
     try:
         return os.path.samestat(os.fstat(descriptor), path.lstat())
     except FileNotFoundError:
         return False
 
 
-def _locked(descriptor: int) -> bool:
+def _try_lock(descriptor: int) -> bool:
     """Lock an open file; return False if another descriptor has the lock."""
     if sys.platform == "win32":
         import msvcrt

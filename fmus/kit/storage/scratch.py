@@ -1,8 +1,8 @@
 """Temporary folders that are removed with their process, or by the next one if it was killed.
 
-Beside each folder ``ppy-...`` is a file ``ppy-....lock``, locked for as long as the folder is in
-use. It is made before the folder and removed after it, so that at no moment a folder in use could
-be taken for an abandoned one. The number of the process would not do, because numbers are reused.
+Each folder ``ppy-...`` has a file ``ppy-....lock``, which is locked while the folder is in use. The
+file is made before the folder and removed after it, so that a folder in use never seems abandoned.
+A process id could not replace it, because ids are reused.
 """
 
 from __future__ import annotations
@@ -25,25 +25,26 @@ from fmus.kit.storage import lock
 
 _PREFIX = "ppy-"
 _LOCK = ".lock"
-# errors that are about a place, not about a file
+# errors that concern a folder or its file system, not a single file
 NO_ROOM = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EROFS)
 _PROBE = bytes(2**20)
-_NO_LOCK = -1  # in place of a descriptor where the file system has no locks; nothing is swept there
-_ours: dict[Path, int] = {}  # folders of this process, and the descriptors of their locks
+# in place of a descriptor if the file system has no locks; nothing is swept there
+_NO_LOCK = -1
+_ours: dict[Path, int] = {}  # descriptors of locks, by the folders of this process
 
 
 def make(kind: str) -> Path:
-    """Make a folder; :func:`remove` removes it, or else the end of the process.
+    """Make a temporary folder, which :func:`remove` or the end of the process removes.
 
     Parameters
     ----------
     kind : str
-        Its purpose, a part of its name.
+        Purpose of the folder, which is part of its name.
 
     Returns
     -------
     Path
-        Empty, for this user alone, in the folder for temporary files.
+        Empty folder that only this user can access.
 
     Raises
     ------
@@ -52,7 +53,7 @@ def make(kind: str) -> Path:
     """
     try:
         place = tempfile.gettempdir()
-    except FileNotFoundError as error:  # several were tried
+    except FileNotFoundError as error:  # none of several candidates
         raise UserError(
             f"no folder for temporary files can be written ({error.strerror}); make room in one of"
             " them, or name another in TMPDIR"
@@ -61,9 +62,9 @@ def make(kind: str) -> Path:
     try:
         while True:
             folder = Path(place).absolute() / f"{_PREFIX}{kind}-{uuid.uuid4().hex[:12]}"
-            descriptor = _locked(folder)
+            descriptor = _lock_for(folder)
             if descriptor is None:
-                continue  # another process took it for abandoned, between the file and its lock
+                continue  # another process swept the lock file before it was locked
             _ours[folder] = descriptor
             try:
                 folder.mkdir(mode=0o700)
@@ -76,7 +77,7 @@ def make(kind: str) -> Path:
 
 
 def remove(folder: str | Path) -> None:
-    """Remove a folder that this process made, with all that is in it; others stay."""
+    """Remove a folder with its contents if this process made it."""
     path = Path(folder)
     if path in _ours:
         _remove(path, _ours.pop(path))
@@ -85,16 +86,16 @@ def remove(folder: str | Path) -> None:
 @contextlib.contextmanager
 def folder(kind: str) -> Iterator[Path]:
     """Make a folder that is removed at the end of the context; see `make`."""
-    made = make(kind)
+    path = make(kind)
     try:
-        yield made
+        yield path
     finally:
-        remove(made)
+        remove(path)
 
 
 @contextlib.contextmanager
 def written(folder: str | Path) -> Iterator[None]:
-    """Replace errors of writing into a folder by a message that says what to do.
+    """Replace errors of writing into a folder by a UserError that proposes a remedy.
 
     Raises
     ------
@@ -108,12 +109,12 @@ def written(folder: str | Path) -> Iterator[None]:
 
 
 def check_room(folder: str | Path) -> None:
-    """Check that a folder can still be written, which other programs do not report clearly.
+    """Raise an error if a folder cannot be written, which other programs do not report clearly.
 
     Raises
     ------
     UserError
-        If it cannot.
+        With a remedy.
     """
     probe = Path(folder) / "probe"
     with written(folder):
@@ -125,7 +126,7 @@ def check_room(folder: str | Path) -> None:
 
 
 def no_room(place: Path, error: OSError) -> UserError:
-    """Return the error that says what to do about a folder for temporary files."""
+    """Return the error, with a remedy, for a folder that cannot be written."""
     return UserError(
         f"{place}: temporary files cannot be written there ({error.strerror or error}); "
         "make room, or name another folder in TMPDIR"
@@ -147,13 +148,13 @@ def _sweep(place: str) -> None:
 
 
 def _is_ours(path: Path, is_kind: Callable[[int], bool]) -> bool:
-    """Return whether a path is of a kind, and belongs to this user."""
+    """Return whether a path has a type of file and belongs to this user."""
     about = path.lstat()
     return is_kind(about.st_mode) and (sys.platform == "win32" or about.st_uid == os.geteuid())
 
 
 def _remove(folder: Path, descriptor: int) -> None:
-    """Remove a folder, then its lock."""
+    """Remove a folder and then its lock file."""
     shutil.rmtree(folder, ignore_errors=True)
     if descriptor == _NO_LOCK:
         return
@@ -163,8 +164,8 @@ def _remove(folder: Path, descriptor: int) -> None:
         lock.release(_lock_of(folder), descriptor)
 
 
-def _locked(folder: Path) -> int | None:
-    """Lock the file beside a folder that is made next; None if another process was faster."""
+def _lock_for(folder: Path) -> int | None:
+    """Lock the lock file of a folder before it is made; return None if another process has it."""
     path = _lock_of(folder)
     try:
         return lock.take(path)
@@ -186,5 +187,5 @@ def _remove_all() -> None:
         remove(folder)
 
 
-if hasattr(os, "register_at_fork"):  # a copy of this process does not remove what this one has
+if hasattr(os, "register_at_fork"):  # a child process must not remove folders of its parent
     os.register_at_fork(after_in_child=_ours.clear)

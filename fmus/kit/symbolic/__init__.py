@@ -1,4 +1,4 @@
-"""Symbolic components: traced laws with their structure, sensitivities and C source, by CasADi."""
+"""Laws of components as CasADi graphs, with their structure, sensitivities and C source."""
 
 import lazy_loader
 

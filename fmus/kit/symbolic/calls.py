@@ -1,4 +1,4 @@
-"""The calls of a component's laws: which law reads which signal, and what each gives."""
+"""Record of the calls of a component's laws: the signals that they read, and their values."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from fmus.kit.component import Component
 
 
 class Calls:
-    """The calls of the laws of a component, in their order.
+    """Recorder of the calls of a component's laws, in their order.
 
     Parameters
     ----------
     cls : type[Component]
     signals : collection of str
-        Inputs and states that laws may read.
+        Inputs and states whose use is recorded.
 
     Attributes
     ----------
     one : Component
-        An instance whose laws are followed.
+        Instance whose calls are recorded.
     reads : dict of str to set of str
-        The signals that every law reads by itself.
+        Signals that each law reads itself, not through another law.
     values : dict of str to list
-        What every law gave where it takes no arguments.
+        Values of each law without arguments.
     """
 
     def __init__(self, cls: type[Component], signals: Collection[str]):
@@ -39,12 +39,12 @@ class Calls:
                     self.reads[self._running[-1]].add(name)
                 return value
             is_law = callable(value) and not name.startswith("_") and not hasattr(Component, name)
-            return self._followed(name, value) if is_law else value
+            return self._recorded(name, value) if is_law else value
 
         self.one = type(cls.__name__, (cls,), {"__getattribute__": get})()
 
-    def _followed(self, name: str, law: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a law whose calls are noted."""
+    def _recorded(self, name: str, law: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a function that calls a law and records the call."""
 
         def call(*arguments: Any) -> Any:
             self._running.append(name)

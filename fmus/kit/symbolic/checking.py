@@ -1,7 +1,7 @@
-"""The check of a component when it is loaded: its laws work on signals, and their units fit.
+"""The check of a loaded component: its laws accept symbols, and their units are consistent.
 
-Every law that the rates, updates and outputs call is evaluated once on numbers of which only the
-unit is known. What goes wrong is a mistake of the author, who is told the line and what to write.
+Rates, updates and outputs are evaluated once on numbers that have a unit and no value. An error is
+a mistake of the author; the message gives the line and a remedy.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from fmus.kit.symbolic.symbols import ANY, LawError, ScaleError, Symbol, ValueNe
 
 _KIT = Path(kit.__file__).parent
 _checked: WeakSet[type[Component]] = WeakSet()
-# What is written in a law that needs a value -> what to write instead. All that are there are told.
+# pattern of code that needs the value of a number -> remedy; a message has all that apply to a line
 _INSTEAD = {
     r"\bmax\(": "maximum(a, b) for max(a, b)",
     r"\bmin\(": "minimum(a, b) for min(a, b)",
@@ -34,20 +34,21 @@ _INSTEAD = {
     r"[<>]=?(?:(?!\b(?:and|or)\b)[^<>=])+[<>]": "logical_and(a < x, x < b) for a < x < b",
     r"\b(if|elif|while)\b": "where(condition, yes, no) for if",
 }
+# function of the module `math` -> function of the kit, where the names differ
 _OF_MATH = {"fabs": "absolute", "acos": "arccos", "atan2": "arctan2", "pow": "**"}
 
 
 class _Place(NamedTuple):
-    """Where in an author's file something went wrong.
+    """The place of an error in an author's file.
 
     Attributes
     ----------
     file : str
     line : int
     law : str
-        The function that stands there.
+        Name of the function.
     text : str
-        The expression; empty if it is not to be had.
+        The expression; empty if it is not known.
     """
 
     file: str
@@ -56,18 +57,19 @@ class _Place(NamedTuple):
     text: str
 
 
-class _Wanted(NamedTuple):
-    """A law whose unit follows from what a class declares.
+class _RequiredUnit(NamedTuple):
+    """The unit of a law that follows from a declaration.
 
     Attributes
     ----------
     law : str
+        Name of the law.
     unit : str
-        Of the variable that it belongs to, as it is declared.
+        Declared unit of the variable that the law belongs to.
     powers : Mapping of str to float
-        Of the units that the law must be in.
+        Required unit of the law, as powers of units.
     words : str
-        Why it must.
+        Reason, for a message.
     """
 
     law: str
@@ -77,89 +79,92 @@ class _Wanted(NamedTuple):
 
 
 def check_component(cls: type[Component]) -> None:
-    """Check once that the laws of a component work on symbols, and that their units fit.
+    """Raise an error unless the laws of a component accept symbols and have consistent units.
+
+    Each class is checked once; one with an engine of its own has no laws.
 
     Parameters
     ----------
     cls : type[Component]
-        One with an engine of its own has no laws.
 
     Raises
     ------
     UserError
-        With file, line, what is wrong there, and what to write instead.
+        With file, line, mistake and remedy.
     """
     if cls.engine is not None or cls in _checked:
         return
     _check_declared(cls)
-    one = _on_symbols(cls)
-    held = set(vars(one))
-    for wanted in _wanted(cls):
-        _check_law(one, wanted)
-    new = sorted(vars(one).keys() - held)
+    one = _symbolic_instance(cls)
+    attributes = set(vars(one))
+    for required in _required_units(cls):
+        _check_law(one, required)
+    new = sorted(vars(one).keys() - attributes)
     if new:
         raise UserError(
-            f"{_of_class(cls, rf'self[.]{new[0]} *=')}: a law keeps {new[0]!r} in self, where"
+            f"{_place_in_class(cls, rf'self[.]{new[0]} *=')}: a law keeps {new[0]!r} in self, where"
             " nothing is kept from one evaluation to the next; declare it as a State or Discrete"
         )
     _checked.add(cls)
 
 
 def _check_declared(cls: type[Component]) -> None:
-    """Check that units are some, and that what is sampled has its period in seconds."""
+    """Check that declared units exist, and that periods and shifts are in seconds."""
     clocks = cls.layout.clock_parameters
     for v in cls.layout.variables:
         try:
             units.check(v.unit)
         except UserError as error:
-            place = _of_class(cls, rf"^ *{v.name} *=")
+            place = _place_in_class(cls, rf"^ *{v.name} *=")
             raise UserError(f"{place}: {v.name}: {error}") from error
         if v.name in clocks and units.base_unit(v.unit) != units.base_unit("s"):
-            place = _of_class(cls, rf"^ *{v.name} *=")
+            place = _place_in_class(cls, rf"^ *{v.name} *=")
             raise UserError(
                 f"{place}: {v.name} is in {v.unit}, but a sample period is in s;"
                 f" declare it in s, with display={v.unit!r}"
             )
 
 
-def _wanted(cls: type[Component]) -> Iterator[_Wanted]:
-    """Yield the laws that declarations name, with the units that these give them."""
+def _required_units(cls: type[Component]) -> Iterator[_RequiredUnit]:
+    """Yield the laws that declarations name, with their required units."""
     for state in cls.layout.states:
         powers = Counter[str](units.powers_of_names(state.unit))
         powers.subtract(["s"])
         words = f"it is the rate of {state.name}, which is in {state.unit}"
-        yield _Wanted(state.rate, state.unit, powers, words)
+        yield _RequiredUnit(state.rate, state.unit, powers, words)
     for discrete in cls.layout.discretes:
         words = f"it is the next value of {discrete.name}, which is in {discrete.unit}"
         powers_of = units.powers_of_names(discrete.unit)
-        yield _Wanted(discrete.update, discrete.unit, powers_of, words)
+        yield _RequiredUnit(discrete.update, discrete.unit, powers_of, words)
     for output in cls.layout.outputs:
         words = f"it is an output in {output.unit}"
-        yield _Wanted(output.name, output.unit, units.powers_of_names(output.unit), words)
+        powers_of = units.powers_of_names(output.unit)
+        yield _RequiredUnit(output.name, output.unit, powers_of, words)
 
 
-def _on_symbols(cls: type[Component]) -> Component:
+def _symbolic_instance(cls: type[Component]) -> Component:
     """Return an instance whose variables are symbols in their units."""
-    one = _filled(cls, lambda unit: Symbol(units.powers_of_names(unit)))
-    free = _filled(cls, lambda unit: ANY)
+    one = _instance(cls, lambda unit: Symbol(units.powers_of_names(unit)))
+    free = _instance(cls, lambda unit: ANY)
     for name in cls.unchecked:
         if law_of(cls, name) is None:
-            place = _of_class(cls, r"^ *unchecked *=")
+            place = _place_in_class(cls, r"^ *unchecked *=")
             raise UserError(f"{place}: no law named {name!r}{suggestion(name, _names(one))}")
         vars(one)[name] = _of_any_unit(getattr(free, name))
     return one
 
 
-def _filled(cls: type[Component], make: Any) -> Component:
+def _instance(cls: type[Component], make: Any) -> Component:
+    """Return an instance whose variables are symbols that a function makes from their units."""
     one = cls()
-    # not setattr: an effect of an input stands in the class under the name of the input
+    # not setattr: an effect of an input is a descriptor with the name of the input
     vars(one).update({v.name: make(v.unit) for v in cls.layout.variables if hasattr(v, "start")})
-    one.time = Symbol({"s": 1.0}, ANY.numbers)  # a course over time is written in numbers
+    one.time = Symbol({"s": 1.0}, ANY.numbers)  # a function of time may have bare numbers
     return one
 
 
 def _of_any_unit(law: Any) -> Any:
-    """Return a law that takes and gives numbers whose units nobody knows."""
+    """Return a law whose arguments and results are symbols of any unit."""
 
     def free(value: Any) -> Any:
         if isinstance(value, tuple | list):
@@ -169,49 +174,52 @@ def _of_any_unit(law: Any) -> Any:
     return lambda *arguments: free(law(*free(arguments)))
 
 
-def _check_law(one: Component, wanted: _Wanted) -> None:
-    """Evaluate a law, and check the unit of what it gives."""
+def _check_law(one: Component, required: _RequiredUnit) -> None:
+    """Evaluate a law, and check the unit of its value."""
     try:
-        value = getattr(one, wanted.law)()
+        value = getattr(one, required.law)()
     except Exception as error:
-        raise UserError(_told(one, wanted, error)) from error
+        raise UserError(_evaluation_message(one, required, error)) from error
     try:
-        check_number(value) if not isinstance(value, Symbol) else value.meet(Symbol(wanted.powers))
+        if isinstance(value, Symbol):
+            value.meet(Symbol(required.powers))
+        else:
+            check_number(value)
     except LawError as error:
-        raise UserError(_of_result(one, wanted, value, error)) from error
+        raise UserError(_unit_message(one, required, value, error)) from error
 
 
-def _of_result(one: Component, wanted: _Wanted, value: Any, error: LawError) -> str:
-    """Return what is wrong with what a law gives."""
-    place = _of_law(type(one), wanted.law)
+def _unit_message(one: Component, required: _RequiredUnit, value: Any, error: LawError) -> str:
+    """Return the message for the value of a law that is no number or has another unit."""
+    place = _place_of_law(type(one), required.law)
     if not isinstance(value, Symbol):
-        return f"{place}: what {wanted.law} gives is no number: {error}; {error.remedy}"
-    reason = f"{place}: {wanted.law} gives {value.unit}, but {wanted.words}"
+        return f"{place}: what {required.law} gives is no number: {error}; {error.remedy}"
+    reason = f"{place}: {required.law} gives {value.unit}, but {required.words}"
     if isinstance(error, ScaleError):
-        return f"{reason}: {error}; {_for_scale(one)}"
-    return f"{reason}; {_for_units(one, _source_of(type(one), wanted.law))}"
+        return f"{reason}: {error}; {_scale_remedy(one)}"
+    return f"{reason}; {_units_in(one, _source_of(type(one), required.law))}"
 
 
-def _told(one: Component, wanted: _Wanted, error: Exception) -> str:
-    """Return what went wrong while a law was evaluated: where, what, and what to write."""
+def _evaluation_message(one: Component, required: _RequiredUnit, error: Exception) -> str:
+    """Return the message for an error in the evaluation of a law: place, mistake and remedy."""
     place = _place_of(error)
     if place is None:
-        where = f"{_of_law(type(one), wanted.law)}: in {wanted.law}"
+        where = f"{_place_of_law(type(one), required.law)}: in {required.law}"
     else:
         quoted = f" in {place.text!r}" if place.text else ""
         where = f"{shown(place.file)}, line {place.line}: in {place.law}{quoted}"
     if isinstance(error, ScaleError):
-        return f"{where}: {error}; {error.remedy or _for_scale(one)}"
+        return f"{where}: {error}; {error.remedy or _scale_remedy(one)}"
     if isinstance(error, ValueNeeded):
-        return f"{where}: {error}; {_instead(place) or error.remedy}"
+        return f"{where}: {error}; {_value_remedy(place) or error.remedy}"
     if isinstance(error, LawError):
-        remedy = error.remedy or _for_units(one, place.text if place else "")
+        remedy = error.remedy or _units_in(one, place.text if place else "")
         return f"{where}: {error}; {remedy}"
-    return f"{where}: {_of_python(one, place, error)}"
+    return f"{where}: {_python_message(one, place, error)}"
 
 
-def _of_python(one: Component, place: _Place | None, error: Exception) -> str:
-    """Return what Python's own error means in a law."""
+def _python_message(one: Component, place: _Place | None, error: Exception) -> str:
+    """Return the message for an exception of Python in a law."""
     name = getattr(error, "name", None) or ""
     known = _names(one)
     match error:
@@ -235,35 +243,36 @@ def _of_python(one: Component, place: _Place | None, error: Exception) -> str:
 
 
 def _without_self(one: Component) -> str:
-    """Return the law that takes no argument, not even the component; empty if there is none."""
+    """Return the first law that lacks the argument ``self``; empty if there is none."""
     laws = ((name, _code_of(type(one), name)) for name in _names(one))
     return next((name for name, code in laws if code and not code.co_argcount), "")
 
 
 def _calls_a_variable(one: Component, place: _Place | None) -> bool:
-    called = re.match(r"self\.(\w+)\(", place.text) if place else None
-    return called is not None and any(called[1] == v.name for v in type(one).layout.variables)
+    """Return whether an expression calls a variable as if it were a law."""
+    call = re.match(r"self\.(\w+)\(", place.text) if place else None
+    return call is not None and any(call[1] == v.name for v in type(one).layout.variables)
 
 
-def _instead(place: _Place | None) -> str:
-    """Return what to write for what needs a value in a line."""
+def _value_remedy(place: _Place | None) -> str:
+    """Return the remedy for code in a line that needs the value of a number; empty if unknown."""
     if place is None:
         return ""
     line = linecache.getline(place.file, place.line).partition("#")[0]
-    found = re.search(r"\bmath\.(\w+)", place.text or line)
-    if found:
-        name = _OF_MATH.get(found[1], found[1])
+    match = re.search(r"\bmath\.(\w+)", place.text or line)
+    if match:
+        name = _OF_MATH.get(match[1], match[1])
         if name == "**":
             return "write x**y"
         if name in kit.__all__:
             return f"write {name}(...) and: from fmus.kit import {name}"
         return ""
-    wanted = [text for pattern, text in _INSTEAD.items() if re.search(pattern, line)]
-    return f"write {', and '.join(wanted)}, of fmus.kit" if wanted else ""
+    remedies = [text for pattern, text in _INSTEAD.items() if re.search(pattern, line)]
+    return f"write {', and '.join(remedies)}, of fmus.kit" if remedies else ""
 
 
-def _for_scale(one: Component) -> str:
-    """Return how units come to have the same scale."""
+def _scale_remedy(one: Component) -> str:
+    """Return the remedy for units of different scale."""
     others = [
         f"{v.name} ({v.unit})"
         for v in type(one).layout.variables
@@ -273,21 +282,21 @@ def _for_scale(one: Component) -> str:
     return f"write this factor into the law{declare}"
 
 
-def _for_units(one: Component, text: str) -> str:
-    """Return the units of what stands in an expression."""
+def _units_in(one: Component, text: str) -> str:
+    """Return the units of the variables and laws in an expression, as a hint."""
     layout = type(one).layout
     declared = {v.name: v.unit for v in layout.variables if hasattr(v, "start")}
-    told = []
+    hints = []
     for name in dict.fromkeys(re.findall(r"\bself\.(\w+)", text)):
         if name in declared:
-            told.append(f"{name} is declared in {declared[name]}")
+            hints.append(f"{name} is declared in {declared[name]}")
         elif law_of(type(one), name):
-            told.append(_of_called(one, name))
-    return ", ".join(filter(None, told)) or "check the units of what stands there"
+            hints.append(_unit_of_law(one, name))
+    return ", ".join(filter(None, hints)) or "check the units of what stands there"
 
 
-def _of_called(one: Component, law: str) -> str:
-    """Return the unit of what another law gives, if it does so without arguments."""
+def _unit_of_law(one: Component, law: str) -> str:
+    """Return the unit of a law without arguments, as a hint; empty if it has none."""
     try:
         value = getattr(one, law)()
     except Exception:
@@ -306,14 +315,14 @@ def _names(one: Component) -> list[str]:
 
 
 def shown(file: str) -> str:
-    """Return a file's name as people know it: from the folder that they are in."""
+    """Return a file's path relative to the working directory, if it is below it."""
     path = Path(file)
     return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else file
 
 
 def _place_of(error: BaseException) -> _Place | None:
-    """Return where an error came up in what an author wrote; None if nowhere."""
-    linecache.checkcache()  # a file may be another one by now
+    """Return the innermost place of an error in an author's file; None if there is none."""
+    linecache.checkcache()  # the file may have changed
     place = None
     for at in _tracebacks(error):
         code = at.tb_frame.f_code
@@ -331,7 +340,7 @@ def _tracebacks(error: BaseException) -> Iterator[TracebackType]:
 
 
 def _text(code: CodeType, instruction: int) -> str:
-    """Return the expression that an instruction is of, if it stands in one line."""
+    """Return the expression of an instruction, if it is in one line."""
     start, end, left, right = list(code.co_positions())[instruction // 2]
     if start is None or start != end:
         return ""
@@ -340,15 +349,15 @@ def _text(code: CodeType, instruction: int) -> str:
 
 
 def _code_of(cls: type[Component], law: str) -> CodeType | None:
-    """Return the code of a law that an author wrote; None if the kit made it."""
-    written = law_of(cls, law)
-    written = getattr(written, "__wrapped__", written)  # of a shared law
-    code: CodeType | None = getattr(written, "__code__", None)
+    """Return the code of an author's law; None for a law of the kit."""
+    function = law_of(cls, law)
+    function = getattr(function, "__wrapped__", function)  # of a shared law
+    code: CodeType | None = getattr(function, "__code__", None)
     return None if code is None or Path(code.co_filename).is_relative_to(_KIT) else code
 
 
-def _of_law(cls: type[Component], law: str) -> str:
-    """Return where a law is defined; of one that the kit made its component."""
+def _place_of_law(cls: type[Component], law: str) -> str:
+    """Return file and line of a law; for a law of the kit, the name of the component."""
     code = _code_of(cls, law)
     if code is None:
         return cls.name or cls.__name__
@@ -356,7 +365,7 @@ def _of_law(cls: type[Component], law: str) -> str:
 
 
 def _source_of(cls: type[Component], law: str) -> str:
-    """Return the lines of a law that an author wrote."""
+    """Return the source of an author's law; empty for a law of the kit."""
     code = _code_of(cls, law)
     if code is None:
         return ""
@@ -364,8 +373,8 @@ def _source_of(cls: type[Component], law: str) -> str:
     return "".join(linecache.getline(code.co_filename, line) for line in sorted(lines))
 
 
-def _of_class(cls: type[Component], pattern: str) -> str:
-    """Return the file and line of a class, or of one below it, on which something stands."""
+def _place_in_class(cls: type[Component], pattern: str) -> str:
+    """Return file and line of a pattern's first match in the source of a class or its bases."""
     import inspect
 
     for part in cls.__mro__[:-2]:

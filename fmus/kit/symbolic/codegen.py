@@ -1,7 +1,7 @@
-"""Generation of C source for one component: its tables and its laws.
+"""C sources of one component: tables of its variables, and its laws from the CasADi graph.
 
-The tables are ``model.h`` and ``tables.h``, the laws ``laws.c``, from the CasADi graph. The
-contents of each file are specified at the top of ``fmi/engine.h``.
+The tables are ``model.h`` and ``tables.h``, the laws ``laws.c``. The beginning of ``fmi/engine.h``
+specifies the contents of each file.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _ROLES = {
     OutputDeclaration: "ROLE_OUTPUT",
 }
 
-# CasADi writes functions that are not called, with arguments that are not used.
+# CasADi writes unused functions with unused arguments
 _LAWS = """\
 #define CASADI_SYMBOL_EXPORT static inline
 #ifdef __GNUC__
@@ -47,10 +47,10 @@ _LAWS = """\
 #endif
 """
 
-# where CasADi defines a helper such as casadi_sq
+# start of CasADi's definition of a helper such as casadi_sq
 _HELPER = re.compile(r"^(?=(?:const )?\w+\*? casadi_\w+\()", re.M)
 
-# where laws allow for an array that is missing: of operands, and of results
+# CasADi's checks for missing arrays of operands and of results
 _OPERAND = re.compile(r"arg\[(\d+)\]\? (arg\[\1\]\[\d+\]) : 0")
 _RESULT = re.compile(r"if \((res\[\d+\])!=0\) (?=\1)")
 
@@ -138,10 +138,13 @@ def _variable_rows(layout: Layout) -> list[str]:
 
 
 def _clock(clock: Clock, index: Mapping[str, int]) -> str:
-    """Write a clock: a number of seconds or the position of a parameter, and those of its shift."""
-    period = clock.period
-    at = index[period] if isinstance(period, str) else -1
-    seconds = 0.0 if isinstance(period, str) else period
+    """Write a clock: period in s, index of its parameter or -1, and indices for the shift."""
+    at = -1
+    seconds = 0.0
+    if isinstance(clock.period, str):
+        at = index[clock.period]
+    else:
+        seconds = clock.period
     shifts = ([index[name] for name in clock.shift] + [-1] * LONGEST_SHIFT)[:LONGEST_SHIFT]
     return f"{{{_c_double(seconds)}, {at}, {{{', '.join(map(str, shifts))}}}}}"
 
@@ -156,10 +159,10 @@ def native_sources(graph: Graph, guid: str, hosted: bool = True, fmi: int = 2) -
         The traced component.
     guid : str
     hosted : bool
-        Whether there will be an FMU, whose host may ask for directional derivatives and event
-        indicators. Without it the laws take less of a compiler: they need all of their arrays.
+        Whether the sources are for an FMU, with directional derivatives and event indicators.
+        Without these, and without checks for missing arrays, they compile faster.
     fmi : {2, 3}
-        Version of FMI that such a host has.
+        Version of FMI of such an FMU.
 
     Returns
     -------
@@ -195,9 +198,7 @@ def native_sources(graph: Graph, guid: str, hosted: bool = True, fmi: int = 2) -
 
 
 def lawless_sources(graph: Graph, guid: str) -> dict[str, str]:
-    """Write every generated file of a build without laws in C.
-
-    The laws stay in Python, or there are none.
+    """Write every generated file of a build whose laws are in Python, or that has none.
 
     Parameters
     ----------
@@ -217,7 +218,7 @@ def lawless_sources(graph: Graph, guid: str) -> dict[str, str]:
 
 
 def _generate(functions: list[ca.Function]) -> str:
-    """Write functions in C, and check that CasADi could write all of it."""
+    """Write functions in C, and check that CasADi wrote the whole file."""
     generator = ca.CodeGenerator("laws.c", {"with_header": False})
     for function in functions:
         generator.add(function)
@@ -225,8 +226,8 @@ def _generate(functions: list[ca.Function]) -> str:
         generator.generate(f"{folder}{os.sep}")
         with scratch.written(folder):
             text = (folder / "laws.c").read_text(encoding="utf-8")
-            # on a full disk CasADi writes a part, and reports nothing
+            # on a full disk CasADi writes only a part, and reports no error
             if generator.dump() not in text:
                 scratch.check_room(folder)
-                raise OSError("of the laws, a part was written")
+                raise OSError("only a part of the laws was written")
             return _HELPER.sub("static inline ", text)

@@ -1,4 +1,4 @@
-"""Digest of traced laws, by which it is told that two components have the same."""
+"""Digest of traced laws, which is the same for components with the same laws."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 @uninterrupted()
 def digest(graph: Graph) -> str:
-    """Return the digest of the laws of a component and of the variables that they are about.
+    """Return the digest of the laws and variables of a component.
 
-    Values that parameters start with do not enter, for they are symbols in the laws; nor do texts
-    for people. It is a Merkle tree: the digest of an operation is that of its operands' digests, so
-    that neither the order of the instructions nor what CasADi names its symbols matters.
+    It does not depend on start values of parameters, which are symbols in the laws, or on texts for
+    people. It is a Merkle tree, where the digest of an operation is that of its operands' digests,
+    so that it does not depend on the order of instructions or on CasADi's names of symbols.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def digest(graph: Graph) -> str:
 
 
 def _of(*parts: Any) -> str:
-    """Return the digest of parts that are numbers, texts, and tuples or lists of these."""
+    """Return the digest of numbers, texts, and tuples or lists of these."""
     return sha256(repr(parts).encode()).hexdigest()
 
 
@@ -53,7 +53,7 @@ def _of_operation(operation: int, operands: Sequence[str]) -> str:
 
 
 def _declared(layout: Layout) -> list[Any]:
-    """Return what is declared of the variables and enters a run."""
+    """Return the attributes of variables that a simulation depends on."""
     variables = [
         (v.name, v.unit, v.type, float(v.min), float(v.max), float(v.nominal))
         for v in layout.variables

@@ -1,8 +1,8 @@
-"""Effects made for a model by the units of its laws, over every signal that a law reads.
+"""Effects for the laws of any model, chosen by units, over every signal that a law reads.
 
-Nobody has to list them. The laws are called once on numbers with units, which gives theirs, and
-once on a component that records which law reads which signal. The units of a law and a signal
-decide which shapes fit.
+The laws are evaluated once on numbers with units, which gives the units of laws, and once on a
+component that records the signals that each law reads. The units of law and signal select the
+shapes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from fmus.kit.symbolic.calls import Calls
 from fmus.kit.symbolic.quantities import Quantity, Unit
 from fmus.kit.symbolic.tracing import trace
 
-# Derived units as people write them; of units of one dimension the first is preferred.
+# usual spellings of units; the first one of a dimension is preferred
 _PREFERRED_UNITS = (
     "1",
     "N",
@@ -63,10 +63,10 @@ _PREFERRED_UNITS = (
     "s",
     "1/s",
 )
-_POINTS = 64  # at which a law is compared with a shape
-_TOLERANCE = 1e-4  # share of its standard deviation by which a sum of slopes may miss the shape
-# ways until a loop gives, in typical magnitudes of its signal, where a fit starts
-_WAYS = {"sliding": 1e-3, "hysteresis": 0.1, "play": 0.1}
+_POINTS = 64  # number of points at which a law is compared with a shape
+_TOLERANCE = 1e-4  # largest residual of a shape, relative to its standard deviation
+# displacement at which a loop yields, in typical magnitudes of its signal, where a fit starts
+_DISPLACEMENTS = {"sliding": 1e-3, "hysteresis": 0.1, "play": 0.1}
 
 
 @dataclass(frozen=True)
@@ -76,9 +76,9 @@ class LawOfModel:
     Attributes
     ----------
     name : str
-        The method.
+        Name of the method.
     unit : str
-        That its numbers are in; empty where units in it do not fit together.
+        Unit of its value; empty if the units in it are inconsistent.
     reads : tuple of str
         Inputs and states that it reads itself, not through another law.
     is_rate, is_output : bool
@@ -117,8 +117,7 @@ _OUTFLOW = {
     "weir": "overflow",
     "leading": "storing_law",
 }
-# Unit of a law (empty for any), unit of a signal, and the names of the shapes of one over the
-# other.
+# Unit of a law (empty for any), unit of a signal, and names of effects by shape.
 _KNOWN: tuple[tuple[str, str, dict[str, str]], ...] = (
     ("", "m/s", _FRICTION),
     ("", "rad/s", _FRICTION),
@@ -202,7 +201,7 @@ _ANYTHING = {
     "lagging": "lagging_law",
     "leading": "storing_law",
 }
-NAMELESS = frozenset(_ANYTHING.values())  # ids of effects that no field has a name for
+NAMELESS = frozenset(_ANYTHING.values())  # ids of effects without an established name
 
 
 def list_laws(cls: type[Component]) -> list[LawOfModel]:
@@ -246,14 +245,14 @@ def families_for(
     ----------
     cls : type[Component]
     scales : Mapping of str to float, optional
-        Typical magnitudes of signals and laws, SI; nominal values otherwise.
+        Typical magnitudes of signals and laws, SI; by default nominal values.
     sampling : Sampling, optional
-        Of the record that they are made for.
+        Sampling of the record that the effects are made for.
 
     Returns
     -------
     list of type[Effect]
-        No two of the same law, signal and shape.
+        One for each combination of law, signal and shape.
     """
     layout = cls.layout
     scale = {v.name: v.nominal for v in (*layout.inputs, *layout.states, *layout.outputs)}
@@ -263,23 +262,23 @@ def families_for(
     rates = {s.rate: graph.rates[i] for i, s in enumerate(layout.states)}
     definitions = {s.rate for s in layout.states if _is_definition(s.name, rates[s.rate])}
     laws = list_laws(cls)
-    made: list[type[Effect]] = []
+    effects: list[type[Effect]] = []
     for law in laws:
-        # errors of measurements are effects of the sensors, and a definition cannot be wrong
+        # errors of outputs are effects of sensors, and a definition cannot be wrong
         if law.is_output or not law.unit or law.name in definitions:
             continue
         signals = [s for s in law.reads if not (law.is_rate and s in inputs)]
         signals += _undamped_velocities(cls, law, rates)
-        made += _effects_of_law(cls, law, signals, scale, sampling)
-        made += _walls(cls, law, scale, sampling)
+        effects += _effects_of_law(cls, law, signals, scale, sampling)
+        effects += _walls(cls, law, scale, sampling)
     for law in laws:
         if not law.is_output and any(_same_dimension(law.unit, u) for u in ("N", "N*m")):
-            made.append(force_offset(cls, law.name, law.unit, scale.get(law.name, 1.0)))
-            break  # of the first force only
+            effects.append(force_offset(cls, law.name, law.unit, scale.get(law.name, 1.0)))
+            break  # only on the first force
     for name in inputs:
-        made += [make(cls, name, scale[name]) for make in INPUT_CURVES]
-        made += [make(cls, name, scale[name], sampling) for make in INPUT_MEMORIES]
-    return made
+        effects += [make(cls, name, scale[name]) for make in INPUT_CURVES]
+        effects += [make(cls, name, scale[name], sampling) for make in INPUT_MEMORIES]
+    return effects
 
 
 def _effects_of_law(
@@ -289,7 +288,7 @@ def _effects_of_law(
     scale: Mapping[str, float],
     sampling: Sampling | None,
 ) -> Iterator[type[Effect]]:
-    """Yield the effects of a law over each signal: curves and memories."""
+    """Yield the effects on a law over each signal: curves and memories."""
     unit_of = {v.name: v.unit for v in (*cls.layout.inputs, *cls.layout.states)}
     inputs = {v.name for v in cls.layout.inputs}
     nominal = scale.get(law.name, 1.0)
@@ -298,12 +297,12 @@ def _effects_of_law(
         qualifier = f"{law.name}, {signal}" if several else law.name
         prefix = f"{law.name}_of_{signal}" if several else law.name
         for shape, name in _shapes(law.unit, unit_of[signal]).items():
-            own = f"{prefix}_{name}"
+            stem = f"{prefix}_{name}"
             if shape in ARMS:
                 if law.is_rate:
-                    continue  # a rate has a memory already, its state
+                    continue  # a rate already has a memory, its state
                 if shape == "hysteresis" and signal in inputs:
-                    continue  # it goes by the rate of its signal, which an input has not
+                    continue  # it needs the rate of its signal, which an input does not have
                 yield lag_effect(
                     cls,
                     law.name,
@@ -313,10 +312,10 @@ def _effects_of_law(
                     law.unit,
                     nominal=nominal,
                     scale=scale[signal],
-                    names=EffectNames(name, (own, f"{own}_constant", f"{own}_state"), qualifier),
+                    names=EffectNames(name, (stem, f"{stem}_constant", f"{stem}_state"), qualifier),
                     sampling=sampling,
                 )
-            elif SHAPES[shape].width or not _parameters_make(cls, law.name, signal, shape):
+            elif SHAPES[shape].width or not _contains_shape(cls, law.name, signal, shape):
                 yield curve(
                     cls,
                     law.name,
@@ -325,7 +324,7 @@ def _effects_of_law(
                     law.unit,
                     nominal,
                     scale=scale[signal],
-                    names=EffectNames(name, (own, f"{own}_width"), qualifier),
+                    names=EffectNames(name, (stem, f"{stem}_width"), qualifier),
                     either_way=law.is_rate,
                 )
 
@@ -336,7 +335,7 @@ def _walls(
     scale: Mapping[str, float],
     sampling: Sampling | None,
 ) -> Iterator[type[Effect]]:
-    """Yield the store within a law that is a flow of heat between two temperatures."""
+    """Yield the effect of a heat store, if a law is a flow of heat between two temperatures."""
     declared = {v.name: v for v in (*cls.layout.inputs, *cls.layout.states)}
     sides = [s for s in law.reads if _same_dimension(declared[s].unit, "K")]
     if law.is_rate or not _same_dimension(law.unit, "W") or len(sides) != 2:
@@ -357,7 +356,7 @@ def _walls(
 
 
 def _is_definition(state: str, rate: ca.SX) -> bool:
-    """Return whether a rate is another signal, but for its unit: ``1e3 * self.speed``."""
+    """Return whether a rate is another signal times a constant, such as ``1e3 * self.speed``."""
     signals = ca.symvar(rate)
     if len(signals) != 1 or signals[0].name() == state:
         return False
@@ -369,16 +368,16 @@ def _is_definition(state: str, rate: ca.SX) -> bool:
 def _first_constant(
     kind: str, signal: str, scale: Mapping[str, float], sampling: Sampling | None
 ) -> float:
-    """Return the constant of an arm where a fit starts: a way of a loop, else a time in s."""
-    if kind in _WAYS:
-        return _WAYS[kind] * scale[signal]
+    """Return the start value of an arm's constant: a displacement of a loop, or a time in s."""
+    if kind in _DISPLACEMENTS:
+        return _DISPLACEMENTS[kind] * scale[signal]
     return (sampling or Sampling()).time_constant
 
 
 def _undamped_velocities(
     cls: type[Component], law: LawOfModel, rates: Mapping[str, Any]
 ) -> list[str]:
-    """Return the velocity whose rate a law is, if its rate does not depend on it."""
+    """Return the velocity whose rate is a law, if the law does not depend on the velocity."""
     velocities = [
         s.name
         for s in cls.layout.states
@@ -390,11 +389,11 @@ def _undamped_velocities(
     return [name for name in velocities if name not in dependencies]
 
 
-def _parameters_make(cls: type[Component], law: str, signal: str, shape: str) -> bool:
-    """Return whether a law has a shape of a signal already, with other values of its parameters.
+def _contains_shape(cls: type[Component], law: str, signal: str, shape: str) -> bool:
+    """Return whether other values of a law's parameters add a shape of a signal to it.
 
-    It has if the shape is a linear combination of the slopes of the law by its parameters, at
-    random points.
+    They do if, at random points, the shape is a linear combination of the derivatives of the law by
+    its parameters.
     """
     rng = np.random.default_rng(0)
     one = cls()
@@ -422,12 +421,12 @@ def _parameters_make(cls: type[Component], law: str, signal: str, shape: str) ->
 
 
 def _slope(one: Component, law: str, parameter: ParameterDeclaration) -> Array | None:
-    """Return the slope of a law by a parameter, by central differences; None if it has no value."""
+    """Return the derivative of a law by a parameter from central differences; None if undefined."""
     value = getattr(one, parameter.name)
     step = 1e-6 * parameter.nominal
     ends = []
-    for moved in (value - step, value + step):
-        setattr(one, parameter.name, moved)
+    for shifted in (value - step, value + step):
+        setattr(one, parameter.name, shifted)
         try:
             result = np.asarray(getattr(one, law)(), dtype=float)
             ends.append(np.broadcast_to(result, (_POINTS,)))
@@ -439,7 +438,7 @@ def _slope(one: Component, law: str, parameter: ParameterDeclaration) -> Array |
 
 
 def _shapes(law: str, signal: str) -> dict[str, str]:
-    """Return the shapes of a law in one unit over a signal in another, with their names."""
+    """Return the effects that fit a law in one unit over a signal in another: name by shape."""
     for above, below, shapes in _KNOWN:
         if (not above or _same_dimension(law, above)) and _same_dimension(signal, below):
             return shapes
@@ -447,20 +446,20 @@ def _shapes(law: str, signal: str) -> dict[str, str]:
 
 
 def _same_dimension(one: str, other: str) -> bool:
-    """Return whether units are of one dimension, a radian counted."""
+    """Return whether two units have the same dimension, with the radian as a base unit."""
     return bool(one) and units.base_unit(one).exponents == units.base_unit(other).exponents
 
 
-def _written(unit: Unit) -> str:
-    """Return the unit of a law as people write it, if they do; empty if FMI does not have it."""
+def _usual_spelling(unit: Unit) -> str:
+    """Return the usual spelling of a unit; empty if FMI cannot express it."""
     exponents = unit.exponents
     if not all(float(power).is_integer() for power in exponents.values()):
         return ""
-    # a force by a lever arm, or damping by an angular velocity, has no angle
-    passive = exponents.get("rad", 0.0) > 0.0 and bool(exponents.keys() - {"rad", "s"})
+    # products with an angle, such as a damping by an angular velocity, are written without it
+    omits_angle = exponents.get("rad", 0.0) > 0.0 and bool(exponents.keys() - {"rad", "s"})
 
     def without_angle(powers: Mapping[str, float]) -> Unit:
-        return Unit({name: p for name, p in powers.items() if not (passive and name == "rad")})
+        return Unit({name: p for name, p in powers.items() if not (omits_angle and name == "rad")})
 
     declared = str(without_angle(unit.powers))
     if declared in _PREFERRED_UNITS or not isclose(unit.factor, 1.0, rel_tol=1e-9):
@@ -470,21 +469,21 @@ def _written(unit: Unit) -> str:
 
 
 def units_of_laws(cls: type[Component], laws: Iterable[str]) -> dict[str, str]:
-    """Return the unit of every law in which units fit together.
+    """Return the unit of every law whose units are consistent.
 
-    Those of rates and outputs are declared. Of what these call, a law with a factor written into it
-    may be in the unit that they show.
+    The units of rates and outputs are declared. Those of the laws that they call follow from them,
+    also for laws with a numeric factor.
 
     Parameters
     ----------
     cls : type[Component]
     laws : iterable of str
-        Laws without arguments, which call others.
+        Laws without arguments, which call other laws.
 
     Returns
     -------
     dict of str to str
-        By law, as people write them; empty where it is open.
+        Unit by law, in its usual spelling; empty if it is not determined.
     """
     layout = cls.layout
     declared = {v.name: Unit(units.powers_of_names(v.unit)) for v in layout.outputs}
@@ -502,16 +501,16 @@ def units_of_laws(cls: type[Component], laws: Iterable[str]) -> dict[str, str]:
             value = getattr(calls.one, law)()
             if law in declared and isinstance(value, Quantity):
                 declared[law].meet(value.unit)
-        except Exception:  # a law may do anything to a number that has a unit
+        except Exception:  # a law may raise any exception on a number with a unit
             continue
     known = {}
     for law, values in calls.values.items():
-        own = [value.unit for value in values if isinstance(value, Quantity)]
-        if own:
-            known[law] = min(own, key=lambda unit: unit.is_open)
-    return {law: _written(unit) for law, unit in (known | declared).items()}
+        found = [value.unit for value in values if isinstance(value, Quantity)]
+        if found:
+            known[law] = min(found, key=lambda unit: unit.is_open)
+    return {law: _usual_spelling(unit) for law, unit in (known | declared).items()}
 
 
 def _size(v: Declaration) -> float:
-    """Return a number of which laws have the size that they usually have."""
+    """Return a typical value of a variable that is not zero."""
     return float(getattr(v, "start", 0.0) or v.nominal)

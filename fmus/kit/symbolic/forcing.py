@@ -1,9 +1,8 @@
-"""First-order response of a component to an effect that is laid over it, along a trajectory.
+"""First-order response of a component to an effect, along a trajectory without the effect.
 
-With S the change of the component's states, dS/dt = A S + w and dy = C S + v: w and v are what the
-effect adds to rates and outputs where the component runs without it, for any size of the effect.
-The effect's own states follow the trajectory. One simulation serves for every effect, and nothing
-has to be compiled.
+With the change S of the component's states, dS/dt = A S + w and dy = C S + v. The effect, of any
+size, adds w to the rates and v to the outputs along the trajectory; states of the effect itself
+are integrated there. One simulation of the component serves for all effects, without compiling.
 """
 
 from __future__ import annotations
@@ -25,13 +24,13 @@ from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic.tracing import Graph, trace
 
 Values = Mapping[str, float]
-_Numbers = Mapping[str, Any]  # floats, or arrays of one in each setting
+_Numbers = Mapping[str, Any]  # floats, or arrays with a value for each setting
 _Laws = tuple[list[Any], list[Any]]  # rates and outputs
-_GAMMA = 1.0 - 0.5**0.5  # of the Rosenbrock method of several states, which makes it L-stable
-_NEAR_ZERO = 1e-6  # which a rate of decay over a step stands for, where it is less
-_LITTLE = 1e-6  # of its nominal value, by which a switch is moved for a derivative
-_EVEN = 1e-9  # relative: steps that differ by less are of one length
-_AT_ONCE = 64  # steps that one call of a function takes
+_GAMMA = 1.0 - 0.5**0.5  # makes the Rosenbrock method for several states L-stable
+_NEAR_ZERO = 1e-6  # replaces smaller arguments of the functions phi
+_LITTLE = 1e-6  # step of a switch for a numerical derivative, relative to its nominal value
+_EVEN = 1e-9  # relative difference below which steps have the same length
+_AT_ONCE = 64  # number of steps in one call of a function
 
 
 @dataclass(frozen=True)
@@ -53,11 +52,11 @@ class Points:
 
     @property
     def arguments(self) -> list[Array]:
-        """The arrays, in the order of a graph's arguments without parameters."""
+        """Arrays in the order of a graph's arguments, without parameters."""
         return [self.time, self.inputs, self.states, self.discretes]
 
     def part(self, where: slice) -> Points:
-        """Return some of the points."""
+        """Return a slice of the points."""
         return Points(*(values[:, where] for values in self.arguments))
 
 
@@ -68,9 +67,9 @@ class StateJacobians:
     Attributes
     ----------
     a : ndarray, shape (n, states, states)
-        Of the rates by the states, SI.
+        Derivatives of the rates by the states, SI.
     c : ndarray, shape (n, outputs, states)
-        Of the outputs by the states, SI.
+        Derivatives of the outputs by the states, SI.
     """
 
     a: Array
@@ -84,15 +83,15 @@ class ComponentAlong:
     ----------
     cls : type[Component]
     parameters : Mapping of str to float
-        SI; others have their defaults.
+        Values, SI; other parameters have their defaults.
     begin, end : Points
-        Of every step between samples; the end is just before the next sample, the last one has no
-        meaning.
+        Begin and end of the step after each sample. The end is just before the next sample; that of
+        the last step has no meaning.
 
     Raises
     ------
     UserError
-        If what changes a state comes back through a discrete state.
+        If rates or outputs depend on a state through a discrete state.
     """
 
     def __init__(self, cls: type[Component], parameters: Values, begin: Points, end: Points):
@@ -104,7 +103,7 @@ class ComponentAlong:
 
     @uninterrupted()
     def linearised(self, at: Points) -> StateJacobians:
-        """Return the derivatives at n points."""
+        """Return the derivatives by the states at n points."""
         graph = trace(self.cls)
         jacobians = [ca.jacobian(e, graph.states) for e in (graph.rates, graph.outputs)]
         known = [ca.densify(e) for e in _with_parameters(graph, jacobians, self.parameters)]
@@ -117,7 +116,7 @@ class ComponentAlong:
         return StateJacobians(_by_point(a, (n, states, states)), _by_point(c, (n, outputs, states)))
 
     def outputs(self, place: int) -> tuple[Array, Array]:
-        """Return an output, or a state after all outputs, at begin and end of every step, (n,)."""
+        """Return an output at begin and end of every step, (n,); states count after outputs."""
         count = len(self.cls.layout.outputs)
         if place >= count:
             return self.begin.states[place - count], self.end.states[place - count]
@@ -134,7 +133,10 @@ class ComponentAlong:
 
     @cached_property
     def steps(self) -> Array:
-        """Length, begin and end of every step, in a row each; all of one length if even."""
+        """Length and arguments at begin and end of every step, a row a step.
+
+        Lengths that differ only by rounding are replaced by their mean.
+        """
         lengths = (self.end.time - self.begin.time)[:, :-1]
         if np.ptp(lengths) <= _EVEN * lengths.max():
             lengths = np.full_like(lengths, lengths.mean())
@@ -149,9 +151,9 @@ class Forcing:
     Attributes
     ----------
     begin, end : ndarray, shape (n, states, k)
-        Added to the rates at the begin of every step and at its end.
+        Additions to the rates at begin and end of every step.
     shown : ndarray, shape (n, outputs, k)
-        Added to the outputs at the begin of every step.
+        Additions to the outputs at the begin of every step.
     """
 
     begin: Array
@@ -160,7 +162,7 @@ class Forcing:
 
 
 class EffectForcing:
-    """An effect laid over a component, evaluated along a trajectory of the component alone.
+    """An effect on a component, evaluated along a trajectory of the component without the effect.
 
     Parameters
     ----------
@@ -170,7 +172,7 @@ class EffectForcing:
     Raises
     ------
     UserError
-        If what it changes comes back through a discrete state.
+        If rates or outputs depend on the effect, or on a state, through a discrete state.
     """
 
     def __init__(self, component: ComponentAlong, effect: type[Effect]):
@@ -191,15 +193,19 @@ class EffectForcing:
     def of(self, settings: Sequence[Values]) -> Forcing:
         """Evaluate the effect in k settings along the trajectory.
 
-        A setting whose switch is neutral gives the derivative by the switch.
+        For a setting whose switch is neutral the result is the derivative by the switch.
 
         Parameters
         ----------
         settings : sequence of Mapping of str to float
             Parameters of the effect, SI.
+
+        Returns
+        -------
+        Forcing
         """
-        moved, per = self._moved(settings)
-        columns = {name: np.array([[one[name]] for one in moved]) for name in moved[0]}
+        active, per = self._activated(settings)
+        columns = {name: np.array([[one[name]] for one in active]) for name in active[0]}
         parameters = self._parameters | columns
         own = self._own_courses(parameters, len(settings))
         component = self._component
@@ -208,27 +214,26 @@ class EffectForcing:
         end, _ = self._additions(component.end, at_end, parameters, own.at_end(), per)
         return Forcing(begin, end, shown)
 
-    def _moved(self, settings: Sequence[Values]) -> tuple[list[dict[str, float]], Array]:
-        """Return settings with neutral switches moved a little, and the divisors (k,) for that."""
+    def _activated(self, settings: Sequence[Values]) -> tuple[list[dict[str, float]], Array]:
+        """Return settings with a small step of neutral switches, and the divisors (k,)."""
         layout = self._cls.layout
         switch = layout.parameters[layout.parameter_index[self._switch]]
         neutral = float(switch.start)
         little = _LITTLE * switch.nominal
         if neutral + little > switch.max:
             little = -little
-        moved = []
+        active = [dict(values) for values in settings]
         per = np.ones(len(settings))
-        for k, values in enumerate(settings):
-            moved.append(dict(values))
+        for k, values in enumerate(active):
             if values[self._switch] == neutral:
-                moved[-1][self._switch] = neutral + little
+                values[self._switch] = neutral + little
                 per[k] = little
-        return moved, per
+        return active, per
 
     def _additions(
         self, at: Points, base: _Laws, parameters: _Numbers, own: _OwnCourses, per: Array
     ) -> tuple[Array, Array]:
-        """Return additions to rates and outputs, over their divisors, each (n, rows, k)."""
+        """Return additions to rates and outputs, divided by the divisors, each (n, rows, k)."""
         known = self._component.cls
         rates, outputs = _evaluated(self._cls, at, parameters, known, own.values)
         base_rates, base_outputs = base
@@ -252,7 +257,7 @@ class EffectForcing:
         return own
 
     def _sampled_at_start(self, parameters: _Numbers, own: _OwnCourses) -> _OwnCourses:
-        """Return the own discrete states after the sample at the start."""
+        """Return the effect's own states, with discrete ones after the sample at the start."""
         at = self._component.begin.part(slice(1))
         one = _instance(self._cls, at, parameters, self._component.cls, own.values)
         updates = one.laws([d.update for d in self._own_discretes])
@@ -267,11 +272,11 @@ class EffectForcing:
     def _integrated(self, parameters: _Numbers, own: _OwnCourses, count: int) -> _OwnCourses:
         """Integrate the effect's own states in all settings.
 
-        By a Rosenbrock method of order 2 for which no time constant is too short: a single state
-        by exponentials, exact where its rate is linear and fed with straight lines (Hochbruck,
-        Ostermann: Acta Numerica 19, 2010), several by an L-stable method (Verwer and others: SIAM
-        J. Sci. Comput. 20, 1999). The Jacobian is of the end of a step: what begins to give within
-        it has followed by then.
+        It is a Rosenbrock method of order 2 for any time constant. For a single state it is
+        exponential, and exact if the rate is linear in the state and its arguments are linear in
+        time (Hochbruck, Ostermann: Acta Numerica 19, 2010). For several states it is L-stable
+        (Verwer and others: SIAM J. Sci. Comput. 20, 1999). The Jacobian is that at the end of a
+        step, so that an element that starts to yield within the step has yielded at its end.
         """
         graph = trace(self._cls)
         varied = [d.name for d in (*graph.layout.parameters, *self._own_discretes)]
@@ -280,35 +285,35 @@ class EffectForcing:
             [np.broadcast_to(np.asarray(values[n], dtype=float), (count, 1)) for n in varied]
         )
         step = self._step(graph)
-        fed = self._component.steps
+        rows = self._component.steps
         states = ca.SX.sym("states", len(self._own_states), count)
-        given, known = _symbols(fed)
+        symbols, known = _symbols(rows)
         copies = [step(states[:, k], ca.DM(numbers[k]), known) for k in range(count)]
-        function = ca.Function("all", [ca.vec(states), given], ca.cse([ca.vertcat(*copies)]))
+        function = ca.Function("all", [ca.vec(states), symbols], ca.cse([ca.vertcat(*copies)]))
         names = [graph.layout.states[i].name for i in self._own_states]
         start = np.hstack([own.values[name] for name in names]).ravel()
-        path = np.ascontiguousarray(_path(function, start, fed).T)
+        path = np.ascontiguousarray(_path(function, start, rows).T)
         courses = path.reshape(count, len(names), -1)
         return _OwnCourses(own.values | {name: courses[:, i] for i, name in enumerate(names)})
 
     def _step(self, graph: Graph) -> ca.Function:
-        """Return a step of the effect's own states.
+        """Return the function for a step of the effect's own states.
 
-        It takes these, the parameters with the effect's own discrete states, and what a step is
-        fed with; see `ComponentAlong.steps`.
+        Its arguments are these states, the parameters with the effect's own discrete states, and a
+        row of `ComponentAlong.steps`.
         """
         known = {d.name for d in self._component.cls.layout.discretes}
         discretes = graph.layout.discretes
-        held = [i for i, d in enumerate(discretes) if d.name in known]
-        own = _others(len(discretes), held)
+        inherited = [i for i, d in enumerate(discretes) if d.name in known]
+        own = _others(len(discretes), inherited)
         of_component = _some(graph.states, self._states)
-        arguments = [graph.time, graph.inputs, of_component, _some(graph.discretes, held)]
+        arguments = [graph.time, graph.inputs, of_component, _some(graph.discretes, inherited)]
         at_end = [ca.SX.sym("end", a.numel()) for a in arguments]
         h = ca.SX.sym("h")
         states = _some(graph.states, self._own_states)
         rates = _some(graph.rates, self._own_states)
-        moved = ca.substitute([rates], [ca.vertcat(*arguments)], [ca.vertcat(*at_end)])[0]
-        result = _rosenbrock(states, rates, moved, h)
+        end_rates = ca.substitute([rates], [ca.vertcat(*arguments)], [ca.vertcat(*at_end)])[0]
+        result = _rosenbrock(states, rates, end_rates, h)
         numbers = ca.vertcat(graph.parameters, _some(graph.discretes, own))
         return ca.Function("step", [states, numbers, ca.vertcat(h, *arguments, *at_end)], [result])
 
@@ -320,28 +325,28 @@ class _OwnCourses:
     values: dict[str, Array]
 
     def at_end(self) -> _OwnCourses:
-        """Return the same at the end of every step."""
+        """Return the values at the end of every step."""
         return _OwnCourses({n: np.hstack([v[:, 1:], v[:, -1:]]) for n, v in self.values.items()})
 
 
-def _symbols(fed: Array) -> tuple[ca.SX, ca.SX]:
-    """Return symbols for what n steps are fed with (n, m), and these with numbers that are known.
+def _symbols(rows: Array) -> tuple[ca.SX, ca.SX]:
+    """Return symbols for the arguments of n steps (n, m), and the arguments.
 
-    What is the same in all steps is a number, as their length is in an even record.
+    An argument that is the same in all steps is a number, such as their length in an even record.
     """
-    given = ca.SX.sym("given", fed.shape[1])
-    known = ca.SX(given)
-    for i in np.flatnonzero(np.ptp(fed, axis=0) == 0.0):
-        known[int(i)] = fed[0, i]
-    return given, known
+    symbols = ca.SX.sym("given", rows.shape[1])
+    known = ca.SX(symbols)
+    for i in np.flatnonzero(np.ptp(rows, axis=0) == 0.0):
+        known[int(i)] = rows[0, i]
+    return symbols, known
 
 
-def _path(function: ca.Function, start: Array, fed: Array) -> Array:
-    """Return states (n + 1, k) from a function of them and of what each of n steps is fed with."""
-    # a function of some steps at a time is built sooner than one of all, and works in place
+def _path(function: ca.Function, start: Array, rows: Array) -> Array:
+    """Return states (n + 1, k) from a function of states and arguments, a row for each step."""
+    # a function of some steps is built faster than one of all, and works in place
     several: Any = function.mapaccum("several", _AT_ONCE)
     buffer, evaluate = several.buffer()
-    whole = np.pad(fed, ((0, -len(fed) % _AT_ONCE), (0, 0)), mode="edge")
+    whole = np.pad(rows, ((0, -len(rows) % _AT_ONCE), (0, 0)), mode="edge")
     path = np.empty((len(whole) + 1, start.size))
     path[0] = start
     for k in range(0, len(whole), _AT_ONCE):
@@ -350,31 +355,31 @@ def _path(function: ca.Function, start: Array, fed: Array) -> Array:
         buffer.set_arg(1, whole[k : k + _AT_ONCE].data)
         buffer.set_res(0, path[following].data)
         evaluate()
-    return path[: len(fed) + 1]
+    return path[: len(rows) + 1]
 
 
 def _rosenbrock(states: ca.SX, rates: ca.SX, at_end: ca.SX, h: ca.SX) -> ca.SX:
-    """Return states after a step h, from their rates with arguments of its begin and of its end."""
+    """Return states after a step h, from rates with the arguments at its begin and at its end."""
     slope = ca.jacobian(at_end, states)
     if states.numel() == 1:
         first, second = _phi(h * slope)
         return states + h * (first * rates + second * (at_end - rates))
     implicit = ca.SX.eye(states.numel()) - _GAMMA * h * slope
     stage = ca.solve(implicit, rates)
-    moved = ca.substitute([at_end], [states], [states + h * stage])[0]
-    last = ca.solve(implicit, moved - 2.0 * stage)
+    second_rates = ca.substitute([at_end], [states], [states + h * stage])[0]
+    last = ca.solve(implicit, second_rates - 2.0 * stage)
     return states + h * (1.5 * stage + 0.5 * last)
 
 
 def _phi(z: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return phi_1 and phi_2 of a number, (exp(z) - 1) / z and (phi_1 - 1) / z."""
-    apart = ca.if_else(ca.fabs(z) < _NEAR_ZERO, _NEAR_ZERO, z)
-    first = ca.expm1(apart) / apart
-    return first, (first - 1.0) / apart
+    """Return phi_1 and phi_2 of a number: (exp(z) - 1) / z and (phi_1 - 1) / z."""
+    nonzero = ca.if_else(ca.fabs(z) < _NEAR_ZERO, _NEAR_ZERO, z)
+    first = ca.expm1(nonzero) / nonzero
+    return first, (first - 1.0) / nonzero
 
 
 def _with_defaults(cls: type[Component], parameters: _Numbers) -> dict[str, Any]:
-    """Return values of all parameters of a component."""
+    """Return the values of all parameters of a component: given ones, and defaults."""
     declared = {p.name: p.start for p in cls.layout.parameters}
     return declared | {name: parameters[name] for name in declared if name in parameters}
 
@@ -386,7 +391,7 @@ def _instance(
     known: type[Component],
     own: Mapping[str, Array],
 ) -> Component:
-    """Return a component that holds arrays.
+    """Return an instance whose variables are arrays over points.
 
     Parameters
     ----------
@@ -394,17 +399,17 @@ def _instance(
     at : Points
     parameters : Mapping of str to float or ndarray
     known : type[Component]
-        Of which the points are.
+        Component whose variables the points are.
     own : Mapping of str to ndarray
-        States and discrete states that the component has beyond that.
+        Further states and discrete states of `cls`.
     """
     component = cls()
-    held = component.__dict__
-    held.update(parameters)
+    values_by_name = component.__dict__
+    values_by_name.update(parameters)
     groups = (known.layout.inputs, known.layout.states, known.layout.discretes)
     for group, values in zip(groups, at.arguments[1:], strict=True):
-        held.update(zip((v.name for v in group), values, strict=True))
-    held.update(own)
+        values_by_name.update(zip((v.name for v in group), values, strict=True))
+    values_by_name.update(own)
     component.time = at.time[0]
     return component
 
@@ -418,12 +423,12 @@ def _evaluated(
 ) -> _Laws:
     """Return rates and outputs of a component; see `_instance`."""
     component = _instance(cls, at, parameters, known or cls, own or {})
-    with np.errstate(all="ignore"):  # what is not finite is refused where it is used
+    with np.errstate(all="ignore"):  # values that are not finite are rejected where they are used
         return component.rates(), component.outputs()
 
 
 def _difference(values: Sequence[Any], base: Sequence[Any], per: Array, at: Points) -> Array:
-    """Return values (k, n) less those of the base, over the amounts (k,); shape (n, values, k)."""
+    """Return differences of values (k, n) from the base, divided by `per` (k,): (n, values, k)."""
     shape = len(per), at.time.shape[1]
     result = np.zeros((shape[1], len(values), shape[0]))
     for i, (one, other) in enumerate(zip(values, base, strict=True)):
@@ -437,18 +442,18 @@ def _difference(values: Sequence[Any], base: Sequence[Any], per: Array, at: Poin
 def _refuse_feedback(
     cls: type[Component], parameters: _Numbers, duration: float, effect: type[Effect] | None = None
 ) -> None:
-    """Refuse a component in which what changes a state comes back through a discrete state.
+    """Raise an error if rates or outputs depend on a state through a discrete state.
 
-    What is sampled at the start only, or follows inputs alone, is as it is without a change.
+    Discrete states that are sampled only at the start, or depend on inputs alone, are allowed.
 
     Parameters
     ----------
     cls : type[Component]
     parameters : Mapping of str to float
     duration : float
-        Of the trajectory, s.
+        Length of the trajectory, s.
     effect : type[Effect], optional
-        The last of its effects, which must not act through a discrete state either.
+        Last effect of the component, which must not act through a discrete state either.
     """
     sampled = set()
     for clock, members in cls.layout.sampled:
@@ -473,20 +478,20 @@ def _refuse_feedback(
 
 
 def _update_of(graph: Graph, name: str) -> ca.SX:
-    """Return the law by which a discrete state is sampled."""
+    """Return the expression for the update of a discrete state."""
     place = [d.name for d in graph.layout.discretes].index(name)
     groups = zip(graph.updates, graph.layout.sampled, strict=True)
     return next(update[place] for update, (_, group) in groups if name in {d.name for d in group})
 
 
 def _places(group: Sequence[Declaration], known: Sequence[Declaration]) -> list[int]:
-    """Return the places of known variables in a group, in their order."""
+    """Return the indices of known variables in a group, in the order of the known variables."""
     place = {variable.name: i for i, variable in enumerate(group)}
     return [place[variable.name] for variable in known]
 
 
 def _some(vector: ca.SX, places: Sequence[int]) -> ca.SX:
-    """Return some entries of a vector as a column, also none of a vector of one."""
+    """Return entries of a vector as a column, which may be empty."""
     return ca.vec(vector[places])
 
 
@@ -500,12 +505,12 @@ def _added(group: Sequence[Any], known: Sequence[Declaration]) -> list[Any]:
 
 
 def _with_parameters(graph: Graph, expressions: Sequence[ca.SX], values: Values) -> list[ca.SX]:
-    """Return expressions with numbers for the parameters."""
+    """Return expressions with numbers substituted for parameters."""
     numbers = [float(values[p.name]) for p in graph.layout.parameters]
     return list(ca.substitute(list(expressions), [graph.parameters], [ca.DM(numbers)]))
 
 
 def _by_point(side_by_side: Array, shape: tuple[int, int, int]) -> Array:
-    """Stack the matrices of n points, which CasADi lays side by side, to a given shape."""
+    """Return the matrices of n points, which CasADi returns side by side, as a stack."""
     n, height, width = shape
     return side_by_side.reshape(height, n, width).transpose(1, 0, 2)

@@ -1,7 +1,7 @@
-"""Hoisting: expressions of parameters only are computed once before a simulation.
+"""Hoisting: expressions that depend only on parameters are computed once before a simulation.
 
-The compiler cannot do it, because it does not know that parameters keep their values between two
-evaluations of the laws.
+A compiler cannot do this, because it does not know that parameters are constant between evaluations
+of the laws.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ _PARAMETERS = 1  # their place among the arguments of a graph
 
 @uninterrupted()
 def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
-    """Replace the largest expressions that depend on parameters only by new parameters.
+    """Replace the largest expressions that depend only on parameters by new parameters.
 
-    Operations are kept as they are and in their order, so that nothing is rounded differently.
+    Operations and their order do not change, so that results have the same rounding.
 
     Parameters
     ----------
@@ -32,9 +32,9 @@ def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
     Returns
     -------
     Graph
-        With additional parameters, last in the list.
+        Graph with additional parameters, which are the last ones.
     casadi.Function
-        Their values, as a column, from the parameters of the original graph.
+        Values of the additional parameters, as a column, from the original parameters.
     """
     replacing = _Replacing(graph)
     rates, outputs, *updates = replacing.rewritten_laws()
@@ -68,7 +68,7 @@ def _constant(value: float) -> _Expression:
 
 
 class _Replacing:
-    """The laws of a graph, written anew with symbols for expressions of parameters only.
+    """Rewriting of a graph's laws with symbols for expressions that depend only on parameters.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class _Replacing:
     Attributes
     ----------
     hoisted : dict of int to tuple of casadi.SX
-        Symbols and their expressions, by the identity of the expression.
+        Symbol and expression, by the hash of the expression.
     """
 
     def __init__(self, graph: Graph):
@@ -88,7 +88,7 @@ class _Replacing:
         )
 
     def rewritten_laws(self) -> list[ca.SX]:
-        """Return rates, outputs and updates with symbols in the place of what is hoisted."""
+        """Return rates, outputs and updates with symbols for hoisted expressions."""
         laws = self._laws
         arguments = [
             [_Expression(symbol, is_fixed=k == _PARAMETERS) for symbol in ca.vertsplit(column)]
@@ -102,9 +102,9 @@ class _Replacing:
         return results
 
     def _applied(self, operation: int, operands: list[_Expression]) -> _Expression:
-        """Apply an operation, whose result is fixed (of parameters only) if all operands are.
+        """Apply an operation; the result is fixed (depends only on parameters) if all operands are.
 
-        If not, operands that are fixed enter as their hoisted symbols.
+        Otherwise fixed operands are replaced by their symbols.
         """
         is_fixed = all(operand.is_fixed for operand in operands)
         if is_fixed:
@@ -114,7 +114,7 @@ class _Replacing:
         return _Expression(apply_to_symbols(operation, values), is_fixed)
 
     def _symbol_if_fixed(self, expression: _Expression) -> ca.SX:
-        """Return what stands for an expression in a law that varies: a symbol if it is hoisted."""
+        """Return the symbol of an expression that is hoisted, else the expression."""
         value = expression.value
         if not expression.is_fixed or value.is_constant() or value.is_symbolic():
             return value

@@ -1,4 +1,4 @@
-"""Instructions of a CasADi function, carried out on values of any kind."""
+"""Execution of the instructions of a CasADi function on values of any type."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ def carry_out(
     constant: Callable[[float], _T],
     apply: Callable[[int, list[_T]], _T],
 ) -> list[list[_T]]:
-    """Carry out the instructions of a function, which CasADi has as a list.
+    """Execute the instructions of a function on values of any type.
 
-    An instruction reads registers and writes one. An expression that several results share is one
-    instruction, so that what is made of it is one object.
+    An instruction reads registers and writes one. A common subexpression of several results is one
+    instruction, so that its value is one object.
 
     Parameters
     ----------
     function : casadi.Function
-        Of scalar expressions (SX).
+        Function of scalar expressions (SX).
     arguments : sequence of sequence
         Values of the elements of each argument.
     constant : callable
-        Makes a value of a number.
+        Returns the value for a number.
     apply : callable
-        Makes a value of an operation (``casadi.OP_...``) and the values of its operands.
+        Returns the value of an operation (``casadi.OP_...``) on the values of its operands.
 
     Returns
     -------
     list of list
-        For each result of the function, the values of its nonzero elements in their order.
+        For each result of the function, the values of its nonzero elements in order.
     """
     registers: list[Any] = [None] * function.sz_w()
     results: list[list[Any]] = [[None] * function.nnz_out(i) for i in range(function.n_out())]
@@ -57,7 +57,7 @@ def carry_out(
 
 
 def apply_to_symbols(operation: int, operands: Sequence[ca.SX]) -> ca.SX:
-    """Apply an operation to expressions.
+    """Return the expression of an operation on expressions.
 
     Parameters
     ----------

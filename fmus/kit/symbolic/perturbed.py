@@ -31,15 +31,15 @@ class Jacobians:
     Attributes
     ----------
     a : ndarray, shape (n, states, states)
-        Of the rates by the states, SI.
+        Derivatives of the rates by the states, SI.
     b : ndarray, shape (n, states, laws)
-        Of the rates by the additions to the laws, SI.
+        Derivatives of the rates by the additions to the laws, SI.
     c : ndarray, shape (n, outputs, states)
-        Of the outputs by the states, SI.
+        Derivatives of the outputs by the states, SI.
     d : ndarray, shape (n, outputs, laws)
-        Of the outputs by the additions to the laws, SI.
+        Derivatives of the outputs by the additions to the laws, SI.
     values : ndarray, shape (n, laws)
-        Of the laws without additions, SI; of a law with arguments at its first call.
+        Values of the laws without additions, SI; that of a law with arguments at its first call.
     """
 
     a: Array
@@ -52,8 +52,8 @@ class Jacobians:
 class PerturbedLaws:
     """A component with a symbol added to the value of each of its laws at every call.
 
-    If an effect overrides a law, the addition is to the value of the effect. Nothing is added to a
-    law that gives several numbers; it counts as a part of those that call it.
+    If an effect overrides a law, the symbol is added to the value of the effect. Nothing is added
+    to a law that returns several numbers; it is treated as a part of the laws that call it.
 
     Parameters
     ----------
@@ -64,29 +64,27 @@ class PerturbedLaws:
     names : list of str
         Laws that its rates, outputs and updates call, in the order of the first calls.
     graph : Graph
-        The component without additions.
+        Graph of the component without additions.
     """
 
     def __init__(self, cls: type[Component]):
-        self._added: dict[str, ca.SX] = {}  # the symbol that is added to each law
-        self._values: dict[str, ca.SX] = {}  # of each law at its first call
-        self._calling: list[str] = []  # laws under way, the innermost last
+        self._additions: dict[str, ca.SX] = {}  # symbol that is added to each law
+        self._values: dict[str, ca.SX] = {}  # value of each law at its first call
+        self._calling: list[str] = []  # stack of the laws that are being called
         self._read: dict[str, set[str]] = {}  # signals and laws that each law reads
         layout = cls.layout
         variables = (*layout.inputs, *layout.states, *layout.discretes)
         self._signals = {v.name for v in variables} | {"time"}
-        self._perturbed = trace(self._watched(cls))
+        self._perturbed = trace(self._recording_class(cls))
         self.graph: Graph = trace(cls)
-        self.names = list(self._added)
-        self._mapped: dict[int, ca.Function] = {}  # over so many points
+        self.names = list(self._additions)
+        self._mapped: dict[int, ca.Function] = {}  # `_function` over a number of points
 
-    def _watched(self, cls: type[Component]) -> type[Component]:
-        """Make a class that records which laws and signals are read, and adds to the laws."""
-        # an input that an effect changes stands in the class, and has no value there
-        own = {
-            name for name in dir(cls) if law_of(cls, name) is not None and not name.startswith("_")
-        }
-        laws = own - set(dir(Component))
+    def _recording_class(self, cls: type[Component]) -> type[Component]:
+        """Make a class that records the laws and signals that are read, and adds to the laws."""
+        # law_of rather than getattr: an input that an effect changes has no value in the class
+        names = set(dir(cls)) - set(dir(Component))
+        laws = {n for n in names if law_of(cls, n) is not None and not n.startswith("_")}
 
         def get(one: Any, name: str) -> Any:
             value = object.__getattribute__(one, name)
@@ -104,7 +102,7 @@ class PerturbedLaws:
         """Return a law with its addition, which records its value and the signals it reads."""
 
         def perturbed(*arguments: Any, **named: Any) -> Any:
-            added = self._added.setdefault(name, ca.SX.sym(name))
+            addition = self._additions.setdefault(name, ca.SX.sym(name))
             caller = self._read[self._calling[-1]] if self._calling else set()
             read = self._read.setdefault(name, set())
             for argument in (*arguments, *named.values()):
@@ -115,17 +113,17 @@ class PerturbedLaws:
             finally:
                 self._calling.pop()
             if not isinstance(value, _NUMBERS):
-                del self._added[name]
+                del self._additions[name]
                 caller |= read
                 return value
             caller.add(name)
             self._values.setdefault(name, ca.SX(value))
-            return value + added
+            return value + addition
 
         return perturbed
 
     def _sources(self, argument: Any) -> list[str]:
-        """Return the signal, or the laws, whose value an argument is."""
+        """Return the signal or the laws that have the value of an argument."""
         if not isinstance(argument, ca.SX):
             return []
         if argument.is_symbolic() and argument.name() in self._signals:
@@ -133,7 +131,7 @@ class PerturbedLaws:
         return [
             n
             for n, value in self._values.items()
-            if ca.is_equal(argument, value + self._added[n], 1)
+            if ca.is_equal(argument, value + self._additions[n], 1)
         ]
 
     def is_definition(self, law: str) -> bool:
@@ -142,14 +140,13 @@ class PerturbedLaws:
         Parameters
         ----------
         law : str
-            One of the names.
+            One of `names`.
 
         Returns
         -------
         bool
-            True for a rate that is a state, as the rate of a position is the velocity; and for an
-            output that is a state, or that is computed from other laws and parameters only, without
-            inputs, states and the time.
+            True for a rate that is a state (the rate of a position is the velocity), and for an
+            output that is a state or depends directly only on other laws and parameters.
 
         Raises
         ------
@@ -168,11 +165,11 @@ class PerturbedLaws:
         """Return the inputs and states in the rates and outputs that depend on a law."""
         graph = self._perturbed
         elements = [*ca.vertsplit(graph.rates), *ca.vertsplit(graph.outputs)]
-        dependent = [e for e in elements if ca.depends_on(e, self._added[law])]
+        dependent = [e for e in elements if ca.depends_on(e, self._additions[law])]
         return self._signals_in(ca.vertcat(ca.SX(0, 1), *dependent))
 
     def computed_from(self, signal: str) -> set[str]:
-        """Return the inputs and states that a law depends on; for another signal that itself."""
+        """Return the inputs and states that a law depends on; for another signal, its own name."""
         return self._signals_in(self._values[signal]) if signal in self._values else {signal}
 
     @uninterrupted()
@@ -181,16 +178,16 @@ class PerturbedLaws:
         return {symbol.name() for symbol in ca.symvar(expression)} & self._signals
 
     def reads_itself(self, law: str, signal: str) -> bool:
-        """Return whether a law reads a signal itself, or gets it as an argument.
+        """Return whether a law reads a signal itself, or has it as an argument.
 
-        A signal that is read only by a law that it calls does not count.
+        A signal that only a law that it calls reads does not count.
 
         Parameters
         ----------
         law : str
-            One of the names.
+            One of `names`.
         signal : str
-            Input, state or law; ``time``.
+            Input, state, law, or ``time``.
 
         Raises
         ------
@@ -201,32 +198,36 @@ class PerturbedLaws:
 
     @uninterrupted()
     def calls(self, law: str, other: str) -> bool:
-        """Return whether a law is computed from another, directly or through laws in between.
+        """Return whether a law depends on another, directly or through further laws.
 
         Parameters
         ----------
         law, other : str
-            False if one of them is none of the names.
+
+        Returns
+        -------
+        bool
+            False if one of them is not in `names`.
         """
-        if law not in self._values or other not in self._added:
+        if law not in self._values or other not in self._additions:
             return False
-        return bool(ca.depends_on(self._values[law], self._added[other]))
+        return bool(ca.depends_on(self._values[law], self._additions[other]))
 
     @cached_property
     @uninterrupted()
     def _function(self) -> ca.Function:
-        """Jacobians and values, in the order of :class:`Jacobians`, from the arguments of laws."""
+        """Function for the fields of :class:`Jacobians`, from the arguments of a graph."""
         graph = self._perturbed
-        added = ca.vertcat(ca.SX(0, 1), *self._added.values())
+        additions = ca.vertcat(ca.SX(0, 1), *self._additions.values())
         expressions = [
             ca.jacobian(graph.rates, graph.states),
-            ca.jacobian(graph.rates, added),
+            ca.jacobian(graph.rates, additions),
             ca.jacobian(graph.outputs, graph.states),
-            ca.jacobian(graph.outputs, added),
+            ca.jacobian(graph.outputs, additions),
             ca.vertcat(ca.SX(0, 1), *(self._values[name] for name in self.names)).T,
         ]
-        zero = ca.DM.zeros(added.shape)
-        unperturbed = [ca.densify(ca.substitute(e, added, zero)) for e in expressions]
+        zero = ca.DM.zeros(additions.shape)
+        unperturbed = [ca.densify(ca.substitute(e, additions, zero)) for e in expressions]
         return ca.Function("perturbed", graph.arguments, ca.cse(unperturbed))
 
     def along(
@@ -236,17 +237,18 @@ class PerturbedLaws:
         inputs: Mapping[str, Array],
         signals: Mapping[str, Array],
     ) -> Jacobians:
-        """Linearise at points of a trajectory.
+        """Linearise the component at n points of a trajectory.
 
         Parameters
         ----------
         time : ndarray, shape (n,)
             Seconds.
         parameters : Mapping of str to float
-            SI; others have their defaults. Names that the component does not have are ignored.
-        inputs, signals : Mapping of str to ndarray, shape (n,)
-            Inputs, and all states and discrete states, SI; an input that is not given has its start
-            value.
+            Values, SI; others have their defaults. Unknown names are ignored.
+        inputs : Mapping of str to ndarray, shape (n,)
+            SI; others have their start values.
+        signals : Mapping of str to ndarray, shape (n,)
+            All states and discrete states, SI.
 
         Returns
         -------
@@ -255,7 +257,7 @@ class PerturbedLaws:
         Raises
         ------
         KeyError
-            If a state is not given.
+            If a state is missing.
         """
         layout = self.graph.layout
         n = len(time)
@@ -266,12 +268,12 @@ class PerturbedLaws:
                 column[:] = values[v.name]
             return points
 
-        fixed = {p.name: p.start for p in layout.parameters} | dict(parameters)
-        fed = {v.name: v.start for v in layout.inputs} | dict(inputs)
+        all_parameters = {p.name: p.start for p in layout.parameters} | dict(parameters)
+        all_inputs = {v.name: v.start for v in layout.inputs} | dict(inputs)
         points = [
             np.ascontiguousarray(time, dtype=float),
-            rows(layout.parameters, fixed),
-            rows(layout.inputs, fed),
+            rows(layout.parameters, all_parameters),
+            rows(layout.inputs, all_inputs),
             rows(layout.states, signals),
             rows(layout.discretes, signals),
         ]
@@ -282,16 +284,16 @@ class PerturbedLaws:
         return Jacobians(*self._evaluated(points, shapes))
 
     def _evaluated(self, points: Sequence[Array], shapes: Sequence[tuple[int, int]]) -> list[Array]:
-        """Evaluate `_function` at n points: arguments (n, ...), and results (n, height, width).
+        """Evaluate `_function` at n points with arguments (n, ...) and results (n, height, width).
 
-        CasADi reads and writes the memory of the arrays, column by column: to make them of its own
-        matrices takes longer than to evaluate.
+        CasADi reads and writes the memory of the arrays column by column, because converting its
+        matrices takes longer than the evaluation.
         """
         n = len(points[0])
         if n not in self._mapped:
             self._mapped[n] = self._function.map(n)
         results = [np.zeros((n, width, height)) for height, width in shapes]
-        buffer: Any  # CasADi's stubs want a size beside the memoryview, which has one
+        buffer: Any  # CasADi's stubs require a size in addition to the memoryview
         buffer, evaluate = self._mapped[n].buffer()
         for i, argument in enumerate(points):
             buffer.set_arg(i, argument.data)

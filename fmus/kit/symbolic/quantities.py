@@ -1,11 +1,11 @@
-"""Numbers with the units that a model declares: which unit a law is in, without pint.
+"""Numbers in the units that a model declares, which give the units of laws without pint.
 
-pint's registry takes half a second to make, and it converts where a model does not: the numbers of
-a model in kW and mm are in kW and mm. So a number here has powers of the units that its variables
-are declared in. An angle has a unit and no dimension, a sum has the unit of its first part, and a
-number that is written into a law has any unit: as a summand that of the rest of the sum. As a
-factor it may convert (``1e3 * self.speed`` for mm/s of m/s); where a sum, or the declaration of the
-result, shows another unit than the declared ones make, that is taken to be so.
+pint's registry takes half a second to load, and it converts units, which a model does not: the
+numbers of a model in kW and mm are in kW and mm. Therefore the unit of a number here is a product
+of powers of declared units. An angle has a unit and no dimension. A sum has the unit of its first
+term. A numeric constant in a law may have any unit: as a term that of the sum; as a factor it may
+convert (``1e3 * self.speed`` for mm/s from m/s). The unit after such a factor is open, until a sum
+or the declaration of the result determines it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 
 from fmus.kit import units
 
-# of NumPy, by what they take and give: all in one unit, and that
+# functions of NumPy by the units of arguments and result; these have all in one unit
 MATCHING = {
     "absolute",
     "fabs",
@@ -48,18 +48,18 @@ Powers = Mapping[str, float]
 
 
 class UnitError(ValueError):
-    """Numbers of different dimensions where they must have the same, or an unknown operation."""
+    """An operation that is unknown, or whose numbers must have the same dimension and do not."""
 
 
 class Unit:
-    """The unit of a number, which may become known after the number.
+    """The unit of a number, which a later operation may determine.
 
     Parameters
     ----------
     powers : Mapping of str to float
-        Of units by name, an angle's ``rad`` among them.
+        Power of each unit by name, including ``rad``.
     is_open : bool
-        Whether a number that is written into a law was a factor, so that it may be another unit.
+        Whether the unit may be another one, because a law has a numeric factor that may convert.
     """
 
     def __init__(self, powers: Powers, is_open: bool = False):
@@ -85,18 +85,18 @@ class Unit:
 
     @property
     def is_pure(self) -> bool:
-        """True without a dimension, which an angle does not have."""
+        """Whether the unit has no dimension; an angle has none."""
         return not self.exponents.keys() - {"rad"}
 
     def meet(self, other: Unit) -> None:
-        """Make this and another unit, in which numbers are added or compared, fit together.
+        """Check this unit and that of a number that is added or compared, and determine open units.
 
-        One that is open becomes the other where they differ.
+        If the units differ, an open one becomes the other.
 
         Raises
         ------
         UnitError
-            If they are of different dimensions.
+            If they have different dimensions.
         """
         if self.powers == other.powers:
             return
@@ -123,7 +123,7 @@ class Quantity:
     ----------
     value : float
     unit : Unit or Mapping of str to float
-        A unit that it shares with other numbers, or powers of units by name.
+        Unit, which other numbers may share, or powers of units by name.
     """
 
     def __init__(self, value: Any, unit: Unit | Powers):
@@ -221,12 +221,12 @@ class Quantity:
         return self.value >= self._same(other)
 
     def __array_ufunc__(self, function: Any, method: str, *inputs: Any, **named: Any) -> Any:
-        """Do what NumPy's functions of elements do."""
+        """Apply an elementwise function of NumPy."""
         name = function.__name__
         if method != "__call__" or named:
             raise UnitError(f"{function.__name__} of numbers with a unit")
         if name in _OPERATORS:
-            one, other = (_own_kind(each) for each in inputs)
+            one, other = map(_without_numpy, inputs)
             return _OPERATORS[name](one, other)
         first = next(each for each in inputs if isinstance(each, Quantity))
         if len(inputs) > 1:
@@ -238,7 +238,7 @@ class Quantity:
     def __array_function__(
         self, function: Any, types: Any, inputs: Sequence[Any], named: Mapping[str, Any]
     ) -> Any:
-        """Do what NumPy's choice between two values, or within two, does."""
+        """Apply ``numpy.where`` or ``numpy.clip``."""
         if function not in (np.where, np.clip) or len(inputs) != 3 or named:
             raise UnitError(f"{function.__name__} of numbers with a unit")
         plain = [each.value if isinstance(each, Quantity) else each for each in inputs]
@@ -252,7 +252,7 @@ class Quantity:
 
 
 def _of_two(name: str, first: Quantity, value: Any) -> Any:
-    """Return the result of a function of NumPy of two numbers in one unit, the first's."""
+    """Return the result of a NumPy function of two numbers in the unit of the first."""
     if name in ("add", "subtract") or name in MATCHING:
         return Quantity(value, first.unit)
     if name == "arctan2":
@@ -261,7 +261,7 @@ def _of_two(name: str, first: Quantity, value: Any) -> Any:
 
 
 def _of_one(name: str, one: Quantity, function: Any) -> Any:
-    """Return the result of a function of NumPy of one number."""
+    """Return the result of a NumPy function of one number."""
     if name in MATCHING:
         return Quantity(function(one.value), one.unit)
     if name in PURE or name in ANGLES:
@@ -275,25 +275,25 @@ def _of_one(name: str, one: Quantity, function: Any) -> Any:
     raise UnitError(f"{function.__name__} of numbers with a unit")
 
 
-def _own_kind(one: Any) -> Any:
-    """Return a number that does not ask NumPy again."""
+def _without_numpy(one: Any) -> Any:
+    """Return a scalar of NumPy as a Python number, whose operators do not dispatch to NumPy."""
     return one.item() if isinstance(one, np.generic) else one
 
 
 def dimension(unit: Unit) -> dict[str, float]:
-    """Return the exponents without those of an angle."""
+    """Return the exponents of SI base units without those of angles."""
     return {base: power for base, power in unit.exponents.items() if base != "rad"}
 
 
 def _product(one: Unit, other: Unit, sign: float) -> Unit:
-    """Return the unit of a product, or of a quotient with sign -1."""
+    """Return the unit of a product, or for sign -1 of a quotient."""
     names = {**one.powers, **other.powers}
     powers = {n: one.powers.get(n, 0.0) + sign * other.powers.get(n, 0.0) for n in names}
     return Unit(powers, one.is_open or other.is_open)
 
 
 def _converted(unit: Unit, by: Any, sign: float) -> Unit:
-    """Return a unit, or its inverse with sign -1, after a factor that is written into a law."""
+    """Return a unit, or for sign -1 its inverse, times a numeric constant of a law."""
     powers = {name: sign * power for name, power in unit.powers.items()}
     return Unit(powers, unit.is_open or bool(abs(by) != 1))
 

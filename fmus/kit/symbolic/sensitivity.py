@@ -1,9 +1,9 @@
 """Forward sensitivities: a graph extended by derivatives of its states by parameters.
 
 With S = dx/dtheta, dS/dt = (df/dx) S + df/dtheta and dy/dtheta = (dg/dx) S + dg/dtheta; discrete
-states likewise at their sample instants. The extended system is integrated like any other, so the
-sensitivities are as accurate as the states (Hairer, Norsett, Wanner: Solving Ordinary Differential
-Equations I, section I.14).
+states follow the same equations at their sample instants. The extended system is integrated like
+any other, so that sensitivities are as accurate as states (Hairer, Norsett, Wanner: Solving
+Ordinary Differential Equations I, section I.14).
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
     ----------
     graph : Graph
     names : sequence of str
-        Parameters, start values included.
+        Names of parameters, which may be start values.
 
     Returns
     -------
     Graph
-        Its states are followed by ``d(state)/d(parameter)``, parameter by parameter; outputs and
-        discrete states too.
+        The states are followed by ``d(state)/d(parameter)``, parameter by parameter; outputs and
+        discrete states likewise.
 
     Raises
     ------
     UserError
-        If a name is not a parameter, or one of a clock: the sample instants would move with it,
-        which has no derivative here.
+        If a name is no parameter, or a period or shift of a clock: it moves the sample instants, by
+        which no derivative is computed.
     """
     layout = graph.layout
     positions = _positions(graph, names)
@@ -94,7 +94,7 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
 
 
 def _positions(graph: Graph, names: Sequence[str]) -> list[int]:
-    """Return the positions of parameters, which must not be of a clock."""
+    """Return the indices of parameters; raise a UserError for unknown ones and those of clocks."""
     layout = graph.layout
     index = layout.parameter_index
     unknown = [name for name in names if name not in index]
@@ -102,28 +102,28 @@ def _positions(graph: Graph, names: Sequence[str]) -> list[int]:
         raise UserError(
             f"{graph.name}: no parameter named {unknown[0]!r}; there are: {', '.join(index)}"
         )
-    moving = [name for name in names if name in layout.clock_parameters]
-    if moving:
+    of_clocks = [name for name in names if name in layout.clock_parameters]
+    if of_clocks:
         raise UserError(
-            f"{graph.name}: no sensitivity to {moving[0]!r}, which moves sample instants"
+            f"{graph.name}: no sensitivity to {of_clocks[0]!r}, which moves sample instants"
         )
     return [index[name] for name in names]
 
 
 def _extended(value: ca.SX, derivative: ca.SX) -> ca.SX:
-    """Append the columns of a derivative to a column."""
+    """Return a column with the columns of a derivative appended."""
     return ca.densify(ca.vertcat(value, ca.vec(derivative)))
 
 
 def _derivative(variable: Declaration, parameter: ParameterDeclaration) -> Any:
-    """Declare the derivative of a variable; its nominal value is that of the quotient."""
+    """Declare the derivative of a variable by a parameter."""
     nominal = variable.nominal / (abs(float(parameter.start)) or parameter.nominal)
     declared = replace(variable, unit="1", nominal=nominal, min=-inf, max=inf, type="real")
     return name_declaration(declared, f"d({variable.name})/d({parameter.name})")
 
 
 def _start(variable: Declaration, parameter: ParameterDeclaration) -> ParameterDeclaration:
-    """Declare the start of a state's derivative: 1 by its own start value, 0 by any other."""
+    """Declare the start value of a sensitivity: 1 to the state's own start value, 0 to others."""
     derivative = _derivative(variable, parameter)
     value = 1.0 if parameter.starts == variable.name else 0.0
     declared = ParameterDeclaration(start=value, unit="1", nominal=derivative.nominal)

@@ -1,8 +1,7 @@
 """Event indicators: functions of order one that change their sign where laws switch.
 
-Laws switch at comparisons, at the smaller and the larger of two values, at magnitudes and signs.
-These places are read off the traced laws; which of them are the same, and how large each is, is
-seen at random points.
+Laws switch at comparisons, minima, maxima, magnitudes and signs, which are taken from the traced
+laws. Values at random points show which indicators are equal and give their scales.
 """
 
 from __future__ import annotations
@@ -23,18 +22,18 @@ from fmus.kit.symbolic.instructions import apply_to_symbols, carry_out
 _COMPARED = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX}
 _AT_ZERO = {ca.OP_FABS, ca.OP_SIGN}
 _BOUNDS = {ca.OP_FMIN, ca.OP_FMAX}
-# what rounding takes away on average
+# mean difference between a value and the rounded value
 _ROUNDED = {ca.OP_FLOOR: 0.5, ca.OP_CEIL: -0.5}
 
-_ALIKE = 1e-10  # of order one; hosts see no smaller difference, see `keep_off_zero` in exchange.c
-_FAR = 1e6  # times what it changes by, an indicator may be
+_ALIKE = 1e-10  # hosts see no smaller difference of indicators; see `keep_off_zero` in exchange.c
+_FAR = 1e6  # largest scale of an indicator relative to its changes
 _POINTS = 32
 _SEED = 36
 
 
 @dataclass(frozen=True)
 class _Term:
-    """A value of the laws, of which switches are made.
+    """An operand in the laws.
 
     Attributes
     ----------
@@ -42,7 +41,7 @@ class _Term:
     moves : bool
         Whether it changes between events.
     inner : casadi.SX
-        The value without bounds that do not move: ``x`` of ``clip(x, low, high)``.
+        The value without constant bounds: ``x`` for ``clip(x, low, high)``.
     """
 
     value: ca.SX
@@ -53,25 +52,26 @@ class _Term:
 def event_indicators(
     laws: Sequence[ca.SX], arguments: Sequence[ca.SX], layout: Layout, moving: Collection[int]
 ) -> ca.SX:
-    """Make functions that change their sign where laws switch from one expression to another.
+    """Return functions that change their sign where laws switch from one expression to another.
 
-    Places that depend on parameters and discrete states only are omitted, and so is rounding: a
-    converter steps at every count of its signal, and no solver should stop there. Each function is
-    multiplied by a power of two, so that with typical inputs and states it is about one.
+    Switches that depend only on parameters and discrete states are omitted. Rounding is omitted
+    too: the output of a converter steps at every count of its signal, where no solver should stop.
+    Each function is multiplied by a power of two, so that for typical inputs and states it is about
+    one.
 
     Parameters
     ----------
     laws : sequence of casadi.SX
     arguments : sequence of casadi.SX
-        Time, parameters, inputs, states and discrete states, the symbols of the laws.
+        Symbols of the laws: time, parameters, inputs, states and discrete states.
     layout : Layout
     moving : collection of int
-        Which of the arguments change between events.
+        Indices of the arguments that change between events.
 
     Returns
     -------
     casadi.SX
-        A column, one function for each place.
+        A column, one function for each switch.
     """
     places = _places(laws, arguments, moving)
     if not places:
@@ -90,14 +90,14 @@ def event_indicators(
 def _places(
     laws: Sequence[ca.SX], arguments: Sequence[ca.SX], moving: Collection[int]
 ) -> list[ca.SX]:
-    """Return an expression for each operation of the laws that switches, zero where it does."""
+    """Return an expression for each operation that switches, which is zero where it switches."""
     function = ca.Function("laws", list(arguments), ca.cse([ca.densify(law) for law in laws]))
     places: dict[frozenset[int], ca.SX] = {}
 
     def apply(operation: int, operands: list[_Term]) -> _Term:
         place = _place(operation, operands)
         if place is not None:
-            # the magnitude of a value that is compared with zero switches at the same place
+            # a magnitude switches where a comparison of the same value with zero does
             key = frozenset(o.value.element_hash() for o in operands if not o.value.is_zero())
             places.setdefault(key, place)
         return _result(operation, operands)
@@ -116,7 +116,7 @@ def _constant(value: float) -> _Term:
 
 
 def _place(operation: int, operands: Sequence[_Term]) -> ca.SX | None:
-    """Return the expression that is zero where an operation switches; None if it never does."""
+    """Return the expression that is zero where an operation switches; None if it never switches."""
     if not any(o.moves for o in operands):
         return None
     is_bounded = not any(o.value.is_constant() and math.isinf(float(o.value)) for o in operands)
@@ -127,12 +127,12 @@ def _place(operation: int, operands: Sequence[_Term]) -> ca.SX | None:
     first, second = operands
     if first.moves and second.moves:
         return first.value - second.value
-    # beyond bounds that stand still nothing happens at a level that does
+    # against a constant level, a value beyond its constant bounds does not switch
     return first.inner - second.inner
 
 
 def _result(operation: int, operands: Sequence[_Term]) -> _Term:
-    """Return the value of an operation; of rounding what is rounded, less what that takes away."""
+    """Return the result of an operation; for rounding, the operand less the mean difference."""
     moves = any(o.moves for o in operands)
     if moves and operation in _ROUNDED:
         value = operands[0].value - _ROUNDED[operation]
@@ -149,25 +149,26 @@ def _at_random_points(
     layout: Layout,
     moving: Collection[int],
 ) -> npt.NDArray[np.float64]:
-    """Return values of expressions, shape (n, 2, points): pairs differ in what moves alone."""
+    """Return values of expressions, (n, 2, points); the two differ only in moving arguments."""
     draw = random.Random(_SEED)  # NumPy's generators may change from version to version
     groups = (layout.parameters, layout.inputs, layout.states, layout.discretes)
 
-    def drawn() -> list[npt.NDArray[np.float64]]:
+    def arguments_at_points() -> list[npt.NDArray[np.float64]]:
         times = [draw.random() for _ in range(_POINTS)]
         values = [[_typical(v, draw) for v in group for _ in range(_POINTS)] for group in groups]
         return [np.reshape(column, (-1, _POINTS)) for column in (times, *values)]
 
-    first = drawn()
-    second = [
-        new if i in moving else old for i, (old, new) in enumerate(zip(first, drawn(), strict=True))
-    ]
+    first = arguments_at_points()
+    second = arguments_at_points()
+    for i, column in enumerate(first):
+        if i not in moving:
+            second[i] = column
     function = ca.Function("places", list(arguments), [ca.vertcat(*places)])
-    return np.stack([function(*given).full() for given in (first, second)], axis=1)
+    return np.stack([function(*points).full() for points in (first, second)], axis=1)
 
 
 def _typical(variable: Declaration, draw: random.Random) -> float:
-    """Draw a value of a size that a variable has, within its range."""
+    """Draw a value of typical magnitude within the range of a variable."""
     share = draw.random()
     if variable.type == "boolean":
         return float(share < 0.5)
@@ -183,10 +184,10 @@ def _typical(variable: Declaration, draw: random.Random) -> float:
 
 
 def _power_of_two(values: npt.NDArray[np.float64]) -> float:
-    """Return a factor that makes values, shape (2, points), about one.
+    """Return a power of two that scales values, shape (2, points), to about one.
 
-    Where they are far beyond what they change by, as at a limit that stands for none, the factor is
-    larger: the limit may be set to another.
+    It is larger if the values are far above their changes, as for a limit of 1e9 that means no
+    limit, because a user may set another limit.
     """
     change = _median(values[1] - values[0])
     size = min(max(change, _median(values)), _FAR * change)
@@ -194,15 +195,15 @@ def _power_of_two(values: npt.NDArray[np.float64]) -> float:
 
 
 def _median(values: npt.NDArray[np.float64]) -> float:
-    """Return the median of the magnitudes of the finite numbers but zero; 0 without any."""
+    """Return the median magnitude of the finite nonzero numbers; 0 if there are none."""
     sizes = np.abs(values[np.isfinite(values) & (values != 0.0)])
     return float(np.median(sizes)) if sizes.size else 0.0
 
 
 def _alike(one: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> bool:
-    """Return whether two indicators are the same everywhere but for the sign.
+    """Return whether two indicators are equal at all points, except for the sign.
 
-    One without a number at a point is like another without a number there, not like any.
+    A NaN is equal only to a NaN.
     """
     tolerance = _ALIKE * np.maximum(1.0, np.abs(one))
     neither = np.isnan(one) & np.isnan(other)

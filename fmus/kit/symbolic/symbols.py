@@ -1,11 +1,11 @@
-"""Numbers of which only the unit is known: what laws are evaluated on before anything is built.
+"""Numbers with a unit and without a value, on which laws are evaluated to check them.
 
-A law must give its value for floats, arrays and CasADi symbols alike, so it may not decide by a
-value, nor hand one to a function of floats. The numbers here have none: what would need a value is
-refused where it stands. Units are those that variables are declared in
-(:mod:`fmus.kit.symbolic.quantities`); an angle has no dimension. A number that is written into a
-law has any unit as a summand. As a factor it is a plain number if it is one of few (2, 1/3, pi and
-the like); any other may convert (``load / 3600.0``) or have a unit itself (``9.81 * mass``).
+A law must work on floats, arrays and CasADi symbols, so that it may not branch on a value or pass
+it to a function of floats. The numbers here have no value: code that needs one raises an error.
+Units are products of powers of declared units (:mod:`fmus.kit.symbolic.quantities`); an angle has
+no dimension. A numeric constant in a law may have any unit as a term of a sum. As a factor it has
+no unit if it is a simple number (2, 1/3, pi and the like); any other may convert
+(``load / 3600.0``) or have a unit (``9.81 * mass``).
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from fmus.kit.symbolic.quantities import (
 )
 from fmus.kit.units import powers_of_names
 
-_LARGEST_PLAIN = 4  # numerator and denominator of a number that is taken to have no unit
-# A number that converts may stand in one product with another, such as an efficiency.
+_LARGEST_PLAIN = 4  # largest numerator and denominator of a constant without a unit
+# tolerance of a conversion, because a product may have another factor, such as an efficiency
 _NEARLY = log(2.0)
 _LOGICAL = {"logical_and", "logical_or", "logical_not", "sign", "isnan", "isfinite"}
 _OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
@@ -46,12 +46,14 @@ _OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
 
 
 class LawError(ValueError):
-    """What a law does that it may not, with what to write instead.
+    """A mistake in a law, with a remedy.
 
     Parameters
     ----------
     text : str
+        The mistake.
     remedy : str
+        Instruction to the author; empty if there is none.
     """
 
     def __init__(self, text: str, remedy: str = ""):
@@ -60,23 +62,22 @@ class LawError(ValueError):
 
 
 class ScaleError(LawError):
-    """Units of the same dimension, one of which is several of the other."""
+    """Units of the same dimension and different scale."""
 
 
 class ValueNeeded(LawError):
-    """A decision by a value, or a function of floats."""
+    """Code that needs the value of a number: a branch, or a function of floats."""
 
 
 class Symbol:
-    """A number of which only the unit is known.
+    """A number with a unit and without a value.
 
     Parameters
     ----------
     powers : Mapping of str to float
-        Of units by name.
+        Power of each unit by name.
     numbers : tuple of float
-        Written into the law as factors, if they may convert or have a unit; NaN is one that is
-        known for nothing.
+        Numeric factors that may convert or have a unit; NaN is a factor that may be any.
     """
 
     def __init__(self, powers: Mapping[str, float], numbers: tuple[float, ...] = ()):
@@ -84,12 +85,12 @@ class Symbol:
         self.numbers = numbers
 
     def meet(self, other: Any) -> Symbol:
-        """Return what a sum of this and another number is.
+        """Return the sum of this and another number.
 
         Raises
         ------
         LawError
-            If they are of different units, and no number that is written into the law explains it.
+            If their units differ, and no numeric factor explains the difference.
         """
         if isinstance(other, Constant):
             other = Symbol(powers_of_names(other.unit))
@@ -111,11 +112,17 @@ class Symbol:
         return known
 
     def pure(self, name: str) -> None:
-        """Check that it can be the argument of a function of plain numbers.
+        """Raise an error unless the number can be the argument of a function of pure numbers.
+
+        Parameters
+        ----------
+        name : str
+            Name of the function, for the message.
 
         Raises
         ------
         LawError
+            If its unit has a dimension or a scale.
         """
         try:
             self.meet(Symbol({}))
@@ -125,14 +132,14 @@ class Symbol:
             raise type(error)(reason, remedy) from error
 
     def _times(self, other: Any, sign: float) -> Symbol:
-        """Return the product with another number, or with its inverse."""
+        """Return the product with another number, or for sign -1 the quotient."""
         if isinstance(other, Constant):
             other = Symbol(powers_of_names(other.unit))
         if isinstance(other, Symbol):
             powers = _sum(self.unit.powers, other.unit.powers, sign)
             return Symbol(powers, self.numbers + other.numbers)
         check_number(other)
-        return Symbol(self.unit.powers, self.numbers + _told(other))
+        return Symbol(self.unit.powers, self.numbers + _conversion(other))
 
     def __mul__(self, other: Any) -> Symbol:
         return self._times(other, 1.0)
@@ -213,13 +220,13 @@ class Symbol:
         raise LawError("one number is used like several", "return several from the law it comes of")
 
     def __array_ufunc__(self, function: Any, method: str, *inputs: Any, **named: Any) -> Any:
-        """Do what NumPy's functions of elements do, by which those of fmus.kit dispatch."""
+        """Apply an elementwise function of NumPy, to which the functions of fmus.kit dispatch."""
         return _applied(function.__name__, inputs)
 
     def __array_function__(
         self, function: Any, types: Any, inputs: Sequence[Any], named: Mapping[str, Any]
     ) -> Any:
-        """Do what NumPy's choice between two values does."""
+        """Apply ``numpy.where``."""
         if function is not np.where or len(inputs) != 3:
             raise LawError(f"there is no {function.__name__} for laws", "use fmus.kit's functions")
         return _met(inputs[1:])
@@ -234,7 +241,7 @@ ANY = Symbol({}, (nan,))  # a number of any unit
 
 
 def check_number(value: Any) -> None:
-    """Check that what stands in a law beside a number is one.
+    """Raise an error unless an operand in a law is a number.
 
     Parameters
     ----------
@@ -243,7 +250,7 @@ def check_number(value: Any) -> None:
     Raises
     ------
     LawError
-        With what was probably meant.
+        With the probable remedy.
     """
     if isinstance(value, Number | np.generic | np.ndarray):
         return
@@ -258,7 +265,7 @@ def check_number(value: Any) -> None:
 
 
 def _met(values: Sequence[Any]) -> Any:
-    """Return the one number that several in one unit are like; a plain one if there is no other."""
+    """Return the common symbol of values in one unit; a number of any unit if none has a unit."""
     symbols = [each for each in values if isinstance(each, Symbol)]
     if not symbols:
         return ANY
@@ -269,8 +276,8 @@ def _met(values: Sequence[Any]) -> Any:
 
 
 def _applied(name: str, inputs: Sequence[Any]) -> Any:
-    """Return what a function of NumPy gives, by its name."""
-    plain = [_own_kind(each) for each in inputs]
+    """Return the result of a function of NumPy, by its name."""
+    plain = [_without_numpy(each) for each in inputs]
     if name in _OPERATORS:
         return _OPERATORS[name](*plain)
     first = next(each for each in plain if isinstance(each, Symbol))
@@ -290,29 +297,29 @@ def _applied(name: str, inputs: Sequence[Any]) -> Any:
     raise LawError(f"there is no {name} for laws", "use the functions of fmus.kit")
 
 
-def _own_kind(one: Any) -> Any:
-    """Return a number that does not ask NumPy again; of an array one that may be anything."""
+def _without_numpy(one: Any) -> Any:
+    """Return a value whose operators do not dispatch to NumPy; NaN for an array."""
     if isinstance(one, np.ndarray):
         return nan
     return one.item() if isinstance(one, np.generic) else one
 
 
 def _sum(one: Mapping[str, float], other: Mapping[str, float], sign: float) -> dict[str, float]:
-    """Return the powers of a product, or of a quotient with sign -1."""
+    """Return the powers of a product, or for sign -1 of a quotient."""
     return {n: one.get(n, 0.0) + sign * other.get(n, 0.0) for n in {**one, **other}}
 
 
-def _told(factor: Any) -> tuple[float, ...]:
-    """Return a factor that is written into a law, unless it is a plain number."""
+def _conversion(factor: Any) -> tuple[float, ...]:
+    """Return a numeric factor if it may convert or have a unit; empty for a simple number."""
     if isinstance(factor, np.ndarray) or not factor or isnan(factor):
-        return (nan,)  # nothing of anything is nothing, and an array may be anything
+        return (nan,)  # zero times any unit is zero, and an array may have any values
     size = abs(float(factor))
     return () if _is_plain(size) else (size,)
 
 
 @lru_cache
 def _is_plain(size: float) -> bool:
-    """Return whether a number is a ratio of small ones, or such a multiple of a power of pi."""
+    """Return whether a number is a ratio of small integers, or one times a power of pi."""
     for power in (-2, -1, 0, 1, 2):
         rest = size * pi**power
         near = Fraction(rest).limit_denominator(_LARGEST_PLAIN)
@@ -322,7 +329,7 @@ def _is_plain(size: float) -> bool:
 
 
 def _explain(numbers: Sequence[float], ratio: float) -> bool:
-    """Return whether a number that is written into a law, or all of them, can be a conversion."""
+    """Return whether one of the numeric factors, or their product, can be a conversion."""
     if any(map(isnan, numbers)):
         return True
     candidates = (*numbers, prod(numbers)) if numbers else ()

@@ -1,8 +1,8 @@
 """The traced graph of a component: its laws as CasADi expressions, and their structure.
 
-One evaluation of the laws on symbols gives expressions for the rates, the outputs and the sampled
-updates. The C code of the native FMU, the dependencies in ``ModelStructure``, event indicators,
-exact sensitivities and linearisation are derived from these.
+One evaluation of the laws on symbols gives expressions for rates, outputs and sampled updates. The
+C code of the native FMU, the dependencies in ``ModelStructure``, event indicators, exact
+sensitivities and linearisations are derived from them.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ class Graph:
     rates, outputs : casadi.SX
         Expressions in those symbols.
     updates : tuple of casadi.SX
-        For each sample period, the values of *all* discrete states after its sample instant.
+        For each clock, the values of *all* discrete states after its sample instant.
     restorable : bool
-        Whether its state is that of its laws, so that it can be saved and restored.
+        Whether its state can be saved and restored, which an engine of its own prevents.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Graph:
 
     @property
     def arguments(self) -> list[ca.SX]:
-        """Arguments shared by every generated function."""
+        """Arguments of every generated function."""
         return [self.time, self.parameters, self.inputs, self.states, self.discretes]
 
     @property
@@ -84,13 +84,13 @@ class Graph:
     @cached_property
     @uninterrupted()
     def indicators(self) -> ca.SX:
-        """Event indicators: expressions that change their sign where rates or outputs switch."""
+        """Event indicators, which change their sign where rates or outputs switch."""
         moving = (0, 2, 3)  # time, inputs and states
         return event_indicators([self.rates, self.outputs], self.arguments, self.layout, moving)
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the laws, whatever values the parameters start with; see :mod:`.digest`."""
+        """SHA-256 of the laws, independent of start values of parameters; see :mod:`.digest`."""
         return digest(self)
 
     @uninterrupted()
@@ -100,12 +100,12 @@ class Graph:
         Parameters
         ----------
         tangent : bool
-            Whether there is the function for directional derivatives.
+            Whether to include the function for directional derivatives.
 
         Returns
         -------
         list of casadi.Function
-            Rates, outputs, an update for each sample period, tangent (by the time, too) if wanted.
+            Rates, outputs, an update for each clock, and the tangent, with respect to time as well.
         """
         arguments = self.arguments
         # sparse results would shorten the C arrays; the engine expects full vectors
@@ -141,7 +141,7 @@ class Graph:
         Returns
         -------
         list of casadi.Function
-            Time derivatives of the outputs, the inputs being held; adjoint derivatives.
+            Time derivatives of the outputs for constant inputs; adjoint derivatives.
         """
         arguments = self.arguments
         moving = ca.vertcat(self.time, self.states)
@@ -172,7 +172,7 @@ class Graph:
         Returns
         -------
         list of list of int
-            For each expression, the positions of the symbols it depends on.
+            For each expression, the indices of the symbols that it depends on.
         """
         if expressions.numel() == 0 or symbols.numel() == 0:
             return [[] for _ in range(expressions.numel())]
@@ -186,7 +186,7 @@ class Graph:
         Parameters
         ----------
         **values : float
-            Parameters, inputs and states by name (SI); all others are at their defaults.
+            Parameters, inputs and states by name, SI; others have their defaults.
 
         Returns
         -------
@@ -213,11 +213,13 @@ class Graph:
         Parameters
         ----------
         **values : float
-            By name (SI), in place of defaults; the default of a state is its start parameter.
+            Values by name, SI; others have their defaults. The default of a state is its start
+            parameter.
 
         Returns
         -------
         list of ndarray
+            Vectors in layout order, SI.
 
         Raises
         ------
@@ -236,7 +238,7 @@ class Graph:
 
 
 def trace(cls: type[Component]) -> Graph:
-    """Evaluate the laws of a component on symbols.
+    """Return the graph of a component, by evaluating its laws on symbols.
 
     Parameters
     ----------
@@ -250,7 +252,7 @@ def trace(cls: type[Component]) -> Graph:
 
 
 def trace_with_laws(cls: type[Component]) -> tuple[Graph, dict[str, ca.SX]]:
-    """Trace a component with what each of its laws gives on the way.
+    """Return the graph of a component, and the value of each law.
 
     Parameters
     ----------
@@ -260,21 +262,20 @@ def trace_with_laws(cls: type[Component]) -> tuple[Graph, dict[str, ca.SX]]:
     -------
     graph : Graph
     laws : dict of str to casadi.SX
-        By name, for laws without arguments that give one number.
+        Values by name, for laws without arguments that return one number.
     """
     calls = Calls(cls, ())
     graph = _traced(cls, calls.one)
     laws = {}
     for name, values in calls.values.items():
-        given = [value for value in values if isinstance(value, ca.SX)]
-        if len(given) == len(values) and given[0].is_scalar():
-            laws[name] = given[0]
+        if all(isinstance(value, ca.SX) for value in values) and values[0].is_scalar():
+            laws[name] = values[0]
     return graph, laws
 
 
 @uninterrupted()
 def _traced(cls: type[Component], component: Component) -> Graph:
-    """Return the graph of a component, whose variables become symbols."""
+    """Return the graph of an instance, whose variables are set to symbols."""
     layout = cls.layout
     component.time = ca.SX.sym("time")
     parameters = _set_symbols(component, layout.parameters)
@@ -306,15 +307,15 @@ def _traced(cls: type[Component], component: Component) -> Graph:
 
 
 def _set_symbols(component: Component, group: Sequence[Declaration]) -> ca.SX:
-    """Set some variables of a component to new symbols, and return these as a column."""
+    """Set variables of an instance to new symbols, and return these as a column."""
     column = _column([ca.SX.sym(v.name) for v in group])
-    # not setattr: an effect of an input stands in the class under the name of the input
+    # not setattr: an effect of an input is a descriptor with the name of the input
     component.__dict__.update(zip([v.name for v in group], ca.vertsplit(column), strict=True))
     return column
 
 
 def _column(values: list[Any]) -> ca.SX:
-    """Join values to a column, which may be empty."""
+    """Return values as a column, which may be empty."""
     return ca.vertcat(ca.SX(0, 1), *values)
 
 
@@ -330,17 +331,17 @@ def dependencies(
     ----------
     graph : Graph
     states_known : bool
-        Whether a host can set the continuous states, or ask for derivatives by them. Of a build
-        for which it cannot FMI has no derivatives, and no dependency on states.
+        Whether a host can set the continuous states or get derivatives by them. Otherwise FMI has
+        no derivatives, and no dependencies on states.
     time : int, optional
-        Value reference of the time, if it is a variable, which event indicators follow.
+        Value reference of the time if it is a variable; those of event indicators come after it.
 
     Returns
     -------
     dict
         ``Outputs``, ``Derivatives`` and ``EventIndicators`` on inputs, continuous states and the
-        time; ``InitialUnknowns`` on parameters, inputs and the time, the states following their
-        start parameters.
+        time; ``InitialUnknowns`` on parameters, inputs and the time, where states depend on their
+        start parameters. By value reference of the unknown.
     """
     unknowns = _Unknowns(graph, states_known, time)
     return {
@@ -352,7 +353,7 @@ def dependencies(
 
 
 class _FirstReferences(NamedTuple):
-    """The value reference of the first variable of each group; the others follow it."""
+    """Value reference of the first variable of each group; the others have the next ones."""
 
     parameters: int
     inputs: int
@@ -364,7 +365,7 @@ class _FirstReferences(NamedTuple):
 
 @dataclass(frozen=True)
 class _Unknowns:
-    """The unknowns of a graph: what each depends on, by value reference; see `dependencies`."""
+    """The unknowns of a graph and their dependencies, by value reference; see `dependencies`."""
 
     graph: Graph
     states_known: bool
@@ -377,12 +378,11 @@ class _Unknowns:
         return _FirstReferences(*itertools.accumulate(map(len, groups), initial=0))
 
     def outputs(self) -> dict[int, list[int]]:
-        """Return outputs on what a host sets between events."""
+        """Return the dependencies of outputs between events."""
         layout, first = self.graph.layout, self.first
         states = [i for i, s in enumerate(layout.states, first.states) if s.output]
         discretes = [i for i, d in enumerate(layout.discretes, first.discretes) if d.output]
-        # A continuous state is its own known; a discrete one depends on nothing until the next
-        # sample instant.
+        # A continuous state depends on itself; a discrete state is constant until the next sample.
         return {
             **self._between_events(first.outputs, self.graph.outputs),
             **{i: [i] if self.states_known else [] for i in states},
@@ -390,27 +390,27 @@ class _Unknowns:
         }
 
     def derivatives(self) -> dict[int, list[int]]:
-        """Return derivatives on what a host sets between events; none if it does not have them."""
+        """Return the dependencies of derivatives between events; none if hosts do not have them."""
         if not self.states_known:
             return {}
         return self._between_events(self.first.derivatives, self.graph.rates)
 
     def indicators(self) -> dict[int, list[int]]:
-        """Return event indicators on what a host sets between events; none without references."""
+        """Return the dependencies of event indicators between events; none without references."""
         if self.time is None:
             return {}
         return self._between_events(self.time + 1, self.graph.indicators)
 
     def initial(self) -> dict[int, list[int]]:
-        """Return initial unknowns on parameters and inputs."""
+        """Return the dependencies of initial unknowns on parameters and inputs."""
         graph, layout, first = self.graph, self.graph.layout, self.first
         columns = {
             first.states: graph.states,
             first.discretes: graph.discretes,
             first.outputs: graph.outputs,
         }
-        # FMI counts every continuous state among the initial unknowns, but a discrete one only if
-        # it is an output.
+        # FMI lists every continuous state as an initial unknown, but discrete states only if they
+        # are outputs.
         unlisted = {i for i, d in enumerate(layout.discretes, first.discretes) if not d.output}
         if self.states_known:
             columns[first.derivatives] = graph.rates
@@ -422,19 +422,19 @@ class _Unknowns:
         return {i: known for i, known in rows.items() if i not in unlisted}
 
     def _at_start(self, column: ca.SX) -> list[list[int]]:
-        """Return the parameters and inputs on which a column depends at the start."""
+        """Return the parameters and inputs that each element depends on at the start."""
         graph = self.graph
         states = [graph.states, graph.discretes]
         (at_start,) = ca.substitute([column], states, list(graph.start))
         return self._references(at_start, ca.vertcat(graph.parameters, graph.inputs), 0)
 
     def _between_events(self, reference: int, column: ca.SX) -> dict[int, list[int]]:
-        """Return a column, numbered from a value reference on, on what a host sets."""
+        """Return the dependencies of a column on knowns, by value reference from the first on."""
         knowns = self.graph.continuous if self.states_known else self.graph.inputs
         return dict(enumerate(self._references(column, knowns, self.first.inputs), reference))
 
     def _references(self, column: ca.SX, knowns: ca.SX, first: int) -> list[list[int]]:
-        """Return what a column depends on: knowns, numbered from the first on, and the time."""
+        """Return value references of the knowns, and of the time, that each element depends on."""
         references = list(range(first, first + knowns.numel()))
         if self.time is not None:
             knowns = ca.vertcat(knowns, self.graph.time)

@@ -61,8 +61,8 @@ def _is_empty(column: Column) -> bool:
 
 def _delimiter(path: Path, header: list[str]) -> str:
     """Return the delimiter that a header names; a tab if it names none."""
-    named = [line for line in header if line.lower().startswith("separator")]
-    separator = named[0] if named else "Separator\tTab"
+    lines = [line for line in header if line.lower().startswith("separator")]
+    separator = lines[0] if lines else "Separator\tTab"
     word = separator[len("separator") :].strip(" \t,;").lower() or "tab"
     if word not in _DELIMITERS:
         raise refuse(path, f"Separator '{word}' is not known (allowed: Tab, Comma)")

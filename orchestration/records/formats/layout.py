@@ -75,7 +75,8 @@ def find_layout(lines: Sequence[str]) -> TextLayout | None:
     counts = Counter(map(len, sample))
     width = max(counts, key=lambda cells: (counts[cells], cells))
     rows = [row for row in sample if len(row) == width]
-    places = [k for k in range(width) if 2 * sum(is_value(r[k]) for r in rows) >= len(rows)]
+    values = [sum(is_value(row[k]) for row in rows) for k in range(width)]
+    places = [k for k, count in enumerate(values) if 2 * count >= len(rows)]
     return _HeaderSearch(lines, delimiter, places).layout()
 
 
@@ -110,8 +111,8 @@ class _HeaderSearch:
 
     def layout(self) -> TextLayout | None:
         """Return the lines of names, units and data; None if no line looks like a header."""
-        whole = self._first_whole_row()
-        below = None if whole is None else self._header_above(whole, _SEARCHED_LINES)
+        first = self._first_whole_row()
+        below = None if first is None else self._header_above(first, _SEARCHED_LINES)
         if below is None:
             return None
         above = self._header_above(below, 1)
@@ -151,6 +152,7 @@ class _HeaderSearch:
         return None
 
     def _header(self, index: int) -> list[str]:
+        """Return the cells of a header line."""
         line = _uncommented(self.lines[index])
         if '"' not in line:
             return line.split(self.delimiter)

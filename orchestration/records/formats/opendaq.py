@@ -54,6 +54,6 @@ def _positive(path: Path, fields: dict[str, str], name: str) -> Fraction:
     except (KeyError, ValueError, ZeroDivisionError):
         value = Fraction(0)
     if value <= 0:
-        given = fields.get(name, "not given")
-        raise refuse(path, f"row 1: {name} of the time is {given} (allowed: a number above 0)")
+        text = fields.get(name, "missing")
+        raise refuse(path, f"row 1: {name} of the time is {text} (allowed: a number above 0)")
     return value

@@ -87,7 +87,7 @@ def _bound_memory(file_size: int) -> None:
 
 
 def _main(module: str, name: str, path: str) -> None:
-    """Read standard input by a reader and write its table or error to standard output."""
+    """Run a reader on standard input, and write its table or error to standard output."""
     output = os.dup(1)
     os.dup2(2, 1)  # libraries may print, which must not mix with the answer
     content = sys.stdin.buffer.read()

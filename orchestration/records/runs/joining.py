@@ -43,7 +43,7 @@ class MeasuredRun:
 
     @property
     def samples(self) -> slice:
-        """Slice of its samples in the joined record."""
+        """Slice of the run's samples in the joined record."""
         return slice(self.first, self.last)
 
     def own(self, name: str) -> str:

@@ -26,7 +26,7 @@ def mask_infinite(samples: Samples) -> None:
     Parameters
     ----------
     samples : Samples
-        The samples.
+        Their values change.
     """
     for name, values in samples.values.items():
         infinite = np.isinf(values)
@@ -184,7 +184,7 @@ def input_steps(inputs: Mapping[str, Array], count: int) -> Mask:
     ----------
     inputs : Mapping of str to ndarray, shape (n,)
     count : int
-        Number of samples, n, which matters without inputs.
+        Number of samples, n, for the result without inputs.
 
     Returns
     -------
@@ -196,6 +196,7 @@ def input_steps(inputs: Mapping[str, Array], count: int) -> Mask:
 
 
 def _steps(values: Array) -> Mask:
+    """Return a mask of the steps of an input, see `input_steps`."""
     change = np.abs(np.diff(values, prepend=values[:1]))
     least = max(_STEP_SHARE * float(np.ptp(values)), _STEP_RATIO * float(np.median(change)))
     return np.asarray(change > least)

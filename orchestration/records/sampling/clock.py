@@ -100,12 +100,12 @@ def _require_two(samples: Samples) -> None:
 
 def _drop_missing_time(samples: Samples) -> None:
     """Drop the rows whose time is missing or infinite, in place."""
-    bad = ~np.isfinite(samples.time)
-    if bad.any():
-        rows = samples.rows[bad].tolist()
+    invalid = ~np.isfinite(samples.time)
+    if invalid.any():
+        rows = samples.rows[invalid].tolist()
         message = f"{len(rows)} rows without a valid time dropped ({list_rows(rows)})"
         samples.repairs.append(Repair("missing time", message, tuple(rows)))
-        samples.keep(~bad)
+        samples.keep(~invalid)
 
 
 def _sort_late_rows(samples: Samples) -> None:

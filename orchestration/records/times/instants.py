@@ -116,7 +116,7 @@ def seconds(table: Table, column: Column, form: str = "") -> Array:
     present = {k: cell for k, cell in enumerate(cells) if cell is not None}
     first, cell = next(iter(present.items()))
     instants = np.full(len(cells), np.nan)
-    instants[list(present)] = [_seconds(each, form) for each in present.values()]
+    instants[list(present)] = [_seconds(instant, form) for instant in present.values()]
     if cell.day is not None:
         notation, days = _days(table, column, cells, form)
         instants += _DAY * days
@@ -267,6 +267,7 @@ def _month(number: str) -> str:
 
 
 def _year_month_day(match: re.Match[str], order: str) -> tuple[int, int, int]:
+    """Return year, month and day of a date; the month is 0 if its name is unknown."""
     if match["year"]:
         return int(match["year"]), int(match["month"]), int(match["day"])
     if match["name"]:

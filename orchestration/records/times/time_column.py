@@ -113,9 +113,9 @@ def _falls(table: Table, column: Column) -> float:
     """Return how often a column falls; infinite if it rises too rarely for a clock."""
     scratch = Table(table.path, table.columns, table.rows)
     other = complementary_column(column, table.columns)
-    whole = column if other is None else merge_date_and_time(scratch, column, other)
+    merged = column if other is None else merge_date_and_time(scratch, column, other)
     try:
-        values = seconds(scratch, whole) if holds_instants(whole) else numbers(scratch, whole)
+        values = seconds(scratch, merged) if holds_instants(merged) else numbers(scratch, merged)
     except UserError:
         return float("inf")
     steps = np.diff(values[np.isfinite(values)])

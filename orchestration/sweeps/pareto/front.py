@@ -68,16 +68,17 @@ class Front(Displayable):
         order = members[np.argsort(values[members, 0])]
         signs = np.array([one.sign for one in objectives.objectives])
         points = [objectives.parameters(point) for point in shares[order]]
+        names = [one.name for one in objectives.ranges]
         return cls(
-            objectives.model_name,
-            {one.name: one.unit for one in objectives.objectives},
-            tuple(one.sign > 0.0 for one in objectives.objectives),
-            signs * values[order],
-            {one.name: np.array([p[one.name] for p in points]) for one in objectives.ranges},
-            {one.name: one.unit for one in objectives.ranges},
-            objectives.display,
-            signs * objectives.nominal(),
-            objectives.evaluations,
+            model=objectives.model_name,
+            objectives={one.name: one.unit for one in objectives.objectives},
+            maximised=tuple((signs > 0.0).tolist()),
+            values=signs * values[order],
+            parameters={name: np.array([p[name] for p in points]) for name in names},
+            units={one.name: one.unit for one in objectives.ranges},
+            display=objectives.display,
+            nominal=signs * objectives.nominal(),
+            evaluations=objectives.evaluations,
         )
 
     def __repr__(self) -> str:

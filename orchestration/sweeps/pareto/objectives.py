@@ -157,8 +157,9 @@ class Objectives:
         """Return the objectives, shape (m,), at nominal parameters, with signs as in `evaluate`."""
         time, inputs, settings = self._run
         signals = self._model.run(time, inputs, settings).signals
-        pairs = [(one.sign, [signals[name][-1] for name in one.outputs]) for one in self.objectives]
-        return np.array([min(sign * value for value in ends) for sign, ends in pairs])
+        return np.array(
+            [min(one.sign * signals[name][-1] for name in one.outputs) for one in self.objectives]
+        )
 
     def evaluate(self, shares: Array) -> tuple[list[Array], list[Array]]:
         """Return the outputs of each objective and their derivatives with respect to the shares.

@@ -15,7 +15,7 @@ from orchestration.sweeps.pareto.objectives import Objectives
 
 
 class PointJournal:
-    """Points of a search by row; each is searched once, and then read from the journal.
+    """Points of a search by row, of which only those missing in the journal are searched.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ Find = Callable[
 
 @dataclass
 class _Scales:
-    """Scales of objectives, which go from 0 to 1 over the sample."""
+    """Lower limits and widths of objectives in the sample, which scale them from 0 to 1."""
 
     low: Array
     width: Array
@@ -204,6 +204,7 @@ class _ParetoSearch:
         """Return the best candidate that is not below the level, or else the nearest to it."""
 
         def merit(shares: Array) -> tuple[float, float]:
+            """Return the negative shortfall, then the objective."""
             worst = self._objectives.worst(shares)
             shortfall = sum(
                 max((least - worst[other]) / self._scales.width[other], 0.0)
@@ -228,6 +229,7 @@ class _ParetoSearch:
             return first
 
         def margins(x: Array) -> Array:
+            """Return the constraints, which are met where they are not negative."""
             values, _ = self._objectives.evaluate(np.clip(x[:size], 0.0, 1.0))
             own = self._scales(k, values[k]) - x[size]
             others = [
@@ -237,6 +239,7 @@ class _ParetoSearch:
             return np.concatenate([own, *others])
 
         def slopes(x: Array) -> Array:
+            """Return the derivatives of the constraints."""
             _, derivatives = self._objectives.evaluate(np.clip(x[:size], 0.0, 1.0))
             scale = self._scales.width
             own = np.column_stack([derivatives[k] / scale[k], -np.ones(len(derivatives[k]))])

@@ -63,7 +63,7 @@ def merge_analysis(data: xarray.Dataset, analysis: xarray.Dataset) -> xarray.Dat
     Raises
     ------
     UserError
-        If a variable of the sweep has the name of another one of the analysis.
+        If one name stands for different variables in the two.
     """
     names = {*data.variables} & {*analysis.variables}
     conflicts = {str(name) for name in names if not data[name].identical(analysis[name])}

@@ -161,11 +161,11 @@ def table(indices: xarray.Dataset) -> Table:
     result = plain_table(None, "variance of", "from", *columns, right=columns[:3])
     for name in _numbers(indices):
         for parameter in _ranked(indices[f"{name}_index"]):
-            at = indices.sel(parameter=parameter)
+            row = indices.sel(parameter=parameter)
             cells: list[str] = []
             for order in ORDERS:
-                value = float(at[f"{name}_index"].sel(index=order))
-                lower, upper = at[f"{name}_index_interval"].sel(index=order).values
+                value = float(row[f"{name}_index"].sel(index=order))
+                lower, upper = row[f"{name}_index_interval"].sel(index=order).values
                 if np.isfinite(value):
                     cells += [f"{value:.3f}", f"{lower:.3f} … {upper:.3f}"]
                 else:
@@ -180,14 +180,14 @@ def draw(indices: xarray.Dataset) -> Figure:
     title = f"{indices.attrs['model']}: shares of the variance"
     figure, panels = pictures.panels(len(names), title)
     parameters = [str(p) for p in indices["parameter"].values]
-    at = np.arange(len(parameters))
+    x = np.arange(len(parameters))
     colours = (pictures.MODEL, pictures.MEASURED)
     for panel, name in zip(panels, names, strict=True):
         for k, (order, colour) in enumerate(zip(ORDERS, colours, strict=True)):
             value = indices[f"{name}_index"].sel(index=order).values
             upper = indices[f"{name}_index_interval"].sel(index=order, end="upper").values
             panel.bar(
-                at + 0.38 * (k - 0.5),
+                x + 0.38 * (k - 0.5),
                 value,
                 0.36,
                 yerr=upper - value,
@@ -202,13 +202,13 @@ def draw(indices: xarray.Dataset) -> Figure:
     panels[0].legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1
     )
-    panels[-1].set_xticks(at, parameters)
+    panels[-1].set_xticks(x, parameters)
     panels[-1].set_xlabel("parameter")
     return figure
 
 
 def omissions(indices: xarray.Dataset) -> list[str]:
-    """Return a line for each omission of the picture of indices."""
+    """Return a line on indices that the picture does not show, if there are any."""
     return describe_omission(_numbers(indices))
 
 

@@ -136,9 +136,9 @@ def table(effects: xarray.Dataset) -> Table:
     for name in _numbers(effects):
         start, unit = results.displayed(effects[f"{name}_start"])
         for parameter in _ranked(effects, name):
-            at = effects.sel(parameter=parameter)
-            ends, end_unit = _displayed_ends(at)
-            values = [_cell(value) for value in results.displayed(at[f"{name}_tornado"])[0]]
+            effect = effects.sel(parameter=parameter)
+            ends, end_unit = _displayed_ends(effect)
+            values = [_cell(value) for value in results.displayed(effect[f"{name}_tornado"])[0]]
             texts = [f"{end:.6g}{_unit_suffix(end_unit)}" for end in ends]
             result.add_row(name, parameter, *texts, f"{start:.6g}", *values, unit)
     return result
@@ -170,7 +170,7 @@ def draw(effects: xarray.Dataset) -> Figure:
 
 
 def omissions(effects: xarray.Dataset) -> list[str]:
-    """Return a line for each omission of the picture of a tornado."""
+    """Return a line on numbers that the picture of a tornado does not show, if there are any."""
     return describe_omission(_numbers(effects))
 
 
@@ -195,13 +195,13 @@ def _range_label(effects: xarray.Dataset, parameter: str) -> str:
     return f"{parameter}: {low:.4g}..{high:.4g}{_unit_suffix(unit)}"
 
 
-def _displayed_ends(at: xarray.Dataset) -> tuple[Array, str]:
+def _displayed_ends(effect: xarray.Dataset) -> tuple[Array, str]:
     """Return both ends of the range of a parameter in its display unit, and that unit."""
     units = {
-        "units": str(at["parameter_units"].item()),
-        "display_units": str(at["parameter_display_units"].item()),
+        "units": str(effect["parameter_units"].item()),
+        "display_units": str(effect["parameter_display_units"].item()),
     }
-    return results.displayed(at["ends"].assign_attrs(units))
+    return results.displayed(effect["ends"].assign_attrs(units))
 
 
 def _numbers(effects: xarray.Dataset) -> list[str]:

@@ -98,8 +98,8 @@ def _checked_levels(quantiles: Sequence[float]) -> Array:
 def _over_time(trace: xarray.DataArray) -> Iterator[Array]:
     """Yield the traces of all cases in intervals of time that fit into memory."""
     step = max(1, _AT_ONCE // trace.sizes["case"])
-    for at in range(0, trace.sizes["time"], step):
-        yield trace.isel(time=slice(at, at + step)).values
+    for first in range(0, trace.sizes["time"], step):
+        yield trace.isel(time=slice(first, first + step)).values
 
 
 def table(found: xarray.Dataset) -> Table:
@@ -116,9 +116,9 @@ def table(found: xarray.Dataset) -> Table:
                 (f"{float(found['time'][at]):g} s", band.isel(time=at))
                 for at in sorted({widest, end})
             ]
-        for at, here in places:
-            values, unit = results.displayed(here)
-            result.add_row(output, at, *(f"{value:.6g}" for value in values), unit)
+        for place, quantiles in places:
+            values, unit = results.displayed(quantiles)
+            result.add_row(output, place, *(f"{value:.6g}" for value in values), unit)
     return result
 
 
@@ -159,7 +159,7 @@ def no_traces() -> UserError:
 
 
 def omissions(found: xarray.Dataset) -> list[str]:
-    """Return a line for each omission of the picture of bands."""
+    """Return a line on bands that the picture does not show, if there are any."""
     return describe_omission(_traces(found))
 
 

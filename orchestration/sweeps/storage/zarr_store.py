@@ -42,18 +42,18 @@ def _check_ours(path: Path) -> None:
     if not (path / ".zgroup").is_file():
         raise UserError(f"--out {path}: is not a store of a sweep; it will not be overwritten")
     try:
-        about = json.loads((path / ".zattrs").read_text(encoding="utf-8"))
+        attributes = json.loads((path / ".zattrs").read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
-        about = None
-    if not isinstance(about, dict) or not {"design", "over"} <= {*about}:
+        attributes = None
+    if not isinstance(attributes, dict) or not {"design", "over"} <= {*attributes}:
         raise UserError(
             f"--out {path}: is a Zarr store, but not of a sweep; it will not be overwritten"
         )
     for place, folders, names in os.walk(path):
-        here = Path(place)
+        folder = Path(place)
         for name in (*names, *folders):
-            if not _is_of_store(here / name):
-                other = (here / name).relative_to(path)
+            if not _is_of_store(folder / name):
+                other = (folder / name).relative_to(path)
                 raise UserError(
                     f"--out {path}: holds {other}, which is not of a store; move it elsewhere"
                 )

@@ -107,6 +107,7 @@ def test_builds_agree(fmu, parameters):
     assert results["native"]["estimate_valid"].any()
 
 
+@pytest.mark.slow
 def test_any_communication_step_takes_the_same_samples(archive):
     """Inputs held for whole sample periods: smaller or larger communication steps change
     nothing.

@@ -195,6 +195,7 @@ def test_inertia_that_is_left_out_is_as_small_as_the_readme_says():
     assert 1.0 / period == pytest.approx(28.0, rel=0.02)
 
 
+@pytest.mark.slow
 def test_compiled_and_interpreted_laws_agree():
     run = CompiledModel(IsotonicStand).run(
         GRID,

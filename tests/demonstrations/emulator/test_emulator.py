@@ -249,6 +249,7 @@ def test_load_dependent_voltage_shifts_and_relaxes():
     )
 
 
+@pytest.mark.slow
 def test_a_variation_may_leak_in_a_nonlinear_way():
     voltage = quiet(hidden=SmoothLeakage).run(np.array([0.0, 200.0, 400.0]), 0.9, 0.0)["voltage"]
     start = brentq(lambda v: v / NOMINAL.R1 + v / NOMINAL.R2 + 0.3 * v**3 - 0.9, 0, 5, xtol=1e-13)

@@ -44,6 +44,7 @@ def test_table_3_1_by_another_route(number):
         assert found.holds
 
 
+@pytest.mark.slow
 def test_means_and_deviations_of_table_3_1():
     rows = [(*theta, *bilinear(*theta)) for theta, _ in TABLE]
     for name, column in zip(

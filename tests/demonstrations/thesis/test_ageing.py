@@ -97,6 +97,7 @@ def test_the_actuator_is_the_circuit_integrated_here(life):
     assert life["voltage"] == pytest.approx(life["true_voltage"], abs=2e-3)
 
 
+@pytest.mark.slow
 def test_impedance_has_its_minimum_where_fig_4_7_has_it(free):
     truth = impedance(free["series_resistance"])
     lowest = free["time"][np.argmin(truth)]

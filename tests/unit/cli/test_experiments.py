@@ -59,6 +59,7 @@ def test_a_record_drives_a_system(row):
     assert record.signals["drive"] == pytest.approx([0.0, 0.0, 0.5, 0.5, 0.5, 0.5, 0.25])
 
 
+@pytest.mark.slow
 def test_a_system_is_run_and_made_again(row):
     works("run", "row.ssp", "--set", "inputs.drive=1V", "--out", "out.nc", cwd=row)
     assert "the same to the last bit" in works("run", "out.nc", cwd=row)
@@ -88,6 +89,7 @@ def test_a_system_that_ships_is_simulated_in_the_build_that_is_chosen(tmp_path):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["run", "simulate"])
 def test_the_start_value_of_an_input_that_nothing_feeds_is_used(tmp_path, command):
     row_of_two(tmp_path / "row.ssp", {"drive": (Port("first", "u"),)}, connections=())

@@ -154,6 +154,7 @@ def test_of_an_output_that_rests_no_error_is_a_share():
     assert conclusion._large_errors(best) == {"moves": pytest.approx(1.0)}
 
 
+@pytest.mark.slow
 def test_within_half_a_step_of_the_recorder_no_cause_is_named():
     named = diagnose(Motor, with_dry_friction(0.8), [FRICTION])
     coarse = Note(NoteCode.QUANTISED, "shown", {"resolution": 20.0, "share": 1.0})
@@ -162,6 +163,7 @@ def test_within_half_a_step_of_the_recorder_no_cause_is_named():
     assert conclude_again(named, notes=[fine]).causes == named.causes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("lag", "causes"), [(0.5, ["sensor_lag(y)"]), (0.0, [])])
 def test_rounding_is_judged_where_a_record_moves(lag, causes):
     """The record rests for all but a hundredth of the time, where a lag makes no error."""

@@ -177,6 +177,7 @@ def test_it_is_told_which_assumption_is_relaxed(made):
     assert "the model assumes that friction is viscous" in made("stage").cls.remark
 
 
+@pytest.mark.slow
 def test_only_parameters_are_told_of_where_nothing_was_added(tmp_path):
     data, _ = drawn(None, changed={"R1": 1.4}, spread=0.0, **SHORT)
     diagnosis = diagnose(PpyActuator, data, [])

@@ -118,6 +118,7 @@ def test_beside_parameters_out_of_all_reason_no_cause_is_named_that_leaves_somet
     assert note.facts["ratios"] == {"gain": 159.0}
 
 
+@pytest.mark.slow
 def test_a_cause_is_named_where_else_a_parameter_were_out_of_all_reason():
     """It is so slow that dry friction cannot be told from drag: of both, 81 times nominal."""
     creeping = with_dry_friction(0.8, width=0.01, drive=0.02, noise=3e-5)

@@ -137,6 +137,7 @@ def test_effects_are_considered_by_id_or_by_output(actuator, wanted, considered)
     assert [label(effect) for effect in result.effects] == considered
 
 
+@pytest.mark.slow
 def test_what_fails_afterwards_does_not_take_the_diagnosis_with_it(actuator, monkeypatch):
     def fails(*arguments):
         raise UserError("no compiler")
@@ -264,6 +265,7 @@ class Lag(Component):
         return self.u
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hold", [[], ["gain"], ["tau"], ["tau", "gain"]])
 def test_no_cause_is_named_in_a_record_that_the_model_made_itself(tmp_path, hold):
     """Nothing is left where parameters are held, and rounding where they are not."""

@@ -161,6 +161,7 @@ def test_figs_3_10_and_3_11_are_displacement_over_charge():
     assert [read(name).over for name in ("fig_3_10", "fig_3_11")] == ["charge", "charge"]
 
 
+@pytest.mark.slow
 def test_fig_4_8_stands_at_its_current_limit_for_a_third_of_the_time():
     """In closed form from one turn of the voltage to the next, until the capacitance holds what
     1.3 A keep at 0.6 V; and the estimates are those of the circuit.

@@ -46,6 +46,7 @@ def edited(path, target, edit, upto=None):
     return target
 
 
+@pytest.mark.slow
 def test_a_result_of_an_fmu_is_made_again_as_that_is(fmu, tmp_path):
     """A result names a build whatever it was made on; an FMU has one, which was not chosen."""
     (tmp_path / "x.fmu").write_bytes(fmu("galvanostat", "python").read_bytes())

@@ -37,6 +37,7 @@ def same(one, other):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["nc", "parquet"])
 def test_a_result_is_made_again_to_the_last_bit_without_the_file_it_came_from(folder, ending):
     first = f"first.{ending}"

@@ -74,6 +74,7 @@ large = {"%sR1" = 0.6}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [

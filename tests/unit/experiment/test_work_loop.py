@@ -65,6 +65,7 @@ def test_any_loop_goes_on_round_after_its_last_phase():
     np.testing.assert_allclose(ahead["next_reference"], loop.length_at(time + 0.5))
 
 
+@pytest.mark.slow
 def test_without_current_only_the_creep_takes_up_energy(tracked):
     """Dashpots take up the integral of F^2 / b, less than 5 uJ of a load below 0.9 N."""
     for cycle in tracked["bare"].cycles():
@@ -178,6 +179,7 @@ def test_the_experiment_drives_what_the_loop_and_its_modes_drive(made):
     assert list(experiment.variants) == ["bare", "feedback", "feedforward", "both", "learning"]
 
 
+@pytest.mark.slow
 def test_the_experiment_runs_each_variant_as_the_modes_do(made):
     hidden = {"actuator.lag_time": 1.0, "actuator.strain_saturation_coefficient": 0.16}
     system = library.system("work_loop").given(hidden)

@@ -590,7 +590,7 @@ def test_it_is_made_again_from_what_it_was_made_with():
             SignalTerm("drive", start=math.nan),
             "cubic",
             {},
-            "what is remembered of drive at first must be a number",
+            "start value of the memory of drive must be a number",
         ),
         (
             "base",

@@ -49,6 +49,7 @@ def test_any_fmu_comes_to_the_same_bits_and_the_closed_form(lag, workers):
     assert there["x_last"].values == pytest.approx(exact, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_compiled_code_travels_to_the_workers(workers):
     over, driven = {"R1": "0.3..0.7:37"}, {"current": np.sin(TIME)}
     here, there = (

@@ -118,6 +118,7 @@ def test_the_course_is_that_of_the_closed_form():
     assert found["level"].values == pytest.approx(exact, abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_case_that_fails_says_what_the_fmu_says(workers):
     """With 4 the vessel is empty after half a second."""

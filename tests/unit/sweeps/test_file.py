@@ -154,6 +154,7 @@ def test_on_the_command_line_the_file_says_what_is_run(folder):
     refused(folder, "sweep", "a.toml", "--stop", "3s", parts=["--stop: the file says what is run"])
 
 
+@pytest.mark.slow
 def test_a_system_is_swept_at_the_step_of_its_experiment(tmp_path):
     path = tmp_path / "gains.toml"
     path.write_text(

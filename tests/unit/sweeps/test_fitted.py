@@ -175,6 +175,7 @@ def test_the_seed_chooses_the_draws(folder):
     assert values[0] == values[1] != values[2]
 
 
+@pytest.mark.slow
 def test_a_file_may_name_a_fit(folder):
     text = (
         'fitted = "fit.json"\nsamples = 20\nseed = 3\n[experiment]\ncomponent ='

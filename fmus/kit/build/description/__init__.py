@@ -1,4 +1,4 @@
-"""The descriptions in an FMU: ``modelDescription.xml`` of FMI 2.0 or 3.0, and what 3.0 adds."""
+"""The XML files of an FMU: ``modelDescription.xml`` of FMI 2.0 or 3.0, and the others of 3.0."""
 
 import lazy_loader
 

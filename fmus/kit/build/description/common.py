@@ -25,7 +25,7 @@ from fmus.kit.errors import UserError
 from fmus.kit.layout import Layout
 from fmus.kit.units import to_modelica
 
-# Names of quantities for TypeDefinitions, by the unit they are declared in.
+# names of quantities for TypeDefinitions, by declared unit
 _QUANTITIES = {
     "A": "ElectricCurrent",
     "V": "ElectricPotential",
@@ -45,7 +45,6 @@ _QUANTITIES = {
     "N*m": "Torque",
     "K": "Temperature",
 }
-
 
 _OURS = {
     "author": "the ppy-rig project",
@@ -74,7 +73,9 @@ class Capabilities:
     needs_execution_tool : bool
         Whether a Python interpreter must be there at run time.
     interpolates_inputs : bool
+        Whether a host may set the time derivatives of inputs.
     directional_derivatives : bool
+        Whether the FMU computes directional derivatives.
     model_exchange : bool
         Whether a host may integrate the states.
     sources : tuple of str
@@ -91,18 +92,18 @@ class Capabilities:
 def generation_date() -> str:
     """Return the date and time for ``generationDateAndTime``.
 
-    No clock sets it: the same sources give the same bytes.
+    It is not the time of the clock, so that the same sources give the same bytes.
 
     Returns
     -------
     str
-        In UTC: ``SOURCE_DATE_EPOCH`` of the environment (seconds since 1970), or else the date of
-        this version.
+        In UTC: ``SOURCE_DATE_EPOCH`` of the environment (seconds since 1970), or by default the
+        date of this version.
 
     Raises
     ------
     UserError
-        If ``SOURCE_DATE_EPOCH`` is no such number.
+        If ``SOURCE_DATE_EPOCH`` is not a whole number of seconds, at most that of the year 9999.
     """
     given = os.environ.get(_VARIABLE, "")
     if not given:
@@ -116,9 +117,9 @@ def generation_date() -> str:
 
 
 def origin(cls: type[Component]) -> dict[str, str]:
-    """Return author, copyright and licence as the class declares them.
+    """Return author, copyright and licence of a component.
 
-    The default is ours, if every part of the class is.
+    The defaults are those of this project, for a class all of whose bases belong to it.
     """
     package = __package__.partition(".")[0]
     ours = all(
@@ -143,7 +144,7 @@ def flag(value: bool) -> str:
 
 
 def number(value: float) -> str:
-    """Write a number with as many digits as it needs.
+    """Write a number with as few digits as read back to the same number.
 
     Parameters
     ----------
@@ -157,7 +158,9 @@ def number(value: float) -> str:
 
 
 def typed_reals(layout: Layout) -> dict[str, Declaration]:
-    """Return a real variable of each type: those of one quantity in one display unit share theirs.
+    """Return the first real variable of each type.
+
+    Variables of the same quantity and display unit share a type.
 
     Parameters
     ----------
@@ -166,7 +169,7 @@ def typed_reals(layout: Layout) -> dict[str, Declaration]:
     Returns
     -------
     dict of str to Declaration
-        By the name of the type, in the order of names.
+        Variable by name of the type, sorted.
     """
     reals = [variable for variable in layout.variables if variable.type == "real"]
     first = {type_name(variable): variable for variable in reversed(reals)}
@@ -187,12 +190,12 @@ def define_units(root: Element, layout: Layout, others: Iterable[str] = ()) -> N
     displays: dict[str, set[str]] = {unit: set() for unit in (*of_derivatives, *others)}
     for variable in layout.variables:
         if variable.type == "real":
-            own = displays.setdefault(variable.unit, set())
+            display_units = displays.setdefault(variable.unit, set())
             if variable.display:
-                own.add(variable.display)
+                display_units.add(variable.display)
     definitions = SubElement(root, "UnitDefinitions")
     defined: dict[str, Element] = {}
-    # two that are the same in Modelica, such as m/s/s and m/s^2, are defined once
+    # units that are spelt alike in Modelica, such as m/s/s and m/s^2, are defined once
     for unit in sorted(displays, key=to_modelica):
         name = to_modelica(unit)
         if name not in defined:
@@ -202,7 +205,7 @@ def define_units(root: Element, layout: Layout, others: Iterable[str] = ()) -> N
 
 
 def _define(node: Element, unit: str) -> Element:
-    """Append the definition of a unit in SI base units, and return the node."""
+    """Append the definition of a unit in SI base units to its node; return the node."""
     base = units.base_unit(unit)
     attributes = {name: str(power) for name, power in sorted(base.exponents.items())}
     if base.factor != 1.0:
@@ -214,7 +217,7 @@ def _define(node: Element, unit: str) -> Element:
 
 
 def _display(node: Element, unit: str, display: str) -> None:
-    """Append the definition of a display unit, unless it is there."""
+    """Append the definition of a display unit, unless the node already has it."""
     name = to_modelica(display)
     if node.find(f"DisplayUnit[@name='{name}']") is not None:
         return
@@ -225,16 +228,17 @@ def _display(node: Element, unit: str, display: str) -> None:
 
 
 def quantity(unit: str) -> str:
-    """Return the name of the quantity that is measured in a unit.
+    """Return the name of the quantity of a unit.
 
     Parameters
     ----------
     unit : str
-        As it is declared.
+        Unit as declared.
 
     Returns
     -------
     str
+        The unit in Modelica's spelling if the quantity has no name here.
     """
     return _QUANTITIES.get(unit, to_modelica(unit))
 
@@ -286,25 +290,15 @@ _KINDS = {
 }
 
 
-def written(value: float, kind: str) -> str:
-    """Write a value of a type: real, integer or boolean.
-
-    Parameters
-    ----------
-    value : float
-    kind : str
-
-    Returns
-    -------
-    str
-    """
+def _value(value: float, kind: str) -> str:
+    """Write a value of type real, integer or boolean."""
     if kind == "real":
         return number(value)
     return flag(bool(value)) if kind == "boolean" else str(int(value))
 
 
 def variable_attributes(reference: int, variable: Declaration) -> dict[str, str]:
-    """Return the attributes that say which variable it is, and of which kind.
+    """Return the attributes for name, description, causality, variability and ``initial``.
 
     Parameters
     ----------
@@ -330,7 +324,7 @@ def _identity(name: str, reference: int, description: str) -> dict[str, str]:
 
 
 def value_attributes(variable: Declaration) -> dict[str, str]:
-    """Return the attributes that say which values a variable can have.
+    """Return the attributes for type, unit, bounds, nominal and start value of a variable.
 
     Parameters
     ----------
@@ -346,11 +340,11 @@ def value_attributes(variable: Declaration) -> dict[str, str]:
     if variable.type != "boolean":
         bounds = {"min": variable.min, "max": variable.max}
         finite = {name: bound for name, bound in bounds.items() if math.isfinite(bound)}
-        attributes |= {name: written(bound, variable.type) for name, bound in finite.items()}
+        attributes |= {name: _value(bound, variable.type) for name, bound in finite.items()}
     if variable.type == "real" and variable.nominal != 1.0:
         attributes["nominal"] = number(variable.nominal)
     if isinstance(variable, (ParameterDeclaration, InputDeclaration)):
-        attributes["start"] = written(variable.start, variable.type)
+        attributes["start"] = _value(variable.start, variable.type)
     return attributes
 
 
@@ -372,7 +366,7 @@ def calculated(name: str, reference: int, description: str) -> dict[str, str]:
 
 
 def derivatives(layout: Layout) -> Iterator[tuple[dict[str, str], str, int]]:
-    """Yield the attributes of derivatives, their units, and the references of their states.
+    """Yield for each derivative its attributes, its unit and the reference of its state.
 
     Parameters
     ----------
@@ -382,8 +376,9 @@ def derivatives(layout: Layout) -> Iterator[tuple[dict[str, str], str, int]]:
     ------
     attributes : dict of str to str
     unit : str
+        In Modelica's spelling.
     state : int
-        Its value reference.
+        Value reference of the state.
     """
     first_state = len(layout.parameters) + len(layout.inputs)
     first = len(layout.variables)
@@ -393,7 +388,7 @@ def derivatives(layout: Layout) -> Iterator[tuple[dict[str, str], str, int]]:
 
 
 def text_attributes(reference: int, parameter: TextDeclaration) -> dict[str, str]:
-    """Return the attributes of a parameter that is a text, without its start value.
+    """Return the attributes of a text parameter without its start value.
 
     Parameters
     ----------
@@ -417,7 +412,7 @@ def model_description(cls: type[Component], version: str, identity: dict[str, st
     version : str
         Version of this package.
     identity : dict of str to str
-        Version of FMI, and the attribute that identifies the build.
+        Attributes for the version of FMI and for the GUID or instantiation token.
 
     Returns
     -------

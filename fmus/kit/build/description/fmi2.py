@@ -1,4 +1,4 @@
-"""``modelDescription.xml`` of FMI 2.0 in full, from a component's declarations and its graph."""
+"""``modelDescription.xml`` of FMI 2.0, from the declarations and the graph of a component."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def describe_fmi2(
 
 def _interfaces(root: Element, cls: type[Component], can: common.Capabilities) -> None:
     """Append an element for each interface that the FMU has."""
-    of_both = {
+    shared = {
         "modelIdentifier": cls.name,
         "needsExecutionTool": common.flag(can.needs_execution_tool),
         "canNotUseMemoryManagementFunctions": "true",
@@ -62,16 +62,16 @@ def _interfaces(root: Element, cls: type[Component], can: common.Capabilities) -
         "canSerializeFMUstate": common.flag(cls.engine is None),
         "providesDirectionalDerivative": common.flag(can.directional_derivatives),
     }
-    own = {
+    interfaces = {
         "CoSimulation": {
             "canHandleVariableCommunicationStepSize": "true",
             "canInterpolateInputs": common.flag(can.interpolates_inputs),
         }
     }
     if can.model_exchange:  # it comes first in the schema
-        own = {"ModelExchange": {"completedIntegratorStepNotNeeded": "true"}} | own
-    for name, attributes in own.items():
-        interface = SubElement(root, name, of_both | attributes)
+        interfaces = {"ModelExchange": {"completedIntegratorStepNotNeeded": "true"}} | interfaces
+    for name, attributes in interfaces.items():
+        interface = SubElement(root, name, shared | attributes)
         if can.sources:
             files = SubElement(interface, "SourceFiles")
             for source in can.sources:

@@ -14,7 +14,7 @@ from fmus.kit.layout import Layout
 from fmus.kit.symbolic import Graph, dependencies
 
 _TYPES = {"real": "Float64", "integer": "Int32", "boolean": "Boolean"}
-# by the names that FMI 2.0 has for the elements around them
+# name of an unknown in FMI 3.0 by the name of its list in FMI 2.0
 _UNKNOWNS = {
     "Outputs": "Output",
     "Derivatives": "ContinuousStateDerivative",
@@ -67,7 +67,7 @@ def describe_fmi3(
 def build_description(
     cls: type[Component], unit: str, libraries: Mapping[str, Iterable[str]]
 ) -> bytes:
-    """Write ``buildDescription.xml``: how the sources are compiled.
+    """Write ``buildDescription.xml``, which tells a tool how to compile the sources.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def build_description(
     unit : str
         Source file that includes every other.
     libraries : Mapping of str to iterable of str
-        Libraries of the system that it is linked with, by platform as FMI 2.0 names it.
+        System libraries to link with, by the platform's name in FMI 2.0.
 
     Returns
     -------
@@ -97,7 +97,7 @@ def build_description(
 
 def _interfaces(root: Element, cls: type[Component], can: common.Capabilities) -> None:
     """Append an element for each interface that the FMU has."""
-    of_both = {
+    shared = {
         "modelIdentifier": cls.name,
         "needsExecutionTool": common.flag(can.needs_execution_tool),
         "canGetAndSetFMUState": common.flag(cls.engine is None),
@@ -106,14 +106,14 @@ def _interfaces(root: Element, cls: type[Component], can: common.Capabilities) -
         "providesAdjointDerivatives": common.flag(can.directional_derivatives),
     }
     if can.model_exchange:
-        SubElement(root, "ModelExchange", of_both | {"needsCompletedIntegratorStep": "false"})
-    own = {
+        SubElement(root, "ModelExchange", shared | {"needsCompletedIntegratorStep": "false"})
+    co_simulation = {
         "canHandleVariableCommunicationStepSize": "true",
         "maxOutputDerivativeOrder": "1" if can.directional_derivatives else "0",
         "hasEventMode": "true",
         "mightReturnEarlyFromDoStep": common.flag(bool(cls.layout.sampled)),
     }
-    SubElement(root, "CoSimulation", of_both | own)
+    SubElement(root, "CoSimulation", shared | co_simulation)
 
 
 def _variables(root: Element, layout: Layout, indicators: int) -> None:
@@ -145,7 +145,7 @@ def _variables(root: Element, layout: Layout, indicators: int) -> None:
 
 
 def _time(layout: Layout) -> int:
-    """Return the value reference of the time, which event indicators follow."""
+    """Return the value reference of the time; those of event indicators come after it."""
     return len(layout.names) + len(layout.texts)
 
 

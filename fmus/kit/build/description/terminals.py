@@ -12,14 +12,14 @@ from fmus.kit.ports import PowerPort
 def terminals(cls: type[Component], with_icon: bool) -> bytes:
     """Write ``terminalsAndIcons.xml``.
 
-    A terminal has the two variables of a port: its potential, which is a signal, and its flow,
-    which is an inflow or an outflow (FMI 3.0, section 2.4.9).
+    A terminal has the two variables of a port: the potential, and the flow as an inflow or an
+    outflow (FMI 3.0, section 2.4.9).
 
     Parameters
     ----------
     cls : type[Component]
     with_icon : bool
-        True if an icon stands beside it, whose place in a diagram is then stated.
+        Whether the folder has an icon, whose place in a diagram is then stated.
 
     Returns
     -------

@@ -1,8 +1,8 @@
-"""The adapter that makes a component a slave of pythonfmu; it travels in a stock archive.
+"""The adapter that makes a component a slave of pythonfmu; a stock archive contains it.
 
-It serves pythonfmu as the front-end in C serves the Python build, over the same memory
-(``fmi/engine.h``) and the same :class:`fmus.kit.slave.Slave`, so that both compute the same.
-pythonfmu reports whatever it raises as Fatal.
+It stands for the front-end in C of the Python build, and has the same memory (``fmi/engine.h``) and
+the same :class:`fmus.kit.slave.Slave`, so that both compute the same. pythonfmu reports every
+exception of the adapter as Fatal.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ _SMALLEST_TOLERANCE = 1e-12
 
 
 class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
-    """The slave of one instance; the class that an archive defines names the component.
+    """A slave of pythonfmu; the subclass in an archive names the component.
 
     Attributes
     ----------
     model : type[Component]
     create : callable
-        Makes the :class:`fmus.kit.slave.Slave` over a memory; see
+        Makes the :class:`fmus.kit.slave.Slave` for a memory; see
         :func:`fmus.kit.build.package.python_package`.
     """
 
@@ -50,7 +50,7 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
         self.first_output = self.first_state + len(layout.states) + len(layout.discretes)
         self.size = len(layout.names)
         index = {name: i for i, name in enumerate(layout.names)}
-        # where the parameter is by which each state starts
+        # index of the parameter for the start value of each state
         self.starts = [index[layout.start_of[v.name]] for v in (*layout.states, *layout.discretes)]
         self.memory = self._new_memory()
         self.texts = [text.start for text in layout.texts]
@@ -86,7 +86,7 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
             self.register_variable(String(text.name, getter=read, setter=write), nested=False)
 
     def _restart(self) -> None:
-        """Mark parameters as changed; before the end of initialization states follow theirs."""
+        """Mark parameters as changed; before the end of initialization, restart the states."""
         self.memory[self.size + _PARAMETERS_CHANGED] = 1.0
         self.stale = True
         if not self.started:
@@ -112,7 +112,7 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
         return self.memory[i]
 
     def _checked(self, message: str | None) -> None:
-        """Raise the error of a message or of a value that is not finite.
+        """Raise an error for a message, or for a value that is not finite.
 
         A % is doubled, because pythonfmu passes the text on as a format.
         """
@@ -133,7 +133,7 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
             self.memory[self.size + _TOLERANCE] = bounded
 
     def exit_initialization_mode(self) -> None:
-        """Check the ranges of parameters, and start."""
+        """Check the ranges of parameters, and initialize the slave."""
         for v, value in zip(self.model.layout.parameters, self.memory, strict=False):
             if not v.min <= value <= v.max:
                 self._checked(
@@ -147,7 +147,8 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
     def do_step(self, current_time: float, step_size: float) -> bool:
         """Advance by a step in s.
 
-        An error is raised, because a step that is declined ends a simulation without a message.
+        An error is raised, because pythonfmu ends a simulation without a message if a step returns
+        False.
         """
         self._checked(self.slave.advance(current_time, step_size))
         self.time = current_time + step_size
@@ -155,7 +156,7 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
         return True
 
     def _get_fmu_state(self) -> dict[str, Any]:
-        """Return a copy of everything that changes."""
+        """Return a copy of the state of the instance."""
         return {
             "memory": list(self.memory),
             "texts": list(self.texts),
@@ -163,7 +164,7 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
         }
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
-        """Restore a copy."""
+        """Restore a copy of the state of the instance."""
         self.memory[:] = array("d", state["memory"])
         self.texts[:] = state["texts"]
         self.time, self.started = state["at"]

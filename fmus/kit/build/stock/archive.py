@@ -1,8 +1,8 @@
-"""Stock archives of pythonfmu: a component behind pythonfmu's binary, for users of that ecosystem.
+"""Stock archives of pythonfmu: FMUs of a component with pythonfmu's binary, for its users.
 
-pythonfmu's own builder makes it, from an adapter and the package of the Python build, in a process
-of its own, because it does not clean up modules and paths. The description is ours, and the archive
-is packed again so that it can be reproduced.
+pythonfmu's builder makes the archive from an adapter and the package of the Python build. It runs
+in its own process, because it does not clean up modules and paths. The model description is
+replaced, and the archive is packed again so that its bytes are reproducible.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from fmus.kit.errors import UserError
 from fmus.kit.extras import require
 from fmus.kit.storage import scratch
 
-# The lines of the contract (docs/reference/fmu-contract.md) that such an archive cannot fulfil
+# parts of the contract (docs/reference/fmu-contract.md) that such an archive does not fulfil
 LIMITS = (
     (
         "errors: whatever fails is Fatal, not Error; what is asked of an instance after that may"
@@ -56,7 +56,7 @@ _IN_PYTHON_BUILD = "resources/python/"
 
 
 def check_stock(cls: type[Component], platforms: Sequence[str] | None) -> None:
-    """Refuse what pythonfmu cannot build.
+    """Raise an error if pythonfmu cannot build a component.
 
     Parameters
     ----------
@@ -66,8 +66,8 @@ def check_stock(cls: type[Component], platforms: Sequence[str] | None) -> None:
     Raises
     ------
     UserError
-        If pythonfmu is not installed, has no binary for a platform, or the component computes
-        elsewhere.
+        If pythonfmu is not installed, has no binary for a platform, or the component has an engine
+        of its own.
     """
     require("pythonfmu")
     if cls.engine is not None:
@@ -96,9 +96,9 @@ def stock_archive(
     ----------
     cls : type[Component]
     version : str
-        Of this package.
+        Version of this package.
     platforms : sequence of str, optional
-        FMI platforms; default all that pythonfmu has a binary for.
+        FMI platforms; by default all that pythonfmu has a binary for.
     progress : callable
         Called with a short message at each step.
 
@@ -117,10 +117,9 @@ def stock_archive(
 
     check_stock(cls, platforms)
     progress(f"{cls.name}: pythonfmu's builder")
-    carried = python_package(cls)
     package = {"adapter.py": (Path(__file__).parent / "adapter.py").read_bytes()}
     others = {}
-    for path, text in carried.items():
+    for path, text in python_package(cls).items():
         if path.startswith(_IN_PYTHON_BUILD):
             package[path.removeprefix(_IN_PYTHON_BUILD)] = text
         else:
@@ -146,7 +145,7 @@ def _built(
 ) -> dict[str, bytes]:
     """Return the files of the archive that pythonfmu builds from a package, without a description.
 
-    Modules of one name are one in a process, so these are named after their contents.
+    Modules are named after their contents: a process loads only one module of a name.
     """
     stem = f"{name}_{archive.identity(package).strip('{}').replace('-', '')}"
     with scratch.folder("build") as folder:
@@ -165,7 +164,7 @@ def _built(
 
 
 def _run_pythonfmu(name: str, script: Path, package: Path, built: Path) -> None:
-    """Build an archive from a script and a package; UserError with the last line if it fails."""
+    """Run pythonfmu's builder; raise a UserError with the last line it printed if it fails."""
     arguments = ["build", "-f", str(script), "-d", str(built), str(package)]
     done = subprocess.run(
         [sys.executable, "-m", "pythonfmu", *arguments],

@@ -63,6 +63,7 @@ def test_row_40_the_flow_pulls_the_slope(figure, frequency):
         assert f"whose stroke is {1e3 * ALPHA * np.ptp(q[-50:]):.0f} µm" in row(40).holds
 
 
+@pytest.mark.slow
 def test_the_speed_of_what_is_called_steady():
     assert claim(
         "speed of the mechanical displacement in its steady state"

@@ -51,6 +51,7 @@ def test_parameters_of_any_fmu(folder, workers):
     assert parameter[0].get("unit") == "s"
 
 
+@pytest.mark.slow
 def test_a_page_is_written_beside_the_rest(folder):
     call = ["identify", "r.csv", "--model", "one_state.fmu", "--fit", "tau", "--report", "t.html"]
     assert "wrote t.html" in works(*call, cwd=folder)
@@ -99,6 +100,7 @@ def test_an_interrupted_profile_leaves_nothing(folder):
     assert not (folder / "not.json").exists()
 
 
+@pytest.mark.slow
 def test_a_comparison_of_any_fmu_can_be_recalibrated(folder):
     said = works("compare", "r.csv", "--model", "one_state.fmu", "--fit", "tau", cwd=folder)
     assert "95 % interval" in said

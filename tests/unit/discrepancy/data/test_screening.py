@@ -97,6 +97,7 @@ def test_what_only_one_of_two_records_has_is_not_judged():
         assert note.held_out is (holdout is not other)
 
 
+@pytest.mark.slow
 def test_inputs_that_only_jitter_tell_nothing():
     data = short_record()
     jitter = {

@@ -15,6 +15,7 @@ from orchestration.discrepancy.laws.map import LawMap
 from orchestration.identify.fitting.least_squares import Minimum, SearchEndedError
 
 
+@pytest.mark.slow
 def test_a_fit_starts_from_the_nearest_of_its_starts(drag):
     """Of values far off and of those that go with the curve the latter are taken, in whatever order
     they come.

@@ -11,6 +11,7 @@ from studies.clean.records import Case, draw
 from tests.support.lacking import diagnosed
 
 
+@pytest.mark.slow
 def test_noise_of_an_input_is_no_law(tmp_path):
     """Of a current that is one of two levels the measured one tells less the farther off it is: a
     curve, and none.

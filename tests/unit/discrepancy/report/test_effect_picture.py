@@ -132,6 +132,7 @@ def test_an_input_is_drawn_and_measured_over_its_command():
     assert values.measured == pytest.approx(values.with_effect, abs=5.0 * NOISE)
 
 
+@pytest.mark.slow
 def test_where_no_output_shows_the_law_the_range_of_the_record_is_marked():
     """Friction acts on the acceleration, and shows only in the course of the speed."""
     rng = np.random.default_rng(4)

@@ -40,6 +40,7 @@ from tests.support.pages import charts_of, words_of
 from tests.support.report_results import COMMAND, PAGES, with_verdict
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PAGES)
 def test_the_verdict_comes_first(results, made, name):
     diagnosis = results[name].diagnosis
@@ -291,6 +292,7 @@ def test_a_jump_has_the_sign_of_what_was_measured(jumped):
     assert shift.size == pytest.approx(size, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_words_have_the_sign_of_the_number(jumped, jumped_page):
     result, time, _ = jumped
     (shift,) = result.diagnosis.residuals["displacement"].level_shifts

@@ -28,7 +28,7 @@ from tests.support.noises import (
 )
 from tests.support.pace import slow_but
 
-FEW, MANY = 12, 500  # records of each kind
+FEW, MANY = 12, 100  # records of each kind
 SMOOTH = (2, 4, 8, 10)  # chirps and multisines
 FRESH = 10_000  # seeds that nothing was tuned on
 MOST = 0.01  # false alarms of all the tests of one output together

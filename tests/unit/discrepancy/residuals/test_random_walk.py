@@ -35,6 +35,7 @@ def test_nothing_is_said_of_too_little():
         assert random_walk_test(residual).ratio == 0.0
 
 
+@pytest.mark.slow
 @COLOURS
 def test_restless_air_is_slow_and_a_clean_bench_is_not(colour):
     for hidden, wanders in ((None, False), ("restless_air", True)):

@@ -153,6 +153,7 @@ def test_an_interval_holds_95_percent_of_both_ways(apart, margin):
     assert more[1] == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "hidden", slow_but(["strain_lag", "transport_delay", "sensor_lag", "diffusion"], "strain_lag")
 )

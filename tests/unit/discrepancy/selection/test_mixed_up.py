@@ -49,6 +49,7 @@ def test_columns_that_are_mixed_up_are_told_and_nothing_is_named(how, code):
     assert wording.message(note).lower() in wording.sentence(diagnosis).lower()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("how", "columns", "unit"),
     [
@@ -96,6 +97,7 @@ def test_a_cause_that_comes_nearer_than_another_reading_is_named(
     assert (diagnosis.verdict is Verdict.UNEXPLAINED) is not is_named
 
 
+@pytest.mark.slow
 def test_a_gain_of_a_sensor_does_not_stand_for_a_sign(monkeypatch):
     """However near it comes: with the sign changed, parameters are a specimen's, too."""
     facts = {"columns": "shown", "others": (), "share": 0.9, "instead": 0.2}

@@ -86,6 +86,7 @@ def record(parts, seed):
     return Dataset(STEP * np.arange(COUNT), {"signal": signal}, {"shown": shown})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", slow_but([2, 3, 4], 2))
 def test_what_was_taken_for_the_sum_of_two_causes_does_not_stay_beside_them(seed):
     data = record({"even": 1.0, "odd": 0.58}, seed)
@@ -97,6 +98,7 @@ def test_what_was_taken_for_the_sum_of_two_causes_does_not_stay_beside_them(seed
     assert all(step.gain > 10.0 for step in together.steps)
 
 
+@pytest.mark.slow
 def test_only_what_came_near_is_tried_in_the_place_of_another(monkeypatch):
     far, asked = shaped("far", SHAPES["far"]), list[set[str]]()
     data = record({"even": 1.0, "odd": 0.58}, 2)

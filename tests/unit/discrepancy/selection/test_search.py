@@ -60,6 +60,7 @@ class Twisting(Component):
         return self.angle
 
 
+@pytest.mark.slow
 def test_an_effect_that_changes_the_period_is_met_in_a_free_response():
     """Oracle: SciPy's integrator. The linear model is out of step after the first periods, so that
     what it predicts of a cubic stiffness is of no use; the beginning of the record leads there.

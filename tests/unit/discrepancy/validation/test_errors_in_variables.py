@@ -164,6 +164,7 @@ def test_what_could_not_be_held_against_noise_is_not_claimed(saturating, monkeyp
     ]
 
 
+@pytest.mark.slow
 def test_what_was_named_is_held_against_noise_though_the_time_is_spent(saturating, monkeypatch):
     search, selection, noise = saturating
     monkeypatch.setattr(search, "budget", Budget(0.0))

@@ -289,6 +289,7 @@ def test_ctrl_c_ends_a_hang(presses, resting, tmp_path):
     assert [path for path in tmp_path.iterdir() if path.name.startswith("ppy-fmu")] == []
 
 
+@pytest.mark.slow
 def test_where_its_parent_is_killed_it_ends(resting):
     with resting() as one:
         found = [child.pid for child in psutil.Process(one.pid).children()]
@@ -305,6 +306,7 @@ def alive(pid):
     return psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "told"),
     [

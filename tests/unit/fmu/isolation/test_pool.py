@@ -29,6 +29,7 @@ def wrong(value):
     raise ValueError(value)
 
 
+@pytest.mark.slow
 def test_an_answer_that_nobody_waited_for_is_no_answer_to_the_next_question(monkeypatch):
     looked = []
 

@@ -54,6 +54,7 @@ def test_arx_is_the_least_squares_of_statsmodels():
     assert result.bic == pytest.approx(oracle.bic / 297 - constant)
 
 
+@pytest.mark.slow
 def test_armax_has_no_bias_where_arx_has():
     found = [armax(armax_record(seed), 2, 2, 1) for seed in range(5)]
     for name, value in {"a1": A[1], "a2": A[2], "b1_1": B[1], "b1_2": B[2], "c1": C[1]}.items():

@@ -111,6 +111,7 @@ def test_free_runs_over_unseen_data_choose_among_structures(search):
     assert level.chosen.structure == "ARX"
 
 
+@pytest.mark.slow
 def test_what_cannot_be_identified_is_left_out_and_told():
     estimation, validation = divided()
     sine = np.column_stack([np.sin(0.2 * np.arange(1500)), estimation.inputs[:, 1]])

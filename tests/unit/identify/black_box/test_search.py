@@ -82,7 +82,7 @@ def of_the_study(seed):
 
 
 MISSED = [(fresh, 9004)]
-CASES = [*((of_the_study, seed) for seed in range(6)), *((fresh, seed) for seed in SEEDS)]
+CASES = [*((of_the_study, seed) for seed in range(2)), *((fresh, seed) for seed in SEEDS)]
 
 
 @pytest.mark.slow
@@ -107,6 +107,7 @@ def test_no_random_start_ends_lower(draw, seed, request):
         assert np.abs(roots(factor)).max(initial=0.0) <= np.exp(-1.0 / len(output))
 
 
+@pytest.mark.slow
 def test_searches_end_as_low_as_those_of_scipy_at_least_half_as_often():
     """Damped by what each coordinate does, none of twenty came to the minimum."""
     inputs, output, counts = fresh(8000)

@@ -121,6 +121,7 @@ def record_of(tau, folder, seed=1):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_fit_finds_what_made_the_record(lag, tmp_path, workers):
     found = ppy.fit(record_of(0.73, tmp_path), lag, ["tau"], workers=workers)
@@ -130,12 +131,14 @@ def test_a_fit_finds_what_made_the_record(lag, tmp_path, workers):
     assert (high - low) / (2.0 * 1.96) == pytest.approx(0.01 / np.linalg.norm(slope(0.73)), rel=0.2)
 
 
+@pytest.mark.slow
 def test_however_many_processes_the_values_are_the_same(lag, tmp_path):
     path = record_of(0.73, tmp_path)
     one, two = (ppy.fit(path, lag, ["tau"], workers=workers) for workers in (1, 2))
     assert one.values == two.values
 
 
+@pytest.mark.slow
 def test_nothing_that_was_unpacked_stays(lag, tmp_path, monkeypatch):
     (tmp_path / "t").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "t"))

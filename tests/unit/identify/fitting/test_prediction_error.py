@@ -219,6 +219,7 @@ def test_outliers_hardly_move_it_and_count_little():
     assert [found.values[n] for n in NAMES] == pytest.approx([0.7, 6.0, 1.4, 2.0], rel=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["level", "colour"])
 def test_intervals_hold_where_noise_is_not_what_the_fit_takes_it_for(kind):
     u, inside = square(1200, 150), []

@@ -102,7 +102,7 @@ def test_a_compiler_that_hangs_is_ended_with_all_that_it_started(
 def test_all_targets_of_a_library_have_one_time(compiler, tmp_path, monkeypatch):
     path = compiler("sleep 0.7\n" + MAKES)
     monkeypatch.setattr(toolchain, "_FIRST_LIMIT", 1.0)
-    monkeypatch.setattr(toolchain, "_served", set())
+    monkeypatch.setattr(toolchain, "_compiled_platforms", set())
     monkeypatch.setattr(
         toolchain, "find_compiler", lambda target: toolchain.Compiler((str(path),), ("one", "two"))
     )
@@ -116,7 +116,7 @@ def test_the_first_library_of_a_platform_has_more_time(compiler, monkeypatch):
     path = compiler("sleep 0.5\n" + MAKES)
     monkeypatch.setattr(toolchain, "_LIMIT", 0.2)
     monkeypatch.setattr(toolchain, "_FIRST_LIMIT", 20.0)
-    monkeypatch.setattr(toolchain, "_served", set())
+    monkeypatch.setattr(toolchain, "_compiled_platforms", set())
     monkeypatch.setattr(
         toolchain, "find_compiler", lambda target: toolchain.Compiler((str(path),), ("one",))
     )

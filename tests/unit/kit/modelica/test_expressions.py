@@ -102,7 +102,7 @@ def test_types_are_converted():
 
 
 def test_a_function_that_modelica_has_not_is_named():
-    with pytest.raises(UserError, match=r"^a law calls erf, which Modelica has not$"):
+    with pytest.raises(UserError, match=r"^a law calls erf, which Modelica does not have$"):
         written(ca.erf(a))
 
 

@@ -159,10 +159,10 @@ def test_a_folder_that_is_just_being_made_is_not_taken_for_left_behind(place, mo
 
     scratch._sweep(str(place))  # before what it calls is patched
     with monkeypatch.context() as patched:
-        for of, name in ((os, "open"), (lock, "_locked"), (lock, "take"), (os, "mkdir")):
+        for of, name in ((os, "open"), (lock, "_try_lock"), (lock, "take"), (os, "mkdir")):
             patched.setattr(of, name, sweeping(name, getattr(of, name)))
         folder = scratch.make("fmu")
-    assert swept == ["open", "_locked", "take", "mkdir"]
+    assert swept == ["open", "_try_lock", "take", "mkdir"]
     try:
         with process(place, MAKES) as other:
             assert other.wait() == 0

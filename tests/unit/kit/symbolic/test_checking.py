@@ -96,6 +96,7 @@ def refusal(cls):
     return str(caught.value)
 
 
+@pytest.mark.slow
 def test_components_fit_their_units_with_each_effect():
     for name in MODELS:
         check_component(component(name))

@@ -34,6 +34,7 @@ def test_laws_for_records_ask_for_no_array_and_have_no_function_for_hosts(cls):
     assert bare["tables.h"] == hosted["tables.h"]
 
 
+@pytest.mark.slow
 def test_generated_sources_do_not_depend_on_the_hash_seed_or_the_folder(tmp_path):
     code = (
         "import hashlib, fmus; from fmus.kit import stack; from fmus.kit.build.package import"

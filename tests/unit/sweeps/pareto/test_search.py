@@ -32,6 +32,7 @@ def between(name, low, high):
     return Range(name, "m", np.array([low, high]), counted=False)
 
 
+@pytest.mark.slow
 def test_a_concave_front_is_the_closed_form(bells):
     """The front of Fonseca and Fleming's bells is between their middles, x = y; weighted sums of
     both would find its ends only.
@@ -62,6 +63,7 @@ def foot():
     return pareto_front(Objectives(FootDesign, ranges, [FORCES, STROKE], np.zeros(1), {}, {}))
 
 
+@pytest.mark.slow
 def test_force_against_stroke_of_the_foot_is_the_closed_form(foot):
     """F = T min(a, b) and s = d (1 / a + 1 / b) of gains a and b with a smallest value each: at a
     force both gains are what it needs, or their smallest.

@@ -52,6 +52,7 @@ def test_what_moves_most_stands_first():
     )
 
 
+@pytest.mark.slow
 def test_a_tornado_is_printed_written_and_drawn(folder):
     """``x(1) = u (1 - exp(-1 / tau))``."""
     call = [*CALL, "--over", "u=1..3", "--design", "tornado", "--keep", "last"]

@@ -20,6 +20,7 @@ from tests.support.hosts import run_fmpy
 STEP = 0.5
 
 
+@pytest.mark.slow
 def test_the_component_runs_as_the_filter_that_made_the_data(signals, found, tmp_path):
     """Free run of both builds in fmpy, beside SciPy with the identified coefficients."""
     path = found.export(tmp_path / "two_inputs.py")

@@ -19,6 +19,7 @@ from tests.support.pace import slow_but
 STEP = 0.5
 
 
+@pytest.mark.slow
 def test_orders_and_poles_are_those_that_made_the_data(found):
     assert found.chosen.path_orders == (1, 2)
     assert found.model.poles("drive") == pytest.approx([0.8], abs=0.01)
@@ -110,6 +111,7 @@ def test_columns_that_there_are_are_told_once(file):
         read_columns(file, "nope")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", slow_but([40, 120, 190], 40))
 def test_few_samples_are_tested_as_far_as_they_go(signals, tmp_path, samples):
     """Half of them estimate: of fewer than a hundred, 25 lags would be more than a quarter."""
