@@ -68,7 +68,7 @@ def demo(options: DemoCommand) -> None:
 
 @command(ThesisCommand)
 def thesis(options: ThesisCommand) -> None:
-    """Recompute the thesis: every table and simulated figure, what holds, what does not and why."""
+    """Recompute every table and simulated figure of the thesis, and say which are wrong and why."""
     require(*_THESIS)
     from demonstrations.thesis import chapters, page
 

@@ -9,7 +9,7 @@ COMMANDS = {
     },
     "Models, systems, experiments, rigs": {
         "thesis": (
-            "Recompute the thesis: what holds, what does not and why.",
+            "Recompute the thesis, and say which figures are wrong and why.",
             "demonstrations.commands:thesis",
         ),
         "rig demo": (

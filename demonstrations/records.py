@@ -157,14 +157,9 @@ def draw(
             changed=specimen | dict(changed or {}),
             spread=spread,
         )
-        sized_variations: list[Hidden] = []
-        for name in ids:
-            sized = _sized(name, bench, strength, random)
-            if sized is None:
-                break
-            sized_variations.append(sized)
-        else:
-            return _measured(bench, sized_variations, noise_colour, int(random.integers(2**31)))
+        variations = _draw_sizes(ids, bench, strength, random)
+        if variations is not None:
+            return _measure(bench, variations, noise_colour, int(random.integers(2**31)))
     raise ValueError(
         f"{' and '.join(ids)}: leaves too little in {', '.join(outputs)} at any plausible size"
     )
@@ -201,7 +196,7 @@ def write(drawn: Drawn, path: str | Path) -> None:
     write_record(path, drawn.time, drawn.inputs | drawn.outputs, UNITS)
 
 
-def _measured(bench: Bench, hidden: list[Hidden], noise_colour: float, seed: int) -> Drawn:
+def _measure(bench: Bench, hidden: list[Hidden], noise_colour: float, seed: int) -> Drawn:
     """Return the record of a bench with hidden variations and noise."""
     kind = together([_variation(h.id)[0].physics for h in hidden])
     values = {name: value for h in hidden for name, value in h.parameters.items()}
@@ -231,7 +226,22 @@ def _variation(name: str) -> tuple[Variation, str]:
     return VARIATIONS[identity], output
 
 
-def _sized(name: str, bench: Bench, strength: float, random: np.random.Generator) -> Hidden | None:
+def _draw_sizes(
+    ids: tuple[str, ...], bench: Bench, strength: float, random: np.random.Generator
+) -> list[Hidden] | None:
+    """Draw variations of several ids; None if one has no size for the wanted noise widths."""
+    variations = []
+    for name in ids:
+        sized = _draw_size(name, bench, strength, random)
+        if sized is None:
+            return None
+        variations.append(sized)
+    return variations
+
+
+def _draw_size(
+    name: str, bench: Bench, strength: float, random: np.random.Generator
+) -> Hidden | None:
     """Draw a variation, with a size for the wanted noise widths; None if there is no such size."""
     variation, output = _variation(name)
     choices = [o for o in variation.limits if (not o or o in bench.outputs) and output in ("", o)]
@@ -298,11 +308,9 @@ def _search(
 
 def _between(random: np.random.Generator, low: float, high: float) -> float:
     """Draw a log-uniform number, or a uniform one if the range starts at zero."""
-    return (
-        float(np.exp(random.uniform(np.log(low), np.log(high))))
-        if low > 0
-        else float(random.uniform(low, high))
-    )
+    if low > 0:
+        return float(np.exp(random.uniform(np.log(low), np.log(high))))
+    return float(random.uniform(low, high))
 
 
 def _digest(arguments: str) -> str:

@@ -84,11 +84,11 @@ def run(out: Path, seed: int) -> Path:
     out.mkdir(parents=True, exist_ok=True)
     options = {"hidden": "drawn", "seed": str(seed)}
     record = out / "record.nc"
-    with _served(out, options) as endpoint:
+    with _serve(out, options) as endpoint:
         _record(record, endpoint)
     diagnosed, extended = _diagnose(record)
     print(diagnosed)
-    with _served(out, options) as endpoint:
+    with _serve(out, options) as endpoint:
         beside = _run_beside(endpoint, extended, seed)
     hidden = Emulator(**options).tell()
     found = RigDemoResults(diagnosed, beside, errors(beside), hidden, perf_counter() - begin)
@@ -211,7 +211,7 @@ def _command(*words: object) -> None:
 
 
 @contextmanager
-def _served(out: Path, options: Mapping[str, str]) -> Iterator[str]:
+def _serve(out: Path, options: Mapping[str, str]) -> Iterator[str]:
     """Serve the emulated rig in other processes, and yield its address."""
     command = [
         sys.executable,

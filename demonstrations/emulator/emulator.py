@@ -128,10 +128,10 @@ class EmulatedRig:
         white = self._random.standard_normal(signal.size)
         # the first draw already has the stationary variance
         white[1:] *= np.sqrt(1 - self.noise_colour**2)
-        noisy = signal + deviation * self._coloured(white)
+        noisy = signal + deviation * self._colour(white)
         return np.round(noisy / resolution) * resolution if resolution > 0 else noisy
 
-    def _coloured(self, white: Array) -> Array:
+    def _colour(self, white: Array) -> Array:
         if not self.noise_colour:
             return white
         from scipy.signal import lfilter  # half a second to load

@@ -241,10 +241,10 @@ class Transition:
             drift = self.half @ both
             nonlinear = self._nonlinear(both)
             a = drift + self.half_gain @ nonlinear
-            nonlinear_a = self._nonlinear(both_a := np.concatenate([a, inputs]))
-            nonlinear_b = self._nonlinear(
-                np.concatenate([drift + self.half_gain @ nonlinear_a, inputs])
-            )
+            both_a = np.concatenate([a, inputs])
+            nonlinear_a = self._nonlinear(both_a)
+            b = drift + self.half_gain @ nonlinear_a
+            nonlinear_b = self._nonlinear(np.concatenate([b, inputs]))
             c = self.half @ both_a + self.half_gain @ (2 * nonlinear_b - nonlinear)
             nonlinear_c = self._nonlinear(np.concatenate([c, inputs]))
             state = (

@@ -52,7 +52,7 @@ def refit_residuals(
 
     def residuals(logarithms: Array) -> dict[str, Array]:
         charging, creep = np.exp(logarithms)
-        charge = _relaxing(current, charging, period)
+        charge = _first_order_lag(current, charging, period)
         fading = np.exp(-ages / charging)
         explained = {
             "voltage": [current, charge, fading],
@@ -60,7 +60,7 @@ def refit_residuals(
                 charge,
                 fading,
                 force,
-                _relaxing(force, creep, period),
+                _first_order_lag(force, creep, period),
                 flow,
                 np.ones_like(ages),
                 np.exp(-ages / creep),
@@ -89,7 +89,7 @@ def refit_residuals(
     return residuals(nearest)
 
 
-def _relaxing(signal: Array, time_constant: float, period: float) -> Array:
+def _first_order_lag(signal: Array, time_constant: float, period: float) -> Array:
     """Return the first-order lag of a signal with a zero-order hold, from rest."""
     keep = np.exp(-period / time_constant)
     return np.asarray(lfilter([0.0, 1.0 - keep], [1.0, -keep], signal))

@@ -87,11 +87,11 @@ def forecast_life(
             f"{count} impedances from {start:g} s on: at least {_STRETCHES * _FEWEST} show a growth"
         )
     limit = float(values[0]) * (1.0 + rise)
-    life, rate = _extrapolated(clock[growing], values[growing], limit)
+    life, rate = _extrapolate(clock[growing], values[growing], limit)
     return LifeForecast(life, rate, start, limit)
 
 
-def _extrapolated(t: Array, z: Array, limit: float) -> tuple[GraphicalEstimate, GraphicalEstimate]:
+def _extrapolate(t: Array, z: Array, limit: float) -> tuple[GraphicalEstimate, GraphicalEstimate]:
     """Return the time in s at which a line through the growth crosses a limit, and its slope."""
     middle = float(t.mean())
     (height, slope), covariance = _line(t - middle, z)

@@ -252,10 +252,10 @@ def _table_3_2() -> Iterator[Entry]:
         "demonstrations/thesis/test_actuator",
     )
 
-    yield from _contained(akaike)
+    yield from _compare_armax(akaike)
 
 
-def _contained(akaike: Mapping[str, float]) -> Iterator[Entry]:
+def _compare_armax(akaike: Mapping[str, float]) -> Iterator[Entry]:
     """Yield claims about ARMAX and ARX: as ARX is ARMAX with C = 1, its loss is not smaller."""
     coefficients = 3
     samples = 1000

@@ -74,7 +74,7 @@ def run(out: Path) -> Path:
         page.heading("Errata")
         rows = [[str(e.number), e.where, e.printed, e.holds] for e in chapters.errata()]
         page.parts.append(
-            _wrapped(("#", "where", "printed", "what holds"), rows, widths={1: 8, 2: 12, 3: 16})
+            _wrap(("#", "where", "printed", "what holds"), rows, widths={1: 8, 2: 12, 3: 16})
         )
         page.write(path)
     show(by_chapter)
@@ -108,7 +108,7 @@ def target(out: Path) -> Path:
 def _verdict(by_chapter: dict[str, list[Claim]]) -> str:
     every = [claim for claims in by_chapter.values() for claim in claims]
     printed, inferred = (
-        _counted([c for c in every if c.inferred is kind]) for kind in (False, True)
+        _count_verdicts([c for c in every if c.inferred is kind]) for kind in (False, True)
     )
     return (
         f"{printed[0]} printed figures and statements: {printed[1]}. {inferred[0]} that follow from"
@@ -117,7 +117,7 @@ def _verdict(by_chapter: dict[str, list[Claim]]) -> str:
     )
 
 
-def _counted(claims: Sequence[Claim]) -> tuple[int, str]:
+def _count_verdicts(claims: Sequence[Claim]) -> tuple[int, str]:
     """Return the number of claims, and the number with each verdict, as a text."""
     count = Counter(c.verdict for c in claims)
     return len(claims), ", ".join(
@@ -179,10 +179,10 @@ def _table(claims: Sequence[Claim]) -> str:
         [c.where, c.what, _published(c), _value(c), _difference(c), _note(c, brief=False)]
         for c in claims
     ]
-    return _wrapped(head, rows, widths={0: 6, 1: 9, 5: 14}, marked=[not c.holds for c in claims])
+    return _wrap(head, rows, widths={0: 6, 1: 9, 5: 14}, marked=[not c.holds for c in claims])
 
 
-def _wrapped(
+def _wrap(
     head: Sequence[str],
     rows: Sequence[Sequence[str]],
     widths: Mapping[int, int],

@@ -202,14 +202,9 @@ class FootFree(Ground, FootDynamic):
     # ----------------------------------------------------------------------------------------------
 
     @shared
-    def links(self) -> tuple[Any, Any, Any, Any]:
+    def links(self) -> list[Any]:
         """Lengths of the four links."""
-        return (
-            self.scale * self.l1,
-            self.scale * self.l2,
-            self.scale * self.l3,
-            self.scale * self.l4,
-        )
+        return [self.scale * length for length in (self.l1, self.l2, self.l3, self.l4)]
 
     @shared
     def directions(self) -> list[tuple[Any, Any]]:
@@ -295,8 +290,10 @@ class FootFree(Ground, FootDynamic):
         first, second, third, fourth = self.links()
         toes = self.m3 + self.m4
         a12 = first * second * (0.5 * self.m2 + toes)
-        a13, a14 = (0.5 * first * last * m for last, m in ((third, self.m3), (fourth, self.m4)))
-        a23, a24 = (0.5 * second * last * m for last, m in ((third, self.m3), (fourth, self.m4)))
+        a13 = 0.5 * first * third * self.m3
+        a14 = 0.5 * first * fourth * self.m4
+        a23 = 0.5 * second * third * self.m3
+        a24 = 0.5 * second * fourth * self.m4
         return [
             [first * first * (self.m1 / 3.0 + self.m2 + toes), a12, a13, a14],
             [a12, second * second * (self.m2 / 3.0 + toes), a23, a24],
@@ -342,7 +339,7 @@ class FootFree(Ground, FootDynamic):
 
     def ground_torques(self) -> list[Any]:
         """Torques on the four joints by the forces of the ground."""
-        torques: list[Any] = [0.0, 0.0, 0.0, 0.0]
+        torques: list[Any] = [0.0] * 4
         for contact in self.contacts():
             x, y = contact.force
             for joint, down, forward in contact.turns:
@@ -415,7 +412,7 @@ class FootFree(Ground, FootDynamic):
     def accelerations(self) -> list[Any]:
         """Angular accelerations of the joints (Lagrange), that of the leg being eliminated."""
         coupled = self.coupled_inertias()
-        inertias = [[_block_sum(coupled, i, k) for k in _BEYOND] for i in _BEYOND]
+        inertias = [[_block_sum(coupled, rows, columns) for columns in _BEYOND] for rows in _BEYOND]
         for joint, inertia in enumerate(self.joint_inertias()):
             inertias[joint][joint] = inertias[joint][joint] + inertia
         links = self.link_torques()

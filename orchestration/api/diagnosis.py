@@ -97,7 +97,7 @@ def diagnose(
         else:
             result = pipeline.diagnose(measured, subject, unseen, diagnosis_options, progress)
     except UnusableRecordError as error:
-        raise _unusable(measured, error) from error
+        raise _unusable_error(measured, error) from error
     command = equivalent_command(
         "diagnose",
         str(model) if isinstance(model, str | Path) else subject.name,
@@ -111,7 +111,7 @@ def diagnose(
     try:
         compared = before_after.compare(result, later, diagnosis_options, progress)
     except UnusableRecordError as error:
-        raise _unusable([later], error) from error
+        raise _unusable_error([later], error) from error
     more = [note for note in compared.notes if note not in result.notes]
     with_notes = replace(result, notes=[*result.notes, *more])
     return DiagnosisResult(with_notes, compared.changes, compared.later, command)
@@ -249,7 +249,7 @@ def laws(
     try:
         result = pipeline.diagnose_only(measured, subject, unseen, diagnosis_options, progress)
     except UnusableRecordError as error:
-        raise _unusable(measured, error) from error
+        raise _unusable_error(measured, error) from error
     inconclusive = result.diagnosis.inconclusive
     budget = pipeline.budget_of(diagnosis_options, result.diagnosis.usable)
     answers = None if inconclusive else search_laws(result.diagnosis, progress, budget=budget)[0]
@@ -264,7 +264,7 @@ def laws(
     return LawsResult(LawReport(result, answers), command)
 
 
-def _unusable(records: Sequence[Record], error: UnusableRecordError) -> UserError:
+def _unusable_error(records: Sequence[Record], error: UnusableRecordError) -> UserError:
     """Return the error for records in which no output can be diagnosed."""
     reasons = "; ".join(wording.message(note) for note in error.notes)
     return UserError(

@@ -51,7 +51,7 @@ def names_among(known: Sequence[str]) -> Form:
                 raise UserError(f"{flag} {name}: {allowed}")
         return names
 
-    return Form(read, _joined, str | None)
+    return Form(read, _join, str | None)
 
 
 def numbers(least: int) -> Form:
@@ -61,8 +61,8 @@ def numbers(least: int) -> Form:
         try:
             values = [int(one) for one in text.split(",")]
         except ValueError:
-            values = [least - 1]
-        if min(values) < least:
+            values = []
+        if not values or min(values) < least:
             raise UserError(f"{flag} {text!r}: write whole numbers from {least} on, such as 1,2,3")
         return values
 
@@ -71,7 +71,7 @@ def numbers(least: int) -> Form:
             return read(value, name)
         return list(value) if isinstance(value, Iterable) else [value]
 
-    return Form(read, _joined, str, given=given)
+    return Form(read, _join, str, given=given)
 
 
 def seconds(given: str | float) -> float:
@@ -118,7 +118,7 @@ def _in_seconds(given: str | float) -> str:
     return f"{value:.12g}s" if isfinite(value) else f"{value}"
 
 
-def _joined(values: Sequence[object]) -> list[str]:
+def _join(values: Sequence[object]) -> list[str]:
     return [",".join(map(str, values))]
 
 
@@ -160,7 +160,7 @@ def _pairs(values: Mapping[str, object]) -> list[str]:
     return [f"{name}={value}" for name, value in values.items()]
 
 
-NAMES = Form(comma_list, _joined, str | None, given=given_names)
+NAMES = Form(comma_list, _join, str | None, given=given_names)
 EFFECTS = Form(
     _read_effects,
     lambda names: [",".join(names) or "none"],
@@ -189,6 +189,6 @@ PERCENT = Form(write=lambda value: [f"{value:g}%"], typed=float | None, parse=pe
 LEFT_OUT = Form(read=lambda typed, flag: not typed, typed=bool)
 ONE_OR_ALL = Form(
     lambda text, flag: _one_or_all(numbers(0).read(text, flag)),
-    lambda value: _joined(value if isinstance(value, Sequence) else [value]),
+    lambda value: _join(value if isinstance(value, Sequence) else [value]),
     str,
 )

@@ -126,7 +126,8 @@ def _of_equations(
 
     def at(time: float, changed: Mapping[str, float]) -> LinearModel:
         values = {**known, **changed}
-        compiled = subject.compiled if time > (points[0] if points is not None else 0.0) else None
+        begin = 0.0 if points is None else points[0]
+        compiled = subject.compiled if time > begin else None
         point: OperatingPoint = point_at(subject.graph, time, values, driven, points, compiled)
         if request is not None:
             point = trim(subject.graph, point, request)
@@ -247,17 +248,12 @@ def _of_fmu(model: Model, stimulus: Inputs, options: LineariseKeywords) -> Linea
     }
     own = read_description(model.path).defaultExperiment
     step = _step(options)
-    usual = float(getattr(own, "stepSize", None) or 1e-3)
+    pulse = step or float(getattr(own, "stepSize", None) or 1e-3)
+    inputs = tuple(options["inputs"] or _real(model.inputs))
+    outputs = tuple(options["outputs"] or _real(model.outputs))
     first, *further = (
         linearise_fmu(
-            FmuRequest(
-                model,
-                seconds(time),
-                settings,
-                tuple(options["inputs"] or _real(model.inputs)),
-                tuple(options["outputs"] or _real(model.outputs)),
-                step or usual,
-            ),
+            FmuRequest(model, seconds(time), settings, inputs, outputs, pulse),
             sampled=step is not None,
         )
         for time in options["at"] or [0.0]

@@ -79,7 +79,7 @@ def sweep(
     starts = _starts(ranges, given, subject) if kind == TORNADO else {}
     settings = {name: value for name, value in given.items() if name not in starts}
     cases = design(ranges, kind, options["samples"], options["seed"], starts)
-    keep = _kept(options["keep"], kind)
+    keep = _reductions(options["keep"], kind)
     _refuse_set_twice(cases.names, {*settings, *driven})
     isolate = subject.foreign if options["isolate"] is None else options["isolate"]
     task = Task(
@@ -125,7 +125,7 @@ def _starts(
     return {one.name: float(settings.get(one.name, known[one.name].start)) for one in ranges}
 
 
-def _kept(keep: Sequence[str] | None, kind: str) -> list[str]:
+def _reductions(keep: Sequence[str] | None, kind: str) -> list[str]:
     """Return the reductions to keep; UserError for traces only if the design needs numbers."""
     kept = checked_reductions(KEPT if keep is None else keep)
     if kind in (SOBOL_INDICES, TORNADO) and not {*kept} - {TRACE}:

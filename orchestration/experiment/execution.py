@@ -147,7 +147,7 @@ def _run_one(
         data, remarks = _dataset(prepared, ran, where)
         return data.assign_attrs({"failure": failure} if failure else {}), remarks
 
-    result, remarks = kept(prepared, compute, partial(_restored, prepared, where))
+    result, remarks = kept(prepared, compute, partial(_restore, prepared, where))
     for line in remarks:
         note(line)
     return result
@@ -269,12 +269,13 @@ def _with_links_recorded(experiment: Experiment, on: Subject) -> Experiment:
 
 def _dataset(prepared: Preparation, ran: Run, where: str) -> Remarked:
     """Return the results of a run, with the energies that couplings made, and remarks on them."""
+    # the run names signals `member.variable`, in the order of those wanted
     delivered = dict(zip(prepared.wanted, ran.signals.values(), strict=True))
     energies, of_couplings = _coupling_energies(prepared, ran)
     beyond = prepared.limits.remarks(prepared.time, delivered, prepared.settings)
     count = ran.time.size  # fewer than were prepared if the run was stopped
     values = {name: array[:count] for name, array in prepared.inputs.items()}
-    values |= _measured(prepared, ran) | energies
+    values |= _add_noise(prepared, delivered) | energies
     data = results.dataset(
         prepared.time[:count],
         values,
@@ -285,7 +286,7 @@ def _dataset(prepared: Preparation, ran: Run, where: str) -> Remarked:
     return data, [*ran.notes, *beyond, *of_couplings]
 
 
-def _restored(
+def _restore(
     prepared: Preparation, where: str, values: Mapping[str, Array], seconds: float
 ) -> ExperimentResult:
     """Return the results of a whole run from the journal."""
@@ -294,15 +295,14 @@ def _restored(
     return results.dataset(prepared.time, values, prepared.signals, set(prepared.inputs), about)
 
 
-def _measured(prepared: Preparation, ran: Run) -> dict[str, Array]:
+def _add_noise(prepared: Preparation, delivered: Mapping[str, Array]) -> dict[str, Array]:
     """Return the recorded outputs with the noise of their measurement."""
     measured = {}
-    # the run names signals `member.variable`, in the order of those wanted
-    for name, array in zip(prepared.wanted, ran.signals.values(), strict=True):
+    for name, array in delivered.items():
         if name not in prepared.record:  # wanted for the energy of a coupling, or for a limit
             continue
         noise = prepared.noise.get(name)
-        measured[name] = array if noise is None else array + noise[: ran.time.size]
+        measured[name] = array if noise is None else array + noise[: array.size]
     return measured
 
 

@@ -64,11 +64,6 @@ class RigEnd:
     credentials: str
 
 
-def _unchanged(pace: RealTime, rigs: Sequence[RigEnd], step: float) -> RealTime:
-    """Return the pace as it is."""
-    return pace
-
-
 @dataclass(frozen=True)
 class Live:
     """Options of a run in real time.
@@ -86,7 +81,7 @@ class Live:
     """
 
     pace: RealTime = field(default_factory=RealTime)
-    admit: Callable[[RealTime, Sequence[RigEnd], float], RealTime] = _unchanged
+    admit: Callable[[RealTime, Sequence[RigEnd], float], RealTime] = lambda pace, rigs, step: pace
     journal: Path | None = None
     look: Callable[[Moment], None] = lambda moment: None
 

@@ -129,11 +129,10 @@ def prepare(
         name: _noise(name, table, experiment, recorded.get(name), time.size, where)
         for name, table in experiment.noise.items()
     }
+    signals = {name: on.inputs[name] for name in inputs} | recorded
     if experiment.over != "time":
-        shown = {name: on.inputs[name] for name in inputs} | recorded
-        known(experiment.over, shown, "over: nothing recorded", where)
+        known(experiment.over, signals, "over: nothing recorded", where)
     if experiment.work_loop:
-        signals = {name: on.inputs[name] for name in inputs} | recorded
         _check_work_loop(experiment.work_loop, time, inputs, signals, where)
     return Preparation(experiment, on, time, settings, inputs, noise, record)
 
@@ -217,7 +216,7 @@ def _inputs(
     for name in experiment.inputs:
         signal = known(name, on.inputs, f"{on.name} has no input", where)
         values[name] = stimulus_values(experiment, name, signal.unit, time, where, note)
-        _within(signal, values[name], f"{where}: inputs.{name}")
+        _check_values(signal, values[name], f"{where}: inputs.{name}")
     for name, signal in on.inputs.items():
         if name not in values:
             note(
@@ -269,7 +268,7 @@ def stimulus_values(
     return values
 
 
-def _within(signal: Signal, values: Array, where: str) -> None:
+def _check_values(signal: Signal, values: Array, where: str) -> None:
     """Raise UserError if values are out of the range of a signal, or not of its type."""
     for extreme in (values.min(), values.max()):
         if not signal.min <= extreme <= signal.max:

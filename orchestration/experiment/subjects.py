@@ -186,28 +186,23 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
         for member, description in described.items()
         for v in description.modelVariables
     }
-    outputs = {name: read_signal(v) for name, v in variables.items() if _is_recordable(v)}
+    signals = {name: read_signal(v) for name, v in variables.items()}
+    outputs = {name: signals[name] for name, v in variables.items() if _is_recordable(v)}
     first_port = {
         name: str(targets[0]).removeprefix(prefix) for name, targets in system.inputs.items()
     }
     why_not_settable = _why_not_settable(system)
     options = master_options or Master()
-    parameters = {name: read_signal(v) for name, v in variables.items()}
-    margins = LimitOutputs.among(outputs, parameters).margins
+    margins = LimitOutputs.among(outputs, signals).margins
     named_outputs = [str(port) for port in system.outputs.values()]
     return Subject(
         name=system.name,
-        inputs={name: read_signal(variables[port]) for name, port in first_port.items()},
+        inputs={name: signals[port] for name, port in first_port.items()},
         why_not_settable=why_not_settable,
         parameters={
-            name: read_signal(v)
+            name: signals[name]
             for name, v in variables.items()
-            if v.causality == "parameter"
-            or (
-                v.causality == "input"
-                and v.type != "String"
-                and f"{prefix}{name}" not in why_not_settable
-            )
+            if _is_settable(v) and f"{prefix}{name}" not in why_not_settable
         },
         open_inputs={
             str(port).removeprefix(prefix): signal
@@ -271,6 +266,12 @@ def _runner(system: System, prefix: str, master_options: Master) -> Runner:
         )
 
     return run
+
+
+def _is_settable(variable: Any) -> bool:
+    return variable.causality == "parameter" or (
+        variable.causality == "input" and variable.type != "String"
+    )
 
 
 def _is_recordable(variable: Any) -> bool:

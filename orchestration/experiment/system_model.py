@@ -84,9 +84,12 @@ def system_model(system: System, master: Master | None = None, name: str = "") -
         name or system.name,
         Path(),
         None,
-        _named({**on.inputs, **on.open_inputs}),
-        _named({name: on.outputs[name] for name in _outputs(system)}),
-        {n: _with_start(s, on.settings.get(n, s.default)) for n, s in _named(parameters).items()},
+        _with_names({**on.inputs, **on.open_inputs}),
+        _with_names({name: on.outputs[name] for name in _outputs(system)}),
+        {
+            n: _with_start(s, on.settings.get(n, s.default))
+            for n, s in _with_names(parameters).items()
+        },
         system=SystemSource(_sendable(system), master or Master()),
         kept=tuple(on.recorded_by_default),
         of_others=on.foreign,
@@ -139,7 +142,7 @@ def _sendable(system: System) -> System:
     return replace(system, members=tuple(replace(m, cls=None) for m in system.members))
 
 
-def _named(signals: Mapping[str, Signal]) -> dict[str, Signal]:
+def _with_names(signals: Mapping[str, Signal]) -> dict[str, Signal]:
     """Return signals with the names that they have in the system."""
     return {name: replace(signal, name=name) for name, signal in signals.items()}
 
@@ -207,7 +210,7 @@ class SystemSource:
 
     def points(self, time: Array) -> Array:
         """Return communication points (n,), no further apart than the step of the system."""
-        return _refined(time, self.step)[0]
+        return _refine(time, self.step)[0]
 
     @property
     def step(self) -> float:
@@ -262,7 +265,7 @@ class RepeatedSystem:
 
         Outputs are ``member.variable``; settings are parameters and constant inputs.
         """
-        points, parts = _refined(time, self._source.step)
+        points, parts = _refine(time, self._source.step)
         constant = {n: v for n, v in settings.items() if n in self.inputs and n not in inputs}
         driven = {n: np.repeat(values, parts) for n, values in inputs.items()}
         driven |= {n: np.full(points.size, value) for n, value in constant.items()}
@@ -287,7 +290,7 @@ class RepeatedSystem:
         return check
 
 
-def _refined(time: Array, step: float) -> tuple[Array, Indices]:
+def _refine(time: Array, step: float) -> tuple[Array, Indices]:
     """Divide the intervals between points evenly into parts no longer than a step.
 
     Parameters

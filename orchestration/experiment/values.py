@@ -68,7 +68,7 @@ def _read(given: Any) -> QuantityValue:
     return quantity
 
 
-def _written(quantity: QuantityValue) -> float | str:
+def _serialise(quantity: QuantityValue) -> float | str:
     return f"{quantity.value!r} {quantity.unit}" if quantity.unit else quantity.value
 
 
@@ -84,7 +84,7 @@ def _in(unit: str, positive: bool = True) -> BeforeValidator:
     return BeforeValidator(read)
 
 
-def _reachable(given: Any, info: ValidationInfo) -> Any:
+def _resolve_path(given: Any, info: ValidationInfo) -> Any:
     """Resolve the path of a file in the experiment's folder, or else in the working folder."""
     folder = (info.context or {}).get("folder")
     if not isinstance(given, str) or not Path(given).suffix or folder is None:
@@ -93,11 +93,11 @@ def _reachable(given: Any, info: ValidationInfo) -> Any:
     return str((neighbour if neighbour.is_file() else Path(given)).absolute())
 
 
-Amount = Annotated[QuantityValue, PlainValidator(_read), PlainSerializer(_written)]
+Amount = Annotated[QuantityValue, PlainValidator(_read), PlainSerializer(_serialise)]
 Seconds = Annotated[float, _in("s", positive=False)]
 Span = Annotated[float, _in("s")]
 Hertz = Annotated[float, _in("Hz")]
-File = Annotated[str, BeforeValidator(_reachable)]
+File = Annotated[str, BeforeValidator(_resolve_path)]
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -159,5 +159,5 @@ def _line(problem: Any) -> str:
 def _key(place: list[Any]) -> str:
     text = ""
     for part in place:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
-    return text
+        text += f"[{part}]" if isinstance(part, int) else f".{part}"
+    return text.removeprefix(".")

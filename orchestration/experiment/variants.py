@@ -80,7 +80,7 @@ class KeptVariants:
         UserError
             If the journal is of another experiment.
         """
-        journal = self._opened(prepared)
+        journal = self._open_journal(prepared)
         if journal.is_done(row):
             *signals, seconds = np.array(journal.numbers[row])
             values = np.reshape(signals, (len(prepared.signals), -1))
@@ -93,7 +93,7 @@ class KeptVariants:
             journal.keep_remarked(row, numbers, remarks)
         return result, remarks
 
-    def _opened(self, prepared: Preparation) -> _VariantJournal:
+    def _open_journal(self, prepared: Preparation) -> _VariantJournal:
         """Open the journal; its width is known when a variant is prepared."""
         inputs, noise = prepared.inputs, prepared.noise
         about = {

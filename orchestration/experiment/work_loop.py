@@ -299,9 +299,9 @@ def planned_current(
     current = np.zeros(time.size)
     for _ in range(_REPETITIONS):
         run = compiled.run(time, {"current": current, "force": force}, start)
-        error = _smoothed(reference - run.signals["displacement"])
+        error = _smooth(reference - run.signals["displacement"])
         inverse.charge = start.get("charge_start", 0.0)
-        current = _corrected(current, _CORRECTION * error, inverse)
+        current = _correct(current, _CORRECTION * error, inverse)
     whole = slice(cycles * _POINTS + 1)
     return time[whole], current[whole]
 
@@ -318,12 +318,12 @@ def _check_plan(model: type[Component], **positive: float) -> None:
         )
 
 
-def _smoothed(error: Array) -> Array:
+def _smooth(error: Array) -> Array:
     """Smooth an error (n,), as a strain with a lag has the opposite phase at high frequencies."""
     return np.convolve(np.pad(error, 1, mode="edge"), _SMOOTHING, mode="valid")
 
 
-def _corrected(current: Array, change: Array, inverse: Any) -> Array:
+def _correct(current: Array, change: Array, inverse: Any) -> Array:
     """Return the current that changes the length of a model, within the limits of its inverse.
 
     Parameters
@@ -364,14 +364,13 @@ def tracked_loops(data: xarray.Dataset, table: WorkLoopTable) -> dict[str, Track
         np.interp(phases, time, _of_loop(data, table, key)) for key in ("force", "reference")
     )
     loop = WorkLoop(force, reference, table.period)
-    variants = {
-        v.attrs["variant"]: f"{v.attrs['variant']}." for v in data.values() if "variant" in v.attrs
-    }
-    keys = ("length", "current", "voltage")
-    return {
-        variant: TrackedLoop(loop, time, *(_of_loop(data, table, key, before) for key in keys))
-        for variant, before in (variants or {"run": ""}).items()
-    }
+    variants = [v.attrs["variant"] for v in data.values() if "variant" in v.attrs]
+    prefixes = {variant: f"{variant}." for variant in variants} or {"run": ""}
+    loops = {}
+    for variant, before in prefixes.items():
+        signals = [_of_loop(data, table, key, before) for key in ("length", "current", "voltage")]
+        loops[variant] = TrackedLoop(loop, time, *signals)
+    return loops
 
 
 def _of_loop(data: xarray.Dataset, table: WorkLoopTable, key: str, before: str = "") -> Array:

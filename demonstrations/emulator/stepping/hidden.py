@@ -108,7 +108,7 @@ def hidden_effect(
         )
     output = output or outputs[0]
     return HiddenEffect(
-        identity, output, _sized(variation, output, random, SHOWING.get(name, _OTHERWISE))
+        identity, output, _draw_parameters(variation, output, random, SHOWING.get(name, _OTHERWISE))
     )
 
 
@@ -121,7 +121,7 @@ def _outputs(variation: Variation, sensed: Collection[str]) -> list[str]:
     )
 
 
-def _sized(
+def _draw_parameters(
     variation: Variation, output: str, random: np.random.Generator, shares: tuple[float, float]
 ) -> dict[str, float | str]:
     values: dict[str, float | str] = {

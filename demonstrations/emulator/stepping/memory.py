@@ -50,9 +50,9 @@ class RememberingPlay(PlayingStrain, Remembering):
         if not self._memory.size:
             self._radii = self.widest_play * np.arange(1, 9) / 8
             self._memory = np.zeros(8)
-        return np.mean(self._moved(charge), axis=0)
+        return np.mean(self._move_operators(charge), axis=0)
 
-    def _moved(self, charge: Any) -> Array:
+    def _move_operators(self, charge: Any) -> Array:
         low, high = np.subtract.outer(-self._radii, -charge), np.add.outer(self._radii, charge)
         memory = self._memory.reshape(-1, *(1,) * np.ndim(charge))
         return np.maximum(low, np.minimum(high, memory))
@@ -61,7 +61,7 @@ class RememberingPlay(PlayingStrain, Remembering):
         """Move the operators to the charge after the step."""
         charge = self.active_charge(after.state[:, 0])
         self.play(charge)
-        self._memory = self._moved(charge)
+        self._memory = self._move_operators(charge)
 
 
 @dataclass
@@ -111,15 +111,15 @@ def in_time(variation: type[Physics]) -> type[Physics]:
 
 
 class Past:
-    """The past of a run, as far back as a late sensor looks.
+    """Past of a run, as far back as the delay of a sensor.
 
     Parameters
     ----------
     physics : Physics
     move : callable
-        Of state (order,), held inputs (2,) and duration (s): the state after it.
+        Returns the state after a duration (s), for a state (order,) and constant inputs (2,).
     actuator : callable
-        Of state and held inputs: the actuator's state, and its current and tension.
+        Returns the actuator's state, and its current and tension, for a state and inputs.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class Past:
     def at(self, time: float) -> tuple[Array, Array] | None:
         """Return the actuator's state and inputs at an instant; None without a past.
 
-        At the start for all that was before.
+        Before the run they are those of its start.
         """
         if not self._times:
             return None

@@ -177,17 +177,17 @@ def _actuator_114() -> Iterator[Entry]:
 def held_load() -> tuple[Array, Array, Array]:
     """Return time (s), force (N) and displacement (m) of one load until creep is steady."""
     time = np.arange(0.0, REST + HELD + 0.5)
-    return _recorded(time, np.where(time >= REST, STEP, 0.0))
+    return _record(time, np.where(time >= REST, STEP, 0.0))
 
 
 @cache
 def loads() -> tuple[Array, Array, Array]:
     """Return the loads of fig. 3-6 above their bias: time (s), force (N) and displacement (m)."""
     time, force = staircase()
-    return _recorded(time, force - force.min())
+    return _record(time, force - force.min())
 
 
-def _recorded(time: Array, force: Array) -> tuple[Array, Array, Array]:
+def _record(time: Array, force: Array) -> tuple[Array, Array, Array]:
     noise = RESOLUTION * np.random.default_rng(0).standard_normal(time.size)
     return time, force, run(time, {"force": force})["displacement"] + noise
 

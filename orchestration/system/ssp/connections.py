@@ -26,9 +26,12 @@ _IDENTITY = (1.0, 0.0)  # factor and offset
 _SIDES = ("start", "end")
 # attribute of one end of a connection -> the same attribute of the other end
 _OTHER_SIDE = {
-    f"{side}{part}": f"{other}{part}"
-    for side, other in (_SIDES, _SIDES[::-1])
-    for part in ("Element", "Connector", "Indices")
+    "startElement": "endElement",
+    "startConnector": "endConnector",
+    "startIndices": "endIndices",
+    "endElement": "startElement",
+    "endConnector": "startConnector",
+    "endIndices": "startIndices",
 }
 _WHOLE = re.compile(r"[0-9]{1,18}")
 
