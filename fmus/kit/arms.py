@@ -161,9 +161,9 @@ def lag_effect(
     if kind == "hysteresis" and not _rate_of(component, signal):
         raise UserError(f"{kind} is over a state, which {signal!r} is not")
     size = scale or argument.nominal
-    given = names or EffectNames()
-    stem = f"{law}_{given.id or kind}"
-    names = given.with_defaults(kind, (stem, f"{stem}_constant", f"{stem}_state"))
+    names = names or EffectNames()
+    stem = f"{law}_{names.id or kind}"
+    names = names.with_defaults(kind, (stem, f"{stem}_constant", f"{stem}_state"))
     amount, constant_name, state = names.variables
     power = _POWERS.get(kind, 1)
     loop = f"{law} {'loop of' if kind in ('hysteresis', 'play') else 'remembering'} {signal}"

@@ -220,13 +220,13 @@ def correction(
     suffix = "_".join(filter(None, (source.name, source.memory, str(number) if number > 1 else "")))
     switch = f"{law}_of_{suffix}"
     values = _Values(law, switch, unit, size) if kind == "add" else _Values(law, switch, "1", 1.0)
-    given: str | SmoothTable
+    plain_shape: str | SmoothTable
     if isinstance(shape, str):
-        given = shape
+        plain_shape = shape
         function = _shape_function(values, source, shape, beside)
     else:
-        given = _plain_table(shape)
-        function = _table_function(values, source, given)
+        plain_shape = _plain_table(shape)
+        function = _table_function(values, source, plain_shape)
     memory = f"{switch}_memory"
 
     def now(self: Any) -> Any:
@@ -264,13 +264,13 @@ def correction(
         neutral=switch,
         assumption=(
             f"{law} does not hang on {source.words}"
-            + (" like this" if isinstance(given, str) else "")
+            + (" like this" if isinstance(plain_shape, str) else "")
         ),
         made_by=correction,
         made_with={
             "law": law,
             "signal": source,
-            "shape": given,
+            "shape": plain_shape,
             "unit": unit,
             "nominal": size,
             "kind": kind,
@@ -304,28 +304,28 @@ def _shape_function(values: _Values, signal: SignalTerm, shape: str, beside: boo
 
     It declares the coefficient ``a``, the width ``w`` of a shape that has one, and ``b``.
     """
-    chosen = SHAPES[shape]
+    definition = SHAPES[shape]
     law = values.law
     switch = values.switch
     width = f"{switch}_width"
     constant = f"{switch}_beside"
-    text = with_constant(chosen.text) if beside else chosen.text
+    text = with_constant(definition.text) if beside else definition.text
     scale = Constant(signal.scale, signal.unit_of_memory)
-    typical = signal.scale**chosen.power
+    typical = signal.scale**definition.power
     declared = {
         switch: coefficient(
-            per(values.unit, signal.unit_of_memory, chosen.power),
+            per(values.unit, signal.unit_of_memory, definition.power),
             values.nominal / typical,
             f"{text} in {law}, x being {signal.counted} (a)",
         )
     }
-    if chosen.width:
+    if definition.width:
         doc = f"{signal.counted} at which {law} bends (w)"
-        declared[width] = width_parameter(chosen, signal.unit_of_memory, signal.scale, doc)
+        declared[width] = width_parameter(definition, signal.unit_of_memory, signal.scale, doc)
     if beside:
         declared[constant] = Parameter(
             0.0,
-            _power(signal.unit_of_memory, chosen.power),
+            _power(signal.unit_of_memory, definition.power),
             min=-ANY * typical,
             max=ANY * typical,
             nominal=typical,
@@ -334,8 +334,8 @@ def _shape_function(values: _Values, signal: SignalTerm, shape: str, beside: boo
 
     def value(self: Any, x: Any) -> Any:
         argument = x - signal.zero if signal.zero else x
-        w = getattr(self, width) if chosen.width else 1.0
-        form = chosen.form(argument, w, scale)
+        w = getattr(self, width) if definition.width else 1.0
+        form = definition.form(argument, w, scale)
         return getattr(self, switch) * (form + getattr(self, constant) if beside else form)
 
     return _Function(text, value, declared)

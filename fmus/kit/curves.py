@@ -212,7 +212,7 @@ def curve(
     """
     if shape not in SHAPES:
         raise UserError(f"no shape named {shape!r}{suggestion(shape, SHAPES)}")
-    chosen = SHAPES[shape]
+    definition = SHAPES[shape]
     argument = variable(component, signal)
     size = scale or argument.nominal
     defaults = (f"{law}_{shape}", f"{law}_{shape}_width")
@@ -222,36 +222,38 @@ def curve(
 
     def value(self: Any) -> Any:
         x = getattr(self, signal)
-        w = getattr(self, width) if chosen.width else 1.0
-        return getattr(self, amount) * chosen.form(x, w, typical)
+        w = getattr(self, width) if definition.width else 1.0
+        return getattr(self, amount) * definition.form(x, w, typical)
 
     members: dict[str, Any] = {
-        "__doc__": f"Adds to {law}: {chosen.text} with x = {signal}; a = 0 is the base model.",
+        "__doc__": f"Adds to {law}: {definition.text} with x = {signal}; a = 0 is the base model.",
         amount: coefficient(
-            per(unit, argument.unit, chosen.power),
-            nominal / size**chosen.power,
-            f"part {chosen.text} of {law}, x being {signal} (a)",
-            least=-ANY if either_way else chosen.least,
+            per(unit, argument.unit, definition.power),
+            nominal / size**definition.power,
+            f"part {definition.text} of {law}, x being {signal} (a)",
+            least=-ANY if either_way else definition.least,
         ),
     }
-    if chosen.width:
+    if definition.width:
         doc = f"{signal} at which {law} bends (w)"
-        members[width] = width_parameter(chosen, argument.unit, size, doc)
+        members[width] = width_parameter(definition, argument.unit, size, doc)
     sizes = [Size("{}", (amount,))]
     if shape in _GROWING:
-        sizes = [size_at(amount, unit, size, argument.unit, lambda x: chosen.form(x, 1.0, typical))]
-    if chosen.bend:
+        sizes = [
+            size_at(amount, unit, size, argument.unit, lambda x: definition.form(x, 1.0, typical))
+        ]
+    if definition.bend:
         at_bend = (lambda w: -w) if shape == "lower_stop" else (lambda w: w)
-        sizes.append(Size(chosen.bend, (width,), argument.unit, at_bend))
+        sizes.append(Size(definition.bend, (width,), argument.unit, at_bend))
     return additive_effect(
         component,
         law,
         value,
         members,
         id=names.id,
-        term=Term(law, signal, chosen.text, f"{law} over {signal}", names.qualifier),
+        term=Term(law, signal, definition.text, f"{law} over {signal}", names.qualifier),
         title=generic_title(names.id, law_title(component, law)),
-        assumption=f"{law} has no part {chosen.text} with x = {signal}",
+        assumption=f"{law} has no part {definition.text} with x = {signal}",
         sizes=tuple(sizes),
     )
 

@@ -364,11 +364,11 @@ def _check_port(owner: Any, layout: Layout, port: PowerPort) -> None:
     if len(port.connectors) not in (1, 2):
         raise UserError(f"{place} has {len(port.connectors)} connectors; it may have one or two")
     domain = DOMAINS[port.domain]
-    wanted = {port.potential: domain.potential, port.flow: domain.flow}
+    required_units = {port.potential: domain.potential, port.flow: domain.flow}
     if port.rate:
-        wanted[port.rate] = f"{domain.potential}/s"
+        required_units[port.rate] = f"{domain.potential}/s"
     known = {v.name: v for v in (*layout.inputs, *layout.shown)}
-    for name, unit in wanted.items():
+    for name, unit in required_units.items():
         if name not in known:
             raise UserError(
                 f"{place} has {name!r}, which is no input or output{suggestion(name, known)}"

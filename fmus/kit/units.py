@@ -283,10 +283,16 @@ def convert(value: Any, unit: str, to: str, what: str = "value") -> Any:
         return value
     if not measure_alike(unit, to):
         raise UserError(f"{what}: unit {unit!r} cannot be converted to {to!r}")
-    known = _without_pint(unit)
-    wanted = _without_pint(to)
-    if known is not None and wanted is not None and 1.0 in (known.factor, wanted.factor):
-        return value * (known.factor if wanted.factor == 1.0 else 1.0 / wanted.factor)
+    source_base = _without_pint(unit)
+    target_base = _without_pint(to)
+    if (
+        source_base is not None
+        and target_base is not None
+        and 1.0 in (source_base.factor, target_base.factor)
+    ):
+        return value * (
+            source_base.factor if target_base.factor == 1.0 else 1.0 / target_base.factor
+        )
     source = parse(unit)
     target = parse(to)
     if source == target:

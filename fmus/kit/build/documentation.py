@@ -82,15 +82,15 @@ def relaxed_assumption(cls: type[Component], effect: type[Effect]) -> tuple[str,
     number : str
         ``assumption 5 of its documentation``; empty if the effect gives words.
     """
-    given = effect.assumption
-    if isinstance(given, str):
-        return f"the model assumes that {given}" if given else "", ""
+    assumption = effect.assumption
+    if isinstance(assumption, str):
+        return f"the model assumes that {assumption}" if assumption else "", ""
     readme = _folder(cls) / "README.md"
     text = readme.read_text(encoding="utf-8") if readme.exists() else ""
     listed = text.partition("\n## Assumptions\n")[2]
-    number = f"assumption {given} of its documentation"
+    number = f"assumption {assumption} of its documentation"
     sentence = re.search(
-        rf"^{given}\. (?:(?:`\w+`, )*`\w+`: )?(.+?){_END_OF_SENTENCE}", listed, re.M | re.S
+        rf"^{assumption}\. (?:(?:`\w+`, )*`\w+`: )?(.+?){_END_OF_SENTENCE}", listed, re.M | re.S
     )
     if sentence is None:
         return "", number

@@ -141,13 +141,13 @@ def engine_sources(cls: type[Component], runtime: str) -> EngineSources:
     -------
     EngineSources
     """
-    own = cls.engine
-    if own is None or runtime == "python":
+    engine = cls.engine
+    if engine is None or runtime == "python":
         return _PYTHON if runtime == "python" else _NATIVE
-    folder = Path(next(iter(import_module(own.folder).__path__)))
-    headers = tuple(folder / name for name in own.headers)
-    sources = tuple(folder / name for name in own.sources)
-    return EngineSources(headers, sources, (), own.libraries)
+    folder = Path(next(iter(import_module(engine.folder).__path__)))
+    headers = tuple(folder / name for name in engine.headers)
+    sources = tuple(folder / name for name in engine.sources)
+    return EngineSources(headers, sources, (), engine.libraries)
 
 
 def c_sources(graph: Graph, engine: EngineSources, guid: str, fmi: int) -> dict[str, bytes]:

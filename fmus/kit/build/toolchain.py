@@ -256,7 +256,7 @@ def compile_library(
     is_first = compiler.targets and target not in _compiled_platforms
     limit = _FIRST_LIMIT if is_first else _LIMIT
     until = time.monotonic() + limit
-    built = []
+    binaries = []
     for options in compiler.options(target, libraries):
         with scratch.folder("compiled") as folder:
             output = folder / "library"
@@ -271,9 +271,9 @@ def compile_library(
                     " try again with less load on the machine"
                 ) from error
             with scratch.written(folder):
-                built.append(output.read_bytes())
+                binaries.append(output.read_bytes())
     _compiled_platforms.add(target)
-    return built[0] if len(built) == 1 else _universal(built)
+    return binaries[0] if len(binaries) == 1 else _universal(binaries)
 
 
 def _compile(compiler: Compiler, command: Sequence[str], target: str, limit: float) -> None:

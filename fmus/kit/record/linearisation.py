@@ -179,11 +179,11 @@ class Linearisation:
             return None
         speeds = np.abs(np.linalg.eigvals(matrices[candidates, 0])).max(1)
         fastest = float(speeds.max())
-        chosen = candidates[speeds.argmax()]
-        matrix = matrices[chosen]
+        index = candidates[speeds.argmax()]
+        matrix = matrices[index]
         if not (fastest > stiff and np.isfinite(matrix).all()):
             return None
-        halvings = max(2, math.ceil(math.log2(clock.largest * norms[chosen] / _SHORTEST)))
+        halvings = max(2, math.ceil(math.log2(clock.largest * norms[index] / _SHORTEST)))
         worth = math.inf if affine else fastest / WORTH
         phi = _phi(matrix * (clock.largest * 0.5**halvings), halvings)
         return Ladder(clock.largest, affine, worth, matrix, phi)

@@ -401,7 +401,7 @@ def _contains_shape(cls: type[Component], law: str, signal: str, shape: str) -> 
         if v.type == "real":
             setattr(one, v.name, v.nominal * rng.normal(size=_POINTS))
     x = getattr(one, signal)
-    wanted = SHAPES[shape].form(x, 1.0, variable(cls, signal).nominal)
+    target = SHAPES[shape].form(x, 1.0, variable(cls, signal).nominal)
     columns = []
     for p in cls.layout.parameters:
         if p.type != "real":
@@ -416,8 +416,8 @@ def _contains_shape(cls: type[Component], law: str, signal: str, shape: str) -> 
     if not columns:
         return False
     basis = np.column_stack(columns)
-    residual = wanted - basis @ np.linalg.lstsq(basis, wanted, rcond=1e-9)[0]
-    return bool(np.std(residual) < _TOLERANCE * np.std(wanted))
+    residual = target - basis @ np.linalg.lstsq(basis, target, rcond=1e-9)[0]
+    return bool(np.std(residual) < _TOLERANCE * np.std(target))
 
 
 def _slope(one: Component, law: str, parameter: ParameterDeclaration) -> Array | None:
@@ -505,9 +505,9 @@ def units_of_laws(cls: type[Component], laws: Iterable[str]) -> dict[str, str]:
             continue
     known = {}
     for law, values in calls.values.items():
-        found = [value.unit for value in values if isinstance(value, Quantity)]
-        if found:
-            known[law] = min(found, key=lambda unit: unit.is_open)
+        law_units = [value.unit for value in values if isinstance(value, Quantity)]
+        if law_units:
+            known[law] = min(law_units, key=lambda unit: unit.is_open)
     return {law: _usual_spelling(unit) for law, unit in (known | declared).items()}
 
 

@@ -50,7 +50,7 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
     """
     layout = graph.layout
     positions = _positions(graph, names)
-    chosen = [layout.parameters[k] for k in positions]
+    parameters = [layout.parameters[k] for k in positions]
     theta = ca.vertcat(ca.SX(0, 1), *(graph.parameters[k] for k in positions))
     state_sensitivities = ca.SX.sym("S", graph.states.numel(), theta.numel())
     discrete_sensitivities = ca.SX.sym("Z", graph.discretes.numel(), theta.numel())
@@ -67,12 +67,12 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
         return _extended(expression, total_derivative(expression))
 
     def declared(group: Sequence[Declaration]) -> list[Any]:
-        return [_derivative(variable, parameter) for parameter in chosen for variable in group]
+        return [_derivative(variable, parameter) for parameter in parameters for variable in group]
 
     starts = [
         _start(variable, parameter)
         for group in (layout.states, layout.discretes)
-        for parameter in chosen
+        for parameter in parameters
         for variable in group
     ]
     return replace(

@@ -233,8 +233,8 @@ class Graph:
             raise UserError(f"{self.name}: no parameter, input or state named {min(unknown)!r}")
         known = {v.name: v.start for v in (*layout.parameters, *layout.inputs)} | values
         starts = {state: known[parameter] for state, parameter in layout.start_of.items()}
-        chosen = starts | known
-        return [np.array([float(chosen[v.name]) for v in group]) for group in groups]
+        point = starts | known
+        return [np.array([float(point[v.name]) for v in group]) for group in groups]
 
 
 def trace(cls: type[Component]) -> Graph:

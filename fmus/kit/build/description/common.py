@@ -106,15 +106,17 @@ def generation_date() -> str:
     UserError
         If ``SOURCE_DATE_EPOCH`` is not a whole number of seconds, at most that of the year 9999.
     """
-    given = os.environ.get(_VARIABLE, "")
-    if not given:
+    seconds = os.environ.get(_VARIABLE, "")
+    if not seconds:
         return _RELEASED
-    if not (given.isascii() and given.isdigit() and int(given[:20]) <= _LATEST):
+    if not (seconds.isascii() and seconds.isdigit() and int(seconds[:20]) <= _LATEST):
         raise UserError(
-            f"{_VARIABLE} = {given[:40]!r}: seconds since 1970 are wanted, a whole number from 0 to"
-            f" {_LATEST}"
+            f"{_VARIABLE} = {seconds[:40]!r}: seconds since 1970 are wanted, a whole number from 0"
+            f" to {_LATEST}"
         )
-    return datetime.datetime.fromtimestamp(int(given), datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    return datetime.datetime.fromtimestamp(int(seconds), datetime.UTC).strftime(
+        "%Y-%m-%dT%H:%M:%SZ"
+    )
 
 
 def origin(cls: type[Component]) -> dict[str, str]:

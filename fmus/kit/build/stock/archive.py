@@ -76,11 +76,11 @@ def check_stock(cls: type[Component], platforms: Sequence[str] | None) -> None:
             " python"
         )
     binaries = importlib.resources.files("pythonfmu") / "resources" / "binaries"
-    served = sorted(folder.name for folder in binaries.iterdir())
-    absent = sorted({*(platforms or ())} - {*served})
+    available = sorted(folder.name for folder in binaries.iterdir())
+    absent = sorted({*(platforms or ())} - {*available})
     if absent:
         raise UserError(
-            f"pythonfmu has no binary for {absent[0]}; it has some for {', '.join(served)}"
+            f"pythonfmu has no binary for {absent[0]}; it has some for {', '.join(available)}"
         )
 
 
