@@ -175,7 +175,7 @@ def correction(
     number: int = 1,
     beside: bool = False,
 ) -> type[Effect]:
-    """Make an effect that makes a law depend on a signal.
+    """Make an effect by which a law depends on a signal.
 
     Parameters
     ----------

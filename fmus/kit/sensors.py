@@ -148,10 +148,10 @@ def _factory(
 def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
     """First-order lag of a sensor, in equilibrium at the start.
 
-    It reads ``u - T dw/dt`` with ``dw/dt = (u - w) / (T + m exp(-T / m))``: the first-order lag of
-    time ``T`` where that is several times ``m``, nothing at ``T = 0``, and late by ``T`` on a ramp
-    everywhere. ``m`` is 10 ms unless the record that it is made for has another scale: a lag of no
-    time would be infinitely stiff. The state is the change of ``w`` since the start, when
+    It reads ``u - T dw/dt`` with ``dw/dt = (u - w) / (T + m exp(-T / m))``. This is a first-order
+    lag of time ``T`` if ``T`` is several times ``m``, and no lag for ``T = 0``; on a ramp it is
+    late by ``T`` in all cases. Without ``m`` a short lag would be infinitely stiff. ``m`` is 10 ms,
+    or `Sampling.at_once` of a record. The state is the change of ``w`` since the start, when
     ``w = u``.
     """
     shortest = quantity.sampling.at_once
@@ -212,13 +212,13 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
 def transport_delay(quantity: _Quantity) -> dict[str, Any]:
     """Pure delay, of up to 64 periods of 20 ms.
 
-    The period is another if the record that it is made for has another scale. The output is sampled
-    every period into a shift register and interpolated linearly at the time that lies the delay
-    ago, the present value being the newest point. That is exact for a ramp, for a smooth signal it
-    errs by at most an eighth of the period squared times the second derivative, and a jump becomes
-    a slope over one period. Each place of the register is a corner of the output, at which solvers
-    of hosts are told to stop: it has an event indicator. Before the start the output is taken to be
-    a line, given by two states; they start at 0, which is at rest at the value at the start.
+    For a record the period is `Sampling.delay_period`. The output is sampled every period into a
+    shift register, and interpolated linearly at the present time less the delay; the newest point
+    is the present value. This is exact for a ramp. For a smooth signal the error is at most an
+    eighth of the squared period times the second derivative, and a jump becomes a ramp over one
+    period. The output has a corner at each place of the register, with an event indicator at which
+    solvers of hosts stop. Before the start the output is a line with two states for its deviation
+    and slope; they start at 0, where the output is constant at its start value.
     """
     delay = f"{quantity.name}_delay"
     period = quantity.sampling.delay_period

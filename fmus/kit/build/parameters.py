@@ -62,12 +62,12 @@ def to_ssv(
                 used.add(declaration.unit)
         else:
             kind = declaration.type.capitalize()
-            SubElement(node, f"{{{SSV}}}{kind}", value=_written(value, declaration.type))
+            SubElement(node, f"{{{SSV}}}{kind}", value=written(value, declaration.type))
     define_units(root, SSV, used)
     return serialized(root)
 
 
-def _written(value: float | str, kind: str) -> str:
+def written(value: float | str, kind: str) -> str:
     """Write a value of type string, boolean or integer as XML does."""
     if kind == "string":
         return str(value)

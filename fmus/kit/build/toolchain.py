@@ -268,7 +268,7 @@ def compile_library(
             except subprocess.TimeoutExpired as error:
                 raise UserError(
                     f"{compiler.label} failed for {target}: not done after {limit:g} s, and ended;"
-                    " try again with less beside it"
+                    " try again with less load on the machine"
                 ) from error
             with scratch.written(folder):
                 built.append(output.read_bytes())

@@ -105,7 +105,8 @@ def define(
             auxiliaries.append(Auxiliary(name, node, law))
     writer = Writer(names)
     lines = []
-    for target in [*(Target(a.name, "real", a.node) for a in auxiliaries), *targets]:
+    definitions = [Target(a.name, "real", a.node) for a in auxiliaries]
+    for target in (*definitions, *targets):
         right = writer.define(target.node, target.text, target.type)
         if literal and target.type == "real" and _RELATION.search(right):
             right = f"noEvent({right})"

@@ -193,7 +193,7 @@ def _unit_message(one: Component, required: _RequiredUnit, value: Any, error: La
     """Return the message for the value of a law that is no number or has another unit."""
     place = _place_of_law(type(one), required.law)
     if not isinstance(value, Symbol):
-        return f"{place}: what {required.law} gives is no number: {error}; {error.remedy}"
+        return f"{place}: the value of {required.law} is no number: {error}; {error.remedy}"
     reason = f"{place}: {required.law} gives {value.unit}, but {required.words}"
     if isinstance(error, ScaleError):
         return f"{reason}: {error}; {_scale_remedy(one)}"
@@ -292,7 +292,7 @@ def _units_in(one: Component, text: str) -> str:
             hints.append(f"{name} is declared in {declared[name]}")
         elif law_of(type(one), name):
             hints.append(_unit_of_law(one, name))
-    return ", ".join(filter(None, hints)) or "check the units of what stands there"
+    return ", ".join(filter(None, hints)) or "check the units in this expression"
 
 
 def _unit_of_law(one: Component, law: str) -> str:

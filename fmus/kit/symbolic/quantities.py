@@ -85,7 +85,7 @@ class Unit:
 
     @property
     def is_pure(self) -> bool:
-        """Whether the unit has no dimension; an angle has none."""
+        """True if the unit has no dimension; an angle has none."""
         return not self.exponents.keys() - {"rad"}
 
     def meet(self, other: Unit) -> None:

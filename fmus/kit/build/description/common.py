@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit import units
+from fmus.kit.build.parameters import written
 from fmus.kit.component import Component
 from fmus.kit.declare import (
     Declaration,
@@ -292,9 +293,7 @@ _KINDS = {
 
 def _value(value: float, kind: str) -> str:
     """Write a value of type real, integer or boolean."""
-    if kind == "real":
-        return number(value)
-    return flag(bool(value)) if kind == "boolean" else str(int(value))
+    return number(value) if kind == "real" else written(value, kind)
 
 
 def variable_attributes(reference: int, variable: Declaration) -> dict[str, str]:
@@ -349,7 +348,7 @@ def value_attributes(variable: Declaration) -> dict[str, str]:
 
 
 def calculated(name: str, reference: int, description: str) -> dict[str, str]:
-    """Return the attributes of a local variable that is calculated, such as a derivative.
+    """Return the attributes of a calculated local variable, such as a derivative.
 
     Parameters
     ----------

@@ -28,8 +28,8 @@ from fmus.kit.storage import scratch
 # parts of the contract (docs/reference/fmu-contract.md) that such an archive does not fulfil
 LIMITS = (
     (
-        "errors: whatever fails is Fatal, not Error; what is asked of an instance after that may"
-        " crash the process"
+        "errors: every error is Fatal, not Error; a further call of the instance may crash the"
+        " process"
     ),
     (
         "arguments: wrong calls, times that do not follow, negative steps and a wrong GUID are not"
