@@ -10,6 +10,16 @@ from demonstrations.emulator.physics import Array, Physics, Signals, Trajectory
 _BEFORE = 1e-6  # of a step: the value before a jump of inputs is taken so shortly before its end
 
 
+def two_stage_transition(sensor_time: float, duration: float) -> Array:
+    """Return the transition (2, 4) of two equal stages over a duration (s).
+
+    It applies to both stages, and value and slope of the signal at the start.
+    """
+    rate = 2 / sensor_time
+    system = np.array([[-rate, 0, rate, 0], [rate, -rate, 0, 0], [0, 0, 0, 1], [0, 0, 0, 0]])
+    return np.asarray(expm(system * duration)[:2])
+
+
 @dataclass
 class SluggishSensor(Physics):
     """A sensor with two equal, critically damped stages, in equilibrium at the start."""
@@ -28,10 +38,8 @@ class SluggishSensor(Physics):
         slope = (
             super().sensed(run, knots[1:] - _BEFORE * steps)[self.lag_output] - value[:-1]
         ) / steps
-        rate = 2 / self.sensor_time
-        system = np.array([[-rate, 0, rate, 0], [rate, -rate, 0, 0], [0, 0, 0, 1], [0, 0, 0, 0]])
         durations, kind = np.unique(np.round(steps, 9), return_inverse=True)
-        transitions = [expm(system * duration)[:2] for duration in durations]
+        transitions = [two_stage_transition(self.sensor_time, t) for t in durations]
         stages = np.full((knots.size, 2), value[0])
         for k, duration_index in enumerate(kind.tolist()):
             stages[k + 1] = transitions[duration_index] @ np.array([*stages[k], value[k], slope[k]])

@@ -8,10 +8,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm
 
 from demonstrations.emulator.hidden_coupling import PlayingStrain
-from demonstrations.emulator.hidden_sensor import LateSensor, SluggishSensor
+from demonstrations.emulator.hidden_sensor import (
+    LateSensor,
+    SluggishSensor,
+    two_stage_transition,
+)
 from demonstrations.emulator.physics import Array, Physics, Signals, Trajectory
 
 _SAME = 1e-10  # s, largest difference of equal instants
@@ -41,15 +44,11 @@ class RememberingPlay(PlayingStrain, Remembering):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        widths = np.ones(0)
-        self._memory = widths
-        self._radii = widths
+        self._radii = self.widest_play * np.arange(1, 9) / 8
+        self._memory = np.zeros(8)
 
     def play(self, charge: Any) -> Any:
         """Return the mean of the operators after a monotonic change to a charge."""
-        if not self._memory.size:
-            self._radii = self.widest_play * np.arange(1, 9) / 8
-            self._memory = np.zeros(8)
         return np.mean(self._move_operators(charge), axis=0)
 
     def _move_operators(self, charge: Any) -> Array:
@@ -59,9 +58,7 @@ class RememberingPlay(PlayingStrain, Remembering):
 
     def passed(self, step: float, before: Instant, after: Instant) -> None:
         """Move the operators to the charge after the step."""
-        charge = self.active_charge(after.state[:, 0])
-        self.play(charge)
-        self._memory = self._move_operators(charge)
+        self._memory = self._move_operators(self.active_charge(after.state[:, 0]))
 
 
 @dataclass
@@ -89,11 +86,7 @@ class RememberingLag(SluggishSensor, Remembering):
             self._stages = np.array([first, first])
         key = round(step, 9)
         if key not in self._transitions:
-            rate = 2 / self.sensor_time
-            system = np.array(
-                [[-rate, 0, rate, 0], [rate, -rate, 0, 0], [0, 0, 0, 1], [0, 0, 0, 0]]
-            )
-            self._transitions[key] = expm(system * step)[:2]
+            self._transitions[key] = two_stage_transition(self.sensor_time, step)
         self._stages = self._transitions[key] @ np.array(
             [*self._stages, first, (last - first) / step]
         )

@@ -62,9 +62,7 @@ def test_build_runtime_pythonfmu_says_what_it_cannot_promise(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert [Path(line) for line in done.stdout.split()] == [Path("fmu/pythonfmu/galvanostat.fmu")]
-    assert (
-        "noted: pythonfmu promises less: errors: every error is Fatal, not Error" in done.stderr
-    )
+    assert "noted: pythonfmu promises less: errors: every error is Fatal, not Error" in done.stderr
 
 
 def platforms_of(path):
