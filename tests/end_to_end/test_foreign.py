@@ -226,7 +226,7 @@ def test_what_cannot_be_is_refused_in_a_line(folder, arguments, parts):
 def test_who_asks_for_its_laws_is_sent_to_diagnose(folder):
     written(folder, lagged(U), "right.csv")
     line = "one_state.fmu is an FMU without equations, which has no laws to search"
-    parts = [line, "diagnose searches", "--effects none"]
+    parts = [line, "diagnose corrects its inputs and outputs", "--effects none"]
     refused(folder, "laws", "right.csv", "--model", "one_state.fmu", parts=parts)
 
 
