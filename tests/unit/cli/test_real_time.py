@@ -200,7 +200,7 @@ def test_a_killed_run_has_lost_its_last_seconds_only_and_the_next_does_not_overw
         "--real-time",
         "--out",
         "run.nc",
-        parts=["run.nc.part.csv is there", "killed"],
+        parts=["run.nc.part.csv exists", "killed"],
     )
 
 
