@@ -38,7 +38,7 @@ class Table:
         numeric = [
             all(not isinstance(cell, str) for cell in column)
             for column in zip(*self.rows, strict=True)
-        ]
+        ] or [True] * len(widths)
 
         def line(cells: Sequence[str]) -> str:
             placed = [

@@ -272,8 +272,8 @@ def _dataset(prepared: Preparation, ran: Run, where: str) -> Remarked:
     # the run names signals `member.variable`, in the order of those wanted
     delivered = dict(zip(prepared.wanted, ran.signals.values(), strict=True))
     energies, of_couplings = _coupling_energies(prepared, ran)
-    beyond = prepared.limits.remarks(prepared.time, delivered, prepared.settings)
     count = ran.time.size  # fewer than were prepared if the run was stopped
+    beyond = prepared.limits.remarks(prepared.time[:count], delivered, prepared.settings)
     values = {name: array[:count] for name, array in prepared.inputs.items()}
     values |= _add_noise(prepared, delivered) | energies
     data = results.dataset(

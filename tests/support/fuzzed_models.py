@@ -93,7 +93,6 @@ FROM_KIT = (
     "Output",
     "Parameter",
     "State",
-    "effects_by_name",
 )
 _QUOTED = re.compile(r'"(\w+)"')
 _REFERENCE = re.compile(r"\$(\w+)")
@@ -215,7 +214,10 @@ def _owner(model: FuzzedModel, law: Law) -> str:
 
 def written(model: FuzzedModel) -> str:
     """Write a model as a file."""
-    lines = [f"from fmus.kit import {', '.join(FROM_KIT)}, {', '.join(FUNCTIONS)}"]
+    lines = [
+        f"from fmus.kit import {', '.join(FROM_KIT)}, {', '.join(FUNCTIONS)}",
+        "from fmus.kit.effects import effects_by_name",
+    ]
     if model.listed:
         lines += ["from fmus.kit.generic import *", "from fmus.kit.sensors import *"]
     lines += ["", *_class_lines(model)]
