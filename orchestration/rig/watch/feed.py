@@ -127,7 +127,8 @@ class Feed:
             for line in refused:
                 if now - self._refused.get(line, -math.inf) > _AGAIN:
                     self._event("refused", f"refused: {line}")
-                    self._refused = {line: now} | dict(list(self._refused.items())[:_MOST])
+                    known = [entry for entry in self._refused.items() if entry[0] != line]
+                    self._refused = dict([(line, now), *known[: _MOST - 1]])
             self._judge()
 
     def look(self) -> None:

@@ -136,6 +136,19 @@ def test_a_change_is_told_once():
     )
 
 
+def test_a_refusal_is_shown_again_every_few_seconds(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(module, "monotonic", lambda: now[0])
+    feed = Feed()
+    shown = []
+    for moment in (100.0, 101.0, 106.0, 106.1, 106.2, 112.0):
+        now[0] = moment
+        feed.telemetry({**TELEMETRY, "clock": moment, "refused": ["too much", f"at {moment}"]})
+        texts = [event["text"] for event in of_kind(everything(feed), "event")]
+        shown.append(texts.count("refused: too much"))
+    assert shown == [1, 1, 2, 2, 2, 3]
+
+
 def test_silence_is_lost_contact(monkeypatch):
     now = [100.0]
     monkeypatch.setattr(module, "monotonic", lambda: now[0])
