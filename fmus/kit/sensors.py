@@ -328,7 +328,7 @@ def sensor_gain(quantity: _Quantity) -> dict[str, Any]:
     "the sensor has its zero at zero", "An offset of the {} sensor", Size("{} too much", ())
 )
 def sensor_offset(quantity: _Quantity) -> dict[str, Any]:
-    """Bias of a sensor: it reads ``u + b``; ``b = 0`` is without."""
+    """Bias of a sensor: it reads ``u + b``; ``b = 0`` is the base model."""
     offset = f"{quantity.name}_offset"
     return {
         offset: Parameter(

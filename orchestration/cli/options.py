@@ -78,7 +78,7 @@ class ModelArgument(TypedDict, total=False):
 
 
 class ModelOption(TypedDict, total=False):
-    """The model, by its flag."""
+    """Option ``--model``, for commands without a positional argument for the model."""
 
     model: Annotated[
         str, Option(_MODEL, default=registry.default_model, metavar="MODEL", complete="component")

@@ -296,7 +296,7 @@ def _restore(
 
 
 def _add_noise(prepared: Preparation, delivered: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the recorded outputs with the noise of their measurement."""
+    """Return the outputs to be recorded, with simulated measurement noise added."""
     measured = {}
     for name, array in delivered.items():
         if name not in prepared.record:  # wanted for the energy of a coupling, or for a limit

@@ -164,7 +164,7 @@ class Fmu:
 
     @property
     def complaints(self) -> str:
-        """Number of warnings and the last messages of the FMU; empty without any."""
+        """Text with the number of warnings and the last messages; empty if there are none."""
         last = self._log.last("no message" if self.warnings else "")
         return f"{self.warnings} calls ended with a warning ({last})" if self.warnings else last
 

@@ -57,6 +57,7 @@ class RowTexts:
                 file.writelines(_lines(pairs))
 
     def _read(self, journal: WorkJournal) -> list[Pair]:
+        """Return the entries of parts that are done, and remove all others from the file."""
         text = self._path.read_text(encoding="utf-8") if self._path.exists() else ""
         lines = text[: text.rfind("\n") + 1].splitlines()
         pairs = [(int(row), str(entry)) for row, entry in map(json.loads, lines)]

@@ -168,6 +168,10 @@ class Pacer:
         self._check_deadline(k, lag)
 
     def _check_deadline(self, k: int, lag: float) -> None:
+        """Count a missed deadline; refuse one that the settings do not permit.
+
+        Unless lost time is made up, the later deadlines move by the lag, s.
+        """
         allowance = self._settings.allowance
         if allowance is None:
             allowance = self._points[k] - self._points[k - 1]

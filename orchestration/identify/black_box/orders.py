@@ -116,7 +116,7 @@ class Orders:
         return (*_numbered("a", self.na), *paths, *noise)
 
     def __str__(self) -> str:
-        """Write those that are not zero, as ``na = 2, nb = 2 1, nk = 1 1``."""
+        """Return the orders that are not zero as text: ``na = 2, nb = 2 1, nk = 1 1``."""
         named = {"na": (self.na,), "nb": self.nb, "nf": self.nf, "nc": (self.nc,), "nd": (self.nd,)}
         written = [
             f"{name} = {' '.join(map(str, values))}"

@@ -143,7 +143,7 @@ def _heading(column: str) -> str:
 
 
 def _table(response: Response) -> Table:
-    """Return some of the lines of a response, evenly over the logarithm of the frequency."""
+    """Return a table of a response at some frequencies, evenly spaced on a logarithmic scale."""
     names = ["magnitude", "phase", *list(response.quantities)[2:]]
     headings = [f"{name.replace('_', ' ')} ± 95 %" for name in names]
     beside = ["model"] if response.model is not None else []

@@ -233,6 +233,7 @@ def imbalance(
 
 
 def _imbalance(coupling: Mechanical, signals: Mapping[str, Array], extrapolation: int) -> Imbalance:
+    """Return the energy that a coupling creates, over time, and the energy that passes it."""
     length = signals[str(coupling.length.source)]
     force = signals[str(coupling.force.source)]
     received = coupling.force.factor * force + coupling.force.offset

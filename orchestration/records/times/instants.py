@@ -65,7 +65,7 @@ def is_time_of_day(cell: str) -> bool:
 
 
 def _split(cell: str) -> _Cell | None:
-    """Return date and time of day of a cell; None if it is neither."""
+    """Split a cell into its date and its time of day; return None if it has neither."""
     text = cell.strip()
     if not text[:1].isalnum():
         return None

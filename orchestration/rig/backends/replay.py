@@ -168,7 +168,7 @@ def _signal_units(option: str, text: str) -> dict[str, str]:
 
 
 def _length(record: Record) -> float:
-    """Return the duration of a record, s; its last row counts as long as rows usually are."""
+    """Return the duration of a record, s; its last row lasts for the median step."""
     steps = np.diff(record.time)
     last = np.median(steps) if steps.size else 1.0
     return float(record.time[-1] - record.time[0] + last)

@@ -57,13 +57,13 @@ _END = Command(END)  # the order that holds when none can be read, which does no
 
 
 def main(settings: ServerSettings, memory: Any) -> None:
-    """Run the process.
+    """Run the device process of the rig server.
 
     Parameters
     ----------
     settings : ServerSettings
     memory : ctypes array
-        Shared with front and guard.
+        Shared with the front process and the guard.
     """
     detach()
     device = Device(settings, SharedMemory(memory))

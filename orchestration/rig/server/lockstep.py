@@ -110,7 +110,7 @@ class LockstepRig:
             self._guarded(self._safe)
 
     def safe_since(self) -> float | None:
-        """Return since when the rig is in its safe state; None while it is not."""
+        """Return the time at which the rig came to its safe state; None while it is not in it."""
         return self._resting
 
     def beat(self) -> None:
@@ -166,7 +166,7 @@ class LockstepRig:
         return RigState(self._number, self._applied, nothing, values, tuple(self._taken), 0)
 
     def close(self) -> str:
-        """End in the safe state."""
+        """Bring the rig to its safe state and close its backend."""
         if self._failed:
             return ""
         try:
