@@ -312,6 +312,7 @@ def endings(path: str) -> Iterator[str]:
     yield from ("/".join(parts[k:]) for k in range(len(parts)))
 
 
+@pytest.mark.slow
 def test_modules_and_files_that_a_page_names_exist() -> None:
     assert failures(unknown_names) == []
 

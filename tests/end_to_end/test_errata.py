@@ -52,6 +52,7 @@ def test_rows_are_numbered_without_gaps() -> None:
         assert all((e.where, e.printed, e.holds))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", NUMBERS)
 def test_the_cited_file_tests_the_row(number) -> None:
     erratum = chapters.errata()[number - 1]

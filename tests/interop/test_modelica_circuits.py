@@ -199,6 +199,7 @@ def test_a_galvanostat_an_actuator_and_the_analyser_share_pins_and_flanges(folde
     assert_same(simulated, {name: values[places] for name, values in wanted.items()}, nearest)
 
 
+@pytest.mark.slow
 def test_pymoca_flattens_the_bench_into_as_many_equations_as_variables(files):
     system = bench_system()
     flat = flatten_by_pymoca(parse_by_pymoca(files, [sources(), bench(system)]), "Bench")

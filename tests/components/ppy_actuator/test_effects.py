@@ -307,6 +307,7 @@ def models():
     return get
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("base", "name"),
     slow_but(

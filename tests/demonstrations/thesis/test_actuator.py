@@ -68,6 +68,7 @@ def test_means_and_deviations_of_table_3_1():
     assert differing == ["standard deviation of C"]
 
 
+@pytest.mark.slow
 def test_row_22_the_deviation_of_c_is_that_of_the_rounded_entries():
     printed, consistent = 0.344, statistics.stdev(bilinear(*theta)[2] for theta, _ in TABLE)
     assert statistics.stdev(entries[2] for _, entries in TABLE) == pytest.approx(printed, abs=5e-4)

@@ -45,6 +45,7 @@ def test_row_27_the_fit_of_a_perfect_prediction():
     assert f"is given {printed:.0f} %" in row(27).holds
 
 
+@pytest.mark.slow
 def test_row_28_the_plot_is_a_second_early():
     """The loop of appendix A3, with 10 % and 10 Hz."""
     eps, fsampl = 10.0, 10.0

@@ -64,6 +64,7 @@ def compiled(tmp_path_factory):
     return folder, command, environment, done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [HEADER + 1, 500, 1500])
 @pytest.mark.parametrize("name", ["cli/app", "cli/commands/list"])
 def test_a_compiled_module_that_was_cut_off(name, size, compiled):

@@ -34,6 +34,7 @@ def workers():
         yield made
 
 
+@pytest.mark.slow
 def test_any_fmu_comes_to_the_same_bits_and_the_closed_form(lag, workers):
     call = {
         "over": {"tau": "0.1..10:37 log", "u": [1.0, -2.0]},

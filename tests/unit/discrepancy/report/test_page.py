@@ -39,8 +39,9 @@ from tests.support.pace import slow_but
 from tests.support.pages import charts_of, words_of
 from tests.support.report_results import COMMAND, PAGES, with_verdict
 
+pytestmark = pytest.mark.slow  # each test needs a diagnosis
 
-@pytest.mark.slow
+
 @pytest.mark.parametrize("name", PAGES)
 def test_the_verdict_comes_first(results, made, name):
     diagnosis = results[name].diagnosis
@@ -284,7 +285,6 @@ def drawn_residual(text, output, colour):
     return points[:, 0] / 2000.0, 1.0 - points[:, 1] / 1000.0
 
 
-@pytest.mark.slow
 def test_a_jump_has_the_sign_of_what_was_measured(jumped):
     result, time, size = jumped
     (shift,) = result.diagnosis.residuals["displacement"].level_shifts
@@ -292,7 +292,6 @@ def test_a_jump_has_the_sign_of_what_was_measured(jumped):
     assert shift.size == pytest.approx(size, rel=0.1)
 
 
-@pytest.mark.slow
 def test_the_words_have_the_sign_of_the_number(jumped, jumped_page):
     result, time, _ = jumped
     (shift,) = result.diagnosis.residuals["displacement"].level_shifts

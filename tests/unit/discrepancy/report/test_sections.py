@@ -16,8 +16,9 @@ from orchestration.discrepancy.report.page import diagnosis_page
 from tests.support.pages import words_of
 from tests.support.report_results import COMMAND, FEW, with_verdict
 
+pytestmark = pytest.mark.slow  # each test needs a diagnosis
 
-@pytest.mark.slow
+
 def test_an_uneven_record_is_told_and_drawn_without_holes(results, made):
     diagnosis = results["uneven"].diagnosis
     there = np.isfinite(diagnosis.validation.data.measured["voltage"])
@@ -28,7 +29,6 @@ def test_an_uneven_record_is_told_and_drawn_without_holes(results, made):
     assert "Only samples that were held out are shown." in words_of(made["uneven"])
 
 
-@pytest.mark.slow
 def test_errors_are_those_of_the_diagnosis(results, made):
     diagnosis = results["cause"].diagnosis
     text = words_of(made["cause"])
