@@ -56,9 +56,19 @@ def documented(system: bool = False) -> dict[str, tuple[str, str]]:
 
 def documented_of_laws() -> dict[str, tuple[str, str]]:
     """The same of what a model's laws lack."""
-    return _table(
-        (DOCS / "reference" / "diagnosis.md").read_text(encoding="utf-8").split("## Of laws")[1]
-    )
+    return _table(_section("Of laws").split("## Of the new engine")[0])
+
+
+def documented_of_new_engine() -> set[str]:
+    """Names of the fields of the new engine at the top of its JSON."""
+    names = re.findall(r"^\| `(\w+)", _section("Of the new engine"), re.M)
+    return set(names)
+
+
+def _section(title: str) -> str:
+    """Return the page from the heading of a section on."""
+    page = (DOCS / "reference" / "diagnosis.md").read_text(encoding="utf-8")
+    return page.split(f"## {title}")[1]
 
 
 def _table(text: str) -> dict[str, tuple[str, str]]:

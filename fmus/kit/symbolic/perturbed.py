@@ -160,6 +160,19 @@ class PerturbedLaws:
             return is_state or not self._read[law] - set(self.names)
         return is_state and law in {s.rate for s in layout.states}
 
+    def is_count(self, law: str) -> bool:
+        """Return whether a law is the rate of a state that counts an input, as charge a current.
+
+        Raises
+        ------
+        KeyError
+            If there is no such law.
+        """
+        layout = self.graph.layout
+        value = self._values[law]
+        is_input = value.is_symbolic() and value.name() in {v.name for v in layout.inputs}
+        return is_input and law in {s.rate for s in layout.states}
+
     @uninterrupted()
     def acts_beside(self, law: str) -> set[str]:
         """Return the inputs and states in the rates and outputs that depend on a law."""
@@ -229,6 +242,36 @@ class PerturbedLaws:
         zero = ca.DM.zeros(additions.shape)
         unperturbed = [ca.densify(ca.substitute(e, additions, zero)) for e in expressions]
         return ca.Function("perturbed", graph.arguments, ca.cse(unperturbed))
+
+    @uninterrupted()
+    def functions(self) -> list[ca.Function]:
+        """Make functions of states, inputs, time, parameters and additions to the laws.
+
+        Returns
+        -------
+        list of casadi.Function
+            ``laws_of``: values of the laws without additions, and their Jacobians by states and
+            parameters. ``rates_of`` and ``outputs_of``: values. ``rate_slopes_of`` and
+            ``output_slopes_of``: values, and Jacobians by states, parameters and additions.
+        """
+        graph = self._perturbed
+        added = ca.vertcat(ca.SX(0, 1), *self._additions.values())
+        known = [graph.states, graph.inputs, graph.time, graph.parameters, added]
+        laws = ca.vertcat(ca.SX(0, 1), *(self._values[name] for name in self.names))
+        laws = ca.substitute(laws, added, ca.DM.zeros(added.shape))
+
+        def function(name: str, value: ca.SX, symbols: Sequence[ca.SX]) -> ca.Function:
+            results = [value, *(ca.jacobian(value, s) for s in symbols)]
+            return ca.Function(name, known, ca.cse([ca.densify(e) for e in results]))
+
+        slopes = [graph.states, graph.parameters, added]
+        return [
+            function("laws_of", laws, slopes[:2]),
+            function("rates_of", graph.rates, []),
+            function("outputs_of", graph.outputs, []),
+            function("rate_slopes_of", graph.rates, slopes),
+            function("output_slopes_of", graph.outputs, slopes),
+        ]
 
     def along(
         self,

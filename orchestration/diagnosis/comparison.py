@@ -1,0 +1,265 @@
+"""The comparison of two fitted models on the same samples: all that decides.
+
+A comparison is a handful of features with their errors, and one score of them by the numbers in
+`WEIGHTS`. Nothing else in this package asks whether one model is better than another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fmus.kit.arrays import Array
+from orchestration.diagnosis.fitting import Fit, effective_samples
+from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.terms import Memory, Shape, Term
+
+
+@dataclass(frozen=True)
+class Weights:
+    """The numbers that decide; in nats unless said otherwise.
+
+    Attributes
+    ----------
+    fitted, left_out : float
+        Weights of the gains in log likelihood. What is fitted counts half: it gains by any column.
+    term : float
+        Of each term. A third of a column's cost in a record of 10,000 independent samples.
+    share_of_words, share_of_terms : float
+        Of the gain, for each nat of words and for each term after the first: nats weigh nothing
+        beside a gain of hundreds, in which no model of a few laws is exact.
+    shapes : dict of Shape to float
+        Prior of a shape: plain ones first.
+    memories : dict of Memory to float
+        Prior of a memory.
+    factor : float
+        Prior of a change in proportion to a law.
+    law_as_signal, foreign, time : float
+        Prior of a law as the signal of another, of a signal that the law does not depend on, and of
+        the time, which is no cause.
+    behind : float
+        Errors of the difference on what is left out, by which a fit may be behind the best there:
+        the rule of one standard error (Breiman et al.: Classification and Regression Trees, 1984).
+    share_behind : float
+        Share of the mean square that is removed, by which it may be behind at least: less is no
+        matter of causes.
+    alone : float
+        Share of the gain of a set that its first term must have alone.
+    least : float
+        Score and gain on what is left out, above which something is missing at all.
+    temper, temper_of_gain : float
+        Scale of scores that a probability is made of: of nats, and as a share of the largest gain.
+    sure, group : float
+        Probability from which a cause is named, and which a group reaches.
+    most : int
+        Causes in a group.
+    """
+
+    fitted: float = 0.5
+    left_out: float = 1.0
+    term: float = 3.0
+    share_of_words: float = 0.02
+    share_of_terms: float = 0.04
+    shapes = {
+        Shape.CURVE: 1.0, Shape.DEAD_ZONE: 0.5, Shape.DRY: 0.3, Shape.ROOT: 0.7, Shape.CUBE: 0.3,
+        Shape.ABOVE: 0.7, Shape.BELOW: 0.7,
+    }  # fmt: skip
+    memories = {
+        Memory.LAG: 2.0, Memory.FADING: 3.0, Memory.TWO_LAGS: 4.0, Memory.RATE_LIMIT: 3.0,
+        Memory.PLAY: 2.0, Memory.DAHL: 2.0,
+    }  # fmt: skip
+    factor: float = 1.0
+    law_as_signal: float = 2.0
+    foreign: float = 1.5
+    time: float = 8.0
+    behind: float = 1.0
+    share_behind: float = 0.02
+    alone: float = 0.5
+    least: float = 1.0
+    temper: float = 3.0
+    temper_of_gain: float = 0.05
+    sure: float = 0.9
+    group: float = 0.9
+    most: int = 3
+
+
+WEIGHTS = Weights()
+
+
+def words(model: LawModel, term: Term, depends: bool) -> float:
+    """Return the prior of a term, nats: what is plain comes first.
+
+    Parameters
+    ----------
+    model : LawModel
+    term : Term
+    depends : bool
+        Whether its law depends on its signal already.
+    """
+    total = WEIGHTS.shapes.get(term.shape, 0.0) + WEIGHTS.memories.get(term.memory, 0.0)
+    if not term.signal:
+        return total
+    if term.factor:
+        total += WEIGHTS.factor
+    if not depends:
+        total += WEIGHTS.foreign
+    if term.signal == "time":
+        total += WEIGHTS.time
+    if term.signal in model.laws:
+        total += WEIGHTS.law_as_signal
+    return total
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A fit with its errors on samples that it was not fitted to.
+
+    Attributes
+    ----------
+    fit : Fit
+    choosing, measuring : ndarray, shape (m, ny)
+        Errors in spreads, on what is left out: of the samples that take part in the choice, and of
+        those by which nothing is chosen.
+    words : float
+        Prior of its terms, nats.
+    """
+
+    fit: Fit
+    choosing: Array
+    measuring: Array
+    words: float
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """The terms of the fit."""
+        return self.fit.terms
+
+    @cached_property
+    def left_out(self) -> float:
+        """Root mean square of the errors by which nothing is chosen, in spreads."""
+        errors = self.measuring if np.isfinite(self.measuring).any() else self.choosing
+        return float(np.sqrt(np.nanmean(errors**2)))
+
+    @cached_property
+    def effective(self) -> tuple[list[Array], Array]:
+        """Effective samples of each output: of each fitted record, and of what is left out."""
+        fitted = [np.array([effective_samples(c) for c in e.T]) for e in self.fit.errors]
+        return fitted, np.array([effective_samples(c) for c in self.choosing.T])
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A fitted model against another on the same samples.
+
+    Attributes
+    ----------
+    fitted, left_out : float
+        Gain in log likelihood, nats: ``n_eff / 2 log`` of the ratio of mean squares.
+    rise, error : float
+        By which the mean square rises on what is left out, and the standard error of that, by a
+        bootstrap of blocks (Kuensch: The jackknife and the bootstrap for general stationary
+        observations, Annals of Statistics 17, 1989).
+    columns : float
+        Cost of the columns that it has more, ``1/2 log n_eff`` each (Schwarz).
+    terms : int
+        Terms that it has more.
+    distance : float
+        By which its parameters are farther from nominal, nats.
+    words : float
+        Prior of its words, nats.
+    """
+
+    fitted: float
+    left_out: float
+    rise: float
+    error: float
+    columns: float
+    terms: int
+    distance: float
+    words: float
+
+    @property
+    def gain(self) -> float:
+        """Weighed gain, nats."""
+        return WEIGHTS.fitted * self.fitted + WEIGHTS.left_out * self.left_out
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether the error on what is left out rises beyond its own error."""
+        return self.rise > self.error
+
+    def score(self, largest: float) -> float:
+        """Return the score, nats, beside the largest gain of all that are compared."""
+        cost = self.columns + WEIGHTS.term * self.terms + self.distance + self.words
+        share = WEIGHTS.share_of_words * self.words
+        share += WEIGHTS.share_of_terms * max(self.terms - 1, 0)
+        return self.gain - cost - share * max(largest, 0.0)
+
+
+def compare(one: Judged, base: Judged, effective: tuple[list[Array], Array]) -> Comparison:
+    """Compare a fitted model with another on the same samples.
+
+    Parameters
+    ----------
+    one, base : Judged
+    effective : tuple
+        Effective samples, the same in all comparisons of a diagnosis; see `Judged.effective`.
+    """
+    fitted = sum(
+        _gain(ours, theirs, n)
+        for ours, theirs, n in zip(one.fit.errors, base.fit.errors, effective[0], strict=True)
+    )
+    rise, error = difference(one, base)
+    samples = sum(float(n.sum()) for n in effective[0])
+    freedom = one.fit.freedom - base.fit.freedom
+    return Comparison(
+        fitted,
+        _gain(one.choosing, base.choosing, effective[1]),
+        rise,
+        error,
+        0.5 * freedom * float(np.log(max(samples, 3.0))),
+        len(one.terms) - len(base.terms),
+        one.fit.distance - base.fit.distance,
+        one.words - base.words,
+    )
+
+
+def difference(one: Judged, base: Judged) -> tuple[float, float]:
+    """Return the rise of the mean square on what is left out, and its standard error."""
+    return _rise(one.choosing, base.choosing)
+
+
+def rises(one: Judged, base: Judged) -> bool:
+    """Return whether the error rises beyond its own error where nothing is chosen by it."""
+    rise, error = _rise(one.measuring, base.measuring)
+    return rise > error
+
+
+def _rise(ours: Array, theirs: Array) -> tuple[float, float]:
+    """Return the rise of the mean square of errors (n, ny) over others, and its standard error."""
+    known = np.isfinite(ours).any(axis=1) & np.isfinite(theirs).any(axis=1)
+    if known.sum() < 4:
+        return 0.0, np.inf
+    rise = np.nanmean(ours[known] ** 2, axis=1) - np.nanmean(theirs[known] ** 2, axis=1)
+    blocks = np.array([b.mean() for b in np.array_split(rise, min(12, len(rise) // 2))])
+    draws = np.random.default_rng(0).choice(blocks, (400, len(blocks))).mean(axis=1)
+    return float(rise.mean()), float(draws.std())
+
+
+def _gain(ours: Array, theirs: Array, effective: Array) -> float:
+    """Return the gain in log likelihood of errors (n, ny) over others."""
+    one = np.maximum(np.nanmean(ours**2, axis=0), 1e-12)
+    other = np.maximum(np.nanmean(theirs**2, axis=0), 1e-12)
+    ratio = 0.5 * effective * np.log(other / one)
+    return float(np.sum(ratio[np.isfinite(ratio)]))
+
+
+def common_effective(judged: Sequence[Judged]) -> tuple[list[Array], Array]:
+    """Return effective samples that all comparisons share: medians over the three nearest fits."""
+    nearest = sorted(judged, key=lambda one: one.fit.misfit)[:3]
+    records = range(len(nearest[0].fit.errors))
+    fitted = [np.median([one.effective[0][r] for one in nearest], axis=0) for r in records]
+    return fitted, np.median([one.effective[1] for one in nearest], axis=0)

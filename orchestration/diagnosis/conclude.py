@@ -1,0 +1,158 @@
+"""The conclusion: causes with probabilities, from the comparisons of all fits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orchestration.diagnosis.comparison import WEIGHTS, Comparison, Judged, difference, rises
+from orchestration.diagnosis.search import Found
+from orchestration.diagnosis.terms import Term
+
+Scored = tuple[Judged, Comparison, float]
+_SETS = 8  # that share the probability
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """A cause with its best model.
+
+    Attributes
+    ----------
+    law, signal : str
+    probability : float
+    judged : Judged
+    terms : tuple of Term
+        In the order in which they explain.
+    comparison : Comparison
+        To the model without terms.
+    """
+
+    law: str
+    signal: str
+    probability: float
+    judged: Judged
+    terms: tuple[Term, ...]
+    comparison: Comparison
+
+    @property
+    def name(self) -> str:
+        """Law and signal."""
+        return f"{self.law}({self.signal})"
+
+
+@dataclass(frozen=True, eq=False)
+class Conclusion:
+    """The verdict of a diagnosis.
+
+    Attributes
+    ----------
+    verdict : str
+        ``cause``, ``ambiguous``, ``unexplained`` or ``consistent``.
+    causes : tuple of Cause
+        The smallest group that reaches the probability; of ``unexplained`` the best guesses.
+    nothing : float
+        Probability that nothing is missing that this record can show.
+    base : Judged
+    """
+
+    verdict: str
+    causes: tuple[Cause, ...]
+    nothing: float
+    base: Judged
+
+
+def conclude(found: Found) -> Conclusion:
+    """Draw the conclusion from all fits of a search."""
+    ranked = [entry for entry in found.compared() if not entry[1].is_worse]
+    best: dict[object, Scored] = {}
+    for entry in _near_the_lowest(ranked, found.base):
+        best.setdefault(frozenset(t.source[:3] for t in entry[0].terms), entry)
+    top = sorted(best.values(), key=lambda entry: -entry[2])[:_SETS]
+    if not top:
+        return Conclusion("consistent", (), 1.0, found.base)
+    *shares, nothing = _shares(top)
+    group = _group(_causes(top, shares, found))
+    return Conclusion(_verdict(group, top[0][2], found.base), group, nothing, found.base)
+
+
+def _shares(top: Sequence[Scored]) -> list[float]:
+    """Return the share of each set, and that of no term at all, by their scores."""
+    largest = max(comparison.gain for _, comparison, _ in top)
+    temper = WEIGHTS.temper + WEIGHTS.temper_of_gain * max(largest, 0.0)
+    scores = np.array([score for *_, score in top] + [0.0]) / temper
+    shares = np.exp(scores - scores.max())
+    return [float(share) for share in shares / shares.sum()]
+
+
+def _causes(top: Sequence[Scored], shares: Sequence[float], found: Found) -> list[Cause]:
+    """Join the sets with the same first term to causes, the most probable first."""
+    causes: dict[tuple[str, str], Cause] = {}
+    for (one, comparison, _), share in zip(top, shares, strict=True):
+        terms = _in_order(one, found)
+        law, signal = terms[0].cause
+        known = causes.setdefault((law, signal), Cause(law, signal, 0.0, one, terms, comparison))
+        causes[law, signal] = replace(known, probability=known.probability + share)
+    return sorted(causes.values(), key=lambda cause: -cause.probability)
+
+
+def _group(causes: Sequence[Cause]) -> tuple[Cause, ...]:
+    """Return the smallest group that reaches the probability, or as many as may be in one."""
+    reached = np.cumsum([cause.probability for cause in causes])
+    count = int(np.searchsorted(reached, WEIGHTS.group)) + 1
+    return tuple(causes[: min(count, WEIGHTS.most)])
+
+
+def _verdict(group: Sequence[Cause], score: float, base: Judged) -> str:
+    """Return the verdict; never a cause whose error rises where nothing is chosen by it."""
+    first = group[0]
+    if score <= 0.0 or first.comparison.left_out <= WEIGHTS.least:
+        return "consistent"
+    if sum(cause.probability for cause in group) < WEIGHTS.group or rises(first.judged, base):
+        return "unexplained"
+    return "cause" if first.probability >= WEIGHTS.sure else "ambiguous"
+
+
+def _near_the_lowest(ranked: Sequence[Scored], base: Judged) -> list[Scored]:
+    """Return the fits that are not behind the lowest error on what is left out."""
+    if not ranked:
+        return []
+    # one that does not gain in all is no measure of what can be reached
+    gaining = [one for one, _, score in ranked if score > 0.5 * ranked[0][2]] or [ranked[0][0]]
+    lowest = min(gaining, key=lambda one: float(np.nanmean(one.choosing**2)))
+    removed, _ = difference(base, lowest)
+    near = []
+    for entry in ranked:
+        behind, error = difference(entry[0], lowest)
+        if behind <= max(WEIGHTS.behind * error, WEIGHTS.share_behind * removed):
+            near.append(entry)
+    return near
+
+
+def _in_order(one: Judged, found: Found) -> tuple[Term, ...]:
+    """Return the terms in the order in which they explain.
+
+    First that which gains most alone, if this is half of what the set gains; else that whose loss
+    costs most.
+    """
+    gains: dict[frozenset[object], float] = {frozenset(): 0.0}
+    for other, comparison, _ in found.compared():
+        key = frozenset(t.source for t in other.terms)
+        gains[key] = max(gains.get(key, -np.inf), comparison.gain)
+
+    def gain(terms: Sequence[Term]) -> float:
+        return gains.get(frozenset(t.source for t in terms), -np.inf)
+
+    order: list[Term] = []
+    rest = list(one.terms)
+    while rest:
+        alone = {t: gain([*order, t]) for t in rest}
+        lost = {t: gain([x for x in one.terms if x is not t]) for t in rest}
+        first = max(rest, key=lambda t: alone[t])
+        if alone[first] < WEIGHTS.alone * gain(one.terms):
+            first = min(rest, key=lambda t: lost[t] if np.isfinite(lost[t]) else np.inf)
+        order.append(first)
+        rest = [t for t in rest if t is not first]
+    return tuple(order)

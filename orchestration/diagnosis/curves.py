@@ -1,0 +1,152 @@
+"""Courses over time and curves over signals of the models of a diagnosis, for charts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmus.kit.arrays import Array
+from orchestration.diagnosis.comparison import Judged
+from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.fitting import Fit
+from orchestration.diagnosis.law_model import Course
+from orchestration.diagnosis.terms import Memory, Term
+
+_POINTS = 200  # of a curve
+_OUTSIDE = 0.005  # share of the samples beyond either end of a curve
+
+
+@dataclass(frozen=True)
+class OutputCourse:
+    """An output over a record, SI.
+
+    Attributes
+    ----------
+    output, record : str
+    time, measured, before, after : ndarray, shape (n,)
+        Simulated without terms, and by the final model; NaN where a run left its bounds.
+    unseen_from : float
+        Time from which on nothing was fitted.
+    """
+
+    output: str
+    record: str
+    time: Array
+    measured: Array
+    before: Array
+    after: Array
+    unseen_from: float
+
+
+@dataclass(frozen=True)
+class TermCurve:
+    """A fitted term over its signal, SI.
+
+    Attributes
+    ----------
+    term : Term
+    signal, addition : ndarray, shape (m,)
+        Value of the signal, or of the memory of it, and what is added to the law there.
+    samples : ndarray, shape (n,)
+        Values that the record reached.
+    """
+
+    term: Term
+    signal: Array
+    addition: Array
+    samples: Array
+
+
+def output_courses(diagnosis: Diagnosis) -> list[OutputCourse]:
+    """Return every measured output over the first record of which a part is unseen."""
+    subject = diagnosis.subject
+    one = subject.left_out[0]
+    record = one.record
+    before = _simulated(diagnosis, diagnosis.found.base)
+    after = _simulated(diagnosis, diagnosis.final)
+    courses = []
+    for j, output in enumerate(subject.problem.model.outputs):
+        if np.isfinite(record.outputs[:, j]).any():
+            columns = (record.outputs[:, j], before[:, j], after[:, j])
+            unseen_from = float(record.time[one.first])
+            courses.append(
+                OutputCourse(output.name, record.label, record.time, *columns, unseen_from)
+            )
+    return courses
+
+
+def _simulated(diagnosis: Diagnosis, judged: Judged) -> Array:
+    """Return the outputs (n, ny) of a model over the record of `output_courses`."""
+    subject = diagnosis.subject
+    one = subject.left_out[0]
+    errors = subject.errors(judged.fit, replace(one, first=0))
+    if errors is None:
+        return np.full(one.record.outputs.shape, np.nan)
+    return np.asarray(one.record.outputs - errors * subject.problem.spread)
+
+
+def term_curves(fitted: Fit, terms: dict[str, Term]) -> dict[str, TermCurve]:
+    """Return the curve of every term that has a signal, over what the fitted records reached."""
+    curves = {}
+    for name, term in terms.items():
+        if not term.signal:
+            continue
+        samples = _samples(fitted, term)
+        low, high = np.quantile(samples, [_OUTSIDE, 1.0 - _OUTSIDE])
+        signal = np.linspace(low, high, _POINTS)
+        curves[name] = TermCurve(term, signal, addition(fitted, term, signal), samples)
+    return curves
+
+
+def addition(fitted: Fit, term: Term, signal: Array) -> Array:
+    """Return what a fitted term adds to its law, without its factor, at values (n,) of its signal.
+
+    Parameters
+    ----------
+    fitted : Fit
+    term : Term
+        One of its terms.
+    signal : ndarray, shape (n,)
+        Or the memory of it.
+    """
+    values = fitted.values_of(term)
+    width = float(np.exp(values[-1])) if term.shape.has_width else 1.0
+    shapes = fitted.problem.model.shape_values(replace(term, width=width), signal)
+    return np.asarray(term.size * shapes @ values[: term.coefficients])
+
+
+def signal_samples(fitted: Fit, signal: str) -> Array:
+    """Return the values (n,) of an input, a state, a law or the time over the fitted records."""
+    problem = fitted.problem
+    model = problem.model
+    parts = []
+    for record, course in zip(problem.records, _courses(fitted), strict=True):
+        setting = problem.setting(fitted.point, fitted.terms)
+        laws = model.linearise(record, setting, course).laws
+        own = course.states[:, : len(model.states)]
+        signals = np.column_stack([record.inputs, own, laws, record.time])
+        parts.append(signals[:, model.signals.index(signal)])
+    return np.concatenate(parts)
+
+
+def _samples(fitted: Fit, term: Term) -> Array:
+    """Return the values (n,) of a term's signal, or of the memory of it."""
+    values = signal_samples(fitted, term.signal)
+    if term.memory is Memory.NONE:
+        return values
+    remembering = [t for t in fitted.terms if t.memory is not Memory.NONE]
+    at = len(fitted.problem.model.states) + remembering.index(term)
+    memory = np.concatenate([course.states[:, at] for course in _courses(fitted)])
+    return values - memory if term.memory is Memory.FADING else memory
+
+
+def _courses(fitted: Fit) -> list[Course]:
+    """Return the runs of a fit over its records."""
+    problem = fitted.problem
+    courses = []
+    for record, start in zip(problem.records, fitted.point.starts, strict=True):
+        course = problem.run(record, fitted.point, fitted.terms, start, False)
+        assert course is not None, "a fit runs over its records"
+        courses.append(course)
+    return courses

@@ -1,0 +1,335 @@
+"""From measured records to the diagnosis of a component: the one way through the kernel."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Literal, cast
+
+import numpy as np
+
+from fmus.kit import UserError
+from fmus.kit.arrays import Array
+from orchestration.diagnosis.comparison import Judged
+from orchestration.diagnosis.conclude import Cause, Conclusion, conclude
+from orchestration.diagnosis.law_model import LawModel, Record
+from orchestration.diagnosis.remainder import Remainder, remainders
+from orchestration.diagnosis.search import Found, search
+from orchestration.diagnosis.subject import Subject, subject_of
+from orchestration.diagnosis.term_names import deviations, estimates, stems
+from orchestration.diagnosis.terms import Term
+from orchestration.fmu import Model
+from orchestration.identify.uncertainty import Estimate, is_significantly_different
+from orchestration.records import Record as MeasuredRecord
+from orchestration.records.sampling import gaps
+from orchestration.reporting import option
+
+Verdict = Literal["consistent", "recalibrate", "cause", "ambiguous", "unexplained"]
+
+_SHORTEST = 12  # samples of a piece between two gaps; a shorter one tells little but its start
+_LARGE = 0.15  # of the spread, from which on a slow remainder is no consistent model
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A step of the ladder: so many terms of the best model, with their error on unseen samples.
+
+    Attributes
+    ----------
+    terms : tuple of Term
+        Empty for the model without terms.
+    error : float or None
+        Root mean square on samples by which nothing was chosen; see `Diagnosis.error`.
+    """
+
+    terms: tuple[Term, ...]
+    error: float | None
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The diagnosis of a component over records.
+
+    Attributes
+    ----------
+    model : Model
+    records, holdouts : tuple of MeasuredRecord
+    found : Found
+        All fits, with their subject.
+    conclusion : Conclusion
+    notes : tuple of (str, str, str)
+        Code, subject and sentence of a remark on the data.
+    """
+
+    model: Model
+    records: tuple[MeasuredRecord, ...]
+    holdouts: tuple[MeasuredRecord, ...]
+    found: Found
+    conclusion: Conclusion
+    notes: tuple[tuple[str, str, str], ...] = ()
+
+    @property
+    def subject(self) -> Subject:
+        """The compiled model with its records, as they were fitted."""
+        return self.found.subject
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """The verdict, by the conclusion and by what is left."""
+        if self.conclusion.verdict != "consistent":
+            return cast("Verdict", self.conclusion.verdict)
+        if any(one.share > _LARGE and one.is_slow for one in self.remainders):
+            return "unexplained"
+        return "recalibrate" if self.changed else "consistent"
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """The group of causes, the most probable first; best guesses where nothing is explained."""
+        return () if self.conclusion.verdict == "consistent" else self.conclusion.causes
+
+    @property
+    def is_named(self) -> bool:
+        """Whether the verdict names a cause, or a group of them."""
+        return self.conclusion.verdict in ("cause", "ambiguous")
+
+    @property
+    def final(self) -> Judged:
+        """The model that all figures after the diagnosis are of: with the first cause if named."""
+        return self.causes[0].judged if self.is_named else self.found.base
+
+    @cached_property
+    def terms(self) -> dict[str, Term]:
+        """Terms of the final model in the order in which they explain, by name."""
+        return stems(self.causes[0].terms) if self.is_named else {}
+
+    @cached_property
+    def remainders(self) -> tuple[Remainder, ...]:
+        """What the final model leaves of each measured output."""
+        return remainders(self.final, self.sizes)
+
+    @cached_property
+    def parameters(self) -> dict[str, Estimate]:
+        """Parameters of the final model, those of its terms among them, by name."""
+        return estimates(self.final.fit, self.terms)
+
+    @cached_property
+    def changed(self) -> tuple[str, ...]:
+        """Parameters of the model that differ from nominal, significantly and noticeably."""
+        fitted = self.final.fit
+        problem = fitted.problem
+        changes = fitted.point.q - problem.mean
+        names = [problem.model.parameters[i].name for i in problem.free]
+        errors = deviations(fitted)[: len(names)]
+        return tuple(
+            name
+            for name, change, error in zip(names, changes, errors, strict=True)
+            if is_significantly_different(change, error)
+        )
+
+    @cached_property
+    def ladder(self) -> tuple[Rung, ...]:
+        """Errors of the model without terms, and with one more of the first cause at a time."""
+        rungs = [Rung((), self.error(self.found.base))]
+        terms = self.causes[0].terms if self.causes else ()
+        for count in range(1, len(terms) + 1):
+            sources = {t.source for t in terms[:count]}
+            same = [one for one in self.found.fits if {t.source for t in one.terms} == sources]
+            if count == len(terms):
+                same = [self.causes[0].judged]
+            if same:
+                best = min(same, key=lambda one: float(np.nanmean(one.choosing**2)))
+                rungs.append(Rung(terms[:count], self.error(best)))
+        return tuple(rungs)
+
+    @cached_property
+    def sizes(self) -> Array:
+        """RMS (ny,) of each output about its mean where nothing was fitted, in its spread.
+
+        NaN of an output that was not measured there or does not move.
+        """
+        unseen = np.concatenate([one.record.outputs[one.first :] for one in self.subject.left_out])
+        size = np.full(unseen.shape[1], np.nan)
+        for j, values in enumerate(unseen.T):
+            measured = values[np.isfinite(values)]
+            if measured.size and np.ptp(measured) > 0.0:
+                size[j] = measured.std() / self.subject.problem.spread[j]
+        return size
+
+    def errors(self, judged: Judged) -> dict[str, float | None]:
+        """Return RMS errors on samples by which nothing was chosen, over `sizes`, by output."""
+        result = {}
+        for j, output in enumerate(self.subject.problem.model.outputs):
+            error = judged.measuring[:, j]
+            error = error[np.isfinite(error)]
+            share = float(np.sqrt(np.mean(error**2)) / self.sizes[j]) if error.size else np.nan
+            result[output.name] = share if np.isfinite(share) else None
+        return result
+
+    def error(self, judged: Judged) -> float | None:
+        """Return the root mean square of `errors` over the outputs."""
+        known = [value for value in self.errors(judged).values() if value is not None]
+        return float(np.sqrt(np.mean(np.square(known)))) if known else None
+
+
+def diagnose(
+    records: Sequence[MeasuredRecord],
+    model: Model,
+    holdouts: Sequence[MeasuredRecord] = (),
+    hold: Collection[str] = (),
+    given: Mapping[str, float] | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Diagnosis:
+    """Diagnose a component over records.
+
+    Parameters
+    ----------
+    records : sequence of MeasuredRecord
+        Each has start states of its own; one with gaps in its time is cut there.
+    model : Model
+        With equations and without discrete states.
+    holdouts : sequence of MeasuredRecord
+        By one half of which models are compared, and by the other measured; without any, the last
+        third of every record.
+    hold : collection of str
+        Parameters that keep their values.
+    given : Mapping of str to float, optional
+        Nominal values of parameters, and values of inputs that are constant, SI.
+    progress : callable
+        Called with a text about each step of the work.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    UserError
+        If the model or the records cannot be used.
+    """
+    values = given or {}
+    law_model = _law_model(model)
+    _check_hold(law_model, hold)
+    fitted, notes = _cut(records, model, law_model, values)
+    unseen, more = _cut(holdouts, model, law_model, values)
+    _check_outputs(model, fitted)
+    progress("fitting the model as it is")
+    with warnings.catch_warnings():
+        # an output that was not recorded has no mean
+        warnings.simplefilter("ignore", RuntimeWarning)
+        subject = subject_of(law_model, fitted, unseen, hold, values)
+        found = None if subject is None else search(subject, progress)
+        if found is None:
+            raise UserError(
+                f"{model.name}: a free run over {_names(records)} leaves all bounds, and cannot be"
+                f" fitted by the new engine; use {option('engine', 'old')}"
+            )
+        conclusion = conclude(found)
+    return Diagnosis(model, tuple(records), tuple(holdouts), found, conclusion, (*notes, *more))
+
+
+def _law_model(model: Model) -> LawModel:
+    """Compile a model with equations.
+
+    Raises
+    ------
+    UserError
+        If it has none, or discrete states.
+    """
+    instead = f"use {option('engine', 'old')}"
+    if model.cls is None:
+        raise UserError(f"{model.without_equations}, which the new engine needs; {instead}")
+    discretes = model.cls.layout.discretes
+    if discretes:
+        raise UserError(
+            f"{model.name}: {discretes[0].name} is a discrete state, which the new engine does not"
+            f" run yet; {instead}"
+        )
+    return LawModel(model.cls)
+
+
+def _check_hold(model: LawModel, hold: Collection[str]) -> None:
+    known = [p.name for p in model.parameters]
+    unknown = next((name for name in hold if name not in known), None)
+    if unknown is not None:
+        raise UserError(
+            f"{option('hold', [unknown])}: no parameter named {unknown!r}; there are"
+            f" {', '.join(known)}"
+        )
+
+
+def _check_outputs(model: Model, records: Sequence[Record]) -> None:
+    """Raise an error unless an output is measured."""
+    if not records:
+        raise UserError(f"{model.name}: no record has {_SHORTEST} samples between two gaps")
+    if not any(np.isfinite(r.outputs).any() for r in records):
+        raise UserError(f"{model.name}: no record has any of {', '.join(model.outputs)}")
+
+
+def _cut(
+    records: Sequence[MeasuredRecord], model: Model, law_model: LawModel, given: Mapping[str, float]
+) -> tuple[list[Record], list[tuple[str, str, str]]]:
+    """Return records as the kernel takes them, cut at gaps in time, and notes on them."""
+    pieces, notes = [], []
+    for record in records:
+        inputs, absent = _inputs(record, model, law_model, given)
+        outputs = _outputs(record, law_model)
+        label = " ".join(filter(None, (record.source.stem, record.label)))
+        spans = _spans(record.time)
+        for number, (first, last) in enumerate(spans, 1):
+            pieces.append(
+                Record(
+                    np.ascontiguousarray(record.time[first:last] - record.time[first]),
+                    np.ascontiguousarray(inputs[first:last]),
+                    np.ascontiguousarray(outputs[first:last]),
+                    (False,) * inputs.shape[1],
+                    f"{label}.{number}" if len(spans) > 1 else label,
+                )
+            )
+        for name, value in absent.items():
+            text = f"{name} is not in {record.source.name}: it is taken to be {value:g} throughout"
+            notes.append(("absent_input", name, text))
+        if len(spans) > 1:
+            text = f"{record.source.name} has gaps in its time: it is {len(spans)} records"
+            notes.append(("gaps", record.label, text))
+    return pieces, list(dict.fromkeys(notes))
+
+
+def _spans(time: Array) -> list[tuple[int, int]]:
+    """Return first and last sample of the pieces between gaps; the whole if most would be lost."""
+    ends = [0, *(gaps(time) + 1).tolist(), len(time)]
+    spans = [(first, last) for first, last in pairwise(ends) if last - first >= _SHORTEST]
+    lost = len(time) - sum(last - first for first, last in spans)
+    return spans if 2 * lost < len(time) else [(0, len(time))]
+
+
+def _inputs(
+    record: MeasuredRecord, model: Model, law_model: LawModel, given: Mapping[str, float]
+) -> tuple[Array, dict[str, float]]:
+    """Return the inputs (n, nu) of a record, and values of those that it lacks."""
+    count = len(record.time)
+    inputs = np.empty((count, len(law_model.inputs)))
+    absent = {}
+    for j, variable in enumerate(law_model.inputs):
+        name = variable.name
+        if name in given:
+            inputs[:, j] = given[name]
+        elif name in record.signals:
+            inputs[:, j] = record.signals[name]
+        else:
+            absent[name] = float(variable.start)
+            inputs[:, j] = variable.start
+    return inputs, absent
+
+
+def _outputs(record: MeasuredRecord, law_model: LawModel) -> Array:
+    """Return the measured outputs (n, ny) of a record; NaN of one that it lacks."""
+    gap = np.full(len(record.time), np.nan)
+    columns = [record.signals.get(output.name, gap) for output in law_model.outputs]
+    return np.column_stack(columns)
+
+
+def _names(records: Sequence[MeasuredRecord]) -> str:
+    return ", ".join(dict.fromkeys(record.source.name for record in records))

@@ -1,0 +1,129 @@
+"""A fitted set of terms as a component, from which an FMU is built."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+import numpy as np
+
+from fmus.kit import Component, stack
+from fmus.kit.declare import ParameterDeclaration
+from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.fitting import Fit
+from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.law_term import LawTerm, law_term_effect
+from orchestration.diagnosis.term_names import (
+    FORMS,
+    sentence,
+    shape_text,
+    stems,
+    term_parameters,
+    unit_of,
+)
+from orchestration.diagnosis.terms import Memory, Shape, Term
+
+_ADDITIONS = 4  # place of the additions to laws among the arguments of a model's functions
+
+
+def extended_model(diagnosis: Diagnosis) -> type[Component]:
+    """Return the final model of a diagnosis as a component with fitted values as defaults."""
+    files = ", ".join(dict.fromkeys(record.source.name for record in diagnosis.records))
+    made = extended_component(diagnosis.final.fit, diagnosis.terms)
+    cls = diagnosis.subject.problem.model.cls
+    lines = [f"Fitted to {files!a}"]
+    for term in diagnosis.terms.values():
+        lines.append(f"Added to {term.law}: {shape_text(term)}, {sentence(cls, term)}")
+    made.remark = "\n".join(lines)
+    return made
+
+
+def extended_component(fitted: Fit, terms: Mapping[str, Term] | None = None) -> type[Component]:
+    """Return a model with the terms of a fit, and fitted values as defaults.
+
+    Start states are those of the first record.
+
+    Parameters
+    ----------
+    fitted : Fit
+    terms : Mapping of str to Term, optional
+        Its terms by name; by default named in their order.
+
+    Notes
+    -----
+    Play and Dahl elements follow their signal at the samples of the record, as they do in the free
+    runs of the fit; in a run over other steps they differ by what happens between two samples.
+    """
+    named = stems(fitted.terms) if terms is None else dict(terms)
+    model = fitted.problem.model
+    effects = []
+    values = _own_values(fitted)
+    for stem, term in named.items():
+        effects.append(law_term_effect(model.cls, term.law, _law_term(fitted, stem, term)))
+        values |= _term_values(fitted, stem, term)
+    made = stack(model.cls, *effects, name=f"{model.cls.name}_{'extended' if named else 'fitted'}")
+    declared = {p.name: p for p in made.layout.parameters}
+    defaults = {n: _allowed(v, declared[n]) for n, v in values.items() if v != declared[n].start}
+    return stack(made, name=made.name, defaults=defaults)
+
+
+def _own_values(fitted: Fit) -> dict[str, float]:
+    """Return the parameters and the start states of a fit."""
+    problem = fitted.problem
+    model = problem.model
+    fitted_values = problem.parameters(fitted.point.q)
+    values = {p.name: v for p, v in zip(model.parameters, fitted_values, strict=True)}
+    for i, position in enumerate(model.start_positions):
+        values[model.parameters[position].name] = fitted.point.starts[0][i]
+    return {name: float(value) for name, value in values.items()}
+
+
+def _term_values(fitted: Fit, stem: str, term: Term) -> dict[str, float]:
+    """Return the parameters of a term, SI."""
+    values = {stem: 1.0} if term.places else {}
+    parameters = term_parameters(fitted.problem.model.cls, stem, term)
+    for one, value in zip(parameters, fitted.values_of(term), strict=True):
+        values[one.name] = float(one.factor * (np.exp(value) if one.logarithmic else value))
+    return values
+
+
+def _allowed(value: float, declared: ParameterDeclaration) -> float:
+    """Clip a value to its range, which a start state may have left by its noise."""
+    return min(max(value, declared.min), declared.max)
+
+
+def _law_term(fitted: Fit, stem: str, term: Term) -> LawTerm:
+    """Return a term in SI units, as its effect declares it."""
+    problem = fitted.problem
+    model = problem.model
+    step = min(float(np.median(np.diff(record.time))) for record in problem.records)
+    amount = term_parameters(model.cls, stem, term)[0]
+    is_sampled = term.memory in (Memory.PLAY, Memory.DAHL)
+    return LawTerm(
+        term.law,
+        term.signal,
+        term.shape.name.lower(),
+        term.memory.name.lower(),
+        stem,
+        amount.unit,
+        unit_of(model.cls, term.signal) if term.signal else "1",
+        FORMS[term.shape].power,
+        float(term.size),
+        float(term.scale),
+        0.0 if term.shape is Shape.CURVE else float(term.middle),
+        term.factor,
+        tuple(float(term.middle + term.scale * place) for place in term.places),
+        step / problem.substeps if is_sampled else 0.0,
+        _is_held(model, term.law),
+    )
+
+
+def _is_held(model: LawModel, law: str) -> bool:
+    """Return whether a sampled memory in a law is held between samples, as in the free run.
+
+    An output is computed before the sample instant at the end of a step; a memory that it shows
+    follows its signal there.
+    """
+    outputs = next(f for f in model.perturbed.functions() if f.name() == "output_slopes_of")
+    by_laws = ca.DM(outputs.jac_sparsity(0, _ADDITIONS), 1.0).full()
+    return not by_laws[:, model.laws.index(law)].any()

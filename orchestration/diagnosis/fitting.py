@@ -1,0 +1,481 @@
+"""Fits of a model with terms to free runs, from several starts, by exact derivatives.
+
+The cost is ``1/2 sum (e / sigma)^2 n_eff / n + 1/2 sum ((q - mean) / deviation)^2`` over all
+samples of all records and all searched coordinates: parameters (in their logarithm where they are
+positive), values of the terms, and the start states of each record. It is minimised by the method
+of Levenberg and Marquardt (Nocedal, Wright: Numerical Optimization, section 10.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fmus.kit.arrays import Array
+from orchestration.diagnosis.law_model import Course, LawModel, Record, Setting
+from orchestration.diagnosis.terms import Term
+from orchestration.identify.fitting import Scale, scale_of
+
+_LOGARITHM = float(np.log(10.0))  # prior deviation of a positive parameter: a factor of ten
+_PLAIN = 3.0  # prior deviation of other parameters, in their size
+_COEFFICIENT = 10.0  # prior deviation of a coefficient, in the size of its law
+_CONSTANT = 0.8  # prior deviation of the logarithm of a constant of a memory
+_WIDTH = 0.6  # prior deviation of the logarithm of a width
+_LONGEST = 1.5  # step of a coordinate, in prior deviations of a logarithm
+_FLAT = 1e-4  # relative fall of the cost that ends a search, twice in a row
+_STARTS = 3  # that are tried, of those that begin nearest to the record
+_TRIAL = 4  # steps from each, before the best goes on
+_FEWEST = 4.0  # effective samples that are counted at least
+
+
+def effective_samples(error: Array) -> float:
+    """Return the number of independent samples that tell as much of a mean as these.
+
+    By the autocorrelation up to where it first falls below a twentieth (Geyer: Practical Markov
+    chain Monte Carlo, Statistical Science 7, 1992).
+
+    Parameters
+    ----------
+    error : ndarray, shape (n,)
+        NaN is a gap, and left out.
+    """
+    e = error[np.isfinite(error)]
+    n = len(e)
+    e = e - e.mean() if n else e
+    if n < 2 * _FEWEST or not e.any():
+        return float(n)
+    spectrum = np.fft.rfft(e, 2 * n)
+    covariance = np.fft.irfft(spectrum * spectrum.conj())[: n // 2]
+    correlation = covariance / covariance[0]
+    below = np.flatnonzero(correlation < 0.05)
+    last = int(below[0]) if len(below) else len(correlation)
+    return float(np.clip(n / (1.0 + 2.0 * correlation[1:last].sum()), _FEWEST, n))
+
+
+@dataclass(frozen=True, eq=False)
+class StartPrior:
+    """Expected start states of a record, with standard deviations, SI."""
+
+    mean: Array
+    deviation: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A model over records, of which all or some are fitted.
+
+    Attributes
+    ----------
+    model : LawModel
+    records : tuple of Record
+        Fitted.
+    spread : ndarray, shape (ny,)
+        Of the outputs, by which residuals are divided.
+    starts : tuple of StartPrior
+        Of each record.
+    hold : frozenset of str
+        Parameters that keep their values.
+    values : Mapping of str to float
+        Nominal values of parameters, SI, where they are not the declared ones.
+    substeps : int
+        Of a run, between two samples.
+    """
+
+    model: LawModel
+    records: tuple[Record, ...]
+    spread: Array
+    starts: tuple[StartPrior, ...]
+    hold: frozenset[str] = frozenset()
+    values: Mapping[str, float] | None = None
+    substeps: int = 1
+
+    @cached_property
+    def nominal(self) -> Array:
+        """Nominal values of all parameters (np,), SI."""
+        given = self.values or {}
+        return np.array([float(given.get(p.name, p.start)) for p in self.model.parameters])
+
+    @cached_property
+    def free(self) -> Array:
+        """Positions of the parameters that are searched."""
+        starts = set(self.model.start_positions)
+        return np.array(
+            [
+                i
+                for i, p in enumerate(self.model.parameters)
+                if i not in starts and p.type == "real" and p.name not in self.hold
+            ],
+            dtype=int,
+        )
+
+    @cached_property
+    def scales(self) -> list[Scale]:
+        """Scale of each free parameter."""
+        declared = [self.model.parameters[i] for i in self.free]
+        return [scale_of(p, self.nominal[i]) for i, p in zip(self.free, declared, strict=True)]
+
+    @cached_property
+    def mean(self) -> Array:
+        """Searched coordinates of the nominal values."""
+        pairs = zip(self.scales, self.nominal[self.free], strict=True)
+        return np.array([s.position(v) for s, v in pairs])
+
+    @cached_property
+    def deviation(self) -> Array:
+        """Prior deviations of the free parameters, in searched coordinates."""
+        return np.array([_LOGARITHM if s.logarithmic else _PLAIN for s in self.scales])
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Both ends of the ranges of the free parameters, in searched coordinates."""
+        low, high = [], []
+        for i, scale in zip(self.free, self.scales, strict=True):
+            p = self.model.parameters[i]
+            low.append(scale.position(p.min))
+            high.append(scale.position(p.max))
+        return np.array(low), np.array(high)
+
+    def parameters(self, q: Array) -> Array:
+        """Return all parameters (np,), SI, at searched coordinates of the free ones."""
+        all_of_them = self.nominal.copy()
+        all_of_them[self.free] = [s.value(x) for s, x in zip(self.scales, q, strict=True)]
+        return all_of_them
+
+    def slopes(self, q: Array) -> Array:
+        """Return d value / d q of the free parameters."""
+        return np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
+
+    def run(
+        self, record: Record, point: Point, terms: Sequence[Term], start: Array, sensitive: bool
+    ) -> Course | None:
+        """Run over a record at a point."""
+        return self.model.run(record, self.setting(point, terms), start, sensitive=sensitive)
+
+    def setting(self, point: Point, terms: Sequence[Term]) -> Setting:
+        """Return a point as the model takes it."""
+        all_of_them = self.parameters(point.q)
+        return Setting(all_of_them, self.free, tuple(terms), point.values, self.substeps)
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A point of a search.
+
+    Attributes
+    ----------
+    q : ndarray, shape (p,)
+        Searched coordinates of the free parameters.
+    values : ndarray, shape (k,)
+        Of the terms: coefficients, and logarithms of constants and widths.
+    starts : tuple of ndarray, shape (nx,)
+        Start states of each record, SI.
+    """
+
+    q: Array
+    values: Array
+    starts: tuple[Array, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A model with terms, fitted.
+
+    Attributes
+    ----------
+    problem : Problem
+    terms : tuple of Term
+    point : Point
+    errors : tuple of ndarray, shape (n, ny)
+        Measured minus simulated of each record, divided by the spread; NaN at gaps.
+    cost : float
+        With priors.
+    curvature : ndarray, shape (m, m)
+        Of the cost, by free parameters, values and start states in their searched scales.
+    """
+
+    problem: Problem
+    terms: tuple[Term, ...]
+    point: Point
+    errors: tuple[Array, ...]
+    cost: float
+    curvature: Array
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom that the terms add."""
+        return sum(term.freedom for term in self.terms)
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square of all errors, in spreads of the outputs."""
+        squares = np.concatenate([e[np.isfinite(e)] ** 2 for e in self.errors])
+        return float(np.sqrt(squares.mean()))
+
+    @property
+    def distance(self) -> float:
+        """Half the squared distance of the parameters from nominal, in prior deviations."""
+        problem = self.problem
+        return float(0.5 * np.sum(((self.point.q - problem.mean) / problem.deviation) ** 2))
+
+    def values_of(self, term: Term) -> Array:
+        """Return the values of one of its terms: coefficients, then logarithms."""
+        at = 0
+        for other in self.terms:
+            width = other.coefficients + len(other.start)
+            if other == term:
+                return self.point.values[at : at + width]
+            at += width
+        raise KeyError(str(term))
+
+
+def weights_of(errors: Sequence[Array]) -> list[Array]:
+    """Return weights (ny,) of squared errors, record by record: ``n_eff / n / sigma^2``.
+
+    Sigma of each output is that of all records together, or a fit would give up the worst of them.
+    """
+    stacked = np.concatenate(errors)
+    variance = np.maximum(np.nanmean(stacked**2, axis=0), 1e-10)
+    weights = []
+    for e in errors:
+        counts = np.maximum(np.isfinite(e).sum(axis=0), 1)
+        effective = np.array([effective_samples(column) for column in e.T])
+        weights.append(effective / counts / variance)
+    return weights
+
+
+class _Search:
+    """The cost of a set of terms over the records of a problem."""
+
+    def __init__(self, problem: Problem, terms: Sequence[Term], weights: Sequence[Array]):
+        self.problem = problem
+        self.terms = tuple(terms)
+        self.weights = list(weights)
+        mean, deviation = [], []
+        for term in terms:
+            mean += [0.0] * term.coefficients + list(term.start)
+            own = [_CONSTANT] * len(term.constants) + [_WIDTH] * term.shape.has_width
+            deviation += [_COEFFICIENT] * term.coefficients + own
+        self.mean = np.array([*problem.mean, *mean])
+        self.deviation = np.array([*problem.deviation, *deviation])
+        self.size = len(self.mean)
+
+    def cost(self, point: Point) -> float:
+        """Return the cost at a point; infinite where a run fails."""
+        problem = self.problem
+        far = self._far(point)
+        cost = 0.5 * float(far @ far)
+        for r, record in enumerate(problem.records):
+            course = problem.run(record, point, self.terms, point.starts[r], False)
+            if course is None:
+                return np.inf
+            error = (record.outputs - course.outputs) / problem.spread
+            cost += 0.5 * float(np.nansum(error**2 * self.weights[r]))
+        return cost
+
+    def evaluate(self, point: Point) -> tuple[float, Array, Array, tuple[Array, ...]] | None:
+        """Return cost, curvature, downhill gradient and errors; None where a run fails."""
+        problem = self.problem
+        nx = len(problem.model.states)
+        m = self.size + nx * len(problem.records)
+        curvature, gradient, cost = np.zeros((m, m)), np.zeros(m), 0.0
+        slopes = problem.slopes(point.q)
+        errors = []
+        for r, record in enumerate(problem.records):
+            course = problem.run(record, point, self.terms, point.starts[r], True)
+            if course is None:
+                return None
+            errors.append((record.outputs - course.outputs) / problem.spread)
+            rows, e = self._weighed(course, errors[r], slopes, r)
+            at = np.r_[: self.size, self.size + r * nx : self.size + (r + 1) * nx]
+            with np.errstate(over="ignore", invalid="ignore"):
+                curvature[np.ix_(at, at)] += rows.T @ rows
+                gradient[at] += rows.T @ e
+            cost += 0.5 * float(e @ e)
+        if not np.isfinite(curvature).all():  # slopes of a run that nearly leaves its range
+            return None
+        far = self._far(point)
+        cost += 0.5 * float(far @ far)
+        widths = np.append(self.deviation, np.ones(m - self.size))
+        curvature[np.diag_indices(m)] += 1.0 / widths**2
+        gradient -= far / widths
+        return cost, curvature, gradient, tuple(errors)
+
+    def _weighed(self, course: Course, error: Array, slopes: Array, r: int) -> tuple[Array, Array]:
+        """Return weighed derivatives by the searched coordinates, and errors, without gaps."""
+        problem = self.problem
+        root = np.sqrt(self.weights[r])
+        by_value = course.slopes * (root / problem.spread)[:, None]
+        rows = by_value.reshape(-1, by_value.shape[2])
+        rows[:, : len(slopes)] *= slopes
+        rows[:, self.size :] *= problem.starts[r].deviation
+        e = (error * root).ravel()
+        present = np.isfinite(e)
+        return rows[present], e[present]
+
+    def _far(self, point: Point) -> Array:
+        """Return the distance of a point from the mean of the prior, in its deviations."""
+        own = (np.append(point.q, point.values) - self.mean) / self.deviation
+        pairs = zip(point.starts, self.problem.starts, strict=True)
+        return np.concatenate([own, *((x - s.mean) / s.deviation for x, s in pairs)])
+
+    def moved(self, point: Point, step: Array) -> Point:
+        """Return a point after a step, within the bounds of the parameters."""
+        problem = self.problem
+        p, nx = len(point.q), len(problem.model.states)
+        low, high = problem.bounds
+        q = np.clip(point.q + np.clip(step[:p], -_LONGEST, _LONGEST), low, high)
+        starts = tuple(
+            x + step[self.size + r * nx :][:nx] * prior.deviation
+            for r, (x, prior) in enumerate(zip(point.starts, problem.starts, strict=True))
+        )
+        return Point(q, point.values + step[p : self.size], starts)
+
+    def minimise(self, point: Point, most: int, give_up: float = np.inf) -> Fit | None:
+        """Search downhill from a point, for so many evaluations at most."""
+        here = self.evaluate(point)
+        if here is None:
+            return None
+        damping, flat = 1e-2, 0
+        for _ in range(most):
+            cost, curvature, gradient, _ = here
+            diagonal = np.diag(curvature)
+            there = None
+            for _ in range(8):
+                try:
+                    step = np.linalg.solve(curvature + np.diag(damping * diagonal), gradient)
+                except np.linalg.LinAlgError:
+                    damping *= 10.0
+                    continue
+                trial = self.moved(point, np.asarray(step, dtype=np.float64))
+                there = self.evaluate(trial)
+                if there is not None and there[0] < cost:
+                    break
+                there = None
+                damping = max(damping, 1e-6) * 6.0
+            if there is None:
+                break
+            fall = cost - there[0]
+            point, here, damping = trial, there, max(damping / 6.0, 1e-9)
+            flat = flat + 1 if fall < _FLAT * max(1.0, here[0]) else 0
+            if flat >= 2:
+                break
+        return Fit(self.problem, self.terms, point, here[3], here[0], here[1])
+
+
+def fit(
+    problem: Problem,
+    terms: Sequence[Term],
+    starts: Iterable[Point],
+    weights: Sequence[Array],
+    most: int = 25,
+) -> Fit | None:
+    """Fit from the nearest of several points; that which is lowest after a few steps goes on.
+
+    Parameters
+    ----------
+    problem : Problem
+    terms : sequence of Term
+    starts : iterable of Point
+    weights : sequence of ndarray, shape (ny,)
+        Of squared errors, for each record; see `weights_of`.
+    most : int
+        Steps from each point.
+
+    Returns
+    -------
+    Fit or None
+        None if the model runs away at every start.
+    """
+    search = _Search(problem, terms, weights)
+    nearest = sorted(starts, key=search.cost)[:_STARTS]
+    begun = [search.minimise(point, _TRIAL) for point in nearest]
+    best = min((f for f in begun if f is not None), key=lambda f: f.cost, default=None)
+    return best and search.minimise(best.point, most)
+
+
+def nominal_point(problem: Problem, terms: Sequence[Term] = (), small: float = 1e-3) -> Point:
+    """Return the nominal parameters and start states, with small coefficients of the terms."""
+    values = [np.append(np.full(term.coefficients, small), term.start) for term in terms]
+    return Point(
+        problem.mean, np.concatenate([np.zeros(0), *values]), tuple(s.mean for s in problem.starts)
+    )
+
+
+def fit_base(problem: Problem) -> Fit | None:
+    """Fit the model without terms: weights from the nominal run, then from the fit itself."""
+    point = nominal_point(problem)
+    weights = [np.ones(len(problem.spread)) * 10.0 for _ in problem.records]
+    best = None
+    for _ in range(3):
+        found = fit(problem, (), [point], weights, 60)
+        if found is None:
+            return best
+        best, point = found, found.point
+        weights = weights_of(found.errors)
+    return best
+
+
+def fit_start(
+    problem: Problem, setting: Setting, record: Record, prior: StartPrior, weight: Array
+) -> Array | None:
+    """Fit the start states of a record alone; None if the model runs away.
+
+    Parameters
+    ----------
+    problem : Problem
+    setting : Setting
+        Parameters and terms, which stay.
+    record : Record
+    prior : StartPrior
+    weight : ndarray, shape (ny,)
+        Of squared errors in spreads.
+    """
+    model = problem.model
+    nx = len(model.states)
+    if not nx:
+        return prior.mean
+    root = np.sqrt(weight)
+
+    def evaluate(z: Array) -> tuple[float, Array, Array] | None:
+        start = prior.mean + z * prior.deviation
+        course = model.run(record, setting, start, sensitive=True)
+        if course is None:
+            return None
+        e = ((record.outputs - course.outputs) / problem.spread * root).ravel()
+        rows = course.slopes[:, :, course.slopes.shape[2] - nx :] * prior.deviation
+        rows = (rows * (root / problem.spread)[:, None]).reshape(-1, nx)
+        present = np.isfinite(e)
+        e, rows = e[present], rows[present]
+        return 0.5 * float(e @ e + z @ z), rows.T @ rows + np.eye(nx), rows.T @ e - z
+
+    z = np.zeros(nx)
+    here = evaluate(z)
+    if here is None:
+        return None
+    damping = 1e-3
+    for _ in range(12):
+        cost, curvature, gradient = here
+        step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
+        there = evaluate(z + step)
+        if there is None or there[0] >= cost:
+            damping = 10.0 * max(damping, 1e-3)
+            if damping > 1e6:
+                break
+            continue
+        z, here, damping = z + step, there, damping / 10.0
+        if cost - here[0] < _FLAT * max(1.0, cost):
+            break
+    return prior.mean + z * prior.deviation
+
+
+def final_curvature(fitted: Fit) -> Array:
+    """Return the curvature of the cost at a fit, in the noise that the fit itself leaves.
+
+    A fit of a search is weighed by the errors of the model without terms.
+    """
+    search = _Search(fitted.problem, fitted.terms, weights_of(fitted.errors))
+    here = search.evaluate(fitted.point)
+    return fitted.curvature if here is None else here[1]

@@ -1,0 +1,412 @@
+/* Free run of a model whose laws are changed by terms, with exact sensitivities.
+ *
+ * A term adds  size * m * sum_j c_j phi_j((v - middle) / scale)  to one law, where v is a signal or
+ * a memory of it and m is 1 or another signal. Terms are data: one library of a model serves for
+ * every set of them. The sensitivities S = dX/dtheta are total derivatives, dS/dt = f_x S + f_a
+ * da/dtheta + f_theta (Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, section
+ * I.14), by the classical Runge-Kutta method with equal steps between two samples.
+ *
+ * Before this text stand the functions of the model as CasADi writes them and its sizes: NX states,
+ * NU inputs, NY outputs, NP parameters, NL laws, and the sizes of CasADi's work arrays. Signals are
+ * numbered inputs, states, laws, time. Matrices of CasADi are stored by columns.
+ */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+enum shape { CONSTANT, LINEAR, MODULUS, SQUARE, ODD_SQUARE, CUBE, ROOT, DRY, DEAD_ZONE, ABOVE, BELOW, CURVE };
+enum memory { NONE, LAG, FADING, TWO_LAGS, RATE_LIMIT, PLAY, DAHL };
+
+#define KNOTS 9
+#define ROUNDED 0.02   /* of the scale, within which a root is straight */
+#define LARGEST 1e12   /* of a state or an output, beyond which a run has left its range */
+
+typedef struct {
+    int law, signal, memory, shape, factor, knots;
+    double size, scale, middle;
+    double places[KNOTS];
+} term;
+
+typedef struct {
+    int n, substeps, free, terms, constants, sensitive;
+    const double *time, *inputs, *parameters, *values, *start;
+    const int *smooth, *position;
+    const term *term;
+    double *outputs, *slopes, *states;
+} run;
+
+#define SIGNALS (NU + NX + NL + 1)
+
+typedef struct {
+    const run *of;
+    int ns, nz;            /* columns of sensitivities; memories */
+    int *first, *store;    /* of each term its first constant, and its memory or -1 */
+    double *arg_a;         /* additions to laws */
+    double *da;            /* NL x ns */
+    double *g, *gx, *gp;   /* laws and their derivatives */
+    double *f, *fx, *fp, *fa;
+    double *ds, *dv, *dm;  /* ns each */
+    double *w;
+    int *iw;
+} work;
+
+static void call(int (*function)(const double **, double **, int *, double *, int),
+                 const double *x, const double *u, double t, const double *p, const double *a,
+                 double **res, work *k) {
+    const double *arg[8] = {x, u, &t, p, a, 0, 0, 0};
+    double *results[16] = {0};
+    memcpy(results, res, 8 * sizeof(double *));
+    function(arg, results, k->iw, k->w, 0);
+}
+
+/* shape functions of z and their derivatives by z and by the logarithm of the width */
+static void shape_at(const term *q, int j, double z, double w, double *value, double *by_z, double *by_w) {
+    double m = fabs(z), sign = z < 0.0 ? -1.0 : 1.0, e;
+    *by_w = 0.0;
+    switch (q->shape) {
+    case CONSTANT: *value = 1.0; *by_z = 0.0; break;
+    case LINEAR: *value = z; *by_z = 1.0; break;
+    case MODULUS: *value = m; *by_z = sign; break;
+    case SQUARE: *value = z * z; *by_z = 2.0 * z; break;
+    case ODD_SQUARE: *value = z * m; *by_z = 2.0 * m; break;
+    case CUBE: *value = z * z * z; *by_z = 3.0 * z * z; break;
+    case ROOT:
+        e = sqrt(m + ROUNDED);
+        *value = z / e;
+        *by_z = 1.0 / e - 0.5 * m / (e * e * e);
+        break;
+    case DRY:
+        e = tanh(z / w);
+        *value = e;
+        *by_z = (1.0 - e * e) / w;
+        *by_w = -(1.0 - e * e) * z / w;
+        break;
+    case DEAD_ZONE:
+        *value = m > w ? z - sign * w : 0.0;
+        *by_z = m > w;
+        *by_w = m > w ? -sign * w : 0.0;
+        break;
+    case ABOVE:
+        *value = z > w ? z - w : 0.0;
+        *by_z = z > w;
+        *by_w = z > w ? -w : 0.0;
+        break;
+    case BELOW:
+        *value = z < -w ? z + w : 0.0;
+        *by_z = z < -w;
+        *by_w = z < -w ? w : 0.0;
+        break;
+    default: {  /* CURVE: hat j of a piecewise linear curve, constant beyond its ends */
+        const double *k = q->places;
+        *value = *by_z = 0.0;
+        if (j > 0 && z <= k[j]) {
+            if (z > k[j - 1]) { *by_z = 1.0 / (k[j] - k[j - 1]); *value = (z - k[j - 1]) * *by_z; }
+        } else if (j < q->knots - 1 && z >= k[j]) {
+            if (z < k[j + 1]) { *by_z = -1.0 / (k[j + 1] - k[j]); *value = (k[j + 1] - z) * -*by_z; }
+        }
+        if ((j == 0 && z <= k[0]) || (j == q->knots - 1 && z >= k[j])) { *value = 1.0; *by_z = 0.0; }
+    }
+    }
+}
+
+static int coefficients(const term *q) { return q->shape == CURVE ? q->knots : 1; }
+static int has_width(const term *q) { return q->shape >= DRY && q->shape <= BELOW; }
+static int of_memory(const term *q) {
+    return q->memory == NONE ? 0 : q->memory == TWO_LAGS || q->memory == RATE_LIMIT ? 2 : 1;
+}
+
+/* a signal at a point, and its total derivatives by theta where d is given */
+static double signal(int i, const double *X, const double *S, const double *u, double t, work *k, double *d) {
+    const run *r = k->of;
+    int ns = k->ns;
+    if (d) memset(d, 0, ns * sizeof(double));
+    if (i < NU) return u[i];
+    if (i < NU + NX) {
+        if (d) memcpy(d, S + (i - NU) * ns, ns * sizeof(double));
+        return X[i - NU];
+    }
+    if (i == NU + NX + NL) return t;
+    int l = i - NU - NX;
+    if (d) {
+        for (int j = 0; j < NX; j++) {
+            double v = k->gx[l + j * NL];
+            if (v != 0.0) for (int q = 0; q < ns; q++) d[q] += v * S[j * ns + q];
+        }
+        for (int q = 0; q < r->free; q++) d[q] += k->gp[l + r->position[q] * NL];
+    }
+    return k->g[l];
+}
+
+/* additions to the laws and rates of the memories at a point */
+static void add_terms(const double *X, const double *S, const double *u, double t, double *dX, double *dS, work *k) {
+    const run *r = k->of;
+    int ns = k->ns, sensitive = S != 0;
+    memset(k->arg_a, 0, NL * sizeof(double));
+    if (sensitive) memset(k->da, 0, NL * ns * sizeof(double));
+    if (!r->terms) return;
+    double *laws[8] = {k->g, sensitive ? k->gx : 0, sensitive ? k->gp : 0};
+    call(laws_of, X, u, t, r->parameters, k->arg_a, laws, k);
+    for (int i = 0; i < r->terms; i++) {
+        const term *q = r->term + i;
+        int nc = coefficients(q), c0 = k->first[i], z = k->store[i], at_memory = c0 + nc;
+        const double *c = r->values + c0;
+        int col = r->free + c0;
+        double *ds = sensitive ? k->ds : 0, *dv = k->dv, *dm = sensitive ? k->dm : 0;
+        double s = signal(q->signal, X, S, u, t, k, ds), v = s;
+        if (sensitive) memcpy(dv, ds, ns * sizeof(double));
+        if (q->memory != NONE) {
+            double Z = X[z];
+            const double *sz = sensitive ? S + z * ns : 0;
+            double tau = exp(r->values[at_memory]);
+            if (q->memory == PLAY || q->memory == DAHL) {
+                if (dX) dX[z] = 0.0;
+                if (dS) memset(dS + z * ns, 0, ns * sizeof(double));
+            } else if (dX) {
+                double gap = s - Z, by_gap = 1.0 / tau, by_first = -gap / tau, by_second = 0.0, rate;
+                if (q->memory == TWO_LAGS && gap < 0.0) {
+                    double ratio = exp(r->values[at_memory + 1]);
+                    by_gap /= ratio; by_first /= ratio; by_second = -gap * by_gap;
+                }
+                rate = gap * by_gap;
+                if (q->memory == RATE_LIMIT) {
+                    double most = q->scale * exp(r->values[at_memory + 1]), e = tanh(rate / most);
+                    by_second = most * (e - (1.0 - e * e) * rate / most);
+                    by_gap *= 1.0 - e * e; by_first *= 1.0 - e * e;
+                    rate = most * e;
+                }
+                dX[z] = rate;
+                if (dS) {
+                    for (int j = 0; j < ns; j++) dS[z * ns + j] = by_gap * (ds[j] - sz[j]);
+                    dS[z * ns + r->free + at_memory] += by_first;
+                    if (of_memory(q) == 2) dS[z * ns + r->free + at_memory + 1] += by_second;
+                }
+            }
+            v = q->memory == FADING ? s - Z : Z;
+            if (sensitive) for (int j = 0; j < ns; j++) dv[j] = q->memory == FADING ? ds[j] - sz[j] : sz[j];
+        }
+        double m = q->factor < 0 ? 1.0 : signal(q->factor, X, S, u, t, k, dm);
+        int at_width = at_memory + of_memory(q);
+        double w = has_width(q) ? exp(r->values[at_width]) : 1.0;
+        double zz = (v - q->middle) / q->scale, sum = 0.0, by_z = 0.0, by_w = 0.0, size = q->size;
+        double *da = k->da + q->law * ns;
+        for (int j = 0; j < nc; j++) {
+            double a, b, d;
+            shape_at(q, j, zz, w, &a, &b, &d);
+            sum += c[j] * a; by_z += c[j] * b; by_w += c[j] * d;
+            if (sensitive) da[col + j] += size * m * a;
+        }
+        k->arg_a[q->law] += size * m * sum;
+        if (sensitive) {
+            double by_v = size * m * by_z / q->scale;
+            for (int j = 0; j < ns; j++) da[j] += by_v * dv[j];
+            if (q->factor >= 0) for (int j = 0; j < ns; j++) da[j] += size * sum * dm[j];
+            if (has_width(q)) da[r->free + at_width] += size * m * by_w;
+        }
+    }
+}
+
+static void chain(int rows, const double *by_x, const double *by_p, const double *by_a, const double *S, double *out, work *k) {
+    const run *r = k->of;
+    int ns = k->ns;
+    memset(out, 0, rows * ns * sizeof(double));
+    for (int i = 0; i < rows; i++) {
+        double *o = out + i * ns;
+        for (int j = 0; j < NX; j++) {
+            double v = by_x[i + j * rows];
+            if (v != 0.0) for (int q = 0; q < ns; q++) o[q] += v * S[j * ns + q];
+        }
+        if (r->terms)
+            for (int l = 0; l < NL; l++) {
+                double v = by_a[i + l * rows];
+                if (v != 0.0) for (int q = 0; q < ns; q++) o[q] += v * k->da[l * ns + q];
+            }
+        for (int q = 0; q < r->free; q++) o[q] += by_p[i + r->position[q] * rows];
+    }
+}
+
+static void rates(const double *X, const double *S, const double *u, double t, double *dX, double *dS, work *k) {
+    add_terms(X, S, u, t, dX, dS, k);
+    double *values[8] = {dX}, *all[8] = {dX, k->fx, k->fp, k->fa};
+    if (!S) { call(rates_of, X, u, t, k->of->parameters, k->arg_a, values, k); return; }
+    call(rate_slopes_of, X, u, t, k->of->parameters, k->arg_a, all, k);
+    chain(NX, k->fx, k->fp, k->fa, S, dS, k);
+}
+
+static void observe(const double *X, const double *S, const double *u, double t, double *y, double *dy, work *k) {
+    add_terms(X, S, u, t, 0, 0, k);
+    double *values[8] = {y}, *all[8] = {y, k->fx, k->fp, k->fa};
+    if (!S) { call(outputs_of, X, u, t, k->of->parameters, k->arg_a, values, k); return; }
+    call(output_slopes_of, X, u, t, k->of->parameters, k->arg_a, all, k);
+    chain(NY, k->fx, k->fp, k->fa, S, dy, k);
+}
+
+/* memories without a rate follow their signal after each step: play, and a bristle that gives before it slides */
+static void follow(double *X, double *S, const double *u, double t, const double *before, const double *dbefore, work *k) {
+    const run *r = k->of;
+    int ns = k->ns;
+    for (int i = 0; i < r->terms; i++) {
+        const term *q = r->term + i;
+        if (q->memory != PLAY && q->memory != DAHL) continue;
+        int z = k->store[i], at = k->first[i] + coefficients(q), column = r->free + at;
+        double w = q->scale * exp(r->values[at]), s = signal(q->signal, X, S, u, t, k, S ? k->ds : 0);
+        double *sz = S ? S + z * ns : 0;
+        if (q->memory == PLAY) {
+            double gap = s - X[z];
+            if (fabs(gap) <= w) continue;
+            double side = gap > 0.0 ? 1.0 : -1.0;
+            X[z] = s - side * w;
+            if (S) { memcpy(sz, k->ds, ns * sizeof(double)); sz[column] -= side * w; }
+        } else {  /* dz = ds - |ds| z / w, exactly for a signal that moves one way within the step */
+            double moved = s - before[i], side = moved < 0.0 ? -1.0 : 1.0, e = exp(-fabs(moved) / w), Z = X[z];
+            X[z] = e * Z + side * w * (1.0 - e);
+            if (S) {
+                double by_moved = e * (1.0 - side * Z / w);
+                for (int j = 0; j < ns; j++) sz[j] = e * sz[j] + by_moved * (k->ds[j] - dbefore[i * ns + j]);
+                sz[column] += e * Z * fabs(moved) / w + side * w * (1.0 - e) - side * e * fabs(moved);
+            }
+        }
+    }
+}
+
+static int simulate(work *k, double *memory) {
+    const run *r = k->of;
+    int nX = NX + k->nz, ns = k->ns, sensitive = r->sensitive;
+    double *X = memory, *Y = X + nX, *K = Y + nX, *S = K + 4 * nX, *T = S + nX * ns, *L = T + nX * ns;
+    double *u = L + 4 * nX * ns, *before = u + NU + 1, *dbefore = before + r->terms + 1;
+    memset(S, 0, nX * ns * sizeof(double));
+    memcpy(X, r->start, NX * sizeof(double));
+    for (int i = 0; i < NX; i++) S[i * ns + ns - NX + i] = 1.0;
+    double *laws[8] = {k->g, k->gx, k->gp};
+    memset(k->arg_a, 0, NL * sizeof(double));
+    call(laws_of, X, r->inputs, r->time[0], r->parameters, k->arg_a, laws, k);
+    for (int i = 0; i < r->terms; i++)  /* memories begin in equilibrium */
+        if (k->store[i] >= 0) {
+            int dahl = r->term[i].memory == DAHL;
+            double s = signal(r->term[i].signal, X, S, r->inputs, r->time[0], k, k->ds);
+            X[k->store[i]] = dahl ? 0.0 : s;
+            if (!dahl) memcpy(S + k->store[i] * ns, k->ds, ns * sizeof(double));
+        }
+    for (int j = 0; j < r->n; j++) {
+        const double *here = r->inputs + j * NU, *next = here + NU;
+        observe(X, sensitive ? S : 0, here, r->time[j], r->outputs + j * NY, sensitive ? r->slopes + (size_t)j * NY * ns : 0, k);
+        if (r->states) memcpy(r->states + (size_t)j * nX, X, nX * sizeof(double));
+        for (int i = 0; i < nX; i++) if (!(fabs(X[i]) < LARGEST)) return j + 1;
+        for (int i = 0; i < NY; i++) if (!(fabs(r->outputs[j * NY + i]) < LARGEST)) return j + 1;
+        if (j == r->n - 1 || !nX) continue;
+        double h = (r->time[j + 1] - r->time[j]) / r->substeps;
+        for (int sub = 0; sub < r->substeps; sub++) {
+            static const double part[4] = {0.0, 0.5, 0.5, 1.0};
+            double t = r->time[j] + sub * h;
+            for (int stage = 0; stage < 4; stage++) {
+                double share = (sub + part[stage]) / r->substeps, step = part[stage] * h;
+                for (int i = 0; i < NU; i++) u[i] = r->smooth[i] ? here[i] + (next[i] - here[i]) * share : here[i];
+                const double *x = X, *s = S;
+                if (stage) {
+                    const double *slope = K + (stage - 1) * nX, *dslope = L + (stage - 1) * nX * ns;
+                    for (int i = 0; i < nX; i++) Y[i] = X[i] + step * slope[i];
+                    if (sensitive) for (int i = 0; i < nX * ns; i++) T[i] = S[i] + step * dslope[i];
+                    x = Y; s = T;
+                }
+                rates(x, sensitive ? s : 0, u, t + step, K + stage * nX, sensitive ? L + stage * nX * ns : 0, k);
+                if (!stage)
+                    for (int i = 0; i < r->terms; i++)
+                        if (r->term[i].memory == DAHL) {
+                            before[i] = signal(r->term[i].signal, X, sensitive ? S : 0, u, t, k, sensitive ? k->ds : 0);
+                            if (sensitive) memcpy(dbefore + i * ns, k->ds, ns * sizeof(double));
+                        }
+            }
+            for (int i = 0; i < nX; i++) X[i] += h / 6.0 * (K[i] + 2.0 * K[nX + i] + 2.0 * K[2 * nX + i] + K[3 * nX + i]);
+            if (sensitive) {
+                int m = nX * ns;
+                for (int i = 0; i < m; i++) S[i] += h / 6.0 * (L[i] + 2.0 * L[m + i] + 2.0 * L[2 * m + i] + L[3 * m + i]);
+            }
+            if (k->nz) {
+                double *again[8] = {k->g, sensitive ? k->gx : 0, sensitive ? k->gp : 0};
+                if (sub == r->substeps - 1) for (int i = 0; i < NU; i++) u[i] = next[i];
+                call(laws_of, X, u, t + h, r->parameters, k->arg_a, again, k);
+                follow(X, sensitive ? S : 0, u, t + h, before, dbefore, k);
+            }
+        }
+    }
+    return 0;
+}
+
+/* Set up the work of a run, with columns for start states or, for a linearisation, all states. */
+static double *prepare(work *k, const run *r, int all_states) {
+    *k = (work){.of = r};
+    int *integers = calloc(2 * r->terms + 2 + LAWS_IW + 1, sizeof(int));
+    if (!integers) return 0;
+    k->first = integers;
+    k->store = integers + r->terms + 1;
+    k->iw = integers + 2 * r->terms + 2;
+    for (int i = 0, at = 0; i < r->terms; i++) {
+        const term *q = r->term + i;
+        k->first[i] = at;
+        k->store[i] = q->memory == NONE ? -1 : NX + k->nz++;
+        at += coefficients(q) + of_memory(q) + has_width(q);
+    }
+    int nX = NX + k->nz, rows = NX > NY ? NX : NY;
+    int ns = k->ns = r->free + r->constants + (all_states ? nX : NX);
+    size_t own = NL + NL * ns + NL * (1 + NX + NP) + rows * (NX + NP + NL) + 3 * ns + LAWS_W + 16;
+    size_t spare = (size_t)nX * (6 + 6 * ns) + NU + NY + 2 + (r->terms + 1) * (1 + ns) + 16;
+    double *at = calloc(own + spare, sizeof(double));
+    if (!at) { free(integers); return 0; }
+#define TAKE(name, count) k->name = at; at += (count)
+    TAKE(arg_a, NL + 1); TAKE(da, NL * ns + 1); TAKE(g, NL + 1); TAKE(gx, NL * NX + 1); TAKE(gp, NL * NP + 1);
+    TAKE(fx, rows * NX + 1); TAKE(fp, rows * NP + 1); TAKE(fa, rows * NL + 1);
+    TAKE(ds, ns); TAKE(dv, ns); TAKE(dm, ns); TAKE(w, LAWS_W + 1);
+    return at;
+}
+
+static void release(work *k) {
+    free(k->arg_a);
+    free(k->first);
+}
+
+/* Return 0, or the number of the sample, from 1, at which the run leaves its range; -1 without memory. */
+EXPORT int free_run(const run *r) {
+    work k;
+    double *spare = prepare(&k, r, 0);
+    if (!spare) return -1;
+    int failed = simulate(&k, spare);
+    release(&k);
+    return failed;
+}
+
+/* Values of a term's shapes, (n, coefficients), at values of its signal. */
+EXPORT void shapes(const term *q, int n, const double *v, double log_width, double *out) {
+    int nc = coefficients(q);
+    double w = has_width(q) ? exp(log_width) : 1.0, by_z, by_w;
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < nc; j++) shape_at(q, j, (v[i] - q->middle) / q->scale, w, out + i * nc + j, &by_z, &by_w);
+}
+
+/* Derivatives of rates (n, NX + memories, ns) and outputs (n, NY, ns) along a course of all states,
+ * memories included: by free parameters, values of terms, and states. Those by additions to laws,
+ * (n, NX, NL) and (n, NY, NL), are stored by columns; the laws are (n, NL). */
+EXPORT int linearise(const run *r, const double *states, double *rate_slopes, double *output_slopes,
+                     double *by_laws, double *output_by_laws, double *laws) {
+    work k;
+    double *spare = prepare(&k, r, 1);
+    if (!spare) return -1;
+    int nX = NX + k.nz, ns = k.ns;
+    double *S = spare, *dX = S + nX * ns, *y = dX + nX;
+    for (int i = 0; i < nX; i++) S[i * ns + ns - nX + i] = 1.0;
+    for (int j = 0; j < r->n; j++) {
+        const double *X = states + j * nX, *u = r->inputs + j * NU;
+        rates(X, S, u, r->time[j], dX, rate_slopes + (size_t)j * nX * ns, &k);
+        memcpy(by_laws + (size_t)j * NX * NL, k.fa, NX * NL * sizeof(double));
+        observe(X, S, u, r->time[j], y, output_slopes + (size_t)j * NY * ns, &k);
+        memcpy(output_by_laws + (size_t)j * NY * NL, k.fa, NY * NL * sizeof(double));
+        double *results[8] = {laws + j * NL};
+        call(laws_of, X, u, r->time[j], r->parameters, k.arg_a, results, &k);
+    }
+    release(&k);
+    return 0;
+}

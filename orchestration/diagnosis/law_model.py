@@ -1,0 +1,311 @@
+"""A model whose laws can be changed by terms, compiled once for all of them."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from fmus.kit import Component, UserError
+from fmus.kit.arrays import Array
+from fmus.kit.build import cached_library, load_library
+from fmus.kit.build.toolchain import host_platform
+from fmus.kit.symbolic import PerturbedLaws
+from orchestration.diagnosis.terms import Memory, Term, TermStructure
+
+_ENGINE = Path(__file__).with_name("free_run.c")
+_DOUBLES = ctypes.POINTER(ctypes.c_double)
+_INTEGERS = ctypes.POINTER(ctypes.c_int)
+# Largest product of a step and a rate constant: 2.8 is where the method becomes unstable.
+_STEP = 0.7
+_MOST_STEPS = 60  # between two samples
+
+
+class _Run(ctypes.Structure):
+    """A run as ``free_run.c`` reads it."""
+
+    _fields_ = (
+        *((n, ctypes.c_int) for n in ("n", "substeps", "free", "terms", "constants", "sensitive")),
+        *((n, _DOUBLES) for n in ("time", "inputs", "parameters", "values", "start")),
+        *((n, _INTEGERS) for n in ("smooth", "position")),
+        ("term", ctypes.POINTER(TermStructure)),
+        *((n, _DOUBLES) for n in ("outputs", "slopes", "states")),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A record of one run, SI.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+    inputs : ndarray, shape (n, nu)
+        In the order of the model.
+    outputs : ndarray, shape (n, ny)
+        Measured; NaN is a gap.
+    smooth : tuple of bool
+        Of each input, whether it goes in straight lines between samples or is held.
+    label : str
+    """
+
+    time: Array
+    inputs: Array
+    outputs: Array
+    smooth: tuple[bool, ...]
+    label: str = ""
+
+    def part(self, first: int, last: int, step: int = 1) -> Record:
+        """Return some of the samples."""
+        chosen = slice(first, last, step)
+        return Record(
+            np.ascontiguousarray(self.time[chosen]),
+            np.ascontiguousarray(self.inputs[chosen]),
+            np.ascontiguousarray(self.outputs[chosen]),
+            self.smooth,
+            self.label,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A free run over a record.
+
+    Attributes
+    ----------
+    outputs : ndarray, shape (n, ny)
+    slopes : ndarray, shape (n, ny, p)
+        By free parameters, values of the terms, and start states; empty unless asked for.
+    states : ndarray, shape (n, nx + nz)
+        Memories of the terms after the model's own states.
+    """
+
+    outputs: Array
+    slopes: Array
+    states: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """Derivatives of a model with terms along a course, of its states and memories.
+
+    Attributes
+    ----------
+    rates : ndarray, shape (n, nx + nz, p + k + nx + nz)
+        By free parameters, values of the terms, and states.
+    outputs : ndarray, shape (n, ny, p + k + nx + nz)
+    rates_by_laws : ndarray, shape (n, nx, nl)
+        By additions to the laws.
+    outputs_by_laws : ndarray, shape (n, ny, nl)
+    laws : ndarray, shape (n, nl)
+        Values of the laws without terms.
+    """
+
+    rates: Array
+    outputs: Array
+    rates_by_laws: Array
+    outputs_by_laws: Array
+    laws: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """All that a run depends on but its record.
+
+    Attributes
+    ----------
+    parameters : ndarray, shape (np,)
+        All of them, SI.
+    free : ndarray of int, shape (p,)
+        Positions of those by which there are derivatives.
+    terms : tuple of Term
+    values : ndarray, shape (k,)
+        Of each term its coefficients, then the logarithms of its constants and width.
+    substeps : int
+        Steps between two samples.
+    """
+
+    parameters: Array
+    free: Array
+    terms: tuple[Term, ...] = ()
+    values: Array = field(default_factory=lambda: np.zeros(0))
+    substeps: int = 1
+
+    @property
+    def memories(self) -> int:
+        """Memories of the terms, each with a state."""
+        return sum(term.memory is not Memory.NONE for term in self.terms)
+
+
+class LawModel:
+    """A component compiled for free runs with additions to its laws.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        Without discrete states.
+
+    Attributes
+    ----------
+    laws : list of str
+        All that its rates and outputs call.
+    signals : list of str
+        Inputs, states, laws and ``time``, in the order of ``free_run.c``.
+    inputs, states, outputs, parameters : tuple
+        Declarations.
+
+    Raises
+    ------
+    UserError
+        If it has discrete states, whose samples a free run here does not take.
+    """
+
+    def __init__(self, cls: type[Component]):
+        layout = cls.layout
+        if layout.discretes:
+            raise UserError(
+                f"{cls.name} has discrete states, which the new engine does not run yet"
+            )
+        self.cls = cls
+        self.perturbed = PerturbedLaws(cls)
+        self.inputs, self.states = layout.inputs, layout.states
+        self.outputs, self.parameters = layout.outputs, layout.parameters
+        self.laws = self.perturbed.names
+        own = [v.name for v in (*self.inputs, *self.states)]
+        self.signals = [*own, *self.laws, "time"]
+        index = layout.parameter_index
+        self.start_positions = [index[layout.start_of[s.name]] for s in self.states]
+        self._library = self._compiled()
+
+    def _compiled(self) -> ctypes.CDLL:
+        """Compile the model's functions and the engine as one library."""
+        functions = self.perturbed.functions()
+        sizes = {
+            "NX": len(self.states),
+            "NU": len(self.inputs),
+            "NY": len(self.outputs),
+            "NP": len(self.parameters),
+            "NL": len(self.laws),
+            "LAWS_IW": max(f.sz_iw() for f in functions),
+            "LAWS_W": max(f.sz_w() for f in functions),
+        }
+        generator = ca.CodeGenerator("model.c", {"with_header": False, "casadi_int": "int"})
+        for function in functions:
+            generator.add(function)
+        head = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
+        text = "\n".join(
+            ["#define CASADI_SYMBOL_EXPORT static", generator.dump(), head, _ENGINE.read_text()]
+        )
+        sources = {"model.c": text.encode()}
+        library = load_library(cached_library(sources, "model.c", host_platform()))
+        for name in ("free_run", "linearise"):
+            getattr(library, name).restype = ctypes.c_int
+        library.shapes.restype = None
+        return library
+
+    def run(
+        self, record: Record, setting: Setting, start: Array, *, sensitive: bool = False
+    ) -> Course | None:
+        """Run freely over a record from start states (nx,), SI; None if it leaves all bounds."""
+        n = len(record.time)
+        columns = len(setting.free) + len(setting.values) + len(self.states)
+        outputs = np.empty((n, len(self.outputs)))
+        slopes = np.empty((n, len(self.outputs), columns) if sensitive else (0, 0, 0))
+        states = np.empty((n, len(self.states) + setting.memories))
+        with self._given(record, setting, start, (outputs, slopes, states)) as run:
+            run.sensitive = int(sensitive)
+            failed = self._library.free_run(ctypes.byref(run))
+        if failed or not np.isfinite(slopes).all():
+            return None
+        return Course(outputs, slopes, states)
+
+    def linearise(self, record: Record, setting: Setting, course: Course) -> Linearisation:
+        """Linearise along a course."""
+        n, ny, nl = len(record.time), len(self.outputs), len(self.laws)
+        nx = len(self.states) + setting.memories
+        assert course.states.shape == (n, nx), "the course is of other terms"
+        columns = len(setting.free) + len(setting.values) + nx
+        rates, outputs = np.zeros((n, nx, columns)), np.zeros((n, ny, columns))
+        by_laws = np.zeros((n, nl, len(self.states))), np.zeros((n, nl, ny))
+        laws = np.empty((n, nl))
+        none = np.empty(0)
+        with self._given(record, setting, none, (none, none, none)) as run:
+            states = np.ascontiguousarray(course.states)
+            results = (states, rates, outputs, *by_laws, laws)
+            self._library.linearise(ctypes.byref(run), *map(_doubles, results))
+        rates_by_laws, outputs_by_laws = (part.swapaxes(1, 2) for part in by_laws)
+        return Linearisation(rates, outputs, rates_by_laws, outputs_by_laws, laws)
+
+    @contextmanager
+    def _given(
+        self, record: Record, setting: Setting, start: Array, results: Sequence[Array]
+    ) -> Iterator[_Run]:
+        """Give a run as the library reads it, as long as its arrays live."""
+        held = [
+            np.ascontiguousarray(a, dtype=float)
+            for a in (setting.parameters, setting.values, start)
+        ]
+        integers = [np.ascontiguousarray(a, dtype=np.int32) for a in (record.smooth, setting.free)]
+        structures = [term.structure(self.laws, self.signals) for term in setting.terms]
+        array = (TermStructure * max(1, len(structures)))(*structures)
+        counts = (setting.substeps, len(setting.free), len(structures), len(setting.values), 0)
+        yield _Run(
+            len(record.time),
+            *counts,
+            *map(_doubles, (record.time, record.inputs, *held)),
+            *(a.ctypes.data_as(_INTEGERS) for a in integers),
+            array,
+            *map(_doubles, results),
+        )
+        del held, integers, array
+
+    def shape_values(self, term: Term, signal: Array) -> Array:
+        """Return the shape functions (n, coefficients) of a term at values (n,) of its signal."""
+        structure = term.structure(self.laws, self.signals)
+        out = np.empty((len(signal), term.coefficients))
+        signal = np.ascontiguousarray(signal)
+        self._library.shapes(
+            ctypes.byref(structure),
+            len(signal),
+            _doubles(signal),
+            ctypes.c_double(np.log(term.width)),
+            _doubles(out),
+        )
+        return out
+
+    def substeps(self, record: Record, setting: Setting, course: Course) -> int:
+        """Return the steps between two samples that its fastest rate asks for along a course."""
+        if not self.states:
+            return 1
+        step = max(1, len(record.time) // 20)
+        thin = Course(course.outputs, course.slopes, course.states[::step])
+        slopes = self.linearise(record.part(0, len(record.time), step), setting, thin).rates
+        matrices = slopes[:, :, slopes.shape[2] - slopes.shape[1] :]
+        finite = matrices[np.isfinite(matrices).all(axis=(1, 2))]
+        fastest = np.abs(np.linalg.eigvals(finite)).max(initial=0.0)
+        wanted = np.ceil(np.diff(record.time).max() * fastest / _STEP)
+        return int(np.clip(wanted, 1, _MOST_STEPS))
+
+    @cached_property
+    def measured_states(self) -> dict[int, int]:
+        """Positions of states that an output shows as they are, and of that output."""
+        names = {s.name: i for i, s in enumerate(self.states)}
+        shown = enumerate(ca.vertsplit(self.perturbed.graph.outputs))
+        symbols = [(j, e.name()) for j, e in shown if e.is_symbolic()]
+        return {names[name]: j for j, name in symbols if name in names}
+
+    @cached_property
+    def nominal_states(self) -> Array:
+        """Typical magnitudes of the states, SI."""
+        return np.array([abs(s.nominal) for s in self.states], dtype=float)
+
+
+def _doubles(array: Array) -> ctypes._Pointer[ctypes.c_double]:
+    assert array.flags.c_contiguous
+    return array.ctypes.data_as(_DOUBLES)

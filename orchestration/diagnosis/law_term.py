@@ -1,0 +1,326 @@
+"""Effects that add a term of a diagnosis to a law; the module travels inside Python FMUs.
+
+A term is a function of a signal, or of a memory of it. A law as a signal has its value without any
+terms: a term that hung on what other terms add would close an algebraic loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from fmus.kit import Component
+from fmus.kit.curves import coefficient, per
+from fmus.kit.declare import Constant, Discrete, Parameter, State
+from fmus.kit.effects import Effect, Term, made_by, make_effect, stack, unstack
+from fmus.kit.functions import absolute, exp, maximum, minimum, sqrt, table, tanh, where
+
+# a sample period, s, that leaves one sample in any simulation: the one at the start
+_ONCE = 1e9
+_ROUNDED = 0.02  # of the scale, within which a root is straight, as in free_run.c
+_WIDEST = 1e6  # of a width or a constant, in its value, and the reciprocal of the smallest
+
+
+@dataclass(frozen=True)
+class LawTerm:
+    """A term of a law, in SI units.
+
+    Attributes
+    ----------
+    law, signal : str
+        The signal is an input, a state, a law or ``time``; empty for a constant.
+    shape, memory : str
+        Names of a `Shape` and a `Memory`, in small letters.
+    stem : str
+        Name of the parameter that switches it; those of other variables begin with it.
+    amount_unit, signal_unit : str
+        Of the coefficient (of a curve, of its values), and of the signal.
+    power : float
+        Power of the signal in the coefficient's unit.
+    size, scale, middle : float
+        Typical magnitude of the law, or 1 for a change in percent; of the signal; and its origin.
+    factor : str
+        Law or signal that it is in proportion to; empty for none.
+    places : tuple of float
+        Values of the signal at the knots of a curve.
+    period : float
+        Between the instants at which play or a Dahl element follows its signal, s.
+    is_held : bool
+        Whether such a memory keeps its value between these instants.
+    """
+
+    law: str
+    signal: str
+    shape: str
+    memory: str
+    stem: str
+    amount_unit: str
+    signal_unit: str
+    power: float = 0.0
+    size: float = 1.0
+    scale: float = 1.0
+    middle: float = 0.0
+    factor: str = ""
+    places: tuple[float, ...] = ()
+    period: float = 0.0
+    is_held: bool = True
+
+
+@cache
+def _without_terms(cls: type[Component]) -> type[Component]:
+    """Return the class of a component without the terms that are stacked on it."""
+    component, effects = unstack(cls)
+    others = [effect for effect in effects if made_by(effect) is not law_term_effect]
+    return stack(component, *others) if others else component
+
+
+def _value_of(self: Any, name: str) -> Any:
+    """Return an input, a state, the time, or a law without any terms."""
+    value = getattr(self, name)
+    if not callable(value):
+        return value
+    stacked = next(part for part in type(self).__mro__ if "_stacked" in vars(part))
+    plain: Any = object.__new__(_without_terms(stacked))
+    vars(plain).update(vars(self))
+    plain._kept = None
+    return getattr(plain, name)()
+
+
+def law_term_effect(component: type[Component], law: str, term: LawTerm) -> type[Effect]:
+    """Make the effect that adds a term to a law.
+
+    Parameters
+    ----------
+    component : type[Component]
+        Has the law and the signal.
+    law : str
+        Method that the term is added to; its arguments are passed on.
+    term : LawTerm
+
+    Returns
+    -------
+    type[Effect]
+        With the parameter ``<stem>``: the coefficient, or for a curve 1 for the whole of it and
+        ``<stem>_at_<k>`` its values. Further parameters end in ``_width`` (of a shape that has
+        one), ``_time``, ``_ratio``, ``_rate`` and ``_way`` (of a memory).
+    """
+    stem = term.stem
+    memory = _memory(term)
+
+    def corrected(self: Any, *arguments: Any) -> Any:
+        added = _shape_value(self, term, memory.value(self))
+        if term.factor:
+            added = added * _value_of(self, term.factor)
+        return getattr(super(effect, self), law)(*arguments) + added
+
+    members = _shape_parameters(term) | memory.members
+    text = f"{law} hangs on {term.signal or 'a constant'}: {term.shape} shape"
+    if term.memory != "none":
+        text += f" of its {term.memory}"
+    effect = make_effect(
+        f"{stem}_term".title().replace("_", ""),
+        {"__doc__": f"{text}; {stem} = 0 is the base model.", "__module__": __name__}
+        | members
+        | {law: corrected},
+        id=law,
+        title="",
+        term=Term(law, term.signal, term.shape, f"{law} over {term.signal}", stem),
+        neutral=stem,
+        assumption=f"{law} does not hang on {term.signal or 'a constant'} like this",
+        made_by=law_term_effect,
+        made_with={"law": law, "term": term},
+    )
+    return effect
+
+
+def _positive(value: float, unit: str, doc: str) -> Any:
+    """Declare a parameter that is positive by nature."""
+    return Parameter(value, unit, min=value / _WIDEST, max=value * _WIDEST, nominal=value, doc=doc)
+
+
+def _shape_parameters(term: LawTerm) -> dict[str, Any]:
+    """Return the parameters of a shape by name, the switch first."""
+    stem = term.stem
+    nominal = term.size / term.scale**term.power
+    declared = {}
+    if term.places:
+        declared[stem] = coefficient("1", 1.0, f"how much of its curve {term.law} has")
+        for k, place in enumerate(term.places):
+            doc = f"addition to {term.law} at {term.signal} = {place:g}"
+            declared[f"{stem}_at_{k}"] = coefficient(term.amount_unit, nominal, doc)
+        return declared
+    doc = f"part of {term.law} over {term.signal or 'nothing'} (a)"
+    declared[stem] = coefficient(term.amount_unit, nominal, doc)
+    if term.shape in ("dry", "dead_zone", "above", "below"):
+        doc = f"{term.signal} at which {stem} bends (w)"
+        declared[f"{stem}_width"] = _positive(term.scale, term.signal_unit, doc)
+    return declared
+
+
+_SHAPES: dict[str, Callable[[Any, Any, Any], Any]] = {
+    "constant": lambda x, w, s: 1.0,
+    "linear": lambda x, w, s: x,
+    "modulus": lambda x, w, s: absolute(x),
+    "square": lambda x, w, s: x * x,
+    "odd_square": lambda x, w, s: x * absolute(x),
+    "cube": lambda x, w, s: x * x * x,
+    "root": lambda x, w, s: x / sqrt((absolute(x) + _ROUNDED * s) * s),
+    "dry": lambda x, w, s: tanh(x / w),
+    "dead_zone": lambda x, w, s: x - maximum(minimum(x, w), -w),
+    "above": lambda x, w, s: maximum(x - w, 0.0 * w),
+    "below": lambda x, w, s: minimum(x + w, 0.0 * w),
+}
+
+
+def _shape_value(self: Any, term: LawTerm, x: Any) -> Any:
+    """Return the value of a term at a value of its signal, or of the memory of it."""
+    amount = getattr(self, term.stem)
+    if term.places:
+        knots = [Constant(place, term.signal_unit) for place in term.places]
+        values = [getattr(self, f"{term.stem}_at_{k}") for k in range(len(knots))]
+        return amount * table(x, knots, values)
+    if term.middle:
+        x = x - Constant(term.middle, term.signal_unit)
+    width = getattr(self, f"{term.stem}_width", 1.0)
+    scale = Constant(term.scale, term.signal_unit)
+    return amount * _SHAPES[term.shape](x, width, scale)
+
+
+@dataclass(frozen=True)
+class _Memory:
+    """The variables of a memory by name, and its value, from the component instance."""
+
+    members: dict[str, Any]
+    value: Callable[[Any], Any]
+
+
+def _memory(term: LawTerm) -> _Memory:
+    """Return the memory through which a term sees its signal."""
+    if not term.signal:
+        return _Memory({}, lambda self: 0.0)
+    if term.memory == "none":
+        return _Memory({}, lambda self: _value_of(self, term.signal))
+    return _sampled(term) if term.memory in ("play", "dahl") else _continuous(term)
+
+
+def _continuous(term: LawTerm) -> _Memory:
+    """Return a memory with a rate, which begins in equilibrium with its signal.
+
+    Its state is the change since the start, as a start value cannot be computed from an input.
+    """
+    stem = term.stem
+    unit = term.signal_unit
+    names = {role: f"{stem}_{role}" for role in ("change", "begin", "begun", "time")}
+
+    def now(self: Any) -> Any:
+        return _value_of(self, term.signal)
+
+    def remembered(self: Any) -> Any:
+        begin = where(getattr(self, names["begun"]), getattr(self, names["begin"]), now(self))
+        return begin + getattr(self, names["change"])
+
+    def rate(self: Any) -> Any:
+        gap = now(self) - remembered(self)
+        plain = gap / getattr(self, names["time"])
+        if term.memory == "two_lags":
+            ratio = getattr(self, f"{stem}_ratio")
+            return where(gap < Constant(0.0, unit), plain / ratio, plain)
+        if term.memory == "rate_limit":
+            most = getattr(self, f"{stem}_rate")
+            return most * tanh(plain / most)
+        return plain
+
+    def value(self: Any) -> Any:
+        before = remembered(self)
+        return now(self) - before if term.memory == "fading" else before
+
+    members = {
+        names["time"]: _positive(1.0, "s", f"time constant of {stem}"),
+        names["change"]: State(
+            unit,
+            rate=f"{names['change']}_rate",
+            nominal=term.scale,
+            doc=f"gain of the memory of {stem} since the start",
+        ),
+        f"{names['change']}_rate": rate,
+        names["begin"]: _once(term, names["begin"], f"{term.signal} at the start"),
+        f"{names['begin']}_update": now,
+        names["begun"]: _flag(names["begun"], _ONCE),
+        f"{names['begun']}_update": lambda self: 1.0,
+    }
+    if term.memory == "two_lags":
+        members[f"{stem}_ratio"] = _positive(1.0, "1", "time constant of falling over rising")
+    if term.memory == "rate_limit":
+        members[f"{stem}_rate"] = _positive(
+            term.scale, per(unit, "s"), f"largest rate of the memory of {stem}"
+        )
+    return _Memory(members, value)
+
+
+def _sampled(term: LawTerm) -> _Memory:
+    """Return a memory without a rate, which follows its signal at sample instants.
+
+    Play keeps within a way of its signal. A Dahl element follows its movement: dz = ds - |ds| z/w.
+    """
+    stem = term.stem
+    names = {role: f"{stem}_{role}" for role in ("memory", "before", "begun", "way")}
+    is_dahl = term.memory == "dahl"
+
+    def now(self: Any) -> Any:
+        return _value_of(self, term.signal)
+
+    def begin(self: Any) -> Any:
+        return 0.0 * now(self) if is_dahl else now(self)
+
+    def followed(self: Any) -> Any:
+        z = getattr(self, names["memory"])
+        w = getattr(self, names["way"])
+        if not is_dahl:
+            return maximum(minimum(z, now(self) + w), now(self) - w)
+        moved = now(self) - getattr(self, names["before"])
+        share = exp(-absolute(moved) / w)
+        end = where(moved < Constant(0.0, term.signal_unit), -w, w)
+        return share * z + (1.0 - share) * end
+
+    def update(self: Any) -> Any:
+        return where(getattr(self, names["begun"]), followed(self), begin(self))
+
+    def held(self: Any) -> Any:
+        return where(getattr(self, names["begun"]), getattr(self, names["memory"]), begin(self))
+
+    members = {
+        names["way"]: _positive(term.scale, term.signal_unit, f"way until {stem} gives (w)"),
+        names["memory"]: _at_instants(term, names["memory"], f"memory of {stem}"),
+        f"{names['memory']}_update": update,
+        names["begun"]: _flag(names["begun"], term.period),
+        f"{names['begun']}_update": lambda self: 1.0,
+    }
+    if is_dahl:
+        members[names["before"]] = _at_instants(
+            term, names["before"], f"{term.signal} at the instant before"
+        )
+        members[f"{names['before']}_update"] = now
+    return _Memory(members, held if term.is_held else update)
+
+
+def _once(term: LawTerm, name: str, doc: str) -> Any:
+    """Declare a value that is taken at the start."""
+    return Discrete(
+        term.signal_unit, update=f"{name}_update", period=_ONCE, nominal=term.scale, doc=doc
+    )
+
+
+def _at_instants(term: LawTerm, name: str, doc: str) -> Any:
+    """Declare a value that is taken at sample instants."""
+    return Discrete(
+        term.signal_unit, update=f"{name}_update", period=term.period, nominal=term.scale, doc=doc
+    )
+
+
+def _flag(name: str, period: float) -> Any:
+    """Declare whether the first sample instant has passed."""
+    return Discrete(
+        "1", update=f"{name}_update", period=period, type="boolean", doc="whether it has begun"
+    )

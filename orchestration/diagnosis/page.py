@@ -1,0 +1,187 @@
+"""The page of a diagnosis: the answer, the model beside the record, the terms, and what is left."""
+
+from __future__ import annotations
+
+import shlex
+
+import numpy as np
+
+from fmus.kit.titles import capitalised, in_words
+from orchestration.diagnosis import terminal, wording
+from orchestration.diagnosis.curves import OutputCourse, TermCurve, output_courses, term_curves
+from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.term_names import sentence, shape_text, unit_of
+from orchestration.reporting import flag, make_page, pictures
+from orchestration.reporting.html import (
+    Bar,
+    Boundary,
+    Markup,
+    Page,
+    Panel,
+    Trace,
+    elements,
+    escaped,
+    format_quantities,
+    stacked,
+)
+
+_HEIGHT, _RESIDUAL_HEIGHT, _CURVE_HEIGHT = 190, 110, 190  # pixels
+_SETS = 12  # that are listed
+_MARKS = 150  # samples that are marked below a curve
+_SET_HEAD = ("Terms", "Gain fitted [nat]", "Gain unseen [nat]", "Score [nat]", "Error")
+_WITHOUT, _WITH = "without terms", "with terms"
+
+
+@make_page.register(Diagnosis)
+def diagnosis_page(diagnosis: Diagnosis, command: str = "") -> Page:
+    """Make the page of a diagnosis.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    command : str
+        That made it; unless given, one that makes the same.
+    """
+    sources = list(dict.fromkeys(r.source for r in (*diagnosis.records, *diagnosis.holdouts)))
+    files = ", ".join(source.name for source in sources)
+    about = (
+        f"Diagnosis of <code>{escaped(diagnosis.model.name)}</code> on"
+        f" <code>{escaped(files)}</code>"
+    )
+    support = format_quantities(wording.support(diagnosis))
+    step = format_quantities(capitalised(wording.next_step(diagnosis)))
+    chip = elements.chip(diagnosis.verdict, diagnosis.verdict)
+    page = Page(
+        capitalised(wording.headline(diagnosis)),
+        Markup(f"{chip} {support} <b>Next:</b> {step}"),
+        Markup(about),
+    )
+    if diagnosis.causes:
+        _add_causes(page, diagnosis)
+    page.heading("The model beside the record")
+    for course in output_courses(diagnosis):
+        _add_course(page, diagnosis, course)
+    curves = term_curves(diagnosis.final.fit, diagnosis.terms)
+    if curves:
+        page.heading("What the terms add")
+        for curve in curves.values():
+            _add_curve(page, diagnosis, curve)
+    page.heading("What is left")
+    head = [capitalised(title) for title in terminal.REMAINDER_HEAD]
+    page.table(head, terminal.remainder_rows(diagnosis))
+    if diagnosis.notes:
+        page.items([message for _, _, message in diagnosis.notes])
+    page.heading("How sure this is")
+    _add_parameters(page, diagnosis)
+    page.heading("How it was found")
+    _add_sets(page, diagnosis)
+    page.reproduction(sources, command or _command(diagnosis))
+    return page
+
+
+def _add_causes(page: Page, diagnosis: Diagnosis) -> None:
+    """Add the group of causes, and the error by the number of terms."""
+    page.heading("What is wrong" if diagnosis.is_named else "Best guesses")
+    head = [capitalised(title) for title in terminal.GROUP_HEAD]
+    rows = [[format_quantities(cell) for cell in row] for row in terminal.group_rows(diagnosis)]
+    page.table(head, rows)
+    bars = []
+    for rung, (count, added, error) in zip(
+        diagnosis.ladder, terminal.ladder_rows(diagnosis), strict=True
+    ):
+        length = np.nan if rung.error is None else rung.error
+        colour = pictures.FITTED if rung.terms else pictures.MODEL
+        bars.append(Bar(f"{capitalised(count)}: {added}", colour, length, error))
+    page.parts.append(elements.bar_chart("Error on unseen samples, by terms", bars))
+    page.text(
+        "Root mean square of measured minus simulated in a free run, in percent of that of the"
+        " measurement about its mean, on samples by which nothing was fitted or chosen."
+    )
+
+
+def _add_course(page: Page, diagnosis: Diagnosis, course: OutputCourse) -> None:
+    """Add a chart of an output above its residuals."""
+    unit = unit_of(diagnosis.subject.problem.model.cls, course.output)
+    bracket = "" if unit == "1" else f" [{unit}]"
+    simulated = {_WITHOUT: (course.before, pictures.MODEL)}
+    if diagnosis.is_named:
+        simulated[_WITH] = (course.after, pictures.FITTED)
+    above = [Trace("measured", course.time, course.measured, pictures.MEASURED, 3.5)]
+    below = []
+    for name, (values, colour) in simulated.items():
+        above.append(Trace(name, course.time, values, colour))
+        below.append(Trace(name, course.time, course.measured - values, colour))
+    title = capitalised(in_words(course.output))
+    boundary = None
+    if course.unseen_from > course.time[0]:
+        is_own = diagnosis.subject.left_out[0].of is None
+        told = "its start states are fitted" if is_own else "fitted"
+        boundary = Boundary(course.unseen_from, told, "unseen")
+    panels = [
+        Panel(f"{title}{bracket}", _HEIGHT, above),
+        Panel(f"measured − simulated{bracket}", _RESIDUAL_HEIGHT, below),
+    ]
+    caption = f"{title} of {course.record}, and what the models leave of it."
+    page.chart(stacked(panels, "time [s]", boundary=boundary), caption)
+
+
+def _add_curve(page: Page, diagnosis: Diagnosis, curve: TermCurve) -> None:
+    """Add a chart of a term over its signal, with the values that the record reached."""
+    cls = diagnosis.subject.problem.model.cls
+    term = curve.term
+    unit = "1" if term.factor else unit_of(cls, term.law)
+    added = f"part of {in_words(term.factor)}" if term.factor else f"added to {in_words(term.law)}"
+    places = np.quantile(curve.samples, np.linspace(0.0, 1.0, _MARKS))
+    places = places[(places >= curve.signal[0]) & (places <= curve.signal[-1])]
+    floor = np.full(places.shape, float(curve.addition.min()))
+    traces = [
+        Trace("fitted", curve.signal, curve.addition, pictures.FITTED, 2.0),
+        Trace("samples of the record", places, floor, pictures.MEASURED, dots=True),
+    ]
+    panel = Panel(f"{added}{'' if unit == '1' else f' [{unit}]'}", _CURVE_HEIGHT, traces)
+    signal_unit = unit_of(cls, term.signal)
+    across = in_words(term.signal) + ("" if signal_unit == "1" else f" [{signal_unit}]")
+    caption = f"{capitalised(sentence(cls, term))}: {shape_text(term)}."
+    page.chart(stacked([panel], across), format_quantities(caption))
+
+
+def _add_parameters(page: Page, diagnosis: Diagnosis) -> None:
+    """Add the parameters with their intervals."""
+    head = [capitalised(title) for title in terminal.PARAMETER_HEAD]
+    rows = [
+        [name, *(format_quantities(cell) for cell in figures)]
+        for name, *figures in terminal.parameter_rows(diagnosis)
+    ]
+    page.table(head, rows)
+    if diagnosis.changed:
+        page.text("* differs from nominal, significantly and noticeably.")
+
+
+def _add_sets(page: Page, diagnosis: Diagnosis) -> None:
+    """Add the sets of terms that were fitted, the best first."""
+    fits = diagnosis.found.compared()
+    page.text(
+        f"{len(fits)} sets of terms were fitted in free runs and compared with the model without"
+        " terms."
+    )
+    cls = diagnosis.subject.problem.model.cls
+    rows = []
+    for judged, comparison, score in fits[:_SETS]:
+        terms = "; ".join(f"{sentence(cls, t)}, {shape_text(t)}" for t in judged.terms)
+        figures = (f"{comparison.fitted:.1f}", f"{comparison.left_out:.1f}", f"{score:.1f}")
+        rows.append(
+            (format_quantities(terms), *figures, wording.error_text(diagnosis.error(judged)))
+        )
+    with page.folded(f"The best {len(rows)}"):
+        page.table(
+            ("Terms", "Gain fitted [nat]", "Gain unseen [nat]", "Score [nat]", "Error"), rows
+        )
+
+
+def _command(diagnosis: Diagnosis) -> str:
+    """Return a command that makes the same diagnosis."""
+    words = ["ppy", "diagnose", *(str(record.source) for record in diagnosis.records)]
+    for record in diagnosis.holdouts:
+        words += [flag("holdout"), str(record.source)]
+    words += [flag("model"), diagnosis.model.name, flag("engine"), "new"]
+    return shlex.join(words)

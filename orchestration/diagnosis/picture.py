@@ -1,0 +1,35 @@
+"""The picture of a diagnosis: every measured output with its residuals."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orchestration.diagnosis.curves import output_courses
+from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.term_names import unit_of
+from orchestration.reporting import draw, pictures
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@draw.register(Diagnosis)
+def draw_diagnosis(diagnosis: Diagnosis) -> Figure:
+    """Draw every measured output, with the model without and with terms, above the residuals."""
+    courses = output_courses(diagnosis)
+    cls = diagnosis.subject.problem.model.cls
+    figure, axes = pictures.panels(2 * len(courses), f"{diagnosis.model.name}: {diagnosis.verdict}")
+    for k, course in enumerate(courses):
+        over, below = axes[2 * k], axes[2 * k + 1]
+        over.plot(course.time, course.measured, color=pictures.MEASURED, lw=3, label="measured")
+        simulated = [("without terms", course.before, pictures.MODEL)]
+        if diagnosis.is_named:
+            simulated.append(("with terms", course.after, pictures.FITTED))
+        for name, values, colour in simulated:
+            over.plot(course.time, values, color=colour, label=name)
+            below.plot(course.time, course.measured - values, color=colour)
+        unit = unit_of(cls, course.output)
+        pictures.label(over, course.output, unit)
+        pictures.label(below, "measured - simulated", unit)
+        over.legend(loc="upper right", ncols=3, frameon=False)
+    return figure

@@ -1,0 +1,157 @@
+"""Linear responses of the outputs of a model along a course, and their projection.
+
+With additions w(t) to laws the changes of the states follow ``dx' = A dx + B w`` and those of the
+outputs ``dy = C dx + D w``, with the Jacobians of the course held over each step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import expm
+
+from fmus.kit.arrays import Array
+from orchestration.diagnosis.law_model import Linearisation, Record
+
+_BLOCK = 500  # steps whose exponentials are taken at once
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Responses of the outputs at some samples of a record.
+
+    Attributes
+    ----------
+    to_drives : ndarray, shape (m, ny, columns)
+        To additions to the laws, SI.
+    to_coordinates : ndarray, shape (m, ny, p + k)
+        To free parameters and values of the terms.
+    to_start : ndarray, shape (m, ny, nx)
+        To the states and memories at the start.
+    """
+
+    to_drives: Array
+    to_coordinates: Array
+    to_start: Array
+
+
+def respond(
+    record: Record, part: Linearisation, drive: Array, law_of: Array, stride: int
+) -> Response:
+    """Return the responses at every so many samples.
+
+    Parameters
+    ----------
+    record : Record
+    part : Linearisation
+        Along the course of the record.
+    drive : ndarray, shape (n, columns)
+        In SI of its law; taken in straight lines between samples where an input is smooth.
+    law_of : ndarray of int, shape (columns,)
+        The law of each column.
+    stride : int
+    """
+    nx = part.rates.shape[1]
+    own = part.rates.shape[2] - nx
+    transitions = _transitions(part, np.diff(record.time))
+    between = drive[:-1]
+    if any(record.smooth):
+        between = 0.5 * (drive[:-1] + drive[1:])
+    state = np.zeros((nx, drive.shape[1]))
+    other = np.hstack([np.zeros((nx, own)), np.eye(nx)])
+    driven, free = [], []
+    for k in range(len(record.time)):
+        if k % stride == 0:
+            by_states = part.outputs[k][:, own:]
+            driven.append(part.outputs_by_laws[k][:, law_of] * drive[k] + by_states @ state)
+            seen = by_states @ other
+            seen[:, :own] += part.outputs[k][:, :own]
+            free.append(seen)
+        if nx and k < len(transitions):
+            row = transitions[k][:nx]
+            state = row[:, :nx] @ state + row[:, nx + own :][:, law_of] * between[k]
+            other = row[:, :nx] @ other
+            other[:, :own] += row[:, nx : nx + own]
+    nuisance = np.array(free)
+    return Response(np.array(driven), nuisance[:, :, :own], nuisance[:, :, own:])
+
+
+def _transitions(part: Linearisation, steps: Array) -> Array:
+    """Return, for each step, the exponential of states, coordinates and additions to laws."""
+    n, nx = len(steps), part.rates.shape[1]
+    own = part.rates.shape[2] - nx
+    width = part.rates.shape[2] + part.laws.shape[1]
+    whole = np.zeros((n, width, width))
+    if not n or not nx:
+        return whole
+    whole[:, :nx, :nx] = part.rates[:-1, :, own:]
+    whole[:, :nx, nx : nx + own] = part.rates[:-1, :, :own]
+    whole[:, : part.rates_by_laws.shape[1], nx + own :] = part.rates_by_laws[:-1]
+    whole = np.nan_to_num(whole * steps[:, None, None], posinf=0.0, neginf=0.0)
+    return np.concatenate([expm(block) for block in np.array_split(whole, max(1, n // _BLOCK))])
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Columns that may explain a target, free of what others can do.
+
+    The others have a prior, standard normal in their coordinates: a ridge.
+
+    Attributes
+    ----------
+    target : ndarray, shape (m,)
+    columns : ndarray, shape (m, c)
+    others : ndarray, shape (m, o)
+    """
+
+    target: Array
+    columns: Array
+    others: Array
+
+    @cached_property
+    def _factors(self) -> tuple[Array, Array]:
+        """Basis (m, o) of the others within the rows, and the triangle (o, o)."""
+        stacked = np.vstack([self.others, np.eye(self.others.shape[1])])
+        basis, triangle = np.linalg.qr(stacked)
+        return basis[: len(self.target)], triangle
+
+    def _free(self, values: Array) -> Array:
+        """Return the inner products of the columns with values, the others projected out."""
+        basis, _ = self._factors
+        return self.columns.T @ values - (basis.T @ self.columns).T @ (basis.T @ values)
+
+    @cached_property
+    def products(self) -> Array:
+        """Inner products (c, c) of the columns, the others projected out."""
+        return self._free(self.columns)
+
+    @cached_property
+    def moments(self) -> Array:
+        """Inner products (c,) with the target, the others projected out."""
+        return self._free(self.target)
+
+    @cached_property
+    def remaining(self) -> Array:
+        """Target (m,) less what the others explain."""
+        basis, _ = self._factors
+        return self.target - basis @ (basis.T @ self.target)
+
+    @cached_property
+    def sum_of_squares(self) -> float:
+        """Sum of squares of the target with the prior of the others, as they are fitted."""
+        basis, _ = self._factors
+        inside = basis.T @ self.target
+        return float(self.target @ self.target - inside @ inside)
+
+    @cached_property
+    def alone(self) -> Array:
+        """Sums of squares (c,) of the columns, nothing projected out."""
+        return np.einsum("ij,ij->j", self.columns, self.columns)
+
+    def shift(self, places: Array, coefficients: Array) -> Array:
+        """Return the values of the others (o,) beside some columns with coefficients."""
+        basis, triangle = self._factors
+        rest = self.target - self.columns[:, places] @ coefficients
+        return np.asarray(np.linalg.solve(triangle, basis.T @ rest))

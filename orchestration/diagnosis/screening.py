@@ -1,0 +1,364 @@
+"""Linear responses of the outputs to every term, and the sets of terms that they propose.
+
+Along a course each candidate's drive enters its law; the response of the outputs is that of the
+model linearised there. What parameters, start states and terms that are already in the model can
+do is projected out, with their priors.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmus.kit.arrays import Array
+from orchestration.diagnosis.comparison import words
+from orchestration.diagnosis.fitting import (
+    Fit,
+    Problem,
+    effective_samples,
+    weights_of,
+)
+from orchestration.diagnosis.law_model import Course, LawModel, Linearisation, Record
+from orchestration.diagnosis.responses import Projection, Response, respond
+from orchestration.diagnosis.signals import Seen, distinct, seen
+from orchestration.diagnosis.terms import Memory, Shape, Term
+
+_PLAIN = (
+    Shape.LINEAR, Shape.SQUARE, Shape.ODD_SQUARE, Shape.CUBE, Shape.ROOT, Shape.DRY,
+    Shape.DEAD_ZONE, Shape.CURVE,
+)  # fmt: skip
+_REMEMBERED = {
+    Memory.LAG: (Shape.LINEAR, Shape.ODD_SQUARE, Shape.CURVE),
+    Memory.FADING: (Shape.LINEAR, Shape.DRY),
+    Memory.PLAY: (Shape.LINEAR,),
+    Memory.DAHL: (Shape.LINEAR,),
+}
+_FACTOR = (Shape.LINEAR, Shape.SQUARE, Shape.DRY, Shape.CURVE)
+_WIDTHS = {
+    Shape.DRY: (0.05, 0.4),
+    Shape.DEAD_ZONE: (0.4, 1.0),
+    Shape.ABOVE: (0.5,),
+    Shape.BELOW: (0.5,),
+}
+_KNOTS = 9
+_ROWS = 1600  # of the screen at most
+_SAME = 0.9999  # cosine from which on two laws act alike
+_RIDGE = 1e-2  # prior precision of a coefficient
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A term with its drive (n, coefficients), SI of its law, and the prior of its words, nats."""
+
+    term: Term
+    drive: Array
+    prior: float
+
+
+class Screen:
+    """Linear responses along a course, whitened and free of what else can be fitted.
+
+    Attributes
+    ----------
+    candidates : list of Candidate
+    """
+
+    def __init__(self, fitted: Fit, pieces: Sequence[Record], starts: Sequence[Array]):
+        problem = replace(fitted.problem, records=tuple(pieces), starts=())
+        self.fitted = fitted
+        setting = problem.setting(fitted.point, fitted.terms)
+        model = problem.model
+        runs = [model.run(r, setting, x) for r, x in zip(pieces, starts, strict=True)]
+        courses = [course for course in runs if course is not None]
+        if len(courses) < len(runs):
+            raise FloatingPointError("the model runs away in a piece of the record")
+        parts = [model.linearise(r, setting, c) for r, c in zip(pieces, courses, strict=True)]
+        self.errors = [
+            (r.outputs - c.outputs) / problem.spread for r, c in zip(pieces, courses, strict=True)
+        ]
+        classes = alike(model, parts)
+        signals = _signals(model, pieces, courses, parts)
+        laws = np.concatenate([part.laws for part in parts])
+        times = [r.time for r in pieces]
+        self.candidates = list(_candidates(model, classes, signals, laws, times))
+        self.ends = np.cumsum([0, *(c.drive.shape[1] for c in self.candidates)])
+        self._columns = self._projected(problem, pieces, parts)
+        rest = self._columns.remaining
+        self.effective = effective_samples(rest) if len(rest) else 1.0
+
+    def _projected(
+        self, problem: Problem, pieces: Sequence[Record], parts: Sequence[Linearisation]
+    ) -> Projection:
+        """Respond to all drives piece by piece, whiten the rows, and project the others out."""
+        samples = [len(r.time) for r in pieces]
+        stride = max(1, int(np.ceil(sum(samples) * len(problem.model.outputs) / _ROWS)))
+        positions = [problem.model.laws.index(c.term.law) for c in self.candidates]
+        law_of = np.repeat(positions, np.diff(self.ends))
+        ends = np.cumsum(samples)[:-1]
+        drives = np.split(np.hstack([c.drive for c in self.candidates]), ends)
+        roots = [np.sqrt(weight * stride) for weight in weights_of(self.errors)]
+        rows = []
+        for i, root in enumerate(roots):
+            response = respond(pieces[i], parts[i], drives[i], law_of, stride)
+            free = self._nuisance(response, i, len(pieces))
+            sized = [_rows(a, root / problem.spread) for a in (response.to_drives, free)]
+            rows.append((*sized, (self.errors[i][::stride] * root).ravel()))
+        columns, others, target = (np.concatenate(kind) for kind in zip(*rows, strict=True))
+        present = np.isfinite(target)
+        columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0
+        return Projection(target[present], columns[present], others[present])
+
+    def _nuisance(self, response: Response, piece: int, pieces: int) -> Array:
+        """Return the columns (m, ny, o) of what is fitted anyway, in prior deviations.
+
+        Parameters, values of the terms, and the start states of every piece.
+        """
+        fitted = self.fitted
+        free = response.to_coordinates.copy()
+        slopes = fitted.problem.slopes(fitted.point.q)
+        free[:, :, : len(slopes)] *= slopes
+        states = len(fitted.problem.model.states)
+        start = np.zeros((*free.shape[:2], states * pieces))
+        own = slice(states * piece, states * (piece + 1))
+        start[:, :, own] = response.to_start[:, :, :states] * self._starts()
+        return np.dstack([free * self._widths(), start])
+
+    def _widths(self) -> Array:
+        """Prior deviations of the coordinates that are in the model already."""
+        problem = self.fitted.problem
+        return np.append(problem.deviation, np.ones(len(self.fitted.point.values)))
+
+    def _starts(self) -> Array:
+        """Prior deviations of the start states of a piece."""
+        return 3.0 * self.fitted.problem.model.nominal_states
+
+    def fall(self, chosen: Sequence[int]) -> float:
+        """Return by how much a set of candidates lowers the sum of squares, linearly."""
+        places = self._places(chosen)
+        moments = self._columns.moments[places]
+        try:
+            coefficients = self._coefficients(places)
+        except np.linalg.LinAlgError:
+            return 0.0
+        most = self._columns.sum_of_squares * (1.0 - 1e-6)
+        return float(np.clip(moments @ coefficients, 0.0, most))
+
+    def _coefficients(self, places: Array) -> Array:
+        """Return the coefficients of some columns by ridge regression."""
+        columns = self._columns
+        ridge = np.diag(1e-6 * columns.alone[places] + _RIDGE)
+        matrix = columns.products[np.ix_(places, places)] + ridge
+        return np.asarray(np.linalg.solve(matrix, columns.moments[places]))
+
+    def solve(self, chosen: Sequence[int]) -> tuple[list[Array], Array]:
+        """Return the coefficients of a set, and the shift of the parameters, in deviations."""
+        places = self._places(chosen)
+        coefficients = self._coefficients(places)
+        sizes = np.cumsum([self.candidates[i].term.coefficients for i in chosen])[:-1]
+        return np.split(coefficients, sizes), self._columns.shift(places, coefficients)
+
+    def _places(self, chosen: Sequence[int]) -> Array:
+        spans = [np.arange(self.ends[i], self.ends[i + 1]) for i in chosen]
+        return np.concatenate(spans)
+
+    def value(self, chosen: Sequence[int]) -> float:
+        """Return the penalised evidence of a set, nats, as the linear responses have it."""
+        gain = -0.5 * self.effective * np.log1p(-self.fall(chosen) / self._columns.sum_of_squares)
+        half = 0.5 * np.log(max(self.effective, 3.0))
+        choice = 0.5 * np.log(max(len(self.candidates), 2))
+        cost = sum(
+            half * self.candidates[i].term.freedom + self.candidates[i].prior + choice
+            for i in chosen
+        )
+        return float(gain - cost)
+
+    def propose(self, most_terms: int) -> list[tuple[float, tuple[int, ...]]]:
+        """Return sets of one to so many terms, best first; those of one source differ.
+
+        The best of each number of terms; a second term need not be good alone.
+        """
+        count = len(self.candidates)
+        products = self._columns.products
+        visible = [
+            products[a:b, a:b].trace() > 1e-3 * self._columns.alone[a:b].sum() or b - a > 1
+            for a, b in itertools.pairwise(self.ends)
+        ]
+        singles = np.array([self.value([i]) if visible[i] else -np.inf for i in range(count)])
+        order = np.argsort(-singles)
+        best: dict[frozenset[object], tuple[float, tuple[int, ...]]] = {}
+
+        def keep(chosen: tuple[int, ...], value: float) -> None:
+            sources = [self.candidates[i].term.source for i in chosen]
+            curved = [self.candidates[i].term.shape is Shape.CURVE for i in chosen]
+            if len(set(sources)) < len(sources) or not np.isfinite(value):
+                return
+            key = frozenset(zip(sources, curved, strict=True))
+            if key not in best or value > best[key][0]:
+                best[key] = (value, chosen)
+
+        pool: list[int] = []
+        taken: dict[object, int] = {}
+        for i in order.tolist():
+            source = self.candidates[i].term.source
+            keep((i,), float(singles[i]))
+            if taken.get(source, 0) < 2 and len(pool) < 60 and np.isfinite(singles[i]):
+                pool.append(i)
+                taken[source] = taken.get(source, 0) + 1
+        if most_terms > 1:
+            pairs = list(itertools.combinations(pool, 2))
+            simple = [j for j in range(count) if self.candidates[j].term.freedom <= 2]
+            pairs += [(i, j) for i in pool[:4] for j in simple if i != j]
+            ranked = sorted(((self.value(p), p) for p in pairs), reverse=True)
+            for value, pair in ranked[:200]:
+                keep(pair, value)
+            if most_terms > 2:
+                triples = {
+                    tuple(sorted({*pair, j}))
+                    for _, pair in ranked[:12]
+                    for j in pool
+                    if j not in pair
+                }
+                for triple in triples:
+                    keep(triple, self.value(triple))
+        return sorted(best.values(), reverse=True)
+
+
+def _rows(columns: Array, sizes: Array) -> Array:
+    """Return columns (m, ny, c), times sizes (ny,), with a row for each sample and output."""
+    return (columns * sizes[:, None]).reshape(-1, columns.shape[2])
+
+
+def alike(model: LawModel, parts: Sequence[Linearisation]) -> list[list[str]]:
+    """Return the laws in classes of those that act alike: whose columns are in proportion.
+
+    Outputs and definitions are no targets, nor is a law without any action.
+    """
+    perturbed = model.perturbed
+    outputs = {o.name for o in model.outputs}
+    classes: list[list[str]] = []
+    actions: list[Array] = []
+    for i, law in enumerate(model.laws):
+        if law in outputs or perturbed.is_definition(law) or perturbed.is_count(law):
+            continue
+        action = np.concatenate(
+            [
+                array[:, :, i].ravel()
+                for part in parts
+                for array in (part.rates_by_laws, part.outputs_by_laws)
+            ]
+        )
+        action = np.nan_to_num(action)
+        size = np.linalg.norm(action)
+        if not size:
+            continue
+        for known, direction in zip(classes, actions, strict=True):
+            if abs(action @ direction) > _SAME * size:
+                known.append(law)
+                break
+        else:
+            classes.append([law])
+            actions.append(action / size)
+    return classes
+
+
+def _signals(
+    model: LawModel,
+    pieces: Sequence[Record],
+    courses: Sequence[Course],
+    parts: Sequence[Linearisation],
+) -> list[tuple[str, Array]]:
+    """Return the distinct signals of a model along a course."""
+    inputs = np.concatenate([r.inputs for r in pieces])
+    states = np.concatenate([c.states for c in courses])
+    laws = np.concatenate([part.laws for part in parts])
+    named = [(v.name, inputs[:, i]) for i, v in enumerate(model.inputs)]
+    named += [(v.name, states[:, i]) for i, v in enumerate(model.states)]
+    # neither is an output's law a signal, nor the rate of a state, which follows from the others
+    no_signal = {o.name for o in model.outputs} | {s.rate for s in model.states}
+    # nor a law that is a function of one of them
+    no_signal |= {law for law in model.laws if len(model.perturbed.computed_from(law)) < 2}
+    named += [(law, laws[:, i]) for i, law in enumerate(model.laws) if law not in no_signal]
+    named.append(("time", np.concatenate([r.time for r in pieces])))
+    return distinct([(name, values) for name, values in named if np.isfinite(values).all()])
+
+
+def _owner(model: LawModel, classes: Sequence[str], signal: str) -> tuple[str, bool]:
+    """Return the law of a class that owns a signal, and whether it depends on it already."""
+    depends = {law: model.perturbed.computed_from(law) for law in classes}
+    having = [law for law in classes if signal in depends[law] or signal == law]
+    rates = {s.rate for s in model.states}
+    if having:
+        return min(having, key=lambda law: (len(depends[law]), law in rates)), True
+    whole = [law for law in classes if law in rates]
+    return (whole or [max(classes, key=lambda law: len(depends[law]))])[0], False
+
+
+def _candidates(
+    model: LawModel,
+    classes: Sequence[Sequence[str]],
+    signals: Sequence[tuple[str, Array]],
+    laws: Array,
+    times: Sequence[Array],
+) -> Iterator[Candidate]:
+    """Yield every term that may be missing."""
+    views = seen(signals, times, list(_REMEMBERED))
+    value_of = {law: laws[:, i] for i, law in enumerate(model.laws)}
+    rates = {s.rate for s in model.states}
+    for same in classes:
+        size = max(float(np.sqrt(np.mean(value_of[law] ** 2))) for law in same) or 1.0
+        whole = next((law for law in same if law in rates), same[0])
+        constant = Term(whole, "", Shape.CONSTANT, size=size)
+        yield Candidate(constant, np.full((len(laws), 1), size), 0.0)
+        for view in views:
+            if view.signal in same and view.memory is Memory.NONE:
+                continue  # a law that acts alike is no signal of another
+            law, depends = _owner(model, same, view.signal)
+            shapes = _REMEMBERED.get(view.memory, _PLAIN)
+            for term in _terms(law, view, shapes, size):
+                yield _candidate(model, term, view, np.full(len(laws), size), depends)
+        for law in same:
+            if len(same) > 1 and (law in rates or np.ptp(value_of[law]) == 0.0):
+                continue
+            for view in views:
+                own = model.perturbed.computed_from(law)
+                if view.memory is not Memory.NONE or own == {view.signal} or view.signal == law:
+                    continue
+                for term in _terms(law, view, _FACTOR, 1.0, factor=law):
+                    yield _candidate(model, term, view, value_of[law], view.signal in own)
+
+
+def _terms(
+    law: str, view: Seen, shapes: Sequence[Shape], size: float, factor: str = ""
+) -> Iterator[Term]:
+    """Yield the terms of a law over a signal in all these shapes."""
+    z = view.scaled
+    low, high = np.quantile(z, [0.0, 1.0])
+    for shape in shapes:
+        if shape is Shape.ODD_SQUARE and view.one_sided:
+            continue
+        if shape is Shape.CURVE and high - low <= 0.2:
+            continue
+        places = tuple(np.linspace(low, high, _KNOTS)) if shape is Shape.CURVE else ()
+        for width in _WIDTHS.get(shape, (1.0,)):
+            wide = 2.0 if shape is Shape.DRY and view.one_sided else 1.0
+            yield Term(
+                law,
+                view.signal,
+                shape,
+                view.memory,
+                view.constants,
+                factor,
+                size,
+                view.scale,
+                view.middle,
+                width * wide,
+                places,
+            )
+
+
+def _candidate(model: LawModel, term: Term, view: Seen, amount: Array, depends: bool) -> Candidate:
+    drive = model.shape_values(term, view.values) * amount[:, None]
+    return Candidate(term, drive, words(model, term, depends))

@@ -1,0 +1,308 @@
+"""The search: terms are proposed along courses of the model, and fitted as sets in free runs."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fmus.kit.arrays import Array
+from orchestration.diagnosis.comparison import Comparison, Judged, common_effective, compare
+from orchestration.diagnosis.fitting import Fit, Point, StartPrior, fit, fit_start, weights_of
+from orchestration.diagnosis.law_model import Record
+from orchestration.diagnosis.screening import Screen
+from orchestration.diagnosis.subject import Subject
+from orchestration.diagnosis.terms import Shape, Term
+
+_PIECES = (1, 8, 40)  # of a record, of the courses along which terms are proposed
+_QUOTAS = {1: {1: 5, 2: 5, 3: 3}, 8: {1: 4, 2: 4, 3: 2}, 40: {1: 4, 2: 4, 3: 2}}
+_SECOND = {1: 4, 2: 2}  # sets that are fitted around each of the best, by terms added
+_LEADS = 2  # sets of one size with the same first term
+_BEST = 3  # fits around which a second round goes
+_MOST_TERMS = 3
+_SMALL = 1e-3
+_CLIP = 30.0  # of a coefficient from the screen
+_SHORTEST = 12  # samples of a piece
+
+
+@dataclass
+class Found:
+    """All fits of one reading of a record, with their comparisons to the model without terms.
+
+    Attributes
+    ----------
+    subject : Subject
+    base : Judged
+    fits : list of Judged
+    """
+
+    subject: Subject
+    base: Judged
+    fits: list[Judged] = field(default_factory=list)
+
+    def compared(self) -> list[tuple[Judged, Comparison, float]]:
+        """Return each fit with its comparison to the base and its score, best first."""
+        if not self.fits:
+            return []
+        effective = common_effective(self.fits)
+        pairs = [(one, compare(one, self.base, effective)) for one in self.fits]
+        largest = max((c.gain for _, c in pairs if np.isfinite(c.gain)), default=0.0)
+        scored = [(one, c, c.score(largest)) for one, c in pairs]
+        return sorted((s for s in scored if np.isfinite(s[2])), key=lambda scored: -scored[2])
+
+    def best(self, count: int) -> list[Judged]:
+        """Return the best fits, of which no two have the same sources, and the lowest left out."""
+        good = [(one, score) for one, c, score in self.compared() if not c.is_worse]
+        chosen: dict[object, Judged] = {}
+        for one, _ in good:
+            chosen.setdefault(frozenset(t.source for t in one.terms), one)
+        result = list(chosen.values())[:count]
+        lowest = min(
+            (one for one, _ in good), key=lambda one: np.nanmean(one.choosing**2), default=None
+        )
+        if lowest is not None and lowest not in result:
+            result.append(lowest)
+        return result
+
+
+def search(subject: Subject, progress: Callable[[str], None] = lambda text: None) -> Found | None:
+    """Fit what the record proposes; None if the base cannot be judged.
+
+    Parameters
+    ----------
+    subject : Subject
+    progress : callable
+        Is told what goes on, in a few words.
+    """
+    base = subject.judge(subject.base)
+    if base is None:
+        return None
+    rounds = _Rounds(Found(subject, base), progress)
+    rounds.propose(subject.base, _PIECES if subject.problem.model.states else (1,), _QUOTAS)
+    for one in rounds.found.best(_BEST)[:_BEST]:
+        if len(one.terms) < _MOST_TERMS:
+            rounds.propose(one.fit, (1,), {1: _SECOND})
+    rounds.subsets()
+    rounds.shapes()
+    rounds.polish()
+    rounds.subsets()
+    return rounds.found
+
+
+class _Rounds:
+    """Rounds of proposals and fits."""
+
+    def __init__(self, found: Found, progress: Callable[[str], None]):
+        self.found = found
+        self._progress = progress
+        self._tried: set[frozenset[Term]] = set()
+        self._weights = weights_of(found.subject.base.errors)
+
+    def propose(
+        self, fitted: Fit, pieces: Sequence[int], quotas: dict[int, dict[int, int]]
+    ) -> None:
+        """Propose sets along courses in so many pieces, and fit them with what is there."""
+        for count in pieces:
+            screen = self._screen(fitted, count)
+            if screen is None:
+                continue
+            room = _MOST_TERMS - len(fitted.terms)
+            asked = list(_by_quota(screen, quotas[count], room, fitted.terms))
+            self._progress(
+                f"{len(screen.candidates)} terms along {count} pieces, {len(asked)} sets"
+            )
+            asked.sort(key=len)
+            for size in sorted({len(chosen) for chosen in asked}):
+                self._fit_all(
+                    [
+                        self._from_screen(screen, chosen, fitted)
+                        for chosen in asked
+                        if len(chosen) == size
+                    ]
+                )
+
+    def _screen(self, fitted: Fit, count: int) -> Screen | None:
+        """Return the responses along the free run, or along pieces whose starts are estimated."""
+        problem = fitted.problem
+        try:
+            if count == 1:
+                return Screen(fitted, problem.records, fitted.point.starts)
+            pieces, starts = _pieces(fitted, count)
+            return Screen(fitted, pieces, starts) if pieces else None
+        except FloatingPointError:
+            return None
+
+    def _from_screen(
+        self, screen: Screen, chosen: tuple[int, ...], fitted: Fit
+    ) -> tuple[tuple[Term, ...], list[Point]]:
+        """Return a set of terms with its starts: small, and as the screen has it."""
+        terms = tuple(screen.candidates[i].term for i in chosen)
+        coefficients, shift = screen.solve(chosen)
+        problem = fitted.problem
+        base, q = fitted.point.values, fitted.point.q
+        wanted = [
+            np.append(np.clip(c, -_CLIP, _CLIP), t.start)
+            for c, t in zip(coefficients, terms, strict=True)
+        ]
+        small = [np.append(np.full(t.coefficients, _SMALL), t.start) for t in terms]
+        moved = np.clip(
+            q + np.clip(shift[: len(q)] * problem.deviation, -2.0, 2.0), *problem.bounds
+        )
+        starts = fitted.point.starts
+        points = [
+            Point(q, np.concatenate([base, *small]), starts),
+            Point(moved, np.concatenate([base, *wanted]), starts),
+            Point(q, np.concatenate([base, *wanted]), starts),
+        ]
+        if np.any(np.abs(q - problem.mean) > 0.4 * problem.deviation):
+            nominal = tuple(s.mean for s in problem.starts)
+            points.append(Point(problem.mean, np.concatenate([base, *small]), nominal))
+        return (*fitted.terms, *terms), points
+
+    def _fit_all(
+        self, asked: Iterable[tuple[tuple[Term, ...], list[Point]]], most: int = 15
+    ) -> list[Judged]:
+        """Fit sets on all cores, each from its own starts and from fits of its subsets."""
+        new = []
+        for terms, points in asked:
+            key = frozenset(terms)
+            if key in self._tried or len(key) < len(terms):
+                continue
+            self._tried.add(key)
+            new.append((terms, [*points, *self._nested(terms)]))
+        subject = self.found.subject
+
+        def one(job: tuple[tuple[Term, ...], list[Point]]) -> Judged | None:
+            fitted = fit(subject.problem, job[0], job[1], self._weights, most)
+            return None if fitted is None else subject.judge(fitted)
+
+        with ThreadPoolExecutor() as pool:
+            done = [judged for judged in pool.map(one, new) if judged is not None]
+        self.found.fits += done
+        return done
+
+    def _nested(self, terms: tuple[Term, ...]) -> list[Point]:
+        """Return points of fits whose terms are some of these, the others being small."""
+        points = []
+        for judged in self.found.fits:
+            own = set(judged.terms)
+            if own < set(terms):
+                points.append(_extended(judged.fit, terms))
+        return points[-3:]
+
+    def subsets(self) -> None:
+        """Fit what is left of the best sets without some of their terms."""
+        asked = []
+        for one in self.found.best(6):
+            for count in range(1, len(one.terms)):
+                for part in itertools.combinations(one.terms, count):
+                    asked.append((part, [_extended(one.fit, part)]))
+        self._fit_all(asked, 12)
+
+    def shapes(self) -> None:
+        """Fit the best sets with other shapes of each of their terms."""
+        asked = []
+        for one in self.found.best(2):
+            for term in one.terms:
+                if not term.signal:
+                    continue
+                for other in _other_shapes(self.found.subject, one.fit, term):
+                    terms = tuple(other if t == term else t for t in one.terms)
+                    asked.append((terms, [_extended(one.fit, terms)]))
+        self._fit_all(asked, 12)
+
+    def polish(self) -> None:
+        """Fit the best on, in the noise that they leave."""
+        subject = self.found.subject
+        for one in self.found.best(6):
+            weights = weights_of(one.fit.errors)
+            fitted = fit(subject.problem, one.terms, [one.fit.point], weights, 25)
+            judged = None if fitted is None else subject.judge(fitted)
+            if judged is not None:
+                self.found.fits.append(judged)
+
+
+def _extended(fitted: Fit, terms: Sequence[Term]) -> Point:
+    """Return a fit's point for other terms: its own values where it has them, else small ones."""
+    values = [
+        fitted.values_of(t)
+        if t in fitted.terms
+        else np.append(np.full(t.coefficients, _SMALL), t.start)
+        for t in terms
+    ]
+    return Point(fitted.point.q, np.concatenate(values), fitted.point.starts)
+
+
+def _by_quota(
+    screen: Screen, quota: dict[int, int], most: int, there: Sequence[Term]
+) -> Iterable[tuple[int, ...]]:
+    """Yield the best sets of each number of terms; a first term leads few of them, time fewer."""
+    taken: dict[object, int] = {}
+    sources = {t.source for t in there}
+    for value, chosen in screen.propose(min(most, max(quota))):
+        terms = [screen.candidates[i].term for i in chosen]
+        size = len(terms)
+        first = max(chosen, key=lambda i: screen.value([i]))
+        lead = size, screen.candidates[first].term.source
+        timed = any(t.signal == "time" for t in terms)
+        if (
+            size not in quota
+            or value <= -5.0
+            or taken.get(size, 0) >= quota[size]
+            or taken.get(lead, 0) >= _LEADS
+            or (timed and taken.get((size, "time"), 0) >= 1)
+            or any(t.source in sources for t in terms)
+        ):
+            continue
+        taken[lead] = taken.get(lead, 0) + 1
+        key = (size, "time") if timed else size
+        taken[key] = taken.get(key, 0) + 1
+        yield chosen
+
+
+def _pieces(fitted: Fit, count: int) -> tuple[list[Record], list[Array]]:
+    """Cut the records to pieces that follow the measurement, each from a start of its own."""
+    problem = fitted.problem
+    model = problem.model
+    if fitted.terms:
+        return [], []
+    setting = problem.setting(fitted.point, ())
+    nominal = model.nominal_states
+    weight = np.full(len(problem.spread), 0.5 / 0.1**2 / 5.0)
+    pieces, starts = [], []
+    for record, start in zip(problem.records, fitted.point.starts, strict=True):
+        course = model.run(record, setting, start)
+        if course is None:
+            return [], []
+        wide = np.clip(course.states.std(axis=0), nominal, 30.0 * nominal)
+        cuts = max(1, min(count, len(record.time) // _SHORTEST))
+        ends = np.linspace(0, len(record.time), cuts + 1).astype(int)
+        for first, last in itertools.pairwise(ends.tolist()):
+            piece = record.part(first, last)
+            mean = course.states[first].copy()
+            deviation = wide.copy()
+            for i, j in model.measured_states.items():
+                if np.isfinite(record.outputs[first, j]):
+                    mean[i] = record.outputs[first, j]
+            if first == 0:
+                mean, deviation = start.copy(), np.maximum(0.02 * nominal, 1e-9)
+            own = fit_start(problem, setting, piece, StartPrior(mean, deviation), weight)
+            if own is None:
+                return [], []
+            pieces.append(piece)
+            starts.append(own)
+    return pieces, starts
+
+
+def _other_shapes(subject: Subject, fitted: Fit, term: Term) -> Iterable[Term]:
+    """Yield a term with each of the other shapes."""
+    low, high = (term.places[0], term.places[-1]) if term.places else (-2.0, 2.0)
+    for shape in Shape:
+        if shape is term.shape or shape in (Shape.CONSTANT, Shape.MODULUS):
+            continue
+        width = {Shape.DRY: 0.3}.get(shape, 0.6)
+        places = tuple(np.linspace(low, high, 9)) if shape is Shape.CURVE else ()
+        yield replace(term, shape=shape, width=width, places=places)

@@ -1,0 +1,186 @@
+"""Signals that a term may be a function of: those of a model along a course, and their memories."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from fmus.kit.arrays import Array
+from orchestration.diagnosis.terms import Memory
+
+_ALIKE = 0.9995  # correlation from which on two signals are one
+_NO_MEMORY = 0.999  # correlation from which on a memory is another signal
+_FADES = 0.99  # the same for what has faded, of which more signals are nearly a rate
+_TIMES = 8  # time constants that are tried, in equal ratios
+_WAYS = (0.2, 0.6)  # of play and of a Dahl element, in standard deviations of the signal
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A signal as a term sees it.
+
+    Attributes
+    ----------
+    signal : str
+    memory : Memory
+    constants : tuple of float
+        Of the memory: seconds, or a way in scales of the signal.
+    values : ndarray, shape (n,)
+        Over all records, one after the other.
+    scale, middle : float
+        Root mean square about the middle, which is zero where the signal comes near zero.
+    """
+
+    signal: str
+    memory: Memory
+    constants: tuple[float, ...]
+    values: Array
+    scale: float
+    middle: float
+
+    @property
+    def scaled(self) -> Array:
+        """The values, in scales."""
+        return (self.values - self.middle) / self.scale
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether it is never clearly negative, so that odd and even shapes are the same."""
+        return bool(self.scaled.min() > -0.05)
+
+
+def scale_of_signal(values: Array) -> tuple[float, float]:
+    """Return scale and middle of a signal."""
+    largest = np.abs(values).max()
+    near_zero = values.min() <= 0.05 * largest and values.max() >= -0.05 * largest
+    middle = 0.0 if near_zero or abs(values.mean()) < 2.0 * values.std() else values.mean()
+    return float(np.sqrt(np.mean((values - middle) ** 2))), float(middle)
+
+
+def distinct(signals: Sequence[tuple[str, Array]]) -> list[tuple[str, Array]]:
+    """Leave out signals that stand still, and those that are one with an earlier one.
+
+    Parameters
+    ----------
+    signals : sequence of (str, ndarray)
+        By name, the plainest first.
+    """
+    kept: list[tuple[str, Array]] = []
+    for name, values in signals:
+        if np.std(values) < 1e-9 * (np.abs(values).max() + 1e-300):
+            continue
+        if any(abs(np.corrcoef(values, other)[0, 1]) > _ALIKE for _, other in kept):
+            continue
+        kept.append((name, values))
+    return kept
+
+
+def seen(
+    signals: Sequence[tuple[str, Array]], times: Sequence[Array], kinds: Sequence[Memory]
+) -> list[Seen]:
+    """Return signals by themselves and through memories, without those that repeat another.
+
+    Parameters
+    ----------
+    signals : sequence of (str, ndarray)
+        Distinct ones, over all records one after the other.
+    times : sequence of ndarray
+        Of each record, s.
+    kinds : sequence of Memory
+        That are tried.
+    """
+    step = min(float(np.median(np.diff(t))) for t in times)
+    length = max(float(t[-1] - t[0]) for t in times)
+    constants = np.geomspace(max(3.0 * step, length / 1000.0), length / 4.0, _TIMES)
+    result = [_seen(name, Memory.NONE, (), values) for name, values in signals]
+    known = [_standardised(values) for _, values in signals]
+    for kind in kinds:
+        for name, values in signals:
+            if name == "time":
+                continue
+            for constant in _WAYS if kind in (Memory.PLAY, Memory.DAHL) else constants:
+                remembered = _remembered(kind, values, times, float(constant))
+                if remembered.std() < 1e-3 * values.std():
+                    continue
+                z = _standardised(remembered)
+                limit = _NO_MEMORY if kind is not Memory.FADING else _FADES
+                if max(abs(float(z @ other)) for other in known) > limit * len(z):
+                    continue
+                known.append(z)
+                result.append(_seen(name, kind, (float(constant),), remembered, values))
+    return result
+
+
+def _seen(
+    name: str, kind: Memory, constants: tuple[float, ...], values: Array, base: Array | None = None
+) -> Seen:
+    if kind is Memory.DAHL:
+        scale, middle = 1.0, 0.0
+    else:
+        scale, middle = scale_of_signal(values)
+    if kind in (Memory.PLAY, Memory.DAHL):  # ways are in scales of the term
+        assert base is not None
+        constants = (constants[0] * float(base.std()) / scale,)
+    return Seen(name, kind, constants, values, scale, middle)
+
+
+def _standardised(values: Array) -> Array:
+    return (values - values.mean()) / (values.std() + 1e-300)
+
+
+def _remembered(kind: Memory, values: Array, times: Sequence[Array], constant: float) -> Array:
+    """Return a memory of a signal, which begins in equilibrium in every record."""
+    parts = []
+    at = 0
+    for t in times:
+        parts.append(_MEMORIES[kind](values[at : at + len(t)], t, constant))
+        at += len(t)
+    return np.concatenate(parts)
+
+
+def lagged(values: Array, time: Array, constant: float) -> Array:
+    """Return a signal, linear between samples, behind a first-order lag of a time constant (s)."""
+    step = float(np.median(np.diff(time)))
+    decay = np.exp(-step / constant)
+    now = 1.0 - (1.0 - decay) * constant / step
+    before = (1.0 - decay) * constant / step - decay
+    start = [values[0] * (1.0 - now)]
+    result, _ = lfilter([now, before], [1.0, -decay], values, zi=start)
+    return np.asarray(result)
+
+
+def _faded(values: Array, time: Array, constant: float) -> Array:
+    return values - lagged(values, time, constant)
+
+
+def _play(values: Array, time: Array, share: float) -> Array:
+    way = share * values.std()
+    followed = values.copy()
+    z = values[0]
+    for k, v in enumerate(values.tolist()):
+        z = min(max(z, v - way), v + way)
+        followed[k] = z
+    return followed
+
+
+def _dahl(values: Array, time: Array, share: float) -> Array:
+    way = share * values.std() + 1e-300
+    moves = np.diff(values, prepend=values[0])
+    decays = np.exp(-np.abs(moves) / way)
+    bristle = np.zeros_like(values)
+    z = 0.0
+    for k, (decay, side) in enumerate(zip(decays.tolist(), np.sign(moves).tolist(), strict=True)):
+        z = decay * z + side * way * (1.0 - decay)
+        bristle[k] = z
+    return bristle
+
+
+_MEMORIES: dict[Memory, Callable[[Array, Array, float], Array]] = {
+    Memory.LAG: lagged,
+    Memory.FADING: _faded,
+    Memory.PLAY: _play,
+    Memory.DAHL: _dahl,
+}

@@ -1,0 +1,233 @@
+"""A model with its records, of which some samples are fitted and others left out."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmus.kit.arrays import Array
+from orchestration.diagnosis.comparison import Judged, words
+from orchestration.diagnosis.fitting import (
+    Fit,
+    Problem,
+    StartPrior,
+    fit_base,
+    fit_start,
+    nominal_point,
+)
+from orchestration.diagnosis.law_model import LawModel, Record
+from orchestration.diagnosis.terms import Term
+
+_PART = 2.0 / 3.0  # of a single record that is fitted
+_BEGINNING = 6  # a held-out record gives its start states in the first part of so many
+_BLOCKS = 8  # of what is left out, by turns for the choice and for the figure
+_FIRST = 6  # samples that show where a state starts
+_DECLARED = 0.1  # deviation of a start state that is declared, in its nominal value
+_WELL = 20.0 / 0.05**2  # weight of the beginning: twenty samples within a twentieth of the spread
+_MOST = 2400  # samples of a record that are fitted; more are thinned
+_UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Samples that no fit sees.
+
+    Attributes
+    ----------
+    record : Record
+    first : int
+        From where the errors count.
+    of : int or None
+        The fitted record whose run goes on here; None for one that starts anew.
+    """
+
+    record: Record
+    first: int
+    of: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A model, the problem of fitting it, and what is left out.
+
+    Attributes
+    ----------
+    problem : Problem
+    left_out : tuple of LeftOut
+    base : Fit
+        Without terms.
+    """
+
+    problem: Problem
+    left_out: tuple[LeftOut, ...]
+    base: Fit
+
+    def judge(self, fitted: Fit) -> Judged | None:
+        """Run a fit over what is left out; None if it runs away there."""
+        choosing, measuring = [], []
+        for one in self.left_out:
+            errors = self.errors(fitted, one)
+            if errors is None:
+                return None
+            blocks = np.array_split(errors, _BLOCKS)
+            choosing += blocks[::2]
+            measuring += blocks[1::2]
+        model = self.problem.model
+        prior = sum(words(model, term, depends(model, term)) for term in fitted.terms)
+        return Judged(fitted, np.concatenate(choosing), np.concatenate(measuring), prior)
+
+    def errors(self, fitted: Fit, one: LeftOut) -> Array | None:
+        """Return the errors (m, ny) of a fit on samples that are left out, in spreads."""
+        problem = self.problem
+        setting = problem.setting(fitted.point, fitted.terms)
+        start = (
+            _start(problem, fitted, one.record) if one.of is None else fitted.point.starts[one.of]
+        )
+        if start is None:
+            return None
+        course = problem.model.run(one.record, setting, start)
+        if course is None:
+            return None
+        return ((one.record.outputs - course.outputs) / problem.spread)[one.first :]
+
+
+def depends(model: LawModel, term: Term) -> bool:
+    """Return whether a law depends on the signal of a term already."""
+    return not term.signal or term.signal in model.perturbed.computed_from(term.law)
+
+
+def _start(problem: Problem, fitted: Fit, record: Record) -> Array | None:
+    """Return the start states of a held-out record, from its first samples."""
+    beginning = record.part(0, max(20, len(record.time) // _BEGINNING))
+    prior = start_prior(problem.model, beginning)
+    setting = problem.setting(fitted.point, fitted.terms)
+    weight = np.full(len(problem.spread), _WELL / len(beginning.time))
+    return fit_start(problem, setting, beginning, prior, weight)
+
+
+def start_prior(model: LawModel, record: Record) -> StartPrior:
+    """Return what is known of the start states: declared, or read off an output that is the state.
+
+    A state that is declared to start somewhere starts near it if the model has inputs; without
+    inputs its start is all that moves.
+    """
+    nominal = model.nominal_states
+    mean = np.array([float(model.parameters[i].start) for i in model.start_positions])
+    near = _DECLARED if len(model.inputs) else 1.0
+    deviation = near * nominal
+    for i, j in model.measured_states.items():
+        first = record.outputs[:_FIRST, j]
+        if np.isfinite(first).any():
+            mean[i] = first[np.isfinite(first)][0]
+            deviation[i] = max(2.0 * float(np.nanstd(first)), 0.02 * nominal[i])
+    return StartPrior(mean, deviation)
+
+
+def thinned(problem: Problem, record: Record, most: int = _MOST) -> Record:
+    """Return a record of fewer samples, if the nominal model sees no difference.
+
+    Inputs are averaged over the samples that fall between.
+    """
+    model = problem.model
+    setting = problem.setting(nominal_point(problem), ())
+    start = start_prior(model, record).mean
+    whole = model.run(record, setting, start)
+    step = int(np.ceil(len(record.time) / most))
+    while step > 1 and whole is not None:
+        part = _every(record, step)
+        course = model.run(part, setting, start)
+        if course is not None:
+            gap = (
+                whole.outputs[: len(record.time) // step * step : step] - course.outputs
+            ) / problem.spread
+            if np.sqrt(np.mean(gap**2)) < _UNSEEN:
+                return part
+        step //= 2
+    return record
+
+
+def _every(record: Record, step: int) -> Record:
+    """Return every so many samples, inputs averaged up to the next."""
+    n = len(record.time) // step * step
+    inputs = record.inputs[:n].reshape(n // step, step, -1).mean(axis=1)
+    return replace(record.part(0, n, step), inputs=np.ascontiguousarray(inputs))
+
+
+def subject_of(
+    model: LawModel,
+    records: Sequence[Record],
+    held_out: Sequence[Record] = (),
+    hold: Collection[str] = (),
+    values: Mapping[str, float] | None = None,
+) -> Subject | None:
+    """Divide records into fitted samples and others, and fit the model without terms.
+
+    Parameters
+    ----------
+    model : LawModel
+    records : sequence of Record
+        Without `held_out`, the last third of each is left out.
+    held_out : sequence of Record
+    hold : collection of str
+        Parameters that keep their values.
+    values : Mapping of str to float, optional
+        Nominal values of parameters, SI.
+
+    Returns
+    -------
+    Subject or None
+        None if the model runs away over the records.
+    """
+    # of what is fitted alone, or a fit would depend on what is left out
+    fitted = records if held_out else [r.part(0, int(_PART * len(r.time))) for r in records]
+    spread = np.mean([np.nanstd(r.outputs, axis=0) for r in fitted], axis=0)
+    spread = np.where(spread > 0.0, spread, 1.0)
+    best = None
+    for smooth in (False, True) if len(model.inputs) and len(model.states) else (False,):
+        inputs = (smooth,) * len(model.inputs)
+        parts = _divided(
+            Problem(model, (), spread, (), frozenset(hold), values),
+            [replace(r, smooth=inputs) for r in records],
+            [replace(r, smooth=inputs) for r in held_out],
+        )
+        base = fit_base(parts[0])
+        if base is not None and (best is None or base.misfit < 0.98 * best.base.misfit):
+            best = Subject(*parts, base)
+    return best
+
+
+def _divided(
+    problem: Problem, records: Sequence[Record], held_out: Sequence[Record]
+) -> tuple[Problem, tuple[LeftOut, ...]]:
+    """Return the problem over what is fitted, and what is left out."""
+    most = _MOST if len(records) == 1 else _MOST // 2
+    problem = replace(problem, substeps=_substeps(problem, records))
+    whole = [thinned(problem, r, most) for r in records]
+    if held_out:
+        fitted = whole
+        others = [thinned(problem, r) for r in held_out]
+        left_out = [LeftOut(r, max(20, len(r.time) // _BEGINNING), None) for r in others]
+    else:
+        cuts = [int(_PART * len(r.time)) for r in whole]
+        fitted = [r.part(0, cut) for r, cut in zip(whole, cuts, strict=True)]
+        left_out = [LeftOut(r, cut, i) for i, (r, cut) in enumerate(zip(whole, cuts, strict=True))]
+    starts = tuple(start_prior(problem.model, r) for r in fitted)
+    return replace(problem, records=tuple(fitted), starts=starts), tuple(left_out)
+
+
+def _substeps(problem: Problem, records: Sequence[Record]) -> int:
+    """Return steps between two samples for the fastest rate of the nominal model."""
+    model = problem.model
+    setting = problem.setting(nominal_point(problem), ())
+    counts = [1]
+    for record in records:
+        for substeps in (1, 8, 60):
+            course = model.run(
+                record, replace(setting, substeps=substeps), start_prior(model, record).mean
+            )
+            if course is not None:
+                counts.append(model.substeps(record, setting, course))
+                break
+    return max(counts)

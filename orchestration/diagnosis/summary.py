@@ -1,0 +1,98 @@
+"""A diagnosis as figures, ready for JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from orchestration.diagnosis import wording
+from orchestration.diagnosis.conclude import Cause
+from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.term_names import (
+    estimates,
+    memory_text,
+    shape_text,
+    stems,
+    term_parameters,
+)
+from orchestration.diagnosis.terms import Term
+from orchestration.identify.uncertainty import Estimate
+
+
+def summary(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return the figures of a diagnosis, SI; None is a figure that there is none of."""
+    causes = diagnosis.causes if diagnosis.is_named else ()
+    lead = causes[:1]
+    before = diagnosis.errors(diagnosis.found.base)
+    after = diagnosis.errors(diagnosis.final)
+    return {
+        "engine": "new",
+        "verdict": diagnosis.verdict,
+        "headline": f"{wording.headline(diagnosis)}. {wording.support(diagnosis)}".strip(),
+        "next_step": wording.next_step(diagnosis),
+        "baseline": {"holdout_fit_percent": {n: _fit_percent(v) for n, v in before.items()}},
+        "parameters": {n: e.to_dict() for n, e in diagnosis.parameters.items()},
+        "changed": list(diagnosis.changed),
+        "causes": [cause_figures(diagnosis, cause) for cause in lead],
+        "alternatives": [
+            {"effect": c.name, "instead_of": causes[0].name, "probability": float(c.probability)}
+            for c in causes[1:]
+        ],
+        "group": [cause_figures(diagnosis, cause) for cause in diagnosis.causes],
+        "nothing": {"probability": float(diagnosis.conclusion.nothing)},
+        "ladder": [
+            {"terms": [t.law + f"({t.signal})" for t in rung.terms], "error": rung.error}
+            for rung in diagnosis.ladder
+        ],
+        "gain": {"holdout_nrmse_before": before, "holdout_nrmse_after": after},
+        "left": [
+            {
+                "output": one.output,
+                "share": one.share,
+                "noise_widths": one.noise_widths,
+                "correlation": one.correlation,
+                "pace": "slow" if one.is_slow else "fast",
+            }
+            for one in diagnosis.remainders
+        ],
+        "notes": [
+            {"code": code, "subject": subject, "message": message}
+            for code, subject, message in diagnosis.notes
+        ],
+    }
+
+
+def _fit_percent(error: float | None) -> float | None:
+    return None if error is None else 100.0 * (1.0 - error)
+
+
+def cause_figures(diagnosis: Diagnosis, cause: Cause) -> dict[str, Any]:
+    """Return the figures of a cause: its leading term, and those that go with it."""
+    fitted = estimates(cause.judged.fit, stems(cause.terms))
+    figures = [
+        _term_figures(diagnosis, stem, term, fitted) for stem, term in stems(cause.terms).items()
+    ]
+    first, *others = figures
+    return {
+        "effect": cause.name,
+        "component": diagnosis.model.name,
+        "title": wording.cause_text(diagnosis, cause),
+        "probability": float(cause.probability),
+        **first,
+        "with": others,
+        "error": diagnosis.error(cause.judged),
+    }
+
+
+def _term_figures(
+    diagnosis: Diagnosis, stem: str, term: Term, fitted: dict[str, Estimate]
+) -> dict[str, Any]:
+    cls = diagnosis.subject.problem.model.cls
+    names = [parameter.name for parameter in term_parameters(cls, stem, term)]
+    return {
+        "law": term.law,
+        "signal": term.signal,
+        "shape": shape_text(term),
+        "memory": memory_text(term),
+        "factor": term.factor,
+        "parameters": {name: fitted[name].to_dict() for name in names},
+    }

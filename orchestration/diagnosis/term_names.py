@@ -1,0 +1,240 @@
+"""Terms of a fit in the units of the model: names, parameters with intervals, and texts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.kit import Component
+from fmus.kit.arrays import Array
+from fmus.kit.curves import per
+from fmus.kit.symbolic import list_laws
+from fmus.kit.titles import in_words, law_title, within_sentence
+from orchestration.diagnosis.fitting import Fit, final_curvature
+from orchestration.diagnosis.terms import Memory, Shape, Term
+from orchestration.identify.uncertainty import Estimate
+
+_UNDETERMINED = 0.7  # of its prior deviation, from which on a coordinate is not determined
+_INTERVAL = 1.96  # deviations of 95 %
+
+
+class Form(NamedTuple):
+    """A shape as a formula of x, with the power of x in its coefficient's unit."""
+
+    text: str
+    power: float
+
+
+FORMS = {
+    Shape.CONSTANT: Form("a", 0.0),
+    Shape.LINEAR: Form("a x", 1.0),
+    Shape.MODULUS: Form("a |x|", 1.0),
+    Shape.SQUARE: Form("a x^2", 2.0),
+    Shape.ODD_SQUARE: Form("a x |x|", 2.0),
+    Shape.CUBE: Form("a x^3", 3.0),
+    Shape.ROOT: Form("a sign(x) sqrt(|x|/s)", 0.0),  # FMI knows no root of a unit
+    Shape.DRY: Form("a tanh(x/w)", 0.0),
+    Shape.DEAD_ZONE: Form("a (x - clip(x, -w, w))", 1.0),
+    Shape.ABOVE: Form("a max(x - w, 0)", 1.0),
+    Shape.BELOW: Form("a min(x + w, 0)", 1.0),
+    Shape.CURVE: Form("a curve", 0.0),
+}
+_OVER = {
+    Memory.NONE: "{}",
+    Memory.LAG: "lagging {}",
+    Memory.FADING: "{} that fades",
+    Memory.TWO_LAGS: "{} with a lag that depends on its direction",
+    Memory.RATE_LIMIT: "{} limited in its rate",
+    Memory.PLAY: "{} with play",
+    Memory.DAHL: "{} that gives before it slides",
+}
+
+
+@dataclass(frozen=True)
+class TermParameter:
+    """A parameter of a term, as a fit has it and as a component declares it.
+
+    Attributes
+    ----------
+    name : str
+    factor : float
+        By which a searched value is multiplied; of a logarithm, its exponential.
+    logarithmic : bool
+    unit : str
+    """
+
+    name: str
+    factor: float
+    logarithmic: bool
+    unit: str
+
+
+def stems(terms: Sequence[Term]) -> dict[str, Term]:
+    """Return terms by names that can stand in a component: ``friction_of_velocity``."""
+    named: dict[str, Term] = {}
+    for term in terms:
+        remembered = "" if term.memory is Memory.NONE else f"_{term.memory.name.lower()}"
+        stem = f"{term.law}_of_{term.signal}{remembered}" if term.signal else f"{term.law}_offset"
+        number = 1 + sum(name.rpartition("_no_")[0] == stem or name == stem for name in named)
+        named[stem if number == 1 else f"{stem}_no_{number}"] = term
+    return named
+
+
+def term_parameters(cls: type[Component], stem: str, term: Term) -> list[TermParameter]:
+    """Return the parameters of a term in the order of its values in a fit."""
+    unit = unit_of(cls, term.law)
+    if term.factor:
+        below = unit_of(cls, term.factor)
+        unit = "1" if unit == below else per(unit, below)
+    signal = unit_of(cls, term.signal)
+    power = FORMS[term.shape].power
+    scale = term.size / term.scale**power
+    amount = [f"{stem}_at_{k}" for k in range(len(term.places))] or [stem]
+    result = [TermParameter(name, scale, False, per(unit, signal, power)) for name in amount]
+    for name in _constants(term.memory):
+        is_signal = name == "way"
+        constant_unit = {"way": signal, "rate": per(signal, "s"), "ratio": "1"}.get(name, "s")
+        factor = term.scale if is_signal or name == "rate" else 1.0
+        result.append(TermParameter(f"{stem}_{name}", factor, True, constant_unit))
+    if term.shape.has_width:
+        result.append(TermParameter(f"{stem}_width", term.scale, True, signal))
+    return result
+
+
+def _constants(memory: Memory) -> tuple[str, ...]:
+    """Return the names of the constants of a memory."""
+    if memory in (Memory.PLAY, Memory.DAHL):
+        return ("way",)
+    names = ("time", "rate") if memory is Memory.RATE_LIMIT else ("time", "ratio")
+    return names[: memory.constants]
+
+
+def unit_of(cls: type[Component], name: str) -> str:
+    """Return the SI unit of an input, a state, a law, or the time; 1 if it is not known."""
+    layout = cls.layout
+    declared = {v.name: v.unit for v in (*layout.inputs, *layout.states)} | {"time": "s"}
+    return declared.get(name) or {law.name: law.unit for law in list_laws(cls)}.get(name) or "1"
+
+
+def estimates(fitted: Fit, terms: Mapping[str, Term]) -> dict[str, Estimate]:
+    """Return the parameters of a fit with intervals, those of its terms and start states too.
+
+    Parameters
+    ----------
+    fitted : Fit
+    terms : Mapping of str to Term
+        Its terms, by name.
+    """
+    problem = fitted.problem
+    deviation = deviations(fitted)
+    result = {}
+    for k, (i, scale) in enumerate(zip(problem.free, problem.scales, strict=True)):
+        declared = problem.model.parameters[i]
+        ends = _ends(fitted.point.q[k], deviation[k], problem.deviation[k])
+        result[declared.name] = Estimate(
+            scale.value(fitted.point.q[k]),
+            float(problem.nominal[i]),
+            (scale.value(ends[0]), scale.value(ends[1])),
+            declared.unit,
+        )
+    places = _places(fitted)
+    for stem, term in terms.items():
+        values = fitted.values_of(term)
+        spread = deviation[places[term] :]
+        parameters = term_parameters(problem.model.cls, stem, term)
+        for parameter, value, wide in zip(parameters, values, spread, strict=False):
+            result[parameter.name] = _estimate(parameter, float(value), float(wide))
+    own = len(problem.free) + len(fitted.point.values)
+    return result | _start_states(fitted, deviation[own:])
+
+
+def deviations(fitted: Fit) -> Array:
+    """Return standard deviations of the searched coordinates, in the order of the curvature.
+
+    Those of the values of a curve are about its mean, as its law has a level of its own.
+    """
+    curvature = final_curvature(fitted)
+    size = np.sqrt(np.diag(curvature))
+    covariance = np.linalg.pinv(curvature / np.outer(size, size), hermitian=True)
+    covariance /= np.outer(size, size)
+    variance = np.diag(covariance).copy()
+    for term, at in _places(fitted).items():
+        if term.shape is Shape.CURVE:
+            own = slice(at, at + term.coefficients)
+            about_mean = np.eye(term.coefficients) - 1.0 / term.coefficients
+            variance[own] = np.diag(about_mean @ covariance[own, own] @ about_mean)
+    return np.sqrt(variance)
+
+
+def _places(fitted: Fit) -> dict[Term, int]:
+    """Return the place of the first value of each term among the searched coordinates."""
+    at = len(fitted.problem.free)
+    places = {}
+    for term in fitted.terms:
+        places[term] = at
+        at += term.coefficients + len(term.start)
+    return places
+
+
+def _ends(value: float, deviation: float, prior: float) -> tuple[float, float]:
+    """Return the ends of an interval; infinite where the record says less than the prior."""
+    if deviation > _UNDETERMINED * prior:
+        return -np.inf, np.inf
+    return value - _INTERVAL * deviation, value + _INTERVAL * deviation
+
+
+def _estimate(parameter: TermParameter, value: float, deviation: float) -> Estimate:
+    """Return a value of a term in the unit of its parameter; without the term it is 0."""
+    ends = (value - _INTERVAL * deviation, value, value + _INTERVAL * deviation)
+    low, middle, high = np.exp(ends) if parameter.logarithmic else ends
+    scaled = [float(parameter.factor * end) for end in (low, middle, high)]
+    nominal = scaled[1] if parameter.logarithmic else 0.0
+    return Estimate(scaled[1], nominal, (scaled[0], scaled[2]), parameter.unit)
+
+
+def _start_states(fitted: Fit, deviation: Array) -> dict[str, Estimate]:
+    """Return the start states; with several records the record stands behind an @."""
+    problem = fitted.problem
+    model = problem.model
+    nx = len(model.states)
+    result = {}
+    for r, (record, start) in enumerate(zip(problem.records, fitted.point.starts, strict=True)):
+        suffix = f"@{record.label}" if len(problem.records) > 1 else ""
+        for i, state in enumerate(model.states):
+            wide = float(deviation[r * nx + i] * problem.starts[r].deviation[i])
+            name = model.parameters[model.start_positions[i]].name
+            ends = (float(start[i] - _INTERVAL * wide), float(start[i] + _INTERVAL * wide))
+            nominal = float(problem.nominal[model.start_positions[i]])
+            result[f"{name}{suffix}"] = Estimate(float(start[i]), nominal, ends, state.unit)
+    return result
+
+
+def shape_text(term: Term) -> str:
+    """Return the function of a term as a formula."""
+    text = FORMS[term.shape].text
+    if term.middle:
+        text = text.replace("x", f"(x - {term.middle:.3g})")
+    return f"{text} {term.factor}" if term.factor else text
+
+
+def memory_text(term: Term) -> str:
+    """Return the memory of a term as one word; empty if it has none."""
+    return "" if term.memory is Memory.NONE else term.memory.name.lower()
+
+
+def sentence(cls: type[Component], term: Term) -> str:
+    """Return a term for people: ``friction over velocity``."""
+    law = within_sentence(law_title(cls, term.law))
+    if not term.signal:
+        return f"an offset of {law}"
+    signal = "time" if term.signal == "time" else within_sentence(law_title(cls, term.signal))
+    seen = _OVER[term.memory].format(signal)
+    return f"{law} in percent over {seen}" if term.factor else f"{law} over {seen}"
+
+
+def plain(identifier: str) -> str:
+    """Return an identifier in words."""
+    return in_words(identifier)

@@ -1,0 +1,158 @@
+"""Terms: what a law of a model may lack, as a law, a signal, a memory of it and a shape."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from fmus.kit.arrays import Array
+
+KNOTS = 9  # of a curve at most, as in free_run.c
+
+
+class Shape(IntEnum):
+    """The function of a term, of a signal in its scale; in the order of ``free_run.c``."""
+
+    CONSTANT = 0
+    LINEAR = 1
+    MODULUS = 2
+    SQUARE = 3
+    ODD_SQUARE = 4
+    CUBE = 5
+    ROOT = 6
+    DRY = 7
+    DEAD_ZONE = 8
+    ABOVE = 9
+    BELOW = 10
+    CURVE = 11
+
+    @property
+    def has_width(self) -> bool:
+        """Whether a width is searched with it, in scales of the signal."""
+        return Shape.DRY <= self <= Shape.BELOW
+
+
+class Memory(IntEnum):
+    """The memory through which a term sees its signal; in the order of ``free_run.c``.
+
+    A lag follows its signal, fading is the signal less its lag; two lags differ by direction; a
+    rate limit follows no faster than its rate. Play follows at a distance (Prandtl); a Dahl element
+    gives before it slides.
+    """
+
+    NONE = 0
+    LAG = 1
+    FADING = 2
+    TWO_LAGS = 3
+    RATE_LIMIT = 4
+    PLAY = 5
+    DAHL = 6
+
+    @property
+    def constants(self) -> int:
+        """Constants that are searched with it, in their logarithm."""
+        return {Memory.NONE: 0, Memory.TWO_LAGS: 2, Memory.RATE_LIMIT: 2}.get(self, 1)
+
+
+class TermStructure(ctypes.Structure):
+    """A term as ``free_run.c`` reads it."""
+
+    _fields_ = (
+        *((name, ctypes.c_int) for name in ("law", "signal", "memory", "shape", "factor", "knots")),
+        *((name, ctypes.c_double) for name in ("size", "scale", "middle")),
+        ("places", ctypes.c_double * KNOTS),
+    )
+
+
+@dataclass(frozen=True)
+class Term:
+    """An addition to a law: ``size * factor * sum_j c_j phi_j((v - middle) / scale)``.
+
+    Attributes
+    ----------
+    law : str
+        The law that is added to.
+    signal : str
+        Input, state, law or ``time``, of which `v` is the value or a memory.
+    shape : Shape
+    memory : Memory
+    constants : tuple of float
+        Of the memory, where a search starts: seconds; the ratio of two lags; a rate or a way in
+        scales of the signal.
+    factor : str
+        Signal that the addition is in proportion to; the law itself for a change in percent; empty
+        for none.
+    size : float
+        Typical magnitude of the law, SI; 1 over that of the factor.
+    scale, middle : float
+        Of the signal, SI.
+    width : float
+        Of the shape, in scales of the signal, where a search starts.
+    places : tuple of float
+        Knots of a curve, in scales of the signal.
+    """
+
+    law: str
+    signal: str
+    shape: Shape
+    memory: Memory = Memory.NONE
+    constants: tuple[float, ...] = ()
+    factor: str = ""
+    size: float = 1.0
+    scale: float = 1.0
+    middle: float = 0.0
+    width: float = 1.0
+    places: tuple[float, ...] = ()
+
+    @property
+    def coefficients(self) -> int:
+        """The number of coefficients, in which it is linear."""
+        return len(self.places) if self.shape is Shape.CURVE else 1
+
+    @property
+    def start(self) -> Array:
+        """Where a search starts, but for the coefficients: logarithms of constants and width."""
+        own = [*self.constants, *([self.width] if self.shape.has_width else [])]
+        return np.log(np.array(own, dtype=float))
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom; of a curve one is the constant that its law has anyway."""
+        return self.coefficients - (self.shape is Shape.CURVE) + len(self.start)
+
+    @property
+    def cause(self) -> tuple[str, str]:
+        """Law and signal, by which a cause is named."""
+        return self.law, self.signal
+
+    @property
+    def source(self) -> tuple[str, str, Memory, bool]:
+        """All but shape and constants: two terms of one source are never in one set."""
+        return self.law, self.signal, self.memory, bool(self.factor)
+
+    def structure(self, laws: list[str], signals: list[str]) -> TermStructure:
+        """Return the term as ``free_run.c`` reads it, with positions in place of names."""
+        one = TermStructure(
+            laws.index(self.law),
+            signals.index(self.signal or "time"),
+            int(self.memory),
+            int(self.shape),
+            signals.index(self.factor) if self.factor else -1,
+            len(self.places),
+            self.size,
+            self.scale,
+            self.middle,
+        )
+        one.places[: len(self.places)] = self.places
+        return one
+
+    def __str__(self) -> str:
+        seen = self.signal or "1"
+        if self.memory is not Memory.NONE:
+            constants = ", ".join(f"{value:.3g}" for value in self.constants)
+            seen = f"{self.memory.name.lower()} of {seen} [{constants}]"
+        times = f" * {self.factor}" if self.factor else ""
+        return f"{self.law} += {self.shape.name.lower()}({seen}){times}"

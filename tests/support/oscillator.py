@@ -1,0 +1,101 @@
+"""Records of a mass on a spring that rubs, integrated by SciPy, and diagnoses of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from orchestration.diagnosis.conclude import Conclusion, conclude
+from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.fitting import fit, nominal_point, weights_of
+from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.law_model import Record as KernelRecord
+from orchestration.diagnosis.search import Found
+from orchestration.diagnosis.subject import subject_of
+from orchestration.diagnosis.terms import Shape, Term
+from orchestration.fmu.model import declared_model_of
+from orchestration.records import Record
+from tests.support.oscillator_model import Oscillator
+
+DRY = Term("friction", "velocity", Shape.DRY, size=5.0, scale=1.0, width=0.1)
+CUBE = Term("spring_force", "elongation", Shape.CUBE, size=5.0, scale=0.3)
+
+
+def oscillator_record(
+    seed: int, dry: float = 0.0, damping: float = 0.8, samples: int = 700, noise: float = 1e-3
+) -> Record:
+    """Return a record of a driven oscillator of the default mass and stiffness.
+
+    Parameters
+    ----------
+    seed : int
+        Of the force, steps of half a second, and of the noise.
+    dry : float
+        Dry friction, N, rounded within 0.1 m/s.
+    damping : float
+        N s/m.
+    samples : int
+        20 ms apart.
+    noise : float
+        Standard deviation of the measured position, m.
+    """
+    random = np.random.default_rng(seed)
+    step = 0.02
+    time = step * np.arange(samples)
+    force = np.repeat(random.normal(0.0, 6.0, samples // 25 + 1), 25)[:samples]
+    position = np.zeros(samples)
+    state = np.zeros(2)
+    for k in range(samples - 1):
+
+        def rates(_: float, s: np.ndarray, push: float = force[k]) -> list[float]:
+            rubbing = damping * s[1] + dry * np.tanh(s[1] / 0.1)
+            return [s[1], push - rubbing - 20.0 * s[0]]
+
+        state = solve_ivp(rates, (0.0, step), state, rtol=1e-8, atol=1e-10).y[:, -1]
+        position[k + 1] = state[0]
+    measured = position + random.normal(0.0, noise, samples)
+    signals = {"force": force, "position": measured}
+    return Record(time, signals, {"force": "N", "position": "m"}, Path(f"oscillator_{seed}.csv"))
+
+
+def diagnosis_with(record: Record, *sets: Sequence[Term]) -> Diagnosis:
+    """Return the diagnosis of an oscillator in which these sets of terms alone are fitted.
+
+    A search over all terms takes longer than a test may.
+    """
+    inputs = record.signals["force"][:, None]
+    outputs = record.signals["position"][:, None]
+    given = KernelRecord(record.time, inputs, outputs, (False,), record.source.stem)
+    subject = subject_of(LawModel(Oscillator), [given])
+    assert subject is not None
+    base = subject.judge(subject.base)
+    assert base is not None
+    found = Found(subject, base)
+    weights = weights_of(subject.base.errors)
+    for terms in sets:
+        fitted = fit(subject.problem, terms, [nominal_point(subject.problem, terms)], weights)
+        if fitted is not None:
+            weights_left = weights_of(fitted.errors)
+            fitted = fit(subject.problem, terms, [fitted.point], weights_left)
+        judged = None if fitted is None else subject.judge(fitted)
+        if judged is not None:
+            found.fits.append(judged)
+    return Diagnosis(declared_model_of(Oscillator), (record,), (), found, conclude(found))
+
+
+def with_group(diagnosis: Diagnosis, verdict: str, *probabilities: float) -> Diagnosis:
+    """Return a diagnosis as one in which friction over either state has these probabilities."""
+    (cause, *_) = diagnosis.conclusion.causes
+    group = []
+    for signal, probability in zip(("velocity", "elongation"), probabilities, strict=True):
+        terms = (replace(cause.terms[0], signal=signal),)
+        judged = replace(cause.judged, fit=replace(cause.judged.fit, terms=terms))
+        group.append(
+            replace(cause, signal=signal, probability=probability, terms=terms, judged=judged)
+        )
+    conclusion = Conclusion(verdict, tuple(group), 0.01, diagnosis.found.base)
+    return replace(diagnosis, conclusion=conclusion)

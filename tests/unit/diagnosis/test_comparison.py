@@ -1,0 +1,170 @@
+"""Claims: gains are log likelihoods, errors those of block means, and plain terms come first."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import norm
+
+from fmus.kit.arrays import Array
+from orchestration.diagnosis import Memory, Shape, Term, compare
+from orchestration.diagnosis.comparison import (
+    Comparison,
+    Judged,
+    common_effective,
+    difference,
+    words,
+)
+from tests.support.diagnosed_mass import mass
+
+RNG = np.random.default_rng(5)
+NONE = Comparison(0.0, 0.0, 0.0, 1.0, 0.0, 0, 0.0, 0.0)
+
+
+def judged(fitted: Array, left_out: Array, prior: float = 0.0, **fit: Any) -> Judged:
+    """Return errors as those of a fit with so much freedom."""
+    given = {"freedom": 0, "distance": 0.0, "terms": (), "misfit": fitted.std()} | fit
+    return Judged(SimpleNamespace(errors=(fitted,), **given), left_out, left_out, prior)
+
+
+def likelihood(errors: Array) -> float:
+    """Return the log likelihood of white noise with its own deviation."""
+    return float(sum(norm.logpdf(e, scale=np.sqrt(np.mean(e**2))).sum() for e in errors.T))
+
+
+def test_gains_are_differences_of_log_likelihoods() -> None:
+    """Of two outputs, all samples of which are independent."""
+    errors = [RNG.standard_normal((n, 2)) * [1.0, 0.3] for n in (400, 300)]
+    better = [0.8 * errors[0] + 0.1, 0.9 * errors[1]]
+    counts = [np.array([400.0, 400.0])], np.array([300.0, 300.0])
+    found = compare(judged(*better), judged(*errors), counts)
+    assert found.fitted == pytest.approx(likelihood(better[0]) - likelihood(errors[0]))
+    assert found.left_out == pytest.approx(likelihood(better[1]) - likelihood(errors[1]))
+    half = [np.array([200.0, 200.0])], np.array([150.0, 150.0])
+    assert compare(judged(*better), judged(*errors), half).fitted == pytest.approx(found.fitted / 2)
+
+
+def test_gaps_count_for_nothing() -> None:
+    errors, better = RNG.standard_normal((400, 1)), RNG.standard_normal((400, 1)) * 0.7
+    gaps = np.arange(0, 400, 4)
+    counts = [np.array([300.0])], np.array([300.0])
+    whole = compare(
+        *(judged(np.delete(e, gaps, 0), np.delete(e, gaps, 0)) for e in (better, errors)), counts
+    )
+    for e in (errors, better):
+        e[gaps] = np.nan
+    found = compare(judged(better, better), judged(errors, errors), counts)
+    assert found.fitted == pytest.approx(whole.fitted)
+    assert found.rise == pytest.approx(whole.rise)
+
+
+def test_columns_distance_and_words_are_those_beyond_the_other() -> None:
+    errors = RNG.standard_normal((200, 1))
+    term = Term("spring", "x", Shape.CUBE)
+    one = judged(errors, errors, 3.0, freedom=5, distance=2.0, terms=(term, term))
+    other = judged(errors, errors, 1.0, freedom=2, distance=0.5, terms=(term,))
+    found = compare(one, other, ([np.array([150.0])], np.array([50.0])))
+    assert found.columns == pytest.approx(0.5 * 3 * np.log(150.0))
+    assert (found.terms, found.distance, found.words) == (1, 1.5, 2.0)
+    assert found.fitted == 0.0
+
+
+def test_the_error_of_a_rise_is_that_of_a_mean() -> None:
+    """Of white errors: the deviation of the squares over the root of their number."""
+    base = np.zeros((6000, 1))
+    errors = []
+    for seed in range(20):
+        one = np.random.default_rng(seed).standard_normal((6000, 1))
+        rise, error = difference(judged(one, one), judged(base, base))
+        assert rise == pytest.approx(np.mean(one**2))
+        errors.append(error)
+    assert np.mean(errors) == pytest.approx(np.sqrt(2.0 / 6000.0), rel=0.1)
+
+
+def test_the_error_of_a_rise_allows_for_correlation() -> None:
+    """The squares of AR(1) with rho have the autocorrelation rho^2."""
+    rho, errors = 0.9, []
+    for seed in range(20):
+        white = np.random.default_rng(seed).standard_normal((6000, 1))
+        one = lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], white, axis=0)
+        errors.append(difference(judged(one, one), judged(0.0 * one, 0.0 * one))[1])
+    expected = np.sqrt(2.0 / 6000.0 * (1.0 + rho**2) / (1.0 - rho**2))
+    assert np.mean(errors) == pytest.approx(expected, rel=0.15)
+
+
+def test_a_rise_beyond_its_error_is_worse() -> None:
+    assert not replace(NONE, rise=0.9).is_worse
+    assert replace(NONE, rise=1.1).is_worse
+    assert not replace(NONE, rise=-1.1).is_worse
+    short = judged(np.ones((3, 1)), np.ones((3, 1)))
+    assert difference(short, judged(np.zeros((3, 1)), np.zeros((3, 1)))) == (0.0, np.inf)
+
+
+@pytest.mark.parametrize("largest", [0.0, 500.0])
+@pytest.mark.parametrize(
+    ("feature", "sign"),
+    [
+        ("fitted", 1),
+        ("left_out", 1),
+        ("columns", -1),
+        ("terms", -1),
+        ("distance", -1),
+        ("words", -1),
+    ],
+)
+def test_the_score_rises_with_gains_and_falls_with_costs(
+    feature: str, sign: int, largest: float
+) -> None:
+    scores = [replace(NONE, **{feature: value}).score(largest) for value in (1, 2, 3)]
+    assert np.all(sign * np.diff(scores) > 0.0)
+
+
+def test_left_out_gains_count_for_more_than_fitted_ones() -> None:
+    assert replace(NONE, left_out=10.0).gain > replace(NONE, fitted=10.0).gain
+
+
+def test_words_and_further_terms_cost_a_share_of_a_large_gain() -> None:
+    plain, wordy = replace(NONE, terms=1), replace(NONE, terms=1, words=1.0)
+    assert plain.score(0.0) - wordy.score(0.0) < plain.score(900.0) - wordy.score(900.0)
+    two = replace(NONE, terms=2)
+    assert plain.score(0.0) - two.score(0.0) < plain.score(900.0) - two.score(900.0)
+    assert plain.score(0.0) == plain.score(900.0), "a first plain term has no share"
+
+
+def test_plain_terms_come_first() -> None:
+    model = mass()
+    plain = words(model, Term("spring", "x", Shape.SQUARE), True)
+    assert plain == 0.0
+    for odd, depends in (
+        (Term("spring", "x", Shape.CURVE), True),
+        (Term("spring", "x", Shape.SQUARE, Memory.LAG, (1.0,)), True),
+        (Term("spring", "v", Shape.SQUARE), False),
+        (Term("spring", "friction", Shape.SQUARE), True),
+        (Term("spring", "time", Shape.SQUARE), True),
+        (Term("spring", "x", Shape.SQUARE, factor="spring"), True),
+    ):
+        assert words(model, odd, depends) > plain, odd
+    assert words(model, Term("spring", "", Shape.CONSTANT), False) == 0.0
+    late = words(model, Term("spring", "time", Shape.SQUARE), True)
+    assert late > words(model, Term("spring", "friction", Shape.CURVE), False)
+
+
+def test_the_figure_is_of_samples_by_which_nothing_is_chosen() -> None:
+    one = judged(np.ones((9, 1)), np.ones((9, 1)))
+    assert replace(one, measuring=2.0 * np.ones((9, 1))).left_out == 2.0
+    assert replace(one, measuring=np.full((9, 1), np.nan)).left_out == 1.0
+
+
+def test_common_samples_are_medians_of_the_nearest_fits() -> None:
+    many = []
+    for k, rho in enumerate([0.0, 0.5, 0.9, 0.99]):
+        error = lfilter([1.0], [1.0, -rho], RNG.standard_normal((2000, 1)), axis=0)
+        many.append(judged(error, error[:1000], misfit=float(k)))
+    fitted, left_out = common_effective(many[::-1])
+    assert fitted[0] == many[1].effective[0][0]
+    assert left_out == many[1].effective[1]

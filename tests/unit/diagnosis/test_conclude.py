@@ -1,0 +1,147 @@
+"""Claims: a cause is named where it alone explains what no fit saw, and not otherwise."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fmus.kit.arrays import Array
+from orchestration.diagnosis import Found, Shape, Term
+from orchestration.diagnosis.comparison import Judged
+from orchestration.diagnosis.conclude import conclude
+from tests.support.dry_mass import dry, nothing, outside, small_search
+
+RNG = np.random.default_rng(8)
+WHITE, SEEN = RNG.standard_normal((300, 1)), RNG.standard_normal((200, 1))
+DRY = Term("friction", "v", Shape.DRY)
+CURVE = Term("friction", "v", Shape.CURVE, places=(-1.0, 0.0, 1.0))
+SPRING = Term("spring", "x", Shape.CUBE)
+
+
+def judged(fitted: float, left_out: float | Array, *terms: Term, words: float = 0.0) -> Judged:
+    """Return a fit with errors of so many times those of the base."""
+    errors = fitted * WHITE
+    freedom = sum(t.freedom for t in terms)
+    fit = SimpleNamespace(
+        errors=(errors,), terms=terms, misfit=fitted, freedom=freedom, distance=0.0
+    )
+    return Judged(fit, left_out * SEEN, left_out * SEEN, words)
+
+
+def found(*fits: Judged) -> Found:
+    return Found(None, judged(1.0, 1.0), list(fits))
+
+
+def test_friction_is_named_first_and_surely(monkeypatch: pytest.MonkeyPatch) -> None:
+    conclusion = conclude(small_search(monkeypatch, dry))
+    assert conclusion.verdict == "cause"
+    first = conclusion.causes[0]
+    assert first.name == "friction(v)"
+    assert first.probability >= 0.9
+    assert conclusion.nothing < 0.01
+
+
+def test_a_record_of_the_model_is_consistent(monkeypatch: pytest.MonkeyPatch) -> None:
+    conclusion = conclude(small_search(monkeypatch, nothing))
+    assert conclusion.verdict == "consistent"
+    assert conclusion.nothing > 0.5
+
+
+def test_a_law_outside_is_no_sure_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert conclude(small_search(monkeypatch, outside, 160)).verdict != "cause"
+
+
+def test_nothing_found_is_consistent() -> None:
+    conclusion = conclude(found())
+    assert (conclusion.verdict, conclusion.causes, conclusion.nothing) == ("consistent", (), 1.0)
+
+
+def test_the_probability_is_of_the_cause_with_all_its_shapes() -> None:
+    conclusion = conclude(found(judged(0.5, 0.5, DRY), judged(0.5, 0.5, CURVE)))
+    assert conclusion.verdict == "cause"
+    assert [c.name for c in conclusion.causes] == ["friction(v)"]
+    assert conclusion.causes[0].terms == (DRY,), "the plain shape shows it"
+
+
+def test_causes_that_explain_alike_are_ambiguous() -> None:
+    conclusion = conclude(found(judged(0.5, 0.5, DRY), judged(0.5, 0.501, SPRING)))
+    assert conclusion.verdict == "ambiguous"
+    assert {c.name for c in conclusion.causes} == {"friction(v)", "spring(x)"}
+    assert sum(c.probability for c in conclusion.causes) >= 0.9
+
+
+def test_more_than_three_that_explain_alike_are_no_explanation() -> None:
+    names = ["x", "v", "force", "time", "friction"]
+    fits = [judged(0.5, 0.5, Term("spring", name, Shape.CUBE)) for name in names]
+    conclusion = conclude(found(*fits))
+    assert conclusion.verdict == "unexplained"
+    assert len(conclusion.causes) == 3
+    assert conclusion.causes[0].probability == pytest.approx(0.2, abs=0.01)
+
+
+def test_a_fit_that_is_worse_on_what_is_left_out_is_no_cause() -> None:
+    """However well it fits."""
+    rising = 1.0 + 0.2 * np.ones((200, 1))
+    conclusion = conclude(found(judged(0.1, rising, DRY)))
+    assert conclusion.verdict == "consistent"
+    assert conclusion.causes == ()
+
+
+def test_a_gain_in_what_is_fitted_alone_is_no_cause() -> None:
+    conclusion = conclude(found(judged(0.5, 1.0, DRY)))
+    assert conclusion.verdict == "consistent"
+
+
+def test_a_fit_behind_the_lowest_is_no_rival() -> None:
+    """Even if it fits so much better that its score is higher."""
+    rival = judged(0.3, 0.6, SPRING)
+    both = found(judged(0.5, 0.5, DRY), rival)
+    assert both.compared()[0][0] is rival
+    assert [c.name for c in conclude(both).causes] == ["friction(v)"]
+
+
+def test_a_fit_that_gains_little_in_all_is_no_measure_of_the_lowest() -> None:
+    """Its terms cost more than they explain."""
+    dear = judged(0.9, 0.45, SPRING, words=500.0)
+    conclusion = conclude(found(judged(0.5, 0.5, DRY), dear))
+    assert conclusion.verdict == "cause"
+    assert conclusion.causes[0].name == "friction(v)"
+
+
+def test_the_term_whose_loss_costs_most_leads() -> None:
+    for both in ((DRY, SPRING), (SPRING, DRY)):
+        one = conclude(
+            found(judged(0.1, 0.1, *both), judged(0.9, 0.9, DRY), judged(0.3, 0.3, SPRING))
+        ).causes[0]
+        assert one.terms == (SPRING, DRY)
+        assert one.name == "spring(x)"
+
+
+PUSH = Term("acceleration", "force", Shape.CUBE)
+
+
+@pytest.mark.parametrize(
+    ("alone", "lost", "first"),
+    [
+        # the spring alone has more than half, though the others together have nearly all
+        ((0.6, 0.1, 0.1), (0.9, 0.65, 0.7), SPRING),
+        # none has half alone, and without friction least is left
+        ((0.3, 0.1, 0.1), (0.9, 0.4, 0.7), DRY),
+    ],
+)
+def test_the_first_of_three_has_half_alone_or_is_missed_most(
+    alone: tuple[float, ...], lost: tuple[float, ...], first: Term
+) -> None:
+    three = (SPRING, DRY, PUSH)
+
+    def gaining(share: float, *terms: Term) -> Judged:
+        ratio = float(np.exp(-2.0 * share))
+        return judged(ratio, ratio, *terms)
+
+    fits = [gaining(1.0, *three)]
+    for i, term in enumerate(three):
+        fits.append(gaining(alone[i], term))
+        fits.append(gaining(lost[i], *(t for t in three if t is not term)))
+    assert conclude(found(*fits)).causes[0].terms[0] == first

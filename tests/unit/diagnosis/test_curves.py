@@ -1,0 +1,43 @@
+"""Claims: curves are what was hidden, courses what was measured and simulated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from orchestration.diagnosis.curves import addition, output_courses, term_curves
+from orchestration.diagnosis.terms import Memory, Shape, Term
+from tests.support.oscillator import diagnosis_with, oscillator_record
+
+
+def test_the_curve_of_a_term_is_the_friction_that_was_hidden(dry):
+    (curve,) = term_curves(dry.final.fit, dry.terms).values()
+    hidden = 1.5 * np.tanh(curve.signal / 0.1)
+    assert np.abs(curve.addition - hidden).max() < 0.05
+    assert curve.signal[0] >= curve.samples.min()
+    assert curve.signal[-1] <= curve.samples.max()
+
+
+def test_a_curve_goes_over_the_memory_of_its_signal():
+    lag = Term("friction", "velocity", Shape.LINEAR, Memory.LAG, (0.5,), size=1.0, scale=1.0)
+    diagnosis = diagnosis_with(oscillator_record(1, dry=1.5), (lag,))
+    fitted = diagnosis.found.fits[0].fit
+    (curve,) = term_curves(fitted, {"lag": lag}).values()
+    constant = float(np.exp(fitted.values_of(lag)[1]))
+    record = fitted.problem.records[0]
+    course = fitted.problem.run(record, fitted.point, fitted.terms, fitted.point.starts[0], False)
+    velocity, memory = course.states[:, 1], curve.samples
+    # the lag's own equation, by differences
+    rate = np.gradient(memory, record.time)
+    expected = (velocity - memory) / constant
+    assert np.abs(rate - expected)[1:-1].max() < 0.05 * np.abs(expected).max()
+    assert addition(fitted, lag, np.array([2.0])) == pytest.approx(2.0 * fitted.values_of(lag)[:1])
+
+
+def test_courses_are_the_record_and_its_models(dry):
+    (course,) = output_courses(dry)
+    measured = dry.records[0].signals["position"]
+    assert course.measured == pytest.approx(measured)
+    assert course.unseen_from == pytest.approx(course.time[int(len(measured) * 2 / 3)])
+    assert np.std(course.measured - course.after) == pytest.approx(1e-3, rel=0.2)
+    assert np.std(course.measured - course.before) > 0.03

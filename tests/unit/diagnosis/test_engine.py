@@ -1,0 +1,141 @@
+"""Claims: records become what the kernel takes, and the verdict says what is left beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmus.kit import Component, Discrete, Output, UserError
+from orchestration.diagnosis import Found, diagnose, engine
+from orchestration.fmu.model import declared_model_of
+from orchestration.records import Record
+from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record
+from tests.support.oscillator_model import Oscillator
+
+MODEL = declared_model_of(Oscillator)
+
+
+class Counter(Component):
+    """Counts samples."""
+
+    name = "counter"
+    count = Discrete("1", update="next_count", period=1.0)
+
+    def next_count(self):
+        """One more."""
+        return self.count + 1.0
+
+    @Output("1")
+    def shown(self):
+        """The count."""
+        return self.count
+
+
+def test_dry_friction_is_the_cause_with_the_size_that_was_hidden():
+    diagnosis = diagnosis_with(oscillator_record(1, dry=1.5), (DRY,), (CUBE,))
+    assert diagnosis.verdict == "cause"
+    assert [cause.name for cause in diagnosis.causes] == ["friction(velocity)"]
+    low, high = diagnosis.parameters["friction_of_velocity"].interval
+    assert low < 1.5 < high
+    assert high - low < 0.5
+    before = diagnosis.errors(diagnosis.found.base)["position"]
+    after = diagnosis.errors(diagnosis.final)["position"]
+    assert after < 0.1 * before
+
+
+@pytest.mark.slow
+def test_a_search_over_all_terms_finds_the_friction():
+    diagnosis = diagnose([oscillator_record(1, dry=1.5)], MODEL, [oscillator_record(2, dry=1.5)])
+    assert diagnosis.verdict == "cause"
+    assert diagnosis.causes[0].name == "friction(velocity)"
+
+
+def test_another_damping_is_no_cause():
+    diagnosis = diagnosis_with(oscillator_record(1, damping=1.1), (DRY,))
+    assert diagnosis.verdict == "recalibrate"
+    assert diagnosis.changed == ("damping",)
+    low, high = diagnosis.parameters["damping"].interval
+    assert low < 1.1 < high
+
+
+def test_the_same_plant_is_consistent():
+    diagnosis = diagnosis_with(oscillator_record(1), (DRY,), (CUBE,))
+    assert diagnosis.verdict == "consistent"
+    assert diagnosis.causes == ()
+    assert diagnosis.terms == {}
+
+
+def test_a_large_slow_error_is_never_consistent():
+    record = oscillator_record(1)
+    wave = 0.6 * np.std(record.signals["position"]) * np.sin(3.0 * record.time)
+    signals = record.signals | {"position": record.signals["position"] + wave}
+    diagnosis = diagnosis_with(replace(record, signals=signals))
+    assert diagnosis.verdict == "unexplained"
+    (left,) = diagnosis.remainders
+    assert left.is_slow
+    assert left.share > 0.15
+
+
+@pytest.fixture
+def without_search(monkeypatch):
+    """Fit the model as it is, and nothing else."""
+    monkeypatch.setattr(
+        engine, "search", lambda subject, _: Found(subject, subject.judge(subject.base))
+    )
+
+
+def _with_gap(record: Record, after: int) -> Record:
+    time = record.time + np.where(np.arange(record.time.size) >= after, 100.0, 0.0)
+    return replace(record, time=time)
+
+
+@pytest.mark.usefixtures("without_search")
+def test_a_gap_makes_two_records_and_a_note():
+    diagnosis = diagnose([_with_gap(oscillator_record(1, samples=80), 35)], MODEL)
+    labels = [record.label for record in diagnosis.subject.problem.records]
+    assert labels == ["oscillator_1.1", "oscillator_1.2"]
+    assert [code for code, _, _ in diagnosis.notes] == ["gaps"]
+    lengths = [one.record.time.size for one in diagnosis.subject.left_out]
+    assert lengths == [35, 45]
+    assert {"velocity_start@oscillator_1.1", "velocity_start@oscillator_1.2"} < {
+        *diagnosis.parameters
+    }
+
+
+@pytest.mark.usefixtures("without_search")
+def test_an_absent_input_stands_at_its_start_value():
+    record = oscillator_record(1, samples=60)
+    free = replace(record, signals={"position": 0.1 * np.cos(4.4 * record.time)})
+    diagnosis = diagnose([free], MODEL)
+    assert not diagnosis.subject.problem.records[0].inputs.any()
+    assert [(code, subject) for code, subject, _ in diagnosis.notes] == [("absent_input", "force")]
+
+
+@pytest.mark.usefixtures("without_search")
+def test_an_input_that_is_given_is_constant():
+    record = oscillator_record(1, samples=60)
+    free = replace(record, signals={"position": 0.1 * np.cos(4.4 * record.time)})
+    given = diagnose([free], MODEL, given={"force": 0.5})
+    assert (given.subject.problem.records[0].inputs == 0.5).all()
+    assert given.notes == ()
+
+
+def test_a_model_that_cannot_run_is_refused_in_one_line():
+    record = Record(np.arange(50.0), {"shown": np.arange(50.0)}, {"shown": "1"}, Path("c.csv"))
+    with pytest.raises(UserError, match=r"counter: count is a discrete state.*engine='old'"):
+        diagnose([record], declared_model_of(Counter))
+    without = replace(MODEL, cls=None, notes=("motor.fmu: its equations are unknown",))
+    with pytest.raises(UserError, match=r"motor.fmu: its equations are unknown.*engine='old'"):
+        diagnose([record], without)
+
+
+def test_a_record_without_outputs_is_refused():
+    record = oscillator_record(1, samples=50)
+    only = replace(record, signals={"force": record.signals["force"]})
+    with pytest.raises(UserError, match="oscillator: no record has any of position"):
+        diagnose([only], MODEL)
+    with pytest.raises(UserError, match="no parameter named 'mas'"):
+        diagnose([record], MODEL, hold=["mas"])

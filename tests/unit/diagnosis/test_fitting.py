@@ -1,0 +1,218 @@
+"""Claims: a fit is the least squares with priors that SciPy finds over the same samples."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import OptimizeResult, least_squares
+from scipy.signal import lfilter
+
+from fmus.kit.arrays import Array
+from orchestration.diagnosis import Memory, Shape, Term
+from orchestration.diagnosis.fitting import (
+    Point,
+    Problem,
+    StartPrior,
+    effective_samples,
+    fit,
+    fit_base,
+    fit_start,
+    nominal_point,
+    weights_of,
+)
+from tests.support.diagnosed_mass import START, D, K, M, exact, mass, problem_of, pushed
+
+OFFSET = Term("spring", "", Shape.CONSTANT, size=2.0)
+TRUTH = (2.5, 24.0, 2.2)
+STARTS = (np.array([0.03, 0.0]), np.array([-0.01, 0.2]))
+
+
+def drawn(noise: float, offset: float = 0.0, gaps: int = 0) -> Problem:
+    """Return the problem of two records of a mass with other values, each with its own start."""
+    rng = np.random.default_rng(3)
+    records = []
+    for count, start in zip((150, 110), STARTS, strict=True):
+        record = pushed(count)
+        states = exact(record, TRUTH, start, record.inputs[:, 0] - offset)
+        outputs = states[:, :1] + noise * rng.standard_normal((count, 1))
+        outputs[rng.choice(count, gaps, replace=False)] = np.nan
+        records.append(replace(record, outputs=outputs))
+    return problem_of(records)
+
+
+def by_scipy(problem: Problem, weights: list[Array], offset: bool) -> OptimizeResult:
+    """Minimise the same residuals over logarithms of parameters, coefficient and both starts."""
+
+    def residuals(theta: Array) -> Array:
+        values = np.array([M, K, D]) * np.exp(theta[:3])
+        coefficient = theta[3] if offset else 0.0
+        parts = [theta[:3] / np.log(10.0), [coefficient / 10.0]]
+        for r, record in enumerate(problem.records):
+            start = START + theta[4 + 2 * r : 6 + 2 * r] * np.array([0.01, 0.1])
+            push = record.inputs[:, 0] - 2.0 * coefficient
+            error = record.outputs[:, 0] - exact(record, tuple(values), start, push)[:, 0]
+            error *= np.sqrt(weights[r][0]) / problem.spread[0]
+            parts += [error[np.isfinite(error)], theta[4 + 2 * r : 6 + 2 * r]]
+        return np.concatenate(parts)
+
+    return least_squares(residuals, np.zeros(8), xtol=1e-12, ftol=1e-12)
+
+
+@pytest.mark.parametrize("gaps", [0, 30])
+def test_a_fit_is_that_of_scipy(gaps: int) -> None:
+    """Parameters, a coefficient, and the start states of two records."""
+    problem = drawn(0.01, 1.2, gaps)
+    weights = [np.array([30.0]), np.array([12.0])]
+    found = fit(problem, (OFFSET,), [nominal_point(problem, (OFFSET,))], weights, 60)
+    assert found is not None
+    expected = by_scipy(problem, weights, True)
+    assert found.cost == pytest.approx(expected.cost, rel=1e-4)
+    p = found.point
+    own = [np.log(problem.parameters(p.q)[:3] / [M, K, D]), p.values]
+    own += [(start - START) / [0.01, 0.1] for start in p.starts]
+    deviation = np.sqrt(np.diag(np.linalg.inv(expected.jac.T @ expected.jac)))
+    assert (np.concatenate(own) - expected.x) / deviation == pytest.approx(np.zeros(8), abs=0.02)
+    # in logarithms of parameters and deviations of the starts, as the oracle searches
+    assert found.curvature == pytest.approx(expected.jac.T @ expected.jac, rel=0.02, abs=0.02)
+    assert [int(np.isnan(e).sum()) for e in found.errors] == [gaps, gaps]
+
+
+def test_the_truth_is_found_in_little_noise() -> None:
+    problem = drawn(1e-4, 1.2)
+    found = fit(problem, (OFFSET,), [nominal_point(problem, (OFFSET,))], [np.array([1e6])] * 2, 60)
+    assert found is not None
+    assert problem.parameters(found.point.q)[:3] == pytest.approx(TRUTH, rel=2e-3)
+    assert found.values_of(OFFSET) == pytest.approx([0.6], rel=5e-3)
+    for own, start in zip(found.point.starts, STARTS, strict=True):
+        assert own == pytest.approx(start, abs=2e-3)
+
+
+def test_the_model_without_terms_is_fitted_in_its_own_noise() -> None:
+    problem = drawn(0.01)
+    found = fit_base(problem)
+    assert found is not None
+    expected = by_scipy(problem, weights_of(found.errors), False)
+    values = np.array([M, K, D]) * np.exp(expected.x[:3])
+    assert problem.parameters(found.point.q)[:3] == pytest.approx(values, rel=0.015)
+    assert found.misfit * problem.spread[0] == pytest.approx(0.01, rel=0.1)
+
+
+def test_without_data_the_prior_decides() -> None:
+    """From a point that is off in everything."""
+    problem = drawn(0.01)
+    term = Term("friction", "v", Shape.DRY, Memory.LAG, (0.5,), size=1.0, scale=0.5, width=0.3)
+    begin = Point(
+        problem.mean + 0.7,
+        np.append(2.0, term.start + 0.4),
+        (START + 0.02, START - 0.02),
+    )
+    found = fit(problem, (term,), [begin], [np.zeros(1)] * 2, 60)
+    assert found is not None
+    assert problem.parameters(found.point.q)[:3] == pytest.approx([M, K, D], rel=1e-2)
+    assert found.point.values == pytest.approx([0.0, np.log(0.5), np.log(0.3)], abs=0.03)
+    assert found.point.starts[0] == pytest.approx(START, abs=1e-3)
+
+
+def test_a_parameter_that_is_held_keeps_its_value() -> None:
+    problem = replace(drawn(0.01), hold=frozenset({"mass"}), values={"mass": 3.0})
+    found = fit_base(problem)
+    assert found is not None
+    fitted = problem.parameters(found.point.q)
+    assert fitted[0] == 3.0
+    assert fitted[1] != K
+
+
+def test_the_lowest_of_several_starts_goes_on() -> None:
+    """One runs away, one is where the prior of the width keeps it."""
+    problem = drawn(0.01, 1.2)
+    weights = [np.array([30.0])] * 2
+    good = nominal_point(problem, (OFFSET,))
+    unstable = Term("friction", "v", Shape.LINEAR)
+    away = replace(nominal_point(problem, (unstable,)), values=np.array([-300.0]))
+    assert fit(problem, (unstable,), [away], weights) is None
+    near = nominal_point(problem, (unstable,))
+    both = fit(problem, (unstable,), [away, near], weights)
+    alone = fit(problem, (unstable,), [near], weights)
+    assert both is not None
+    assert alone is not None
+    assert both.cost == alone.cost
+    far = replace(good, values=np.array([40.0]))
+    best = min(
+        (fit(problem, (OFFSET,), [p], weights, 0) for p in (far, good)), key=lambda f: f.cost
+    )
+    assert fit(problem, (OFFSET,), [far, good], weights, 0).cost == best.cost
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
+def test_effective_samples_of_an_autoregression(rho: float) -> None:
+    """n (1 - rho) / (1 + rho), in the mean of many."""
+    counts = []
+    for seed in range(20):
+        white = np.random.default_rng(seed).standard_normal(4000)
+        counts.append(effective_samples(lfilter([1.0], [1.0, -rho], white)))
+    assert np.mean(counts) == pytest.approx(4000 * (1.0 - rho) / (1.0 + rho), rel=0.15)
+
+
+def test_gaps_have_no_effective_samples() -> None:
+    error = np.random.default_rng(0).standard_normal(400)
+    gapped = np.insert(error, np.arange(0, 400, 4), np.nan)
+    assert effective_samples(gapped) == effective_samples(error)
+    assert effective_samples(np.full(5, np.nan)) == 0.0
+
+
+def test_weights_pool_the_variance_of_all_records() -> None:
+    """A record that is fitted worse weighs no less."""
+    rng = np.random.default_rng(1)
+    errors = [rng.standard_normal((4000, 1)), 3.0 * rng.standard_normal((4000, 1))]
+    white = weights_of(errors)
+    assert [w[0] for w in white] == pytest.approx([1.0 / 5.0] * 2, rel=0.1)
+    coloured = [lfilter([1.0], [1.0, -0.8], e, axis=0) for e in errors]
+    variance = 5.0 / (1.0 - 0.8**2)
+    expected = (1.0 - 0.8) / (1.0 + 0.8) / variance
+    assert [w[0] for w in weights_of(coloured)] == pytest.approx([expected] * 2, rel=0.25)
+
+
+def test_the_start_of_a_record_is_a_least_square_with_its_prior() -> None:
+    """Positions are linear in the start of a linear mass."""
+    problem = drawn(0.02, gaps=20)
+    record = problem.records[0]
+    prior = StartPrior(START, np.array([0.05, 0.3]))
+    setting = problem.setting(nominal_point(problem), ())
+    weight = np.array([4.0])
+    found = fit_start(problem, setting, record, prior, weight)
+    held = exact(record, (M, K, D), START, record.inputs[:, 0])[:, 0]
+    still = np.zeros(len(record.time))
+    columns = [exact(record, (M, K, D), np.eye(2)[i], still)[:, 0] for i in range(2)]
+    scale = 2.0 / problem.spread[0]
+    rows = np.column_stack(columns) * prior.deviation * scale
+    e = (record.outputs[:, 0] - held) * scale
+    present = np.isfinite(e)
+    rows, e = rows[present], e[present]
+    z = np.linalg.solve(rows.T @ rows + np.eye(2), rows.T @ e)
+    assert np.abs(z).max() > 0.1
+    assert found == pytest.approx(START + z * prior.deviation, rel=1e-4)
+
+
+def test_distance_is_in_deviations_of_the_prior() -> None:
+    problem = drawn(0.01)
+    found = fit(problem, (), [nominal_point(problem)], [np.array([30.0])] * 2, 0)
+    assert found is not None
+    moved = replace(
+        found, point=replace(found.point, q=problem.mean + np.array([np.log(10.0), 0.0, 0.0]))
+    )
+    assert moved.distance == pytest.approx(0.5)
+
+
+def test_values_are_those_of_the_term() -> None:
+    problem = drawn(0.01)
+    curve = Term("spring", "x", Shape.CURVE, places=(-1.0, 0.0, 1.0))
+    point = nominal_point(problem, (curve, OFFSET))
+    found = fit(problem, (curve, OFFSET), [point], [np.zeros(1)] * 2, 0)
+    assert found is not None
+    found = replace(found, point=replace(point, values=np.arange(4.0)))
+    assert found.values_of(curve) == pytest.approx([0.0, 1.0, 2.0])
+    assert found.values_of(OFFSET) == pytest.approx([3.0])
+    assert mass().laws.index("spring") >= 0
+    assert found.freedom == 3

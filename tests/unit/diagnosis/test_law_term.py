@@ -1,0 +1,61 @@
+"""Claims: an effect of a term adds its function to its law, and nothing where it is neutral."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from fmus.kit import stack
+from orchestration.diagnosis.law_term import LawTerm, law_term_effect
+from tests.support.oscillator_model import Oscillator
+
+DRY = LawTerm("friction", "velocity", "dry", "none", "rubbing", "N", "m/s", scale=0.5)
+# of the friction, by spring force and itself: one sees the other without its term
+BY_LAW = LawTerm(
+    "friction", "spring_force", "square", "none", "grip", "1/N", "N", 2.0, factor="friction"
+)
+OF_SPRING = LawTerm("spring_force", "friction", "linear", "none", "soft", "1", "N", 1.0)
+
+
+def state_of(cls, **values):
+    """Return an instance that moves."""
+    one = cls(**values)
+    one.elongation = 0.2
+    one.velocity = 0.3
+    return one
+
+
+def with_terms(*terms):
+    """Return the oscillator with effects of terms."""
+    return stack(Oscillator, *(law_term_effect(Oscillator, t.law, t) for t in terms))
+
+
+def test_a_neutral_term_leaves_every_law_its_bits():
+    cls = with_terms(DRY, BY_LAW, OF_SPRING)
+    assert state_of(cls).rates() == state_of(Oscillator).rates()
+    assert all(law_term_effect(Oscillator, t.law, t).neutral == t.stem for t in (DRY, BY_LAW))
+
+
+def test_a_term_adds_its_function():
+    one = state_of(with_terms(DRY), rubbing=1.5, rubbing_width=0.2)
+    assert one.friction() == pytest.approx(0.8 * 0.3 + 1.5 * math.tanh(0.3 / 0.2))
+
+
+def test_a_law_as_signal_has_its_value_without_terms():
+    one = state_of(with_terms(BY_LAW, OF_SPRING), grip=0.1, soft=2.0)
+    friction, spring = 0.8 * 0.3, 20.0 * 0.2
+    assert one.friction() == pytest.approx(friction + 0.1 * spring**2 * friction)
+    assert one.spring_force() == pytest.approx(spring + 2.0 * friction)
+
+
+def test_a_curve_is_flat_beyond_its_ends():
+    term = LawTerm(
+        "friction", "velocity", "curve", "none", "bend", "N", "m/s", places=(-1.0, 0.0, 1.0)
+    )
+    one = with_terms(term)(bend=1.0, bend_at_0=-2.0, bend_at_1=0.5, bend_at_2=3.0)
+    added = []
+    for velocity in (-5.0, -0.5, 0.0, 0.5, 9.0):
+        one.velocity = velocity
+        added.append(one.friction() - 0.8 * velocity)
+    assert added == pytest.approx([-2.0, -0.75, 0.5, 1.75, 3.0])

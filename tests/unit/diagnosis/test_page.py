@@ -1,0 +1,51 @@
+"""Claims: the page has the answer, charts of the record and of the terms, and every table."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orchestration.reporting import make_page
+from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record
+
+
+@pytest.fixture
+def dry(tmp_path: Path):
+    """A diagnosis whose record is a file, of which the page has a digest."""
+    record = oscillator_record(1, dry=1.5)
+    source = tmp_path / "rubbing.csv"
+    np.savetxt(source, np.column_stack([record.time, *record.signals.values()]))
+    return diagnosis_with(replace(record, source=source), (DRY,), (CUBE,))
+
+
+def test_the_page_of_a_cause(dry):
+    html = make_page(dry, "ppy diagnose rubbing.csv --engine new").html()
+    for text in (
+        "&gt; 99 % friction over velocity",
+        'class="chip cause"',
+        "Error on unseen samples, by terms",
+        "without terms",
+        "with terms",
+        "measured − simulated [m]",
+        "added to friction [N]",
+        "velocity [m/s]",
+        "friction_of_velocity",
+        "SHA-256 of rubbing.csv",
+        "ppy diagnose rubbing.csv --engine new",
+    ):
+        assert text in html
+    assert html.count('class="chart"') == 2
+    assert "<script" not in html
+
+
+def test_the_page_of_a_model_that_is_right_shows_no_terms(dry):
+    right = diagnosis_with(replace(oscillator_record(1), source=dry.records[0].source), (DRY,))
+    html = make_page(right).html()
+    assert "Nothing is missing that this record can show" in html
+    assert html.count('class="chart"') == 1
+    assert "with terms" not in html
+    assert "What the terms add" not in html
+    assert "--engine new" in html

@@ -1,0 +1,66 @@
+"""Claims: responses are those of free runs, and a projection is least squares with priors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orchestration.diagnosis import Shape, Term
+from orchestration.diagnosis.responses import Projection, respond
+from tests.support.diagnosed_vessels import vessels
+
+
+def test_laws_and_parameters_of_an_output_act_at_once() -> None:
+    """Beside what they do through the states: as in the free run."""
+    model, record, setting, course = vessels()
+    part = model.linearise(record, setting, course)
+    laws = np.array([model.laws.index(n) for n in ("flow", "second")])
+    drive = np.column_stack([np.ones(201), np.cos(record.time)])
+    found = respond(record, part, drive, laws, 1)
+    response = found.to_drives
+    assert found.to_coordinates == pytest.approx(course.slopes[:, :, :2], abs=0.02)
+    assert found.to_start == pytest.approx(course.slopes[:, :, 2:], abs=1e-5)
+    assert np.abs(course.slopes[:, 1, 1]).max() > 0.1
+    assert response[:, :, 1] == pytest.approx(np.outer(drive[:, 1], [0.0, 1.0]))
+    constant = Term("flow", "", Shape.CONSTANT)
+    moved = replace(setting, terms=(constant,), values=np.array([1e-3]))
+    other = model.run(record, moved, np.array([1.0, 0.5]))
+    assert other is not None
+    difference = (other.outputs - course.outputs) / 1e-3
+    assert response[:, :, 0] == pytest.approx(difference, abs=1e-5)
+
+
+def test_every_so_many_samples_are_those_samples() -> None:
+    model, record, setting, course = vessels()
+    part = model.linearise(record, setting, course)
+    drive, laws = np.sin(record.time)[:, None], np.array([model.laws.index("flow")])
+    thin = respond(record, part, drive, laws, 3)
+    assert thin.to_drives == pytest.approx(respond(record, part, drive, laws, 1).to_drives[::3])
+
+
+RNG = np.random.default_rng(4)
+TARGET, COLUMNS, OTHERS = RNG.normal(size=40), RNG.normal(size=(40, 3)), RNG.normal(size=(40, 5))
+FOUND = Projection(TARGET, COLUMNS, OTHERS)
+
+
+def test_products_are_those_in_the_covariance_of_the_others() -> None:
+    """By Woodbury: C' (1 + N N')^-1 C."""
+    inverse = np.linalg.inv(np.eye(40) + OTHERS @ OTHERS.T)
+    assert FOUND.products == pytest.approx(COLUMNS.T @ inverse @ COLUMNS)
+    assert FOUND.moments == pytest.approx(COLUMNS.T @ inverse @ TARGET)
+    assert FOUND.sum_of_squares == pytest.approx(TARGET @ inverse @ TARGET)
+    assert FOUND.alone == pytest.approx(np.diag(COLUMNS.T @ COLUMNS))
+
+
+def test_what_remains_and_the_shift_are_those_of_ridge_regression() -> None:
+    rows = np.vstack([OTHERS, np.eye(5)])
+
+    def others(target: np.ndarray) -> np.ndarray:
+        return np.linalg.lstsq(rows, np.append(target, np.zeros(5)), rcond=None)[0]
+
+    assert FOUND.remaining == pytest.approx(TARGET - OTHERS @ others(TARGET))
+    coefficients = np.array([0.3, -0.7])
+    rest = TARGET - COLUMNS[:, [0, 2]] @ coefficients
+    assert FOUND.shift(np.array([0, 2]), coefficients) == pytest.approx(others(rest))

@@ -1,0 +1,211 @@
+"""Claims: a screen has the responses of free runs, less what parameters and starts can do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from fmus.kit.arrays import Array
+from orchestration.diagnosis import Memory, Record, Shape, Term
+from orchestration.diagnosis.fitting import Fit, nominal_point, weights_of
+from orchestration.diagnosis.law_model import Setting
+from orchestration.diagnosis.screening import Screen, alike
+from tests.support.diagnosed_mass import (
+    FREE,
+    START,
+    D,
+    K,
+    M,
+    integrated,
+    mass,
+    nominal,
+    problem_of,
+    pushed,
+)
+from tests.support.diagnosed_vessels import vessels
+
+
+def drawn(size: float) -> Record:
+    """Return a record of the mass whose spring has a cubic part, without noise worth the name."""
+    record = pushed(200, smooth=True)
+
+    def rates(x: Array, u: float, t: float) -> list[float]:
+        return [x[1], (u - K * x[0] - size * x[0] ** 3 - D * x[1]) / M]
+
+    states = integrated(record, rates, START, 1e-7)
+    noise = 1e-4 * np.random.default_rng(0).standard_normal((200, 1))
+    return replace(record, outputs=states[:, :1] + noise)
+
+
+@cache
+def screened(size: float = 40.0) -> tuple[Screen, Fit]:
+    """Return the screen along the nominal run, and that run as a fit."""
+    problem = problem_of([drawn(size)])
+    (record,) = problem.records
+    course = mass().run(record, Setting(nominal(), FREE), START)
+    assert course is not None
+    errors = ((record.outputs - course.outputs) / problem.spread,)
+    found = Fit(problem, (), nominal_point(problem), errors, 0.0, np.zeros((5, 5)))
+    return Screen(found, problem.records, found.point.starts), found
+
+
+def weight(found: Fit) -> float:
+    """Return the root of the weight of a sample, in SI."""
+    return float(np.sqrt(weights_of(found.errors)[0][0]) / found.problem.spread[0])
+
+
+def moved(found: Fit, term: Term, j: int, h: float) -> Array:
+    """Return outputs of the free run with a small coefficient."""
+    coefficients = np.zeros(term.coefficients)
+    coefficients[j] = h
+    setting = Setting(nominal(), FREE, (term,), np.append(coefficients, term.start), 4)
+    course = mass().run(found.problem.records[0], setting, START)
+    assert course is not None
+    return course.outputs[:, 0]
+
+
+def test_columns_are_responses_of_free_runs_to_small_coefficients() -> None:
+    """Of every shape and memory that is proposed, in every law and factor."""
+    screen, found = screened()
+    assert {c.term.memory for c in screen.candidates} >= {Memory.NONE, Memory.LAG, Memory.DAHL}
+    chosen: dict[object, int] = {}
+    for i, candidate in enumerate(screen.candidates):
+        term = candidate.term
+        chosen[term.shape, term.memory, bool(term.factor)] = i
+    assert len(chosen) > 12
+    for i in chosen.values():
+        term = screen.candidates[i].term
+        for j in range(term.coefficients):
+            difference = (moved(found, term, j, 1e-4) - moved(found, term, j, -1e-4)) / 2e-4
+            column = screen._columns.columns[:, screen.ends[i] + j] / weight(found)
+            error = np.linalg.norm(column - difference) / np.linalg.norm(difference)
+            assert error < 0.06, (str(term), j, error)
+
+
+def nuisances(found: Fit) -> Array:
+    """Return differences of runs by parameters and starts, by a deviation of the prior of each."""
+    columns = []
+    record = found.problem.records[0]
+    for i in range(5):
+        outputs = []
+        for h in (1e-4, -1e-4):
+            parameters, start = nominal(), START.copy()
+            if i < 3:
+                parameters[i] *= np.exp(h * np.log(10.0))
+            else:
+                start[i - 3] += h * 3.0 * mass().nominal_states[i - 3]
+            course = mass().run(record, Setting(parameters, FREE, substeps=4), start)
+            assert course is not None
+            outputs.append(course.outputs[:, 0])
+        columns.append((outputs[0] - outputs[1]) / 2e-4)
+    return np.column_stack(columns)
+
+
+def test_products_are_without_what_parameters_and_starts_can_do() -> None:
+    """By Woodbury: C' (1 + N N')^-1 C, with N in deviations of the prior.
+
+    The screen takes N from derivatives that are held over each step.
+    """
+    screen, found = screened()
+    free = nuisances(found) * weight(found)
+    c, y = screen._columns.columns, screen._columns.target
+    inverse = np.linalg.inv(np.eye(len(y)) + free @ free.T)
+    scale = np.sqrt(np.diag(c.T @ c) + 1e-30)
+    expected = c.T @ inverse @ c
+    assert np.abs((screen._columns.products - expected) / np.outer(scale, scale)).max() < 0.03
+    size = np.sqrt(y @ y)
+    assert np.abs((screen._columns.moments - c.T @ inverse @ y) / (scale * size)).max() < 0.03
+    assert screen._columns.sum_of_squares == pytest.approx(y @ inverse @ y, rel=0.03)
+
+
+def test_what_a_parameter_does_is_left_with_nothing() -> None:
+    """A linear spring is the stiffness; a cubic one is not."""
+    screen, _ = screened()
+    left = {}
+    for i, candidate in enumerate(screen.candidates):
+        at = screen.ends[i]
+        if candidate.term.memory is Memory.NONE and not candidate.term.factor:
+            left[candidate.term.signal, candidate.term.shape] = (
+                screen._columns.products[at, at] / screen._columns.alone[at]
+            )
+    assert left["x", Shape.LINEAR] < 0.02
+    assert left["v", Shape.LINEAR] < 0.02
+    assert left["x", Shape.CUBE] > 0.04
+
+
+def test_a_small_term_is_solved_for() -> None:
+    """Its coefficient, and no shift of the parameters, of a record that lacks it alone."""
+    screen, _ = screened(2.0)
+    terms = [c.term for c in screen.candidates]
+    i = next(k for k, t in enumerate(terms) if t.shape is Shape.CUBE and t.signal == "x")
+    (coefficient,), shift = screen.solve([i])
+    term = terms[i]
+    expected = 2.0 * term.scale**3 / term.size
+    assert coefficient[0] == pytest.approx(expected, rel=0.15)
+    assert shift[:3] * np.log(10.0) == pytest.approx(np.zeros(3), abs=0.02)
+
+
+def test_the_fall_is_that_of_the_least_squares() -> None:
+    screen, _ = screened()
+    for chosen in ([0], [3, 7], [5, 11, 20]):
+        at = np.concatenate([np.arange(screen.ends[i], screen.ends[i + 1]) for i in chosen])
+        a = screen._columns.products[np.ix_(at, at)] + np.diag(
+            1e-6 * screen._columns.alone[at] + 1e-2
+        )
+        m = screen._columns.moments[at]
+        assert screen.fall(chosen) == pytest.approx(m @ np.linalg.solve(a, m), rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [2.0, 40.0])
+def test_sets_are_proposed_best_first_each_of_distinct_sources(size: float) -> None:
+    screen, _ = screened(size)
+    proposed = screen.propose(2)
+    values = [value for value, _ in proposed]
+    assert values == sorted(values, reverse=True)
+    for _, chosen in proposed:
+        sources = [screen.candidates[i].term.source for i in chosen]
+        assert len(set(sources)) == len(sources)
+    assert {len(chosen) for _, chosen in proposed} == {1, 2}
+    assert {len(chosen) for _, chosen in screen.propose(3)} == {1, 2, 3}
+
+
+def test_a_small_term_that_is_lacking_is_proposed_first() -> None:
+    screen, _ = screened(2.0)
+    singles = [screen.candidates[s[0]].term for _, s in screen.propose(1)]
+    assert singles[0].cause == ("spring", "x")
+
+
+def test_more_terms_and_more_words_have_less_value() -> None:
+    """Beside what they explain."""
+    screen, _ = screened()
+    for i in range(0, len(screen.candidates), 9):
+        gain = (
+            -0.5 * screen.effective * np.log1p(-screen.fall([i]) / screen._columns.sum_of_squares)
+        )
+        candidate = screen.candidates[i]
+        cost = 0.5 * np.log(screen.effective) * candidate.term.freedom + candidate.prior
+        cost += 0.5 * np.log(len(screen.candidates))
+        assert screen.value([i]) == pytest.approx(gain - cost)
+
+
+def test_laws_that_act_alike_are_one_target() -> None:
+    """A leak acts as the whole balance does; a flow acts on two of them, and outputs are none."""
+    model, record, setting, course = vessels()
+    classes = alike(model, [model.linearise(record, setting, course)])
+    assert sorted(map(sorted, classes)) == [["filling", "leak"], ["flow"], ["following"]]
+
+
+def test_a_balance_and_its_parts_are_one_target_and_a_definition_none() -> None:
+    setting = Setting(nominal(), FREE)
+    record = pushed(30)
+    course = mass().run(record, setting, START)
+    assert course is not None
+    classes = alike(mass(), [mass().linearise(record, setting, course)])
+    assert sorted(map(sorted, classes)) == [["acceleration", "friction", "spring"]]
+    screen, _ = screened()
+    owners = {(c.term.signal, c.term.law) for c in screen.candidates if not c.term.factor}
+    assert {("x", "spring"), ("v", "friction"), ("force", "acceleration")} <= owners
+    assert ("x", "friction") not in owners, "the law that has the signal owns it"

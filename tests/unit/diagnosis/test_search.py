@@ -1,0 +1,154 @@
+"""Claims: a search finds what a record lacks, keeps sets nested, and ranks what it fitted."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import orchestration.diagnosis.search  # noqa: F401
+from orchestration.diagnosis import Found, Shape, Term, subject_of
+from orchestration.diagnosis.search import search
+from tests.support.diagnosed_mass import mass, pushed
+from tests.support.dry_mass import drawn, dry, nothing, outside, searched, small_search
+
+NAMES = sys.modules["orchestration.diagnosis.search"]
+
+
+@pytest.fixture
+def found(monkeypatch: pytest.MonkeyPatch) -> Found:
+    return small_search(monkeypatch, dry)
+
+
+def test_the_missing_friction_is_the_best_fit(found: Found) -> None:
+    """With its size of 2 N, and the errors of the noise alone."""
+    one, comparison, score = found.compared()[0]
+    (term,) = one.terms
+    assert term.cause == ("friction", "v")
+    assert term.shape is Shape.DRY
+    assert one.fit.values_of(term)[0] * term.size == pytest.approx(2.0, rel=0.05)
+    assert one.left_out < 0.15 * found.base.left_out
+    assert comparison.left_out > 20.0
+    assert score > 20.0
+
+
+def test_fits_are_compared_best_first(found: Found) -> None:
+    scores = [score for *_, score in found.compared()]
+    assert scores == sorted(scores, reverse=True)
+    assert len(scores) == len(found.fits)
+
+
+def test_the_best_differ_by_sources_and_are_not_worse(found: Found) -> None:
+    best = found.best(4)
+    worse = {id(one) for one, c, _ in found.compared() if c.is_worse}
+    assert not worse & {id(one) for one in best}
+    sources = [frozenset(t.source for t in one.terms) for one in best[:4]]
+    assert len(set(sources)) == len(sources)
+    good = [one for one, c, _ in found.compared() if not c.is_worse]
+    lowest = min(good, key=lambda one: float(np.nanmean(one.choosing**2)))
+    assert any(one is lowest for one in best)
+
+
+def test_every_shape_of_the_winner_is_tried(found: Found) -> None:
+    shapes = {one.terms[0].shape for one in found.fits if len(one.terms) == 1}
+    assert len(shapes) >= 8  # some run away
+
+
+def test_no_set_is_fitted_twice_but_to_polish_it(found: Found) -> None:
+    sets = [frozenset(one.terms) for one in found.fits]
+    assert len(sets) - len(set(sets)) <= 7
+
+
+def test_a_set_that_was_fitted_is_not_fitted_again(found: Found) -> None:
+    rounds = NAMES._Rounds(Found(found.subject, found.base), print)
+    one = found.compared()[0][0]
+    asked = [(one.terms, [one.fit.point])]
+    assert len(rounds._fit_all(asked, 1)) == 1
+    assert rounds._fit_all(asked, 1) == []
+
+
+def test_the_lowest_on_what_is_left_out_is_among_the_best(found: Found) -> None:
+    """Even where the score of another is higher."""
+    first, second = found.best(2)[:2]
+    low = replace(second, choosing=0.99 * first.choosing, words=1e3)
+    best = Found(found.subject, found.base, [first, low]).best(1)
+    assert [one.terms for one in best] == [first.terms, low.terms]
+
+
+def test_a_larger_set_starts_from_its_parts_too(found: Found) -> None:
+    one = found.compared()[0][0]
+    other = Term("spring", "x", Shape.CUBE, size=3.0)
+    rounds = NAMES._Rounds(Found(found.subject, found.base, [one]), print)
+    (point,) = rounds._nested((other, *one.terms))
+    assert point.values[1:] == pytest.approx(one.fit.point.values)
+    assert point.q == pytest.approx(one.fit.point.q)
+    assert rounds._nested((other,)) == []
+
+
+def test_values_of_a_part_go_over_to_the_whole(found: Found) -> None:
+    one = found.compared()[0][0]
+    (term,) = one.terms
+    other = Term("spring", "x", Shape.CUBE, size=3.0)
+    point = NAMES._extended(one.fit, (other, term))
+    assert point.values[0] == pytest.approx(1e-3)
+    assert point.values[1:] == pytest.approx(one.fit.values_of(term))
+
+
+def test_pieces_follow_the_measurement() -> None:
+    """Each from the state that its own samples show, where the free run is off."""
+    subject = subject_of(mass(), [drawn(dry)])
+    assert subject is not None
+    pieces, starts = NAMES._pieces(subject.base, 8)
+    assert sum(len(p.time) for p in pieces) == len(subject.problem.records[0].time)
+    assert len(pieces) == 8
+    setting = subject.problem.setting(subject.base.point, ())
+    errors = []
+    for piece, start in zip(pieces, starts, strict=True):
+        course = mass().run(piece, setting, start)
+        assert course is not None
+        errors.append((piece.outputs - course.outputs) / subject.problem.spread)
+    assert np.sqrt(np.mean(np.concatenate(errors) ** 2)) < 0.6 * subject.base.misfit
+    for piece, start in zip(pieces, starts, strict=True):
+        assert start[0] == pytest.approx(piece.outputs[0, 0], abs=0.05)
+
+
+def test_a_quota_limits_sets_of_one_size_and_one_lead() -> None:
+    subject = subject_of(mass(), [drawn(dry, 200)])
+    assert subject is not None
+    screen = NAMES._Rounds(Found(subject, subject.judge(subject.base)), print)._screen(
+        subject.base, 1
+    )
+    assert screen is not None
+    chosen = list(NAMES._by_quota(screen, {1: 3, 2: 4}, 2, ()))
+    assert [len(c) for c in chosen].count(1) == 3
+    pairs = [c for c in chosen if len(c) == 2]
+    leads = [screen.candidates[max(c, key=lambda i: screen.value([i]))].term.source for c in pairs]
+    assert 2 <= len(pairs) <= 4
+    assert max(map(leads.count, leads)) <= 2
+    friction = [c.term for c in screen.candidates if c.term.cause == ("friction", "v")]
+    again = NAMES._by_quota(screen, {1: 50}, 1, friction)
+    there = {t.source for t in friction}
+    assert not any(screen.candidates[i].term.source in there for c in again for i in c)
+
+
+def test_a_model_that_runs_away_over_what_is_left_out_is_not_searched() -> None:
+    subject = subject_of(mass(), [drawn(nothing, 120)])
+    assert subject is not None
+    away = replace(subject.base.point, values=np.array([-3000.0, np.log(0.01)]))
+    term = Term(
+        "friction", "time", Shape.ABOVE, middle=pushed(85, 0.04).time[-1], factor="friction"
+    )
+    lost = replace(subject, base=replace(subject.base, terms=(term,), point=away))
+    assert search(lost) is None
+
+
+@pytest.mark.slow
+def test_a_whole_search_names_friction_and_nothing_else() -> None:
+    found, conclusion = searched(dry)
+    assert conclusion.verdict == "cause"
+    assert conclusion.causes[0].name == "friction(v)"
+    assert found.compared()[0][0].terms[0].shape is Shape.DRY
+    assert searched(nothing)[1].verdict == "consistent"
+    assert searched(outside)[1].verdict != "cause"

@@ -1,0 +1,117 @@
+"""Claims: memories of sampled signals solve their equations, and repeats are left out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from orchestration.diagnosis import Memory
+from orchestration.diagnosis.signals import distinct, lagged, scale_of_signal, seen
+
+TIME = np.linspace(0.0, 20.0, 401)
+RNG = np.random.default_rng(2)
+WAVE = np.sin(1.1 * TIME) + 0.5 * np.sin(2.7 * TIME + 1.0)
+OTHER = np.cumsum(RNG.standard_normal(401))
+KINDS = [Memory.LAG, Memory.FADING, Memory.PLAY, Memory.DAHL]
+
+
+@pytest.mark.parametrize("constant", [0.1, 1.3, 8.0])
+def test_a_lag_solves_its_equation(constant: float) -> None:
+    """Of a signal in straight lines between samples, from equilibrium."""
+
+    z = [WAVE[0]]
+    for k in range(100):
+        step = TIME[k], TIME[k + 1]
+
+        def rate(t: float, z: float, step: tuple = step, k: int = k) -> float:
+            return (np.interp(t, step, WAVE[k : k + 2]) - z) / constant
+
+        z.append(solve_ivp(rate, step, [z[-1]], rtol=1e-9, atol=1e-11).y[0, -1])
+    assert lagged(WAVE, TIME, constant)[:101] == pytest.approx(z, abs=1e-8)
+
+
+def memories(kind: Memory) -> list:
+    views = seen([("a", WAVE), ("b", OTHER)], [TIME], [kind])
+    return [view for view in views if view.memory is kind and view.signal == "a"]
+
+
+def test_lag_and_fading_are_of_the_time_constants_that_they_name() -> None:
+    for view in memories(Memory.LAG):
+        assert view.values == pytest.approx(lagged(WAVE, TIME, view.constants[0]))
+    for view in memories(Memory.FADING):
+        assert view.values == pytest.approx(WAVE - lagged(WAVE, TIME, view.constants[0]))
+    assert len(memories(Memory.LAG)) >= 3
+    assert memories(Memory.FADING)
+
+
+def test_play_follows_at_the_distance_that_it_names() -> None:
+    """The constant is in scales of what the term sees."""
+    views = memories(Memory.PLAY)
+    assert [v.constants[0] * v.scale / WAVE.std() for v in views] == pytest.approx([0.2, 0.6])
+    for view in views:
+        way = view.constants[0] * view.scale
+        z, expected = WAVE[0], []
+        for x in WAVE:
+            z = z + max(x - z - way, 0.0) + min(x - z + way, 0.0)
+            expected.append(z)
+        assert view.values == pytest.approx(expected)
+
+
+def test_a_bristle_is_straight_at_first_and_ends_at_its_way() -> None:
+    """In closed form along one direction: w (1 - exp(-s / w))."""
+    ramp = np.linspace(0.0, 3.0, 401)
+    view = next(v for v in seen([("a", ramp)], [TIME], [Memory.DAHL]) if v.memory is Memory.DAHL)
+    way = view.constants[0] * view.scale
+    assert way == pytest.approx(0.2 * ramp.std())
+    assert view.values == pytest.approx(way * (1.0 - np.exp(-ramp / way)))
+    assert (view.scale, view.middle) == (1.0, 0.0)
+    for turned in memories(Memory.DAHL):
+        assert np.abs(turned.values).max() <= turned.constants[0] + 1e-12
+        assert turned.values.min() < 0.0 < turned.values.max()
+
+
+def test_a_memory_begins_anew_in_every_record() -> None:
+    shifted = WAVE + 5.0
+    views = seen([("a", np.concatenate([WAVE, shifted]))], [TIME, TIME], KINDS)
+    assert {v.memory for v in views} >= {Memory.LAG, Memory.PLAY, Memory.DAHL}
+    for view in views:
+        if view.memory in (Memory.LAG, Memory.PLAY):
+            assert view.values[401] == shifted[0], view
+        if view.memory in (Memory.FADING, Memory.DAHL):
+            assert view.values[401] == 0.0, view
+
+
+def test_a_signal_that_repeats_another_is_left_out() -> None:
+    still = np.full(401, 3.0)
+    named = [("a", WAVE), ("twice", -2.0 * WAVE + 1.0), ("b", OTHER), ("still", still)]
+    assert [name for name, _ in distinct(named)] == ["a", "b"]
+    noisy = WAVE + 0.1 * RNG.standard_normal(401)
+    assert [name for name, _ in distinct([("a", WAVE), ("noisy", noisy)])] == ["a", "noisy"]
+
+
+def test_memories_that_are_another_signal_are_left_out() -> None:
+    """The lag of a signal that is there, and of one that stands still beside its time constant."""
+    late = lagged(WAVE, TIME, 20.0 / 4.0)
+    views = seen([("a", WAVE), ("late", late)], [TIME], [Memory.LAG])
+    pairs = [(v, w) for v in views for w in views if v is not w]
+    assert all(abs(np.corrcoef(v.values, w.values)[0, 1]) <= 0.999 for v, w in pairs)
+    assert not any(v.signal == "a" and v.constants == (5.0,) for v in views)
+    slow = seen([("a", WAVE), ("time", TIME)], [TIME], KINDS)
+    assert all(v.memory is Memory.NONE for v in slow if v.signal == "time")
+
+
+def test_scale_and_middle() -> None:
+    assert scale_of_signal(np.array([-3.0, 4.0, 3.0, -4.0])) == pytest.approx((np.sqrt(12.5), 0.0))
+    far = np.array([100.0, 101.0, 99.0, 100.0])
+    assert scale_of_signal(far) == pytest.approx((far.std(), 100.0))
+    assert scale_of_signal(-far) == pytest.approx((far.std(), -100.0))
+    assert scale_of_signal(np.array([0.0, 1.0, 2.0]))[1] == 0.0
+
+
+def test_a_signal_of_one_sign_is_one_sided() -> None:
+    (positive,) = seen([("a", WAVE**2)], [TIME], [])
+    (both,) = seen([("a", WAVE)], [TIME], [])
+    assert positive.one_sided
+    assert not both.one_sided
+    assert both.scaled * both.scale + both.middle == pytest.approx(WAVE)

@@ -1,0 +1,143 @@
+"""Claims: what is left out is never fitted, and starts are what the record and the model say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orchestration.diagnosis import Record, Shape, Term, subject_of
+from orchestration.diagnosis.subject import Subject, depends, start_prior, thinned
+from tests.support.diagnosed_mass import START, D, K, M, exact, integrated, mass, problem_of, pushed
+
+TRUTH = (2.5, 24.0, 2.2)
+
+
+def drawn(count: int = 240, start: np.ndarray = START, seed: int = 1) -> Record:
+    record = pushed(count)
+    states = exact(record, TRUTH, start, record.inputs[:, 0])
+    noise = 0.005 * np.random.default_rng(seed).standard_normal((count, 1))
+    return replace(record, outputs=states[:, :1] + noise)
+
+
+def made(*records: Record, **options: object) -> Subject:
+    subject = subject_of(mass(), records, **options)
+    assert subject is not None
+    return subject
+
+
+def test_the_last_third_is_left_out() -> None:
+    subject = made(drawn())
+    (fitted,), (out,) = subject.problem.records, subject.left_out
+    assert len(fitted.time) == 160
+    assert (len(out.record.time), out.first, out.of) == (240, 160, 0)
+    assert [len(e) for e in subject.base.errors] == [160]
+
+
+def test_what_is_left_out_is_never_fitted() -> None:
+    """No bit of the fit changes with it, nor does the spread."""
+    record = drawn()
+    wrong = replace(record, outputs=record.outputs.copy())
+    wrong.outputs[160:] += 7.0
+    one, other = made(record), made(wrong)
+    assert np.array_equal(one.base.point.q, other.base.point.q)
+    assert one.problem.spread == other.problem.spread
+    assert other.judge(other.base).left_out > 10.0 * one.judge(one.base).left_out
+
+
+def test_a_run_goes_on_over_what_is_left_out() -> None:
+    """The errors are those of the exact solution with the fitted values, from the fitted start."""
+    record = drawn()
+    subject = made(record)
+    fitted = subject.base.point
+    values = tuple(subject.problem.parameters(fitted.q)[:3])
+    states = exact(record, values, fitted.starts[0], record.inputs[:, 0])
+    expected = (record.outputs - states[:, :1])[160:] / subject.problem.spread
+    judged = subject.judge(subject.base)
+    shown = np.sort(np.concatenate([judged.choosing, judged.measuring]), axis=0)
+    assert shown == pytest.approx(np.sort(expected, axis=0), abs=1e-4)
+    assert len(judged.choosing) == pytest.approx(len(judged.measuring), abs=8)
+
+
+def test_a_held_out_record_starts_by_its_own_first_samples() -> None:
+    """Only those give the start; the errors after them count."""
+    other = drawn(240, np.array([0.2, -0.8]), 4)
+    subject = made(drawn(), held_out=[other])
+    assert [len(r.time) for r in subject.problem.records] == [240]
+    (out,) = subject.left_out
+    assert (out.first, out.of) == (40, None)
+    judged = subject.judge(subject.base)
+    assert judged.left_out * subject.problem.spread[0] < 0.008
+    wrong = replace(other, outputs=other.outputs.copy())
+    wrong.outputs[40:] += 7.0
+    moved = made(drawn(), held_out=[wrong])
+    errors = moved.judge(moved.base)
+    assert errors.measuring == pytest.approx(judged.measuring + 7.0 / subject.problem.spread)
+
+
+def test_a_start_is_read_off_an_output_that_is_the_state() -> None:
+    record = drawn(start=np.array([0.3, 0.0]))
+    record.outputs[0] = np.nan
+    prior = start_prior(mass(), record)
+    assert prior.mean == pytest.approx([record.outputs[1, 0], 0.0])
+    first = record.outputs[:6, 0]
+    assert prior.deviation == pytest.approx([max(2.0 * np.nanstd(first), 0.002), 0.1])
+
+
+def test_how_inputs_go_between_samples_is_what_fits_better() -> None:
+    for smooth in (False, True):
+        record = pushed(150, 0.1, smooth)
+
+        def rates(x: np.ndarray, u: float, t: float) -> list[float]:
+            return [x[1], (u - K * x[0] - D * x[1]) / M]
+
+        states = integrated(record, rates, START, 1e-6)
+        noise = 0.002 * np.random.default_rng(0).standard_normal((150, 1))
+        record = replace(record, outputs=states[:, :1] + noise, smooth=(False,))
+        subject = made(record)
+        assert subject.problem.records[0].smooth == (smooth,)
+        assert subject.left_out[0].record.smooth == (smooth,)
+
+
+def test_parameters_that_are_held_and_values_that_are_given() -> None:
+    subject = made(drawn(), hold=["damping"], values={"damping": 2.2, "mass": 3.0})
+    values = subject.problem.parameters(subject.base.point.q)
+    assert values[2] == 2.2
+    assert subject.problem.nominal[0] == 3.0
+    assert values[:2] == pytest.approx(TRUTH[:2], rel=0.05)
+
+
+def test_a_long_record_is_thinned_where_the_model_sees_no_difference() -> None:
+    """Of slow forces some samples do; of forces that change from sample to sample all count."""
+    slow = pushed(400, 0.005)
+    slow.inputs[:] = 5.0 * np.sin(slow.time)[:, None]
+    problem = problem_of([replace(slow, outputs=np.sin(slow.time)[:, None])])
+    thin = thinned(problem, slow, 100)
+    assert thin.time == pytest.approx(slow.time[::4])
+    assert thin.inputs == pytest.approx(slow.inputs.reshape(100, 4).mean(axis=1)[:, None])
+    assert thinned(problem, slow, 400) is slow
+    fast = pushed(400, 0.02)
+    fast.inputs[:] = 50.0 * np.sign(np.sin(9.0 * fast.time))[:, None]
+    assert len(thinned(problem, fast, 100).time) > 100
+
+
+def test_a_fast_model_gets_substeps() -> None:
+    subject = made(drawn(), values={"mass": 0.1, "damping": 40.0})
+    assert subject.problem.substeps == np.ceil(0.02 * 400.0 / 0.7)
+    assert made(drawn()).problem.substeps == 1
+
+
+def test_a_fit_that_runs_away_over_what_is_left_out_is_not_judged() -> None:
+    """It is bounded by time: the term grows after the fitted samples."""
+    subject = made(drawn())
+    term = Term("friction", "time", Shape.ABOVE, size=1.0, scale=1.0, middle=3.2, factor="friction")
+    point = replace(subject.base.point, values=np.array([-3000.0, np.log(0.01)]))
+    assert subject.judge(replace(subject.base, terms=(term,), point=point)) is None
+
+
+def test_a_law_depends_on_its_signals() -> None:
+    model = mass()
+    assert depends(model, Term("spring", "x", Shape.CUBE))
+    assert not depends(model, Term("spring", "v", Shape.CUBE))
+    assert depends(model, Term("spring", "", Shape.CONSTANT))

@@ -1,0 +1,43 @@
+"""Claims: the JSON has the keys of the contract, and guesses are no causes."""
+
+from __future__ import annotations
+
+import json
+
+from orchestration.diagnosis import wording
+from orchestration.diagnosis.summary import summary
+from tests.support.oscillator import with_group
+from tests.support.reference import documented_of_new_engine
+
+
+def test_guesses_are_no_causes(dry):
+    unexplained = with_group(dry, "unexplained", 0.5, 0.2)
+    figures = summary(unexplained)
+    assert figures["causes"] == []
+    assert figures["alternatives"] == []
+    assert [one["probability"] for one in figures["group"]] == [0.5, 0.2]
+    assert figures["gain"]["holdout_nrmse_after"] == figures["gain"]["holdout_nrmse_before"]
+    assert wording.headline(unexplained).startswith("no cause is sure; best guesses: 50 %")
+
+
+def test_the_json_has_the_keys_of_the_contract(dry):
+    figures = json.loads(json.dumps(summary(dry), allow_nan=False))
+    assert figures["engine"] == "new"
+    assert figures["verdict"] == "cause"
+    (cause,) = figures["causes"]
+    assert (cause["effect"], cause["law"], cause["signal"]) == (
+        "friction(velocity)",
+        "friction",
+        "velocity",
+    )
+    assert cause["shape"] == "a tanh(x/w)"
+    assert cause["memory"] == ""
+    amount = cause["parameters"]["friction_of_velocity"]
+    assert amount["unit"] == "N"
+    assert amount["ci95"][0] < 1.5 < amount["ci95"][1]
+    assert figures["gain"]["holdout_nrmse_after"].keys() == {"position"}
+    assert figures["parameters"]["stiffness"]["nominal"] == 20.0
+
+
+def test_every_field_is_documented(dry):
+    assert {*summary(dry)} == documented_of_new_engine()

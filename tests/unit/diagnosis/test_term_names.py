@@ -1,0 +1,84 @@
+"""Claims: terms have readable names, units of their law and signal, and intervals that hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fmus.kit.units import powers_of_names
+from orchestration.diagnosis.term_names import (
+    estimates,
+    sentence,
+    shape_text,
+    stems,
+    term_parameters,
+)
+from orchestration.diagnosis.terms import Memory, Shape, Term
+from tests.support.oscillator import DRY, diagnosis_with, oscillator_record
+from tests.support.oscillator_model import Oscillator
+
+LAG = Term("friction", "velocity", Shape.LINEAR, Memory.LAG, (0.5,), size=4.0, scale=2.0)
+
+
+def test_names_are_made_of_law_and_signal():
+    offset = Term("friction", "", Shape.CONSTANT)
+    cube = replace(DRY, shape=Shape.CUBE)
+    assert [*stems([DRY, cube, LAG, offset])] == [
+        "friction_of_velocity",
+        "friction_of_velocity_no_2",
+        "friction_of_velocity_lag",
+        "friction_offset",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("term", "units"),
+    [
+        (DRY, ["N", "m/s"]),
+        (replace(DRY, shape=Shape.LINEAR), ["N/(m/s)"]),
+        (replace(DRY, shape=Shape.CUBE), ["N/(m/s)^3"]),
+        (LAG, ["N/(m/s)", "s"]),
+        (replace(LAG, memory=Memory.PLAY), ["N/(m/s)", "m/s"]),
+        (replace(LAG, memory=Memory.TWO_LAGS, constants=(1.0, 2.0)), ["N/(m/s)", "s", "1"]),
+        (replace(LAG, memory=Memory.RATE_LIMIT, constants=(1.0, 2.0)), ["N/(m/s)", "s", "m/s/s"]),
+        (Term("friction", "elongation", Shape.LINEAR, factor="friction"), ["1/m"]),
+        (Term("friction", "velocity", Shape.CURVE, places=(-1.0, 0.0, 1.0)), ["N", "N", "N"]),
+    ],
+)
+def test_units_are_those_of_law_and_signal(term, units):
+    found = [one.unit for one in term_parameters(Oscillator, "a", term)]
+    assert [*map(powers_of_names, found)] == [*map(powers_of_names, units)]
+
+
+def test_texts_say_signal_memory_and_middle():
+    assert sentence(Oscillator, DRY) == "friction over velocity"
+    assert sentence(Oscillator, LAG) == "friction over lagging velocity"
+    assert shape_text(replace(DRY, middle=2.0)) == "a tanh((x - 2)/w)"
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    held = 0
+    for seed in range(20):
+        diagnosis = diagnosis_with(oscillator_record(seed, dry=1.5, samples=300), (DRY,))
+        fitted = diagnosis.found.fits[0].fit
+        low, high = estimates(fitted, stems(fitted.terms))["friction_of_velocity"].interval
+        held += low < 1.5 < high
+    assert held >= 17
+    assert np.isfinite(high)
+
+
+def test_a_curve_is_as_sure_as_its_shape_and_not_as_its_level():
+    """A constant in the friction shifts the level of a curve: added, it changes no interval."""
+    curve = Term(
+        "friction", "velocity", Shape.CURVE, size=2.0, scale=1.0, places=(-1.5, -0.1, 0.1, 1.5)
+    )
+    offset = Term("friction", "", Shape.CONSTANT, size=2.0)
+    diagnosis = diagnosis_with(oscillator_record(1, dry=1.5), (curve,), (curve, offset))
+    widths = []
+    for judged in diagnosis.found.fits:
+        found = estimates(judged.fit, stems(judged.fit.terms))
+        ends = [found[f"friction_of_velocity_at_{k}"].interval for k in range(4)]
+        widths.append([high - low for low, high in ends])
+    assert widths[1] == pytest.approx(widths[0], rel=0.1)

@@ -1,0 +1,64 @@
+"""Claims: a term says how many values it has, and which part of them is searched in logarithms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from orchestration.diagnosis import Memory, Shape, Term
+from tests.support.diagnosed_mass import mass
+
+WIDE = {Shape.DRY, Shape.DEAD_ZONE, Shape.ABOVE, Shape.BELOW}
+
+
+def test_shapes_of_a_width_search_its_logarithm() -> None:
+    for shape in Shape:
+        term = Term("spring", "x", shape, width=0.3)
+        expected = [np.log(0.3)] if shape in WIDE else []
+        assert term.start == pytest.approx(expected), shape
+
+
+def test_constants_of_a_memory_come_before_the_width() -> None:
+    term = Term("spring", "x", Shape.DRY, Memory.TWO_LAGS, (2.0, 3.0), width=0.3)
+    assert np.exp(term.start) == pytest.approx([2.0, 3.0, 0.3])
+    assert term.freedom == 4
+
+
+def test_a_curve_has_a_coefficient_at_each_knot_and_shares_a_constant_with_its_law() -> None:
+    term = Term("spring", "x", Shape.CURVE, places=(-1.0, 0.0, 2.0))
+    assert (term.coefficients, term.freedom) == (3, 2)
+
+
+def test_constants_of_memories() -> None:
+    expected = {Memory.NONE: 0, Memory.TWO_LAGS: 2, Memory.RATE_LIMIT: 2}
+    assert {m: m.constants for m in Memory} == {m: expected.get(m, 1) for m in Memory}
+
+
+def test_terms_of_one_source_differ_by_shape_and_constants_alone() -> None:
+    one = Term("spring", "x", Shape.CUBE, Memory.LAG, (1.0,))
+    assert one.source == Term("spring", "x", Shape.DRY, Memory.LAG, (2.0,)).source
+    for other in (
+        Term("friction", "x", Shape.CUBE, Memory.LAG, (1.0,)),
+        Term("spring", "v", Shape.CUBE, Memory.LAG, (1.0,)),
+        Term("spring", "x", Shape.CUBE, Memory.PLAY, (1.0,)),
+        Term("spring", "x", Shape.CUBE, Memory.LAG, (1.0,), factor="spring"),
+    ):
+        assert one.source != other.source
+
+
+def test_names_become_positions() -> None:
+    model = mass()
+    term = Term("spring", "v", Shape.CURVE, factor="force", places=(1.0, 2.0))
+    made = term.structure(model.laws, model.signals)
+    assert model.laws[made.law] == "spring"
+    assert model.signals[made.signal] == "v"
+    assert model.signals[made.factor] == "force"
+    assert made.knots == 2
+    assert list(made.places)[:3] == [1.0, 2.0, 0.0]
+    plain = Term("spring", "", Shape.CONSTANT).structure(model.laws, model.signals)
+    assert plain.factor == -1
+
+
+def test_a_term_prints_as_a_sum() -> None:
+    term = Term("spring", "x", Shape.CUBE, Memory.LAG, (0.25,), factor="spring")
+    assert str(term) == "spring += cube(lag of x [0.25]) * spring"
