@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Unpack
+from typing import Unpack, cast
 
 from fmus.kit import UserError, registry
 from fmus.kit.extras import require
@@ -22,6 +22,8 @@ from orchestration.api.options import (
 from orchestration.api.records import Records, held_out, matching_record
 from orchestration.api.results import DiagnosisResult, LawsResult
 from orchestration.api.simulation import as_declared, values_of
+from orchestration.api.term_results import TermDiagnosisResult
+from orchestration.diagnosis import diagnose as diagnose_by_terms
 from orchestration.discrepancy import UnusableRecordError, before_after, pipeline, search_laws
 from orchestration.discrepancy.foreign import WrappedFmu, wrap
 from orchestration.discrepancy.report import wording
@@ -33,6 +35,9 @@ from orchestration.records import Record
 from orchestration.reporting import option
 
 _LINEARISATIONS = 4  # of an FMU at most
+# options that the new engine has no use for
+_LISTS_OF_OLD_ENGINE = ("fit", "each")
+_VALUES_OF_OLD_ENGINE = ("effects", "compare", "interpolate", "time")
 
 
 @takes(DiagnoseKeywords)
@@ -78,6 +83,8 @@ def diagnose(
     given = values_of(subject, options["settings"])
     measured, unseen = held_out(record, options["holdout"], subject, mapping, options["runs"])
     refuse_useless_options(subject, options)
+    if options["engine"] == "new":
+        return _by_terms(subject, measured, unseen, model, options)
     diagnosis_options = _pipeline_options(subject, given, options)
     compare = options["compare"]
     later = None if compare is None else matching_record(compare, subject, mapping)
@@ -127,11 +134,49 @@ def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
     """
     if subject.cls is None and options["compare"] is not None:
         raise UserError(f"compare: {subject.without_equations}; diagnose each record by itself")
+    if options["engine"] == "new":
+        _refuse_options_of_old_engine(cast("Mapping[str, object]", options))
     if subject.cls is not None and options["fit"]:
         raise UserError(
             f"fit: {subject.name} has equations, and all its parameters are fitted; hold leaves"
             " some out"
         )
+
+
+def _refuse_options_of_old_engine(options: Mapping[str, object]) -> None:
+    """Raise an error for an option that the new engine does not take."""
+    given = [name for name in _LISTS_OF_OLD_ENGINE if options[name]]
+    given += [name for name in _VALUES_OF_OLD_ENGINE if options[name] is not None]
+    if not options["laws"]:
+        given.append("no_laws")
+    if given:
+        raise UserError(
+            f"{option(given[0])}: the new engine does not take it; leave it out, or use"
+            f" {option('engine', 'old')}"
+        )
+
+
+def _by_terms(
+    subject: Model,
+    measured: Sequence[Record],
+    unseen: Sequence[Record],
+    model: Model | str | Path | None,
+    options: DiagnoseKeywords,
+) -> TermDiagnosisResult:
+    """Diagnose by the new engine."""
+    given = numeric(values_of(subject, options["settings"]))
+    diagnosis = diagnose_by_terms(
+        measured, subject, unseen, options["hold"], given, options["progress"]
+    )
+    command = equivalent_command(
+        "diagnose",
+        str(model) if isinstance(model, str | Path) else subject.name,
+        measured,
+        unseen,
+        declared=DiagnoseOptions,
+        options=options,
+    )
+    return TermDiagnosisResult(diagnosis, command)
 
 
 def _pipeline_options(

@@ -196,8 +196,8 @@ class _Result(Displayable):
 
     model: type[Component] | None
 
-    def __init__(self, result: pipeline.Result, command: Sequence[str]):
-        self._result = result
+    def __init__(self, records: Sequence[Record], command: Sequence[str]):
+        self._sources = [record.source for record in records]
         self._command = shlex.join(command)
 
     def overview(self) -> list[RenderableType]:
@@ -252,8 +252,8 @@ class _Result(Displayable):
         """
         if self.model is None:
             raise UserError(f"{path}: {self._LACKING}, so there is nothing to make an FMU of")
-        sources = [record.source for record in (*self._result.records, *self._result.holdouts)]
-        return export(self.model, Path(path), sources, platforms or [host_platform()], progress)
+        targets = platforms or [host_platform()]
+        return export(self.model, Path(path), self._sources, targets, progress)
 
 
 class DiagnosisResult(_Result):
@@ -315,7 +315,8 @@ class DiagnosisResult(_Result):
         command: Sequence[str] = (),
         around: WrappedFmu | None = None,
     ):
-        super().__init__(result, command)
+        super().__init__([*result.records, *result.holdouts], command)
+        self._result = result
         self._around = around
         self.later: DiagnosisResult | None = None if later is None else DiagnosisResult(later)
         self.changes: list[Change] | None = None if changes is None else list(changes)
@@ -445,7 +446,7 @@ class LawsResult(_Result):
     _LACKING = "no law is found to lack anything"
 
     def __init__(self, report: LawReport, command: Sequence[str] = ()):
-        super().__init__(report.result, command)
+        super().__init__([*report.result.records, *report.result.holdouts], command)
         self._report = report
         self.sentence: str = laws_report.wording.sentence(report)
         self.law_map: list[dict[str, Any]] = law_map(report)

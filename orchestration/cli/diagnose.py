@@ -13,6 +13,7 @@ from fmus.kit.build import available_platforms
 from orchestration.api import (
     DiagnosisResult,
     LawsResult,
+    TermDiagnosisResult,
     diagnose,
     held_out,
     laws,
@@ -67,12 +68,16 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
         written.
     """
     chosen = only(DiagnoseKeywords, options)
+    _check_explained(options)
     judged = open_judged(options, partial(refuse_useless_options, options=chosen))
     chosen["holdout"] = judged.holdouts or None
     with progress() as tell:
         chosen["progress"] = tell
         result = diagnose(judged.records, judged.model, **chosen)
     _show(result, options["json"])
+    if isinstance(result, TermDiagnosisResult) and options["explain"]:
+        out.print()
+        out.print(*result.explain(*options["explain"]).overview(), sep="\n")
 
     def fmu(path: Path, tell: Callable[[str], None]) -> list[Path]:
         if result.model is None:
@@ -95,6 +100,15 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
         ]
     )
     return result
+
+
+def _check_explained(options: DiagnoseCommand) -> None:
+    """Refuse anything but two candidates of the new engine."""
+    names = options["explain"]
+    if names and options["engine"] != "new":
+        raise UserError("--explain compares candidates of the new engine; add --engine new")
+    if names and len(names) != 2:
+        raise UserError(f"--explain {','.join(names)}: it takes two candidates, not {len(names)}")
 
 
 def _platforms(options: DiagnoseCommand | LawsCommand) -> list[str]:

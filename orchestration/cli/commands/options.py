@@ -612,11 +612,26 @@ class RequiredVerdictOption(TypedDict, total=False):
     ]
 
 
+class ExplainOption(TypedDict, total=False):
+    """Two candidates of the new engine that are compared."""
+
+    explain: Annotated[
+        Sequence[str],
+        Option(
+            "Compare two candidates of the new engine, e.g. friction(velocity),nothing.",
+            default=(),
+            metavar="A,B",
+            form=NAMES,
+        ),
+    ]
+
+
 class DiagnoseCommand(
     JudgedOptions,
     LaidOverOption,
     DiagnoseOptions,
     RequiredVerdictOption,
+    ExplainOption,
     JsonOption,
     ReportOption,
     DiagnoseOutputs,

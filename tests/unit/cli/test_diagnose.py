@@ -9,6 +9,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from demonstrations.records import draw, write
@@ -25,10 +26,12 @@ from tests.support.archive import edited, of_other_laws
 from tests.support.command import here, ppy, works
 from tests.support.diagnosis import FEW, SHORT, broken_off
 from tests.support.lacking import motor
+from tests.support.oscillator import oscillator_record
 from tests.support.pages import words_of
 
 NASTY = os.fsdecode(b"r\xff <script>alert(1)&.csv")
 MOTOR = Path(__file__).parents[3] / "studies" / "plants" / "models" / "motor.py"
+OSCILLATOR = Path(__file__).parents[2] / "support" / "oscillator_model.py"
 STAGE = Path(__file__).parents[3] / "examples" / "positioning_stage.py"
 
 
@@ -237,3 +240,42 @@ def test_laws_that_are_not_known_are_told_once(tmp_path, command):
     done = here(*command, "--model", "old.fmu", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.count("its laws have changed") == 1
+
+
+def _rubbing(folder: Path) -> list[str]:
+    """Write records of a mass that rubs and its model; return the words of their diagnosis."""
+    for seed in (1, 2):
+        record = oscillator_record(seed, dry=1.5)
+        columns = np.column_stack([record.time, *record.signals.values()])
+        head = "time [s],force [N],position [m]"
+        np.savetxt(folder / f"{seed}.csv", columns, delimiter=",", header=head, comments="")
+    shutil.copy(OSCILLATOR, folder / "oscillator.py")
+    model = ("--model", "oscillator.py:Oscillator")
+    return ["diagnose", "1.csv", "--holdout", "2.csv", *model, "--engine", "new"]
+
+
+@pytest.mark.slow
+def test_the_new_engine_goes_end_to_end(tmp_path):
+    words = _rubbing(tmp_path)
+    written = ("--json", "d.json", "--report", "d.html", "--fmu", "d.fmu")
+    explained = ("--explain", "friction(velocity),nothing", "--require", "cause")
+    text = works(*words, *written, *explained, cwd=tmp_path)
+    assert "friction over velocity" in text
+    assert "friction(velocity) is ahead of nothing" in text
+    figures = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
+    assert figures["engine"] == "new"
+    assert figures["causes"][0]["effect"] == "friction(velocity)"
+    assert "friction over velocity" in words_of((tmp_path / "d.html").read_text(encoding="utf-8"))
+    assert "friction_of_velocity" in find_model(str(tmp_path / "d.fmu")).parameters
+    failed = here(*words, "--require", "consistent", cwd=tmp_path)
+    assert failed.returncode == 1
+
+
+def test_options_of_one_engine_are_refused_by_the_other(tmp_path):
+    words = _rubbing(tmp_path)
+    message = fails(*words, "--no-laws", cwd=tmp_path)
+    assert "--no-laws: the new engine does not take it" in message
+    message = fails(*words, "--explain", "friction(velocity)", cwd=tmp_path)
+    assert "it takes two candidates, not 1" in message
+    message = fails(*words[:-2], "--explain", "a(b),nothing", cwd=tmp_path)
+    assert "--explain compares candidates of the new engine" in message

@@ -1,0 +1,132 @@
+"""Result of ``ppy.diagnose(engine="new")``: a diagnosis by terms of the laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fmus.kit import UserError
+from orchestration.api.results import DiagnosisGain, DiagnosisResult, Evidence
+from orchestration.diagnosis import (
+    Diagnosis,
+    Explanation,
+    explain,
+    extended_model,
+    summary,
+    terminal,
+    wording,
+)
+from orchestration.discrepancy import Verdict
+from orchestration.records import Record
+from orchestration.reporting import draw, in_shell, make_page, one_line, option
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.console import RenderableType
+
+    from orchestration.reporting.html import Page
+
+
+class TermDiagnosisResult(DiagnosisResult):
+    """Result of a diagnosis by terms of the laws, with the attributes of any diagnosis.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    command : sequence of str
+        Words of an equivalent command.
+
+    Attributes
+    ----------
+    causes, alternatives : list of str
+        The first cause as ``LAW(SIGNAL)``, and the others of the smallest group that is sure.
+    probabilities : dict of str to float
+        Of each cause of the group, or of the best guesses.
+    model : type[Component]
+        The model with the terms of the first cause, or with fitted parameters alone.
+    """
+
+    def __init__(self, diagnosis: Diagnosis, command: Sequence[str] = ()):
+        super(DiagnosisResult, self).__init__([*diagnosis.records, *diagnosis.holdouts], command)
+        self._diagnosis = diagnosis
+        self.verdict = Verdict(diagnosis.verdict)
+        self.sentence = f"{wording.headline(diagnosis)}. {wording.support(diagnosis)}".strip()
+        named = [cause.name for cause in diagnosis.causes] if diagnosis.is_named else []
+        self.causes = named[:1]
+        self.alternatives = named[1:]
+        self.probabilities = {cause.name: float(cause.probability) for cause in diagnosis.causes}
+        self.parameters = diagnosis.parameters
+        self.changed = list(diagnosis.changed)
+        before = diagnosis.errors(diagnosis.found.base)
+        after = diagnosis.errors(diagnosis.final)
+        self.gain = DiagnosisGain(_known(before), _known(after))
+        self.model = extended_model(diagnosis)
+        self.experiment = None
+        self.record: Record = diagnosis.records[0]
+        self.records = list(diagnosis.records)
+        self.notes = [message for _, _, message in diagnosis.notes]
+        self.evidence = Evidence(())
+        self.law_map = []
+        self.changes = None
+        self.later = None
+
+    @property
+    def details(self) -> Any:
+        """The complete diagnosis, with all fits."""
+        return self._diagnosis
+
+    def overview(self) -> list[RenderableType]:
+        """Return the renderables that ``ppy diagnose --engine new`` prints."""
+        return [terminal.overview(self._diagnosis)]
+
+    def _page(self, command: str) -> Page:
+        return make_page(self._diagnosis, command)
+
+    def __repr__(self) -> str:
+        causes = f" {', '.join([*self.causes, *self.alternatives])}" if self.causes else ""
+        files = ", ".join(dict.fromkeys(record.source.name for record in self.records))
+        name = self._diagnosis.model.name
+        return one_line(f"TermDiagnosisResult {self.verdict}{causes}: {name}, {files}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures, ready for JSON: the form that ``ppy diagnose --json`` writes."""
+        with in_shell():
+            return summary.summary(self._diagnosis)
+
+    def explain(self, first: str, second: str) -> Explanation:
+        """Compare two candidates by the features that decide.
+
+        Parameters
+        ----------
+        first, second : str
+            ``LAW(SIGNAL)``, such as ``friction(velocity)``, or ``nothing`` for the model without
+            terms. One that no set had is fitted now.
+
+        Raises
+        ------
+        UserError
+            If there is no such law or signal, or both are the same.
+        """
+        return explain(self._diagnosis, first, second)
+
+    def draw(self) -> Figure:
+        """Draw every measured output beside the model without and with terms, with residuals."""
+        return draw(self._diagnosis)
+
+    def system(self, path: str | Path) -> Path:
+        """Refuse to write a system, as the model has equations.
+
+        Raises
+        ------
+        UserError
+            Always.
+        """
+        raise UserError(
+            f"{path}: the model has equations; the extended one is an FMU of its own"
+            f" ({option('fmu')})"
+        )
+
+
+def _known(errors: dict[str, float | None]) -> dict[str, float]:
+    return {name: value for name, value in errors.items() if value is not None}
