@@ -1,0 +1,14 @@
+from .plants import PLANTS as PLANTS
+from .plants import Plant as Plant
+from .records import Drawn as Drawn
+from .records import Hidden as Hidden
+from .records import Laws as Laws
+from .records import OutsideCase as OutsideCase
+from .records import Run as Run
+from .records import case_of as case_of
+from .records import cases as cases
+from .records import draw_outside as draw_outside
+from .records import noise_of as noise_of
+from .records import simulate as simulate
+from .truths import KINDS as KINDS
+from .truths import Kind as Kind

@@ -1,0 +1,81 @@
+"""Claims: the logistic regression is the maximum that scipy finds, and errors of calibration are
+those that one counts by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from studies.judging.calibration import (
+    calibration_error,
+    fit_logistic,
+    left_out_in_turn,
+    log_loss,
+    reliability,
+    report,
+)
+
+
+def _data(n=300):
+    rng = np.random.default_rng(1)
+    x = rng.normal(size=(n, 3)) * [1.0, 5.0, 0.1] + [0.0, 2.0, 1.0]
+    odds = 0.5 + 1.5 * x[:, 0] - 0.3 * (x[:, 1] - 2.0)
+    return x, rng.random(n) < 1.0 / (1.0 + np.exp(-odds))
+
+
+def test_the_coefficients_are_those_of_a_general_minimiser():
+    x, right = _data()
+    fitted = fit_logistic("abc", x, right)
+    z = np.clip((x - x.mean(axis=0)) / x.std(axis=0), -3.0, 3.0)
+
+    def cost(beta):
+        odds = beta[0] + z @ beta[1:]
+        return np.sum(np.log1p(np.exp(odds)) - right * odds) + 0.5 * beta[1:] @ beta[1:]
+
+    expected = minimize(cost, np.zeros(4), tol=1e-12).x
+    assert fitted.coefficients == pytest.approx(expected, abs=1e-4)
+
+
+def test_separable_rows_have_finite_coefficients():
+    x = np.array([[-1.0], [-0.5], [0.5], [1.0]])
+    fitted = fit_logistic("a", x, x[:, 0] > 0.0)
+    assert np.isfinite(fitted.coefficients).all()
+    assert fitted.probability(x)[3] > 0.5 > fitted.probability(x)[0]
+
+
+def test_errors_of_calibration_by_hand():
+    p = np.array([0.95, 0.95, 0.95, 0.95, 0.05, 0.05])
+    right = np.array([True, True, True, False, False, False])
+    assert reliability(p, right) == [
+        (0, 2, pytest.approx(0.05), 0.0),
+        (9, 4, pytest.approx(0.95), 0.75),
+    ]
+    assert calibration_error(p, right) == pytest.approx((4 * 0.2 + 2 * 0.05) / 6.0)
+    assert log_loss(np.array([0.5, 0.8]), np.array([True, False])) == pytest.approx(
+        0.5 * (np.log(2.0) + np.log(5.0))
+    )
+
+
+def test_rows_of_a_plant_are_judged_by_fits_to_the_others():
+    x, right = _data(40)
+    groups = ["a"] * 15 + ["b"] * 25
+    p = left_out_in_turn(groups, lambda these: fit_logistic("abc", x[these], right[these]), x)
+    expected = fit_logistic("abc", x[15:], right[15:]).probability(x[:15])
+    assert p[:15] == pytest.approx(expected)
+
+
+def test_a_report_counts_rows_with_features_alone():
+    x, right = _data(60)
+    rows = [
+        {
+            "features": {"a": a, "b": b, "c": c, "share": 0.5},
+            "first_right": bool(r),
+            "plant": "one" if k % 2 else "two",
+            "group": "inside",
+        }
+        for k, ((a, b, c), r) in enumerate(zip(x.tolist(), right, strict=True))
+    ]
+    topic = report([*rows, {"features": {}}], "abc")
+    assert topic.title == f"Calibration on 60 records, {right.sum()} of them right"
+    assert topic.tables[0].rows[0][1] == pytest.approx(abs(right.mean() - 0.5))
