@@ -27,4 +27,3 @@ from .simulation import simulate as simulate
 from .simulation import values_of as values_of
 from .sweeping import sweep as sweep
 from .sweeping import sweep_file as sweep_file
-from .term_results import TermDiagnosisResult as TermDiagnosisResult

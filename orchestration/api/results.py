@@ -36,7 +36,14 @@ from orchestration.discrepancy.report.laws import (
 )
 from orchestration.identify.uncertainty import Estimate, estimates_frame
 from orchestration.records import Record
-from orchestration.reporting import Displayable, in_shell, one_line, pictures, plain_table
+from orchestration.reporting import (
+    Displayable,
+    in_shell,
+    one_line,
+    option,
+    pictures,
+    plain_table,
+)
 from orchestration.reporting.html import path_of_report
 from orchestration.system.ssp import write as write_ssp
 
@@ -45,6 +52,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import RenderableType
 
+    from orchestration.diagnosis.report import Explanation
     from orchestration.reporting.html import Page
 
 
@@ -389,6 +397,26 @@ class DiagnosisResult(_Result):
         The measured output is drawn with those of the refitted and the extended model.
         """
         return picture.draw_diagnosis(self._result.diagnosis, self._result.model)
+
+    def explain(self, first: str, second: str) -> Explanation:
+        """Compare two candidates of the new engine by the features that decide.
+
+        Parameters
+        ----------
+        first, second : str
+            ``LAW(SIGNAL)``, such as ``friction(velocity)``, or ``nothing`` for the model without
+            terms. One that no set had is fitted now.
+
+        Raises
+        ------
+        UserError
+            If the diagnosis is of the old engine, there is no such law or signal, or both are the
+            same.
+        """
+        raise UserError(
+            f"{option('explain', [first, second])}: this compares candidates of the new engine; add"
+            f" {option('engine', 'new')}"
+        )
 
     def system(self, path: str | Path) -> Path:
         """Write an FMU without equations and its correction as one system.

@@ -8,15 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
 from orchestration.api.results import DiagnosisGain, DiagnosisResult, Evidence
-from orchestration.diagnosis import (
-    Diagnosis,
-    Explanation,
-    explain,
-    extended_model,
-    summary,
-    terminal,
-    wording,
-)
+from orchestration.diagnosis import Diagnosis
+from orchestration.diagnosis.report import Explanation, explain, summary, terminal, wording
 from orchestration.discrepancy import Verdict
 from orchestration.records import Record
 from orchestration.reporting import draw, in_shell, make_page, one_line, option
@@ -61,7 +54,7 @@ class TermDiagnosisResult(DiagnosisResult):
         before = diagnosis.errors(diagnosis.found.base)
         after = diagnosis.errors(diagnosis.final)
         self.gain = DiagnosisGain(_known(before), _known(after))
-        self.model = extended_model(diagnosis)
+        self.model = diagnosis.component
         self.experiment = None
         self.record: Record = diagnosis.records[0]
         self.records = list(diagnosis.records)
@@ -95,19 +88,7 @@ class TermDiagnosisResult(DiagnosisResult):
             return summary.summary(self._diagnosis)
 
     def explain(self, first: str, second: str) -> Explanation:
-        """Compare two candidates by the features that decide.
-
-        Parameters
-        ----------
-        first, second : str
-            ``LAW(SIGNAL)``, such as ``friction(velocity)``, or ``nothing`` for the model without
-            terms. One that no set had is fitted now.
-
-        Raises
-        ------
-        UserError
-            If there is no such law or signal, or both are the same.
-        """
+        """Compare two candidates by the features that decide; see `DiagnosisResult.explain`."""
         return explain(self._diagnosis, first, second)
 
     def draw(self) -> Figure:

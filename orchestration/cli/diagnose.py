@@ -13,7 +13,6 @@ from fmus.kit.build import available_platforms
 from orchestration.api import (
     DiagnosisResult,
     LawsResult,
-    TermDiagnosisResult,
     diagnose,
     held_out,
     laws,
@@ -75,7 +74,7 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
         chosen["progress"] = tell
         result = diagnose(judged.records, judged.model, **chosen)
     _show(result, options["json"])
-    if isinstance(result, TermDiagnosisResult) and options["explain"]:
+    if options["explain"]:
         out.print()
         out.print(*result.explain(*options["explain"]).overview(), sep="\n")
 

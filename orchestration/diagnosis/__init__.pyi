@@ -1,16 +1,9 @@
 from . import conclude as conclude
 from . import search as search
-from . import summary as summary
-from . import terminal as terminal
-from . import wording as wording
-from .comparison import Comparison as Comparison
 from .comparison import compare as compare
 from .conclude import Conclusion as Conclusion
 from .engine import Diagnosis as Diagnosis
 from .engine import diagnose as diagnose
-from .explanation import Explanation as Explanation
-from .explanation import explain as explain
-from .extension import extended_model as extended_model
 from .features import features_of as features_of
 from .fitting import fit as fit
 from .fitting import nominal_point as nominal_point

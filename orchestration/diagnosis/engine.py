@@ -11,10 +11,11 @@ from typing import Literal, cast
 
 import numpy as np
 
-from fmus.kit import UserError
+from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import Cause, Conclusion, conclude
+from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.law_model import LawModel, Record
 from orchestration.diagnosis.remainder import Remainder, remainders
 from orchestration.diagnosis.search import Found, search
@@ -104,6 +105,14 @@ class Diagnosis:
     def terms(self) -> dict[str, Term]:
         """Terms of the final model in the order in which they explain, by name."""
         return stems(self.causes[0].terms) if self.is_named else {}
+
+    @cached_property
+    def component(self) -> type[Component]:
+        """The final model as a component, with fitted values as defaults."""
+        made = extended_component(self.final.fit, self.terms)
+        files = ", ".join(dict.fromkeys(record.source.name for record in self.records))
+        made.remark = f"Fitted to {files!a}\n{made.remark}".strip()
+        return made
 
     @cached_property
     def remainders(self) -> tuple[Remainder, ...]:

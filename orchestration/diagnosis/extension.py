@@ -9,7 +9,6 @@ import numpy as np
 
 from fmus.kit import Component, stack
 from fmus.kit.declare import ParameterDeclaration
-from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.law_term import LawTerm, law_term_effect
@@ -24,18 +23,6 @@ from orchestration.diagnosis.term_names import (
 from orchestration.diagnosis.terms import Memory, Shape, Term
 
 _ADDITIONS = 4  # place of the additions to laws among the arguments of a model's functions
-
-
-def extended_model(diagnosis: Diagnosis) -> type[Component]:
-    """Return the final model of a diagnosis as a component with fitted values as defaults."""
-    files = ", ".join(dict.fromkeys(record.source.name for record in diagnosis.records))
-    made = extended_component(diagnosis.final.fit, diagnosis.terms)
-    cls = diagnosis.subject.problem.model.cls
-    lines = [f"Fitted to {files!a}"]
-    for term in diagnosis.terms.values():
-        lines.append(f"Added to {term.law}: {shape_text(term)}, {sentence(cls, term)}")
-    made.remark = "\n".join(lines)
-    return made
 
 
 def extended_component(fitted: Fit, terms: Mapping[str, Term] | None = None) -> type[Component]:
@@ -64,7 +51,12 @@ def extended_component(fitted: Fit, terms: Mapping[str, Term] | None = None) -> 
     made = stack(model.cls, *effects, name=f"{model.cls.name}_{'extended' if named else 'fitted'}")
     declared = {p.name: p for p in made.layout.parameters}
     defaults = {n: _allowed(v, declared[n]) for n, v in values.items() if v != declared[n].start}
-    return stack(made, name=made.name, defaults=defaults)
+    made = stack(made, name=made.name, defaults=defaults)
+    made.remark = "\n".join(
+        f"Added to {term.law}: {shape_text(term)}, {sentence(model.cls, term)}"
+        for term in named.values()
+    )
+    return made
 
 
 def _own_values(fitted: Fit) -> dict[str, float]:

@@ -7,9 +7,8 @@ import shlex
 import numpy as np
 
 from fmus.kit.titles import capitalised, in_words
-from orchestration.diagnosis import terminal, wording
-from orchestration.diagnosis.curves import OutputCourse, TermCurve, output_courses, term_curves
 from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.report import curves, terminal, wording
 from orchestration.diagnosis.term_names import sentence, shape_text, unit_of
 from orchestration.reporting import flag, make_page, pictures
 from orchestration.reporting.html import (
@@ -59,12 +58,12 @@ def diagnosis_page(diagnosis: Diagnosis, command: str = "") -> Page:
     if diagnosis.causes:
         _add_causes(page, diagnosis)
     page.heading("The model beside the record")
-    for course in output_courses(diagnosis):
+    for course in curves.output_courses(diagnosis):
         _add_course(page, diagnosis, course)
-    curves = term_curves(diagnosis.final.fit, diagnosis.terms)
-    if curves:
+    terms = curves.term_curves(diagnosis.final.fit, diagnosis.terms)
+    if terms:
         page.heading("What the terms add")
-        for curve in curves.values():
+        for curve in terms.values():
             _add_curve(page, diagnosis, curve)
     page.heading("What is left")
     head = [capitalised(title) for title in terminal.REMAINDER_HEAD]
@@ -99,7 +98,7 @@ def _add_causes(page: Page, diagnosis: Diagnosis) -> None:
     )
 
 
-def _add_course(page: Page, diagnosis: Diagnosis, course: OutputCourse) -> None:
+def _add_course(page: Page, diagnosis: Diagnosis, course: curves.OutputCourse) -> None:
     """Add a chart of an output above its residuals."""
     unit = unit_of(diagnosis.subject.problem.model.cls, course.output)
     bracket = "" if unit == "1" else f" [{unit}]"
@@ -125,7 +124,7 @@ def _add_course(page: Page, diagnosis: Diagnosis, course: OutputCourse) -> None:
     page.chart(stacked(panels, "time [s]", boundary=boundary), caption)
 
 
-def _add_curve(page: Page, diagnosis: Diagnosis, curve: TermCurve) -> None:
+def _add_curve(page: Page, diagnosis: Diagnosis, curve: curves.TermCurve) -> None:
     """Add a chart of a term over its signal, with the values that the record reached."""
     cls = diagnosis.subject.problem.model.cls
     term = curve.term
@@ -169,13 +168,10 @@ def _add_sets(page: Page, diagnosis: Diagnosis) -> None:
     for judged, comparison, score in fits[:_SETS]:
         terms = "; ".join(f"{sentence(cls, t)}, {shape_text(t)}" for t in judged.terms)
         figures = (f"{comparison.fitted:.1f}", f"{comparison.left_out:.1f}", f"{score:.1f}")
-        rows.append(
-            (format_quantities(terms), *figures, wording.error_text(diagnosis.error(judged)))
-        )
+        error = wording.error_text(diagnosis.error(judged))
+        rows.append((format_quantities(terms), *figures, error))
     with page.folded(f"The best {len(rows)}"):
-        page.table(
-            ("Terms", "Gain fitted [nat]", "Gain unseen [nat]", "Score [nat]", "Error"), rows
-        )
+        page.table(_SET_HEAD, rows)
 
 
 def _command(diagnosis: Diagnosis) -> str:

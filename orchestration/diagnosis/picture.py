@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from orchestration.diagnosis.curves import output_courses
 from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.report import curves
 from orchestration.diagnosis.term_names import unit_of
 from orchestration.reporting import draw, pictures
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 @draw.register(Diagnosis)
 def draw_diagnosis(diagnosis: Diagnosis) -> Figure:
     """Draw every measured output, with the model without and with terms, above the residuals."""
-    courses = output_courses(diagnosis)
+    courses = curves.output_courses(diagnosis)
     cls = diagnosis.subject.problem.model.cls
     figure, axes = pictures.panels(2 * len(courses), f"{diagnosis.model.name}: {diagnosis.verdict}")
     for k, course in enumerate(courses):

@@ -26,8 +26,8 @@ WIDER = {
     "fmus.kit.symbolic": 19,
     "fmus.rig_proxy": 37,
     "orchestration": 22,
-    "orchestration.api": 30,
-    "orchestration.diagnosis": 26,  # with the parts that its studies judge
+    "orchestration.api": 29,
+    "orchestration.diagnosis": 19,
     "orchestration.discrepancy.candidates": 20,
     "orchestration.discrepancy.data": 26,
     "orchestration.discrepancy.selection": 32,

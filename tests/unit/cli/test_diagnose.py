@@ -261,7 +261,7 @@ def test_the_new_engine_goes_end_to_end(tmp_path):
     explained = ("--explain", "friction(velocity),nothing", "--require", "cause")
     text = works(*words, *written, *explained, cwd=tmp_path)
     assert "friction over velocity" in text
-    assert "friction(velocity) is ahead of nothing" in text
+    assert "friction(velocity) is ahead of the model without terms" in text
     figures = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
     assert figures["engine"] == "new"
     assert figures["causes"][0]["effect"] == "friction(velocity)"

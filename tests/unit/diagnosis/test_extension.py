@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fmus.kit import Component, Input, Output, Parameter, State
-from orchestration.diagnosis.extension import extended_component, extended_model
+from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.fitting import Fit, Point, Problem, StartPrior
 from orchestration.diagnosis.law_model import LawModel, Record
 from orchestration.diagnosis.terms import Memory, Shape, Term
@@ -167,7 +167,7 @@ def test_the_python_fmu_runs_alike():
 
 
 def test_the_model_of_a_diagnosis_has_readable_names_and_fitted_defaults(dry):
-    cls = extended_model(dry)
+    cls = dry.component
     defaults = {p.name: p.start for p in cls.layout.parameters}
     estimate = dry.parameters["friction_of_velocity"]
     assert defaults["friction_of_velocity"] == pytest.approx(estimate.value)

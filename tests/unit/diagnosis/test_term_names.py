@@ -82,3 +82,9 @@ def test_a_curve_is_as_sure_as_its_shape_and_not_as_its_level():
         ends = [found[f"friction_of_velocity_at_{k}"].interval for k in range(4)]
         widths.append([high - low for low, high in ends])
     assert widths[1] == pytest.approx(widths[0], rel=0.1)
+
+
+def test_intervals_do_not_hang_on_the_weights_of_the_search(dry):
+    fitted = dry.final.fit
+    weighed = replace(fitted, curvature=100.0 * fitted.curvature)
+    assert estimates(weighed, dry.terms) == estimates(fitted, dry.terms)

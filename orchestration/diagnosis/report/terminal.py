@@ -8,8 +8,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from orchestration.diagnosis import wording
 from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.report import wording
 from orchestration.diagnosis.term_names import memory_text, sentence, shape_text
 from orchestration.reporting import plain_table
 

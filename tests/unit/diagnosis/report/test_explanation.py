@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fmus.kit import UserError
-from orchestration.diagnosis.explanation import explain
+from orchestration.diagnosis.report.explanation import explain
 from orchestration.reporting.console import plain_text
 
 DRY_NAME = "friction(velocity)"

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from orchestration.diagnosis import wording
+from orchestration.diagnosis.report import wording
 from tests.support.oscillator import with_group
 
 

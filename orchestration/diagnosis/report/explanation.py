@@ -10,7 +10,6 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.diagnosis import wording
 from orchestration.diagnosis.comparison import (
     WEIGHTS,
     Comparison,
@@ -18,9 +17,10 @@ from orchestration.diagnosis.comparison import (
     common_effective,
     compare,
 )
-from orchestration.diagnosis.curves import signal_samples
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import fit, nominal_point, weights_of
+from orchestration.diagnosis.report import wording
+from orchestration.diagnosis.report.curves import signal_samples
 from orchestration.diagnosis.signals import scale_of_signal
 from orchestration.diagnosis.term_names import sentence
 from orchestration.diagnosis.terms import Shape, Term
@@ -80,7 +80,8 @@ class Explanation(Displayable):
     def sentence(self) -> str:
         """The outcome, and what a record would have to hold to change it."""
         ahead, behind = (0, 1) if self.lead >= 0.0 else (1, 0)
-        better, worse = self.names[ahead], self.names[behind]
+        told = ["the model without terms" if name == NOTHING else name for name in self.names]
+        better, worse = told[ahead], told[behind]
         outcome = f"{better} is ahead of {worse} by {abs(self.lead):.1f} nat."
         if self.likeness > _ALIKE:
             return (

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from orchestration.diagnosis import wording
 from orchestration.diagnosis.conclude import Cause
 from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.report import wording
 from orchestration.diagnosis.term_names import (
     estimates,
     memory_text,

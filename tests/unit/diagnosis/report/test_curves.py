@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orchestration.diagnosis.curves import addition, output_courses, term_curves
+from orchestration.diagnosis.report.curves import addition, output_courses, term_curves
 from orchestration.diagnosis.terms import Memory, Shape, Term
 from tests.support.oscillator import diagnosis_with, oscillator_record
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from orchestration.diagnosis.terminal import ladder_rows, overview
+from orchestration.diagnosis.report.terminal import ladder_rows, overview
 from orchestration.reporting import in_shell
 from orchestration.reporting.console import plain_text
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 
-from orchestration.diagnosis import wording
-from orchestration.diagnosis.summary import summary
+from orchestration.diagnosis.report import wording
+from orchestration.diagnosis.report.summary import summary
 from tests.support.oscillator import with_group
 from tests.support.reference import documented_of_new_engine
 

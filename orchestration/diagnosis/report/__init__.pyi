@@ -1,0 +1,6 @@
+from . import curves as curves
+from . import summary as summary
+from . import terminal as terminal
+from . import wording as wording
+from .explanation import Explanation as Explanation
+from .explanation import explain as explain
