@@ -30,6 +30,7 @@ _PANELS = {
         "time",
         "compare",
         "laws",
+        "explain",
         "workers",
         "share",
         "structures",
