@@ -13,6 +13,8 @@ from scipy.signal import lfilter, tf2ss
 from demonstrations.thesis import actuator, circuit, identification
 from tests.support.thesis_findings import claim, claims, row
 
+pytestmark = pytest.mark.slow  # the first test computes the claims of a chapter
+
 R1, R2, C = 0.43, 2.35, 2.7
 TABLE = [  # table 3-1, typed in again
     ((0.3970, -0.3632, -0.9869), (0.45, 2.58, 2.50)),
@@ -33,7 +35,6 @@ def bilinear(b0, b1, a, period=0.1):
     return r1, r2, -1 / pole / (r1 + r2)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_table_3_1_by_another_route(number):
     theta, entries = TABLE[number - 1]
@@ -44,7 +45,6 @@ def test_table_3_1_by_another_route(number):
         assert found.holds
 
 
-@pytest.mark.slow
 def test_means_and_deviations_of_table_3_1():
     rows = [(*theta, *bilinear(*theta)) for theta, _ in TABLE]
     for name, column in zip(
@@ -68,7 +68,6 @@ def test_means_and_deviations_of_table_3_1():
     assert differing == ["standard deviation of C"]
 
 
-@pytest.mark.slow
 def test_row_22_the_deviation_of_c_is_that_of_the_rounded_entries():
     printed, consistent = 0.344, statistics.stdev(bilinear(*theta)[2] for theta, _ in TABLE)
     assert statistics.stdev(entries[2] for _, entries in TABLE) == pytest.approx(printed, abs=5e-4)

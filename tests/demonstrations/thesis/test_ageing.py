@@ -10,6 +10,8 @@ from fmus.degradation_estimator.systems import CAPACITANCE
 from fmus.kit.errors import UserError
 from tests.support.pace import slow_but
 
+pytestmark = pytest.mark.slow  # the first test computes the claims of a chapter
+
 # Table 3-1 and section 4.3, typed in again; CAPACITANCE is checked against the printed
 # voltage below.
 R1, R2, C = 0.43, 2.35, 3.3479  # ohm, ohm, F
@@ -91,13 +93,11 @@ def test_capacitance_gives_the_printed_first_voltage():
     assert R2 * (-1.3 * R1 + charge / C) / (R1 + R2) == pytest.approx(-1.15, abs=1e-4)
 
 
-@pytest.mark.slow
 def test_the_actuator_is_the_circuit_integrated_here(life):
     assert life["series_resistance"] == pytest.approx(life["true_series_resistance"], rel=1e-3)
     assert life["voltage"] == pytest.approx(life["true_voltage"], abs=2e-3)
 
 
-@pytest.mark.slow
 def test_impedance_has_its_minimum_where_fig_4_7_has_it(free):
     truth = impedance(free["series_resistance"])
     lowest = free["time"][np.argmin(truth)]
@@ -111,7 +111,6 @@ def test_impedance_has_its_minimum_where_fig_4_7_has_it(free):
 # --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_impedance_is_tracked_within_2_percent(life):
     """Measured: 0.6 % at worst, 0.7 % with 20 mV of noise."""
     truth = life["true_impedance"]
@@ -121,7 +120,6 @@ def test_impedance_is_tracked_within_2_percent(life):
     assert np.abs(life["impedance"][first:] / truth[first:] - 1).max() < 0.02
 
 
-@pytest.mark.slow
 def test_derating_follows_the_impedance_by_the_memory_of_the_estimate(life):
     """Late by two memories at most, 521 s (one for the estimate, one for its reference, as the
     impedance falls then).
@@ -197,7 +195,6 @@ def test_protection_cools_the_actuator_and_so_the_next_step_comes_sooner(free, p
 # --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_a_seed_makes_one_record_and_another_seed_another():
     one, same, other = (
         ageing.run(30.0, voltage_noise=NOISE, seed=seed)["R1"] for seed in (1, 1, 2)

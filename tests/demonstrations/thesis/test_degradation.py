@@ -8,6 +8,8 @@ from demonstrations.thesis import circuit, degradation, forgetting
 from orchestration.experiment.waveforms import square_wave
 from tests.support.thesis_findings import claim, claims, row
 
+pytestmark = pytest.mark.slow  # the first test computes the claims of a chapter
+
 R1, R2, C = 0.43, 2.35, 2.7
 PERIOD = 0.1
 
@@ -26,7 +28,6 @@ def test_the_circuit_answers_as_control_has_it():
     assert circuit.response(current) == pytest.approx(by_control(current), rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.slow
 def test_row_27_the_fit_of_a_perfect_prediction():
     """The loop of appendix A3 on a record without noise, whose one-step predictions are exact."""
     current = square_wave(PERIOD * np.arange(2001), 1.3, 0.1)
@@ -45,7 +46,6 @@ def test_row_27_the_fit_of_a_perfect_prediction():
     assert f"is given {printed:.0f} %" in row(27).holds
 
 
-@pytest.mark.slow
 def test_row_28_the_plot_is_a_second_early():
     """The loop of appendix A3, with 10 % and 10 Hz."""
     eps, fsampl = 10.0, 10.0

@@ -15,6 +15,8 @@ from fmus.galvanostat.model import Galvanostat
 from fmus.kit.units import convert, parse
 from tests.support.thesis_findings import claim, claims, row
 
+pytestmark = pytest.mark.slow  # the first test computes the claims of a chapter
+
 K, B, ALPHA = 9.1, 1700.0, 5.0  # N/mm, N s/mm, mm/C
 TIME = np.linspace(0.0, 1.0, 20001)
 
@@ -37,7 +39,6 @@ def test_work_loop_is_that_of_the_program(rate, amplitude):
     assert found[1] == pytest.approx(exact[1], abs=1e-5)
 
 
-@pytest.mark.slow
 def test_row_15_what_either_path_takes_up():
     passive, active = loop(0.0, 0.0), loop(4.1 * np.pi)
     taken, given = (

@@ -58,6 +58,7 @@ def test_texts_say_signal_memory_and_middle():
     assert shape_text(replace(DRY, middle=2.0)) == "a tanh((x - 2)/w)"
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say():
     held = 0
     for seed in range(20):

@@ -101,6 +101,7 @@ def impedance(circuit):
     return abs((r2 + r1 * r2 * c * 1j * OMEGA) / (1 + (r1 + r2) * c * 1j * OMEGA))
 
 
+@pytest.mark.slow
 def test_recursive_estimates_are_those_of_the_printed_loop():
     _, current, voltage = potentiostat.record()
     theta, p, rows = np.zeros(3), np.eye(3), {}

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from orchestration.discrepancy.report import picture
 
 
+@pytest.mark.slow
 def test_the_output_that_gained_most_is_drawn(results):
     result = results["cause"]
     diagnosis = result.diagnosis
@@ -27,6 +29,7 @@ def test_the_output_that_gained_most_is_drawn(results):
         np.testing.assert_allclose(residual, measured - simulated, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_nothing_wrong_is_drawn_as_well(results):
     result = results["consistent"]
     above, _ = picture.draw_diagnosis(result.diagnosis, result.model).axes
