@@ -207,7 +207,7 @@ def identity(task_bundle: TaskBundle) -> TaskBundle:
 
 
 def work(task_bundle: TaskBundle, cases: Array) -> Outcomes:
-    """Run cases, shape (k, p), on a worker, which keeps the task open for the next chunk."""
+    """Run a chunk of cases, shape (k, p), in this worker; the task stays open for the next."""
     with _lock, _in_worker_folder():
         return _runner(task_bundle).run(cases)
 

@@ -113,7 +113,7 @@ class ExponentialIntegrator:
         return product.ravel()
 
     def _phi(self, level: int, order: int, v: Array) -> Array:
-        """Return the product of the matrix function phi of a level and an order with a vector."""
+        """Return ``phi_order(A) v``, A being the matrix of a level."""
         return self._product(self._ladder.phi[level, order - 1], v)
 
     def _nonlinear(self, now: float, x: Array, rate: Array, change: Array) -> Array:

@@ -173,14 +173,14 @@ class DelayedModel:
         return resampled
 
     def _complete(self, slopes: Array, by_delay: Mapping[str, Array]) -> Array:
-        """Return the derivatives by all parameters, in their order: of the model and of a delay.
+        """Return the derivatives by the parameters of the model and of the delays, in their order.
 
         Parameters
         ----------
         slopes : ndarray, shape (n, k)
             By the parameters of the model without delays.
         by_delay : Mapping of str to ndarray, shape (n,)
-            By those of a delay; by others that the model does not have, they are zero.
+            By parameters of the delays; zero for a parameter that is in neither.
         """
         of_model = iter(slopes.T)
         columns = []

@@ -83,9 +83,9 @@ def _draw(profile: Profile, axis: Axes) -> None:
 
 
 def _between(profile: Profile, values: Array) -> Array:
-    """Return the deviance (n,) at values (n,), interpolated; NaN beyond the last fits.
+    """Return the deviance (n,) at values (n,) of the parameter; NaN outside the range of the fits.
 
-    Its square root is interpolated, which is nearly a straight line.
+    The square root is interpolated, as it is nearly a straight line.
     """
     from scipy.interpolate import PchipInterpolator
 

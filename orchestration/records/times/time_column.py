@@ -110,7 +110,7 @@ def _is_in_time(column: Column) -> bool:
 
 
 def _falls(table: Table, column: Column) -> float:
-    """Return how often a column falls; infinite if it rises too rarely for a clock."""
+    """Return how often a column falls; infinite if it is unreadable or rises too rarely."""
     scratch = Table(table.path, table.columns, table.rows)
     other = complementary_column(column, table.columns)
     merged = column if other is None else merge_date_and_time(scratch, column, other)

@@ -87,7 +87,7 @@ def read_columns(
 
 
 def _not_signals(table: Table, output: str, inputs: Sequence[str], step: float | None) -> list[str]:
-    """Return the columns that are no input unless they are named: the time or count, and dates."""
+    """Return the columns that are not inputs by default: the time, or a count, and dates."""
     first = table.columns[0]
     if step is not None:
         return [first.name]
