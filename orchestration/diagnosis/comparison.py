@@ -1,13 +1,13 @@
-"""The comparison of two fitted models on the same samples: all that decides.
+"""The comparison of two fitted models on the same samples.
 
 A comparison is a handful of features with their errors, and one score of them by the numbers in
-`WEIGHTS`. Nothing else in this package asks whether one model is better than another.
+`WEIGHTS`; the conclusion is drawn from these.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -31,9 +31,9 @@ class Weights:
     share_of_words, share_of_terms : float
         Of the gain, for each nat of words and for each term after the first: nats weigh nothing
         beside a gain of hundreds, in which no model of a few laws is exact.
-    shapes : dict of Shape to float
+    shapes : Mapping of Shape to float
         Prior of a shape: plain ones first.
-    memories : dict of Memory to float
+    memories : Mapping of Memory to float
         Prior of a memory.
     factor : float
         Prior of a change in proportion to a law.
@@ -46,6 +46,8 @@ class Weights:
     share_behind : float
         Share of the mean square that is removed, by which it may be behind at least: less is no
         matter of causes.
+    gaining : float
+        Share of the best score, from which on a fit is a measure of the lowest error.
     alone : float
         Share of the gain of a set that its first term must have alone.
     least : float
@@ -63,20 +65,34 @@ class Weights:
     term: float = 3.0
     share_of_words: float = 0.02
     share_of_terms: float = 0.04
-    shapes = {
-        Shape.CURVE: 1.0, Shape.DEAD_ZONE: 0.5, Shape.DRY: 0.3, Shape.ROOT: 0.7, Shape.CUBE: 0.3,
-        Shape.ABOVE: 0.7, Shape.BELOW: 0.7,
-    }  # fmt: skip
-    memories = {
-        Memory.LAG: 2.0, Memory.FADING: 3.0, Memory.TWO_LAGS: 4.0, Memory.RATE_LIMIT: 3.0,
-        Memory.PLAY: 2.0, Memory.DAHL: 2.0,
-    }  # fmt: skip
+    shapes: Mapping[Shape, float] = field(
+        default_factory=lambda: {
+            Shape.CURVE: 1.0,
+            Shape.DEAD_ZONE: 0.5,
+            Shape.DRY: 0.3,
+            Shape.ROOT: 0.7,
+            Shape.CUBE: 0.3,
+            Shape.ABOVE: 0.7,
+            Shape.BELOW: 0.7,
+        }
+    )
+    memories: Mapping[Memory, float] = field(
+        default_factory=lambda: {
+            Memory.LAG: 2.0,
+            Memory.FADING: 3.0,
+            Memory.TWO_LAGS: 4.0,
+            Memory.RATE_LIMIT: 3.0,
+            Memory.PLAY: 2.0,
+            Memory.DAHL: 2.0,
+        }
+    )
     factor: float = 1.0
     law_as_signal: float = 2.0
     foreign: float = 1.5
     time: float = 8.0
     behind: float = 1.0
     share_behind: float = 0.02
+    gaining: float = 0.5
     alone: float = 0.5
     least: float = 1.0
     temper: float = 3.0

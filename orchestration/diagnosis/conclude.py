@@ -120,7 +120,9 @@ def _near_the_lowest(ranked: Sequence[Scored], base: Judged) -> list[Scored]:
     if not ranked:
         return []
     # one that does not gain in all is no measure of what can be reached
-    gaining = [one for one, _, score in ranked if score > 0.5 * ranked[0][2]] or [ranked[0][0]]
+    gaining = [one for one, _, score in ranked if score > WEIGHTS.gaining * ranked[0][2]] or [
+        ranked[0][0]
+    ]
     lowest = min(gaining, key=lambda one: float(np.nanmean(one.choosing**2)))
     removed, _ = difference(base, lowest)
     near = []

@@ -28,6 +28,7 @@ _LONGEST = 1.5  # step of a coordinate, in prior deviations of a logarithm
 _FLAT = 1e-4  # relative fall of the cost that ends a search, twice in a row
 _STARTS = 3  # that are tried, of those that begin nearest to the record
 _TRIAL = 4  # steps from each, before the best goes on
+SMALL = 1e-3  # coefficient from which a search starts, so that a term has slopes
 _FEWEST = 4.0  # effective samples that are counted at least
 
 
@@ -333,8 +334,8 @@ class _Search:
         )
         return Point(q, point.values + step[p : self.size], starts)
 
-    def minimise(self, point: Point, most: int, give_up: float = np.inf) -> Fit | None:
-        """Search downhill from a point, for so many evaluations at most."""
+    def minimise(self, point: Point, most: int) -> Fit | None:
+        """Search downhill from a point, for so many steps at most."""
         here = self.evaluate(point)
         if here is None:
             return None
@@ -396,12 +397,11 @@ def fit(
     return best and search.minimise(best.point, most)
 
 
-def nominal_point(problem: Problem, terms: Sequence[Term] = (), small: float = 1e-3) -> Point:
+def nominal_point(problem: Problem, terms: Sequence[Term] = ()) -> Point:
     """Return the nominal parameters and start states, with small coefficients of the terms."""
-    values = [np.append(np.full(term.coefficients, small), term.start) for term in terms]
-    return Point(
-        problem.mean, np.concatenate([np.zeros(0), *values]), tuple(s.mean for s in problem.starts)
-    )
+    values = [term.values(SMALL) for term in terms]
+    starts = tuple(prior.mean for prior in problem.starts)
+    return Point(problem.mean, np.concatenate([np.zeros(0), *values]), starts)
 
 
 def fit_base(problem: Problem) -> Fit | None:

@@ -27,9 +27,15 @@ from orchestration.diagnosis.signals import Seen, distinct, seen
 from orchestration.diagnosis.terms import Memory, Shape, Term
 
 _PLAIN = (
-    Shape.LINEAR, Shape.SQUARE, Shape.ODD_SQUARE, Shape.CUBE, Shape.ROOT, Shape.DRY,
-    Shape.DEAD_ZONE, Shape.CURVE,
-)  # fmt: skip
+    Shape.LINEAR,
+    Shape.SQUARE,
+    Shape.ODD_SQUARE,
+    Shape.CUBE,
+    Shape.ROOT,
+    Shape.DRY,
+    Shape.DEAD_ZONE,
+    Shape.CURVE,
+)
 _REMEMBERED = {
     Memory.LAG: (Shape.LINEAR, Shape.ODD_SQUARE, Shape.CURVE),
     Memory.FADING: (Shape.LINEAR, Shape.DRY),
@@ -43,6 +49,8 @@ _WIDTHS = {
     Shape.ABOVE: (0.5,),
     Shape.BELOW: (0.5,),
 }
+_DRY, _BEND = 0.3, 0.6  # widths from which other shapes of a term are fitted, in scales
+_RANGE = -2.0, 2.0  # of a signal whose curve has no knots yet, in scales
 _KNOTS = 9
 _ROWS = 1600  # of the screen at most
 _SAME = 0.9999  # cosine from which on two laws act alike
@@ -357,6 +365,17 @@ def _terms(
                 width * wide,
                 places,
             )
+
+
+def other_shapes(term: Term) -> Iterator[Term]:
+    """Yield a term with each of the other shapes of its signal."""
+    low, high = (term.places[0], term.places[-1]) if term.places else _RANGE
+    for shape in Shape:
+        if shape is term.shape or shape in (Shape.CONSTANT, Shape.MODULUS):
+            continue
+        places = tuple(np.linspace(low, high, _KNOTS)) if shape is Shape.CURVE else ()
+        width = _DRY if shape is Shape.DRY else _BEND
+        yield replace(term, shape=shape, width=width, places=places)
 
 
 def _candidate(model: LawModel, term: Term, view: Seen, amount: Array, depends: bool) -> Candidate:

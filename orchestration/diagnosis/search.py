@@ -11,11 +11,20 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.comparison import Comparison, Judged, common_effective, compare
-from orchestration.diagnosis.fitting import Fit, Point, StartPrior, fit, fit_start, weights_of
+from orchestration.diagnosis.fitting import (
+    SMALL,
+    Fit,
+    Point,
+    StartPrior,
+    fit,
+    fit_start,
+    nominal_point,
+    weights_of,
+)
 from orchestration.diagnosis.law_model import Record
-from orchestration.diagnosis.screening import Screen
+from orchestration.diagnosis.screening import Screen, other_shapes
 from orchestration.diagnosis.subject import Subject
-from orchestration.diagnosis.terms import Shape, Term
+from orchestration.diagnosis.terms import Term
 
 _PIECES = (1, 8, 40)  # of a record, of the courses along which terms are proposed
 _QUOTAS = {1: {1: 5, 2: 5, 3: 3}, 8: {1: 4, 2: 4, 3: 2}, 40: {1: 4, 2: 4, 3: 2}}
@@ -23,9 +32,15 @@ _SECOND = {1: 4, 2: 2}  # sets that are fitted around each of the best, by terms
 _LEADS = 2  # sets of one size with the same first term
 _BEST = 3  # fits around which a second round goes
 _MOST_TERMS = 3
-_SMALL = 1e-3
-_CLIP = 30.0  # of a coefficient from the screen
+_CLIP = 30.0  # coefficient from the screen at most
+_SHIFT = 2.0  # of a parameter from the screen at most, in searched coordinates
+_FAR = 0.4  # prior deviations from nominal, from which on a search starts at nominal too
+_WORTH = -5.0  # nats of evidence by the screen, below which a set is not fitted
+_STEPS, _FEWER_STEPS = 15, 12  # of a fit; of one that starts from a fit of nearly the same terms
+_LAST_STEPS = 25
+_SUBSETS, _SHAPES = 6, 2  # of the best fits, that are fitted with fewer terms, or other shapes
 _SHORTEST = 12  # samples of a piece
+_PIECE_WEIGHT = 0.5 / 0.1**2 / 5.0  # of squared errors of a piece: within a tenth of the spread
 
 
 @dataclass
@@ -75,7 +90,7 @@ def search(subject: Subject, progress: Callable[[str], None] = lambda text: None
     ----------
     subject : Subject
     progress : callable
-        Is told what goes on, in a few words.
+        Called with a few words about each step.
     """
     base = subject.judge(subject.base)
     if base is None:
@@ -143,28 +158,25 @@ class _Rounds:
         coefficients, shift = screen.solve(chosen)
         problem = fitted.problem
         base, q = fitted.point.values, fitted.point.q
-        wanted = [
-            np.append(np.clip(c, -_CLIP, _CLIP), t.start)
-            for c, t in zip(coefficients, terms, strict=True)
-        ]
-        small = [np.append(np.full(t.coefficients, _SMALL), t.start) for t in terms]
-        moved = np.clip(
-            q + np.clip(shift[: len(q)] * problem.deviation, -2.0, 2.0), *problem.bounds
-        )
+        pairs = zip(coefficients, terms, strict=True)
+        wanted = [t.values(np.clip(c, -_CLIP, _CLIP)) for c, t in pairs]
+        small = [t.values(SMALL) for t in terms]
+        step = np.clip(shift[: len(q)] * problem.deviation, -_SHIFT, _SHIFT)
+        moved = np.clip(q + step, *problem.bounds)
         starts = fitted.point.starts
         points = [
             Point(q, np.concatenate([base, *small]), starts),
             Point(moved, np.concatenate([base, *wanted]), starts),
             Point(q, np.concatenate([base, *wanted]), starts),
         ]
-        if np.any(np.abs(q - problem.mean) > 0.4 * problem.deviation):
-            nominal = tuple(s.mean for s in problem.starts)
-            points.append(Point(problem.mean, np.concatenate([base, *small]), nominal))
+        if np.any(np.abs(q - problem.mean) > _FAR * problem.deviation):
+            nominal = replace(nominal_point(problem), values=np.concatenate([base, *small]))
+            points.append(nominal)
         return (*fitted.terms, *terms), points
 
     def _fit_all(
-        self, asked: Iterable[tuple[tuple[Term, ...], list[Point]]], most: int = 15
-    ) -> list[Judged]:
+        self, asked: Iterable[tuple[tuple[Term, ...], list[Point]]], most: int = _STEPS
+    ) -> None:
         """Fit sets on all cores, each from its own starts and from fits of its subsets."""
         new = []
         for terms, points in asked:
@@ -180,9 +192,7 @@ class _Rounds:
             return None if fitted is None else subject.judge(fitted)
 
         with ThreadPoolExecutor() as pool:
-            done = [judged for judged in pool.map(one, new) if judged is not None]
-        self.found.fits += done
-        return done
+            self.found.fits += [judged for judged in pool.map(one, new) if judged is not None]
 
     def _nested(self, terms: tuple[Term, ...]) -> list[Point]:
         """Return points of fits whose terms are some of these, the others being small."""
@@ -196,30 +206,30 @@ class _Rounds:
     def subsets(self) -> None:
         """Fit what is left of the best sets without some of their terms."""
         asked = []
-        for one in self.found.best(6):
+        for one in self.found.best(_SUBSETS):
             for count in range(1, len(one.terms)):
                 for part in itertools.combinations(one.terms, count):
                     asked.append((part, [_extended(one.fit, part)]))
-        self._fit_all(asked, 12)
+        self._fit_all(asked, _FEWER_STEPS)
 
     def shapes(self) -> None:
         """Fit the best sets with other shapes of each of their terms."""
         asked = []
-        for one in self.found.best(2):
+        for one in self.found.best(_SHAPES):
             for term in one.terms:
                 if not term.signal:
                     continue
-                for other in _other_shapes(self.found.subject, one.fit, term):
+                for other in other_shapes(term):
                     terms = tuple(other if t == term else t for t in one.terms)
                     asked.append((terms, [_extended(one.fit, terms)]))
-        self._fit_all(asked, 12)
+        self._fit_all(asked, _FEWER_STEPS)
 
     def polish(self) -> None:
         """Fit the best on, in the noise that they leave."""
         subject = self.found.subject
-        for one in self.found.best(6):
+        for one in self.found.best(_SUBSETS):
             weights = weights_of(one.fit.errors)
-            fitted = fit(subject.problem, one.terms, [one.fit.point], weights, 25)
+            fitted = fit(subject.problem, one.terms, [one.fit.point], weights, _LAST_STEPS)
             judged = None if fitted is None else subject.judge(fitted)
             if judged is not None:
                 self.found.fits.append(judged)
@@ -227,12 +237,7 @@ class _Rounds:
 
 def _extended(fitted: Fit, terms: Sequence[Term]) -> Point:
     """Return a fit's point for other terms: its own values where it has them, else small ones."""
-    values = [
-        fitted.values_of(t)
-        if t in fitted.terms
-        else np.append(np.full(t.coefficients, _SMALL), t.start)
-        for t in terms
-    ]
+    values = [fitted.values_of(t) if t in fitted.terms else t.values(SMALL) for t in terms]
     return Point(fitted.point.q, np.concatenate(values), fitted.point.starts)
 
 
@@ -250,7 +255,7 @@ def _by_quota(
         timed = any(t.signal == "time" for t in terms)
         if (
             size not in quota
-            or value <= -5.0
+            or value <= _WORTH
             or taken.get(size, 0) >= quota[size]
             or taken.get(lead, 0) >= _LEADS
             or (timed and taken.get((size, "time"), 0) >= 1)
@@ -271,7 +276,7 @@ def _pieces(fitted: Fit, count: int) -> tuple[list[Record], list[Array]]:
         return [], []
     setting = problem.setting(fitted.point, ())
     nominal = model.nominal_states
-    weight = np.full(len(problem.spread), 0.5 / 0.1**2 / 5.0)
+    weight = np.full(len(problem.spread), _PIECE_WEIGHT)
     pieces, starts = [], []
     for record, start in zip(problem.records, fitted.point.starts, strict=True):
         course = model.run(record, setting, start)
@@ -295,14 +300,3 @@ def _pieces(fitted: Fit, count: int) -> tuple[list[Record], list[Array]]:
             pieces.append(piece)
             starts.append(own)
     return pieces, starts
-
-
-def _other_shapes(subject: Subject, fitted: Fit, term: Term) -> Iterable[Term]:
-    """Yield a term with each of the other shapes."""
-    low, high = (term.places[0], term.places[-1]) if term.places else (-2.0, 2.0)
-    for shape in Shape:
-        if shape is term.shape or shape in (Shape.CONSTANT, Shape.MODULUS):
-            continue
-        width = {Shape.DRY: 0.3}.get(shape, 0.6)
-        places = tuple(np.linspace(low, high, 9)) if shape is Shape.CURVE else ()
-        yield replace(term, shape=shape, width=width, places=places)

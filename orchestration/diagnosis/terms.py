@@ -118,6 +118,10 @@ class Term:
         own = [*self.constants, *([self.width] if self.shape.has_width else [])]
         return np.log(np.array(own, dtype=float))
 
+    def values(self, coefficient: float | Array) -> Array:
+        """Return the values where a search starts, with coefficients that may all be the same."""
+        return np.append(np.broadcast_to(coefficient, self.coefficients), self.start)
+
     @property
     def freedom(self) -> int:
         """Degrees of freedom; of a curve one is the constant that its law has anyway."""

@@ -154,8 +154,7 @@ class PerturbedLaws:
             If there is no such law.
         """
         layout = self.graph.layout
-        value = self._values[law]
-        is_state = value.is_symbolic() and value.name() in {s.name for s in layout.states}
+        is_state = self._is_one_of(layout.states, law)
         if law in {o.name for o in layout.outputs}:
             return is_state or not self._read[law] - set(self.names)
         return is_state and law in {s.rate for s in layout.states}
@@ -169,9 +168,12 @@ class PerturbedLaws:
             If there is no such law.
         """
         layout = self.graph.layout
+        return self._is_one_of(layout.inputs, law) and law in {s.rate for s in layout.states}
+
+    def _is_one_of(self, variables: Sequence[Declaration], law: str) -> bool:
+        """Return whether the value of a law is one of some variables."""
         value = self._values[law]
-        is_input = value.is_symbolic() and value.name() in {v.name for v in layout.inputs}
-        return is_input and law in {s.rate for s in layout.states}
+        return value.is_symbolic() and value.name() in {v.name for v in variables}
 
     @uninterrupted()
     def acts_beside(self, law: str) -> set[str]:
