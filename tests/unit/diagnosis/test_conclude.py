@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -145,3 +146,9 @@ def test_the_first_of_three_has_half_alone_or_is_missed_most(
         fits.append(gaining(alone[i], term))
         fits.append(gaining(lost[i], *(t for t in three if t is not term)))
     assert conclude(found(*fits)).causes[0].terms[0] == first
+
+
+def test_a_cause_whose_error_rises_where_nothing_is_chosen_by_it_is_not_named() -> None:
+    good = judged(0.5, 0.5, DRY)
+    assert conclude(found(good)).verdict == "cause"
+    assert conclude(found(replace(good, measuring=1.5 * SEEN))).verdict == "unexplained"

@@ -8,9 +8,16 @@ from functools import cache
 import numpy as np
 import pytest
 
+from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.arrays import Array
-from orchestration.diagnosis import Memory, Record, Shape, Term
-from orchestration.diagnosis.fitting import Fit, nominal_point, weights_of
+from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term
+from orchestration.diagnosis.fitting import (
+    Fit,
+    Problem,
+    StartPrior,
+    nominal_point,
+    weights_of,
+)
 from orchestration.diagnosis.law_model import Setting
 from orchestration.diagnosis.screening import Screen, alike
 from tests.support.diagnosed_mass import (
@@ -209,3 +216,68 @@ def test_a_balance_and_its_parts_are_one_target_and_a_definition_none() -> None:
     owners = {(c.term.signal, c.term.law) for c in screen.candidates if not c.term.factor}
     assert {("x", "spring"), ("v", "friction"), ("force", "acceleration")} <= owners
     assert ("x", "friction") not in owners, "the law that has the signal owns it"
+
+
+class Tank(Component):
+    """A vessel with two leaks, and a counter of all that has flowed in."""
+
+    name = "tank"
+    leak = Parameter(0.2, "1/s", min=0.0)
+    inflow = Input("1/s", nominal=1.0)
+    level = State("1", rate="change", nominal=1.0)
+    total = State("1", rate="counting", nominal=1.0)
+
+    def counting(self):
+        """Flow into it."""
+        return self.inflow
+
+    def bent(self):
+        """A function of one signal that is not in proportion to it."""
+        return self.leak * self.level * self.level * self.level
+
+    def mixed(self):
+        """A function of two signals."""
+        return self.leak * self.level * self.inflow
+
+    def change(self):
+        """Balance."""
+        return self.inflow - self.bent() - self.mixed()
+
+    @Output("1", nominal=1.0)
+    def seen(self):
+        """As measured."""
+        return self.level
+
+
+@cache
+def tank() -> Screen:
+    time = 0.05 * np.arange(120)
+    inflow = (1.0 + np.sin(1.7 * time) + 0.5 * np.sign(np.sin(0.9 * time)))[:, None].copy()
+    record = Record(time, inflow, np.zeros((120, 1)), (True,))
+    model = LawModel(Tank)
+    starts = (StartPrior(np.array([0.5, 0.0]), np.array([0.1, 0.1])),)
+    problem = Problem(model, (record,), np.ones(1), starts)
+    point = nominal_point(problem)
+    course = model.run(record, problem.setting(point, ()), point.starts[0])
+    assert course is not None
+    noise = 0.1 * np.random.default_rng(2).standard_normal((120, 1))
+    record = replace(record, outputs=course.outputs + noise)
+    problem = replace(problem, records=(record,))
+    fitted = Fit(problem, (), point, (noise,), 0.0, np.zeros((3, 3)))
+    return Screen(fitted, problem.records, point.starts)
+
+
+def test_laws_of_one_signal_are_no_signals() -> None:
+    signals = {c.term.signal for c in tank().candidates}
+    assert "mixed" in signals
+    assert "bent" not in signals
+
+
+def test_what_counts_an_input_is_no_target() -> None:
+    assert "counting" not in {c.term.law for c in tank().candidates}
+
+
+def test_a_law_is_no_signal_of_those_that_act_alike() -> None:
+    """But remembered, or as a factor, it may be."""
+    plain = [c.term for c in tank().candidates if c.term.memory is Memory.NONE]
+    assert not any(t.signal == "mixed" and not t.factor for t in plain)
