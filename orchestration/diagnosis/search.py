@@ -126,9 +126,8 @@ class _Rounds:
                 continue
             room = _MOST_TERMS - len(fitted.terms)
             asked = list(_by_quota(screen, quotas[count], room, fitted.terms))
-            self._progress(
-                f"{len(screen.candidates)} terms along {count} pieces, {len(asked)} sets"
-            )
+            along = "the record" if count == 1 else f"{count} pieces of the record"
+            self._progress(f"{len(screen.candidates)} terms along {along}, {len(asked)} sets")
             asked.sort(key=len)
             for size in sorted({len(chosen) for chosen in asked}):
                 self._fit_all(
