@@ -107,7 +107,7 @@ def diagnose(
         raise _unusable_error(measured, error) from error
     command = equivalent_command(
         "diagnose",
-        str(model) if isinstance(model, str | Path) else subject.name,
+        _word_of(model, subject),
         measured,
         unseen,
         declared=DiagnoseOptions,
@@ -170,7 +170,7 @@ def _by_terms(
     )
     command = equivalent_command(
         "diagnose",
-        str(model) if isinstance(model, str | Path) else subject.name,
+        _word_of(model, subject),
         measured,
         unseen,
         declared=DiagnoseOptions,
@@ -300,13 +300,18 @@ def laws(
     answers = None if inconclusive else search_laws(result.diagnosis, progress, budget=budget)[0]
     command = equivalent_command(
         "laws",
-        str(model) if isinstance(model, str | Path) else subject.name,
+        _word_of(model, subject),
         measured,
         unseen,
         declared=LawsOptions,
         options=options,
     )
     return LawsResult(LawReport(result, answers), command)
+
+
+def _word_of(model: Model | str | Path | None, subject: Model) -> str:
+    """Return a model as a word of the command line: as it was given, or its name."""
+    return str(model) if isinstance(model, str | Path) else subject.name
 
 
 def _unusable_error(records: Sequence[Record], error: UnusableRecordError) -> UserError:
