@@ -14,7 +14,7 @@ from fmus.kit.arrays import Array
 from fmus.kit.files import is_file
 from orchestration.experiment import Experiment, parse, read, shipped
 from orchestration.experiment.preparation import prepare
-from orchestration.experiment.subjects import subject
+from orchestration.experiment.subjects import open_subject
 from orchestration.experiment.system_model import find_system, system_model
 from orchestration.experiment.values import ValueTable, checked, read_toml
 from orchestration.fmu import Model, Value, find_model
@@ -127,7 +127,7 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> S
     # in a tornado a parameter keeps the value of the experiment while another one changes
     replaced = {} if table.design == TORNADO else over
     experiment = _without(stated, replaced)
-    with subject(experiment, where) as target:
+    with open_subject(experiment, where) as target:
         inputs = {name: signal for name, signal in target.inputs.items() if name not in over}
         prepared = prepare(experiment, replace(target, inputs=inputs), where, note)
     settings = {name: value for name, value in prepared.settings.items() if name not in replaced}
