@@ -130,6 +130,7 @@ def fused_model(system: System, name: str = "") -> Model:
     """
     model = system_model(system, Master(method="fused"), name)
     try:
+        # its classes are found anew, as in another process
         fuse(with_classes(_without_classes(system)))
     except UserError as error:
         note = (
