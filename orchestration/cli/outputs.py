@@ -167,6 +167,7 @@ def write_json(path: Path | None, data: Any) -> None:
 
 
 def _finite(data: Any) -> Any:
+    """Return data with None in place of numbers that JSON does not have."""
     if isinstance(data, Mapping):
         return {key: _finite(value) for key, value in data.items()}
     if isinstance(data, list | tuple):

@@ -44,9 +44,13 @@ def simulate(options: SimulateCommand) -> None:
 
 
 def _simulate_system(options: SimulateCommand) -> None:
-    from orchestration.cli.experiments import experiment_on_system, refuse_part, run_and_write
+    from orchestration.cli.experiments import (
+        experiment_on_system,
+        raise_if_incomplete,
+        run_and_write,
+    )
 
-    refuse_part(run_and_write(experiment_on_system(options), options["model"], options))
+    raise_if_incomplete(run_and_write(experiment_on_system(options), options["model"], options))
 
 
 def _simulate_model(options: SimulateCommand) -> None:
@@ -62,7 +66,7 @@ def _simulate_model(options: SimulateCommand) -> None:
     plot = options["plot"]
     declared = declared_model(options["model"], options["laid_over"])
     parameters = values_of(declared, options["settings"], options["preset"])
-    recorded = _recorded(declared, parameters, options)
+    recorded = _read_inputs(declared, parameters, options)
     model = build_model(declared, options["runtime"])
     isolation = limits(model.foreign, options)
     time, inputs = _stimulus(model, recorded, parameters, options)
@@ -102,7 +106,7 @@ def _simulate_model(options: SimulateCommand) -> None:
         wrote(plot)
 
 
-def _recorded(
+def _read_inputs(
     model: Model, parameters: Mapping[str, Value], options: SimulateCommand
 ) -> Record | None:
     """Read the record of inputs, if one is given."""
