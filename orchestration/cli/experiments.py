@@ -35,10 +35,10 @@ def run_and_write(
     ----------
     experiment : Experiment
     name : str
-        Its file or name, for messages.
+        File or name of the experiment, for messages.
     options : RunCommand or SimulateCommand
     live : Live, optional
-        Of a run in real time.
+        Options of a run in real time.
 
     Raises
     ------

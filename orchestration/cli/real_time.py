@@ -74,10 +74,10 @@ def _admit(
     Parameters
     ----------
     pace : RealTime
-        As it was asked for.
+        Pace that the options describe.
     rigs : sequence of RigEnd
     step : float
-        In s.
+        Communication step in s.
     lag : float, optional
         Longest pause, s; default half the shortest watchdog, so that a run ends before its rig.
 

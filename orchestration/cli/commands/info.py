@@ -115,6 +115,7 @@ def _relaxed_assumption(cls: type[Component], effect: type[Effect]) -> str:
 
 
 def _as_json(known: _Facts) -> dict[str, Any]:
+    """Return the facts of a model in the form that ``--json`` writes."""
     from fmus.kit.effects import effect_name
 
     signals = {

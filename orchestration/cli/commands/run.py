@@ -90,7 +90,7 @@ def _run(name: str, options: RunCommand, live: Live | None) -> tuple[xarray.Data
 
 
 def _compare(data: xarray.Dataset, earlier: xarray.Dataset, name: str) -> Mapping[str, float]:
-    """Compare a result with an earlier one, and say how far it is off and why that may be."""
+    """Compare a result with an earlier one; print the differences and their possible reasons."""
     import json
 
     from orchestration.experiment import results

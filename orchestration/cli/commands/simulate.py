@@ -54,6 +54,7 @@ def _simulate_system(options: SimulateCommand) -> None:
 
 
 def _simulate_model(options: SimulateCommand) -> None:
+    """Simulate a model; print, write and draw the results, also those of a run that ends early."""
     from orchestration.api import values_of
     from orchestration.cli.models import build_model
     from orchestration.fmu import simulation as work

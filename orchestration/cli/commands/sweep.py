@@ -226,7 +226,7 @@ def ranges_of(over: Sequence[str]) -> dict[str, Any]:
     Parameters
     ----------
     over : sequence of str
-        As ``--over`` has them.
+        Values of ``--over``.
 
     Raises
     ------
