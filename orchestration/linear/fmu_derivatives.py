@@ -128,10 +128,12 @@ def _by_laws(request: FmuRequest, directional: bool) -> LinearModel | None:
         states = fmu.states
         simulated = _states_at(request, states)
         fmu.start()
-        fmu.hold(request.time, fmu.start_states() if simulated is None else simulated)
+        fmu.enter_continuous_time(
+            request.time, fmu.get_states() if simulated is None else simulated
+        )
         if fmu.samples:
             return None
-        state = fmu.start_states()
+        state = fmu.get_states()
         values = np.empty(len(request.inputs))
         fmu.reader(request.inputs)(values)
         if directional:

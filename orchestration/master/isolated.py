@@ -118,7 +118,7 @@ def run_isolated(
         except Ended as end:
             description = process.progress.rows_description()
             points = description.points if description else ()
-            message = f"{end.state.words(points, system.name)}: {end.reason}"
+            message = f"{end.state.describe(points, system.name)}: {end.reason}"
             result = _partial_run(process.progress, description, end.state.row, message)
             if end.interrupted:
                 return result
