@@ -67,12 +67,12 @@ class Orders:
         A is a factor of every F and of D where there is no A: ``A y = B u + C e`` is
         ``y = B/A u + C/A e``.
         """
-        moved = other.na if self.na < other.na else 0  # order of A as a factor of F and D
+        shared = other.na if self.na < other.na else 0  # order of A as a factor of F and D
         denominators = [(self.nd, other.nd), *zip(self.nf, other.nf, strict=True)]
         return (
-            self.na + moved >= other.na
+            self.na + shared >= other.na
             and self.nc >= other.nc
-            and all(order >= other_order + moved for order, other_order in denominators)
+            and all(order >= other_order + shared for order, other_order in denominators)
             and all(
                 delay <= other_delay for delay, other_delay in zip(self.nk, other.nk, strict=True)
             )

@@ -146,12 +146,12 @@ def _correlate_with_input(
         return ResidualInputCorrelation(all_lags, none, 0.0, 0.0, 1.0, significance)
     values = _cross_covariance(e, u, lags)
     # covariance of the estimates at lags k and l: sum_s R_e(s) R_u(s + k - l) / n
-    joint = np.zeros(lags + 1)
+    covariance = np.zeros(lags + 1)
     for s in range(-lags, lags + 1):
-        joint += r_e[abs(s)] * r_u[np.abs(np.arange(lags + 1) + s)]
-    statistic, freedom = _joint_statistic(values[lags:], joint / n)
+        covariance += r_e[abs(s)] * r_u[np.abs(np.arange(lags + 1) + s)]
+    statistic, freedom = _joint_statistic(values[lags:], covariance / n)
     scale = np.sqrt(r_e[0] * r_u[0])
-    limit = float(-ndtri(significance / 2.0)) * np.sqrt(max(joint[0], 0.0) / n) / scale
+    limit = float(-ndtri(significance / 2.0)) * np.sqrt(max(covariance[0], 0.0) / n) / scale
     p_value = float(chdtrc(freedom, statistic))
     return ResidualInputCorrelation(
         all_lags, values / scale, float(limit), statistic, p_value, significance
