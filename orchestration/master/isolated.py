@@ -118,7 +118,7 @@ def run_isolated(
         except Ended as end:
             description = process.progress.rows_description()
             points = description.points if description else ()
-            message = f"{end.state.words(points, system.name)}: {end.reason}"
+            message = f"{end.state.describe(points, system.name)}: {end.reason}"
             result = _partial_run(process.progress, description, end.state.row, message)
             if end.interrupted:
                 return result
@@ -161,7 +161,7 @@ def _partial_run(
     description : RowDescription or None
         None if the run had not begun.
     kept : int
-        Number of rows that the kernel had not handed over.
+        Number of rows in the kernel's memory on disk that were not yet written to the file of rows.
     message : str
         Why it ended.
     """

@@ -99,7 +99,7 @@ def _run_in_parallel(
                 if half:
                     suspects += [rows[:half], rows[half:]]
                 else:
-                    where = end.state.words(task.source.points(task.time), task.source.name)
+                    where = end.state.describe(task.source.points(task.time), task.source.name)
                     yield rows, failed_case(task, f"{where}: {end.reason}")
                 continue
             chunks.adapt(len(rows), outcomes.seconds)

@@ -89,6 +89,7 @@ def relaxed_assumption(cls: type[Component], effect: type[Effect]) -> tuple[str,
     text = readme.read_text(encoding="utf-8") if readme.exists() else ""
     listed = text.partition("\n## Assumptions\n")[2]
     number = f"assumption {assumption} of its documentation"
+    # "5. `name`, `name`: words." or "5. words."
     sentence = re.search(
         rf"^{assumption}\. (?:(?:`\w+`, )*`\w+`: )?(.+?){_END_OF_SENTENCE}", listed, re.M | re.S
     )

@@ -229,7 +229,7 @@ class Interpreted:
             h = self._hint if self._hint <= 0.999 * remaining else remaining
             x = self._x.copy()
             with np.errstate(all="ignore"):  # a trial step that overflows is rejected
-                error = self._try(now, h, x)
+                error = self._try_step(now, h, x)
             next_step = h * _step_factor(error)
             if error <= 1.0:
                 now += h
@@ -251,8 +251,11 @@ class Interpreted:
                 f"more than {MAX_STEPS} internal steps in one communication step at {now:.10g} s"
             )
 
-    def _try(self, now: float, h: float, x: Array) -> float:
-        """Set the states to the end of a step, and return its error relative to the tolerance."""
+    def _try_step(self, now: float, h: float, x: Array) -> float:
+        """Set the states to the end of a step, and return its error relative to the tolerance.
+
+        The method, its error estimate included, is that of `fmus.kit.integrate`.
+        """
         k1 = self._rate(now, x)
         k2 = self._rate(now + 0.5 * h, x + 0.5 * h * k1)
         k3 = self._rate(now + 0.5 * h, x + 0.5 * h * k2)

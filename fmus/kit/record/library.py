@@ -163,7 +163,7 @@ class RecordLibrary:
             len(time),
             _pointer(time),
             _pointer(tables),
-            tables[0].size * (len(tables) > 1),
+            tables[0].size * (len(tables) > 1),  # from the inputs of one case to the next
             _pointer(parameters),
             tolerance,
             effort,

@@ -102,7 +102,7 @@ def check_component(cls: type[Component]) -> None:
     new = sorted(vars(one).keys() - attributes)
     if new:
         raise UserError(
-            f"{_place_in_class(cls, rf'self[.]{new[0]} *=')}: a law keeps {new[0]!r} in self, where"
+            f"{_line_in_class(cls, rf'self[.]{new[0]} *=')}: a law keeps {new[0]!r} in self, where"
             " nothing is kept from one evaluation to the next; declare it as a State or Discrete"
         )
     _checked.add(cls)
@@ -115,10 +115,10 @@ def _check_declared(cls: type[Component]) -> None:
         try:
             units.check(v.unit)
         except UserError as error:
-            place = _place_in_class(cls, rf"^ *{v.name} *=")
+            place = _line_in_class(cls, rf"^ *{v.name} *=")
             raise UserError(f"{place}: {v.name}: {error}") from error
         if v.name in clocks and units.base_unit(v.unit) != units.base_unit("s"):
-            place = _place_in_class(cls, rf"^ *{v.name} *=")
+            place = _line_in_class(cls, rf"^ *{v.name} *=")
             raise UserError(
                 f"{place}: {v.name} is in {v.unit}, but a sample period is in s;"
                 f" declare it in s, with display={v.unit!r}"
@@ -148,14 +148,16 @@ def _symbolic_instance(cls: type[Component]) -> Component:
     free = _instance(cls, lambda unit: ANY)
     for name in cls.unchecked:
         if law_of(cls, name) is None:
-            place = _place_in_class(cls, r"^ *unchecked *=")
-            raise UserError(f"{place}: no law named {name!r}{suggestion(name, _names(one))}")
-        vars(one)[name] = _of_any_unit(getattr(free, name))
+            place = _line_in_class(cls, r"^ *unchecked *=")
+            raise UserError(
+                f"{place}: no law named {name!r}{suggestion(name, _variables_and_laws(one))}"
+            )
+        vars(one)[name] = _without_unit_check(getattr(free, name))
     return one
 
 
 def _instance(cls: type[Component], make: Any) -> Component:
-    """Return an instance whose variables are symbols that a function makes from their units."""
+    """Return an instance whose variables are the symbols that ``make(unit)`` returns."""
     one = cls()
     # not setattr: an effect of an input is a descriptor with the name of the input
     vars(one).update({v.name: make(v.unit) for v in cls.layout.variables if hasattr(v, "start")})
@@ -163,8 +165,8 @@ def _instance(cls: type[Component], make: Any) -> Component:
     return one
 
 
-def _of_any_unit(law: Any) -> Any:
-    """Return a law whose arguments and results are symbols of any unit."""
+def _without_unit_check(law: Any) -> Any:
+    """Return a law that takes and returns symbols of any unit in place of those with a unit."""
 
     def free(value: Any) -> Any:
         if isinstance(value, tuple | list):
@@ -197,7 +199,7 @@ def _unit_message(one: Component, required: _RequiredUnit, value: Any, error: La
     reason = f"{place}: {required.law} gives {value.unit}, but {required.words}"
     if isinstance(error, ScaleError):
         return f"{reason}: {error}; {_scale_remedy(one)}"
-    return f"{reason}; {_units_in(one, _source_of(type(one), required.law))}"
+    return f"{reason}; {_unit_hints(one, _source_of(type(one), required.law))}"
 
 
 def _evaluation_message(one: Component, required: _RequiredUnit, error: Exception) -> str:
@@ -213,7 +215,7 @@ def _evaluation_message(one: Component, required: _RequiredUnit, error: Exceptio
     if isinstance(error, ValueNeeded):
         return f"{where}: {error}; {_value_remedy(place) or error.remedy}"
     if isinstance(error, LawError):
-        remedy = error.remedy or _units_in(one, place.text if place else "")
+        remedy = error.remedy or _unit_hints(one, place.text if place else "")
         return f"{where}: {error}; {remedy}"
     return f"{where}: {_python_message(one, place, error)}"
 
@@ -221,7 +223,7 @@ def _evaluation_message(one: Component, required: _RequiredUnit, error: Exceptio
 def _python_message(one: Component, place: _Place | None, error: Exception) -> str:
     """Return the message for an exception of Python in a law."""
     name = getattr(error, "name", None) or ""
-    known = _names(one)
+    known = _variables_and_laws(one)
     match error:
         case UserError():
             return str(error)
@@ -244,7 +246,7 @@ def _python_message(one: Component, place: _Place | None, error: Exception) -> s
 
 def _without_self(one: Component) -> str:
     """Return the first law that lacks the argument ``self``; empty if there is none."""
-    laws = ((name, _code_of(type(one), name)) for name in _names(one))
+    laws = ((name, _code_of(type(one), name)) for name in _variables_and_laws(one))
     return next((name for name, code in laws if code and not code.co_argcount), "")
 
 
@@ -282,8 +284,8 @@ def _scale_remedy(one: Component) -> str:
     return f"write this factor into the law{declare}"
 
 
-def _units_in(one: Component, text: str) -> str:
-    """Return the units of the variables and laws in an expression, as a hint."""
+def _unit_hints(one: Component, text: str) -> str:
+    """Return a hint for an expression: the units of its variables and laws."""
     layout = type(one).layout
     declared = {v.name: v.unit for v in layout.variables if hasattr(v, "start")}
     hints = []
@@ -304,7 +306,7 @@ def _unit_of_law(one: Component, law: str) -> str:
     return f"{law}() gives {value.unit}" if isinstance(value, Symbol) else ""
 
 
-def _names(one: Component) -> list[str]:
+def _variables_and_laws(one: Component) -> list[str]:
     """Return the variables and laws of a component."""
     cls = type(one)
     laws = [n for n in dir(cls) if not n.startswith("_") and not hasattr(Component, n)]
@@ -327,20 +329,22 @@ def _place_of(error: BaseException) -> _Place | None:
     for at in _tracebacks(error):
         code = at.tb_frame.f_code
         if not Path(code.co_filename).is_relative_to(_KIT):
-            text = _text(code, at.tb_lasti)
+            text = _expression_of(code, at.tb_lasti)
             place = _Place(code.co_filename, at.tb_lineno, code.co_name, text)
     return place
 
 
 def _tracebacks(error: BaseException) -> Iterator[TracebackType]:
+    """Yield the traceback of every frame that an error passed, the innermost last."""
     at = error.__traceback__
     while at:
         yield at
         at = at.tb_next
 
 
-def _text(code: CodeType, instruction: int) -> str:
-    """Return the expression of an instruction, if it is in one line."""
+def _expression_of(code: CodeType, instruction: int) -> str:
+    """Return the text of the expression of an instruction; empty if it is not in one line."""
+    # an offset in the bytecode, where every instruction has two bytes
     start, end, left, right = list(code.co_positions())[instruction // 2]
     if start is None or start != end:
         return ""
@@ -373,18 +377,22 @@ def _source_of(cls: type[Component], law: str) -> str:
     return "".join(linecache.getline(code.co_filename, line) for line in sorted(lines))
 
 
-def _place_in_class(cls: type[Component], pattern: str) -> str:
-    """Return file and line of a pattern's first match in the source of a class or its bases."""
+def _line_in_class(cls: type[Component], pattern: str) -> str:
+    """Return file and line of the first match in the source of a class or an author's base of it.
+
+    If there is no match, it is the name of the component.
+    """
     import inspect
 
-    for part in cls.__mro__[:-2]:
+    for part in cls.__mro__[:-2]:  # without `Component` and `object`
         try:
             lines, first = inspect.getsourcelines(part)
-        except (OSError, TypeError):
+        except (OSError, TypeError):  # no file has its source
             continue
-        if Path(inspect.getsourcefile(part) or "").is_relative_to(_KIT):
+        file = inspect.getsourcefile(part) or ""
+        if Path(file).is_relative_to(_KIT):
             continue
         for number, line in enumerate(lines, first):
             if re.search(pattern, line):
-                return f"{shown(inspect.getsourcefile(part) or '')}, line {number}"
+                return f"{shown(file)}, line {number}"
     return cls.name or cls.__name__

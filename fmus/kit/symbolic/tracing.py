@@ -154,7 +154,7 @@ class Graph:
         known = ca.vertcat(*arguments)
         adjoint = ca.densify(ca.jtimes(laws, known, ca.vertcat(*weights), True))
         ends = np.cumsum([0, *(group.numel() for group in arguments)]).tolist()
-        parts = ca.cse([adjoint[a:b] for a, b in itertools.pairwise(ends)])
+        parts = ca.cse([adjoint[begin:end] for begin, end in itertools.pairwise(ends)])
         return [
             ca.Function("output_rates", arguments, ca.cse([ca.densify(rate)])),
             ca.Function("adjoint", [*arguments, *weights], parts),
@@ -284,9 +284,9 @@ def _traced(cls: type[Component], component: Component) -> Graph:
     discretes = _set_symbols(component, layout.discretes)
     updates = []
     for _, members in layout.sampled:
-        names = [d.name for d in members]
         laws = component.laws([d.update for d in members])
-        after = {name: law() for name, law in zip(names, laws, strict=True)}
+        after = {d.name: law() for d, law in zip(members, laws, strict=True)}
+        # the states of other clocks stay
         updates.append(
             _column([after.get(d.name, component.__dict__[d.name]) for d in layout.discretes])
         )

@@ -241,7 +241,7 @@ class FmuWithDifferences:
         try:
             return [future.result() for future in futures]
         except Ended as end:
-            where = end.state.words(self._source.points(time), self._source.name)
+            where = end.state.describe(self._source.points(time), self._source.name)
             raise UserError(f"{where}: {end.reason}") from end
 
 
