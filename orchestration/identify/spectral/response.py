@@ -75,7 +75,7 @@ class Response:
 
     @property
     def phase(self) -> Interval:
-        """The phase in degrees, without jumps from line to line; +-180 where nothing is seen."""
+        """The phase in degrees, without jumps; its interval is a turn where nothing is seen."""
         phase = np.angle(self.values)
         seen = np.flatnonzero(self.seen)
         if seen.size:

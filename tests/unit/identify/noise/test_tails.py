@@ -28,7 +28,9 @@ def test_weights_are_those_of_the_score():
     np.testing.assert_allclose(
         root**2, -2.0 * (student.logpdf(r, 4.0) - student.logpdf(0.0, 4.0)), atol=1e-12
     )
-    differences = (tails.deviance_roots(r + 1e-6, 4.0)[0] - tails.deviance_roots(r - 1e-6, 4.0)[0]) / 2e-6
+    differences = (
+        tails.deviance_roots(r + 1e-6, 4.0)[0] - tails.deviance_roots(r - 1e-6, 4.0)[0]
+    ) / 2e-6
     np.testing.assert_allclose(steepness, differences, atol=1e-7)
     bend = (
         student.logpdf(r + 1e-4, 4.0) - 2.0 * student.logpdf(r, 4.0) + student.logpdf(r - 1e-4, 4.0)
