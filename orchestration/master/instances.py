@@ -152,7 +152,7 @@ class Instance:
         raise UserError(f"{self.name}: {self.fmu.failed(timed_request, status, remark)}")
 
     def _discard_remark(self) -> str:
-        """Tell how far a discarded step got, and whether the FMU asks to end the simulation."""
+        """Return how far a discarded step got, and whether the FMU asks to end the simulation."""
         remark = ""
         reached = self.last_time()
         if reached is not None:

@@ -161,7 +161,7 @@ def _partial_run(
     description : RowDescription or None
         None if the run had not begun.
     kept : int
-        Number of rows that the kernel had not handed over.
+        Number of rows in the kernel's memory on disk that were not yet written to the file of rows.
     message : str
         Why it ended.
     """

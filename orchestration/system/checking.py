@@ -79,6 +79,7 @@ def check(system: System) -> None:
 
 
 def _check(system: System) -> None:
+    """Do the work of `check`, whose messages begin with the name of the system."""
     times = (system.step, system.stop)
     if not all(math.isfinite(time) and time > 0.0 for time in times):
         raise UserError(
@@ -99,6 +100,7 @@ def _check(system: System) -> None:
 
 
 def _check_names(system: System) -> None:
+    """Raise UserError without members, or if a name is not valid or occurs twice."""
     if not system.members:
         raise UserError("it has no members")
     names_of = {
@@ -179,7 +181,10 @@ def _check_units(connection: Connection, unit: str, to: str) -> None:
 
 
 def conversion(unit: str, to: str) -> tuple[float, float] | None:
-    """Return the factor and the offset of a conversion of units; None if it is not possible."""
+    """Return the factor and the offset that convert values in a unit to another one.
+
+    None if the dimensions of the units differ or a unit is unknown.
+    """
     if unit == to:
         return _IDENTITY
     try:

@@ -29,7 +29,7 @@ def client():
         socket = context.socket(kind)
         made.append(socket)
         if keys is not None:
-            keys.unlock(socket)
+            keys.secure(socket)
         socket.connect(endpoint)
         return socket
 
