@@ -228,50 +228,6 @@ def _stepped(problem: Problem, point: Point, runs: Sequence[Run]) -> tuple[Point
     return there, _logarithm(left)
 
 
-def _read(subject: Subject, reading: Reading) -> _Trial:
-    problem, left_out = divided_as_read(subject, reading)
-    return _Trial(subject, reading, problem, left_out, nominal_point(problem), np.inf)
-
-
-def _runs(problem: Problem, point: Point) -> list[Run] | None:
-    """Return the free runs over all records; None if one leaves its bounds."""
-    runs = []
-    for record, start in zip(problem.records, point.starts, strict=True):
-        course = problem.run(record, point, (), start, True)
-        if course is None:
-            return None
-        runs.append((course.outputs, course.slopes))
-    return runs
-
-
-def _columns(problem: Problem, point: Point, runs: Sequence[Run]) -> tuple[Array, Array]:
-    """Return errors (m,), and slopes (m, k) by all that is fitted, in prior deviations, whitened.
-
-    Both are in a third of the spread of each output, for all samples one after the other.
-    """
-    slopes = problem.slopes(point.q) * problem.deviation
-    p, nx = len(slopes), len(problem.model.states)
-    root = np.sqrt(_WEIGHT) / problem.spread
-    targets, blocks = [], []
-    for r, (outputs, by_all) in enumerate(runs):
-        block = np.zeros((*outputs.shape, p + nx * len(runs)))
-        block[:, :, :p] = by_all[:, :, :p] * slopes
-        block[:, :, p + r * nx : p + (r + 1) * nx] = by_all[:, :, p:] * problem.starts[r].deviation
-        blocks.append((block * root[:, None]).reshape(-1, block.shape[2]))
-        targets.append(((problem.records[r].outputs - outputs) * root).ravel())
-    return np.concatenate(targets), np.concatenate(blocks)
-
-
-def _predicted(problem: Problem, point: Point, runs: Sequence[Run]) -> float:
-    """Return the misfit when what is fitted moves as far as the linearisation at a point says."""
-    target, others = _columns(problem, point, runs)
-    known = np.isfinite(target)
-    nothing = np.zeros((int(known.sum()), 0))
-    left = np.full(target.shape, np.nan)
-    left[known] = Projection(target[known], nothing, others[known]).remaining
-    return _logarithm(left.reshape(-1, len(problem.spread)) / np.sqrt(_WEIGHT))
-
-
 def _misfit(problem: Problem, point: Point) -> float:
     """Return the mean over the outputs of the logarithm of the mean square error."""
     errors = _errors(problem, point)
@@ -377,7 +333,9 @@ def _fitted(trial: _Trial) -> Subject | None:
     if errors is None:
         return None
     fitted: Fit | None = fit(trial.problem, (), [trial.point], weights_of(errors), _LAST_STEPS)
-    return fitted and Subject(trial.problem, trial.left_out, fitted, trial.reading)
+    if fitted is None:
+        return None
+    return Subject(trial.problem, trial.left_out, fitted, trial.reading)
 
 
 def reading_that_runs(

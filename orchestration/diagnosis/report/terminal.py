@@ -48,13 +48,13 @@ def group_rows(diagnosis: Diagnosis) -> Rows:
     rows = []
     for cause in diagnosis.causes:
         first, *others = cause.parts
-        is_term = isinstance(first, Term)
+        term = first if isinstance(first, Term) else None
         rows.append(
             (
                 wording.percent(cause.probability),
                 wording.cause_text(diagnosis, cause),
-                shape_text(first) if is_term else "",
-                memory_text(first) if is_term else "",
+                shape_text(term) if term else "",
+                memory_text(term) if term else "",
                 "; ".join(wording.part_text(diagnosis, part) for part in others),
                 wording.error_text(diagnosis.error(cause.judged)),
             )
