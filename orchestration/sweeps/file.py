@@ -168,7 +168,7 @@ def _values_as_text(table: SweepTable) -> dict[str, str]:
 def _read_experiment(entry: str | dict[str, Any], path: Path) -> Experiment:
     """Return the experiment of a sweep file: a table, or the name of a shipped one or of a file.
 
-    A file is searched beside the sweep file first, but a shipped name is never a file.
+    A shipped name takes precedence; a file is searched in the folder of the sweep file first.
     """
     if isinstance(entry, dict):
         return parse(entry, f"{path}: experiment", str(path.parent))

@@ -314,15 +314,14 @@ def _better_warnings(name: str, declared: Described, values: Array, deviance: Ar
 def trace(refit: Refit, q: Array, i: int, tangent: Array, step: float, end: float) -> Side:
     """Follow the deviance along one coordinate until it is above one, or to an end.
 
-    Every fit begins where the line through the two before it leads. Steps adapt to how fast the
-    deviance rises, and become shorter where the model fails.
+    Every fit begins on the line through the ends of the two fits before. Steps adapt to the rise of
+    the deviance, and become shorter where the model fails.
 
     Parameters
     ----------
     refit : callable
-        Returns where a fit ends that begins at a point and holds coordinate i there, (p,), and the
-        deviance, as in `Side`. Where there is no fit it raises a UserError, or the deviance is not
-        finite.
+        Fits all coordinates except i from a point (p,); returns the end (p,) and the deviance, as
+        in `Side`. If the fit fails it raises a UserError, or the deviance is not finite.
     q : ndarray, shape (p,)
         The estimate.
     i : int
