@@ -268,7 +268,7 @@ class Likelihood:
         # the deviance rises faster in coloured noise, by the ratio of both variances
         colour = self.spread.matrix[i, i] / white[i, i] if determined else 1.0
         low, high = problem.bounds()
-        along = Coordinate(
+        coordinate = Coordinate(
             index=i,
             value=problem.scales[i].value,
             low=low[i],
@@ -292,7 +292,9 @@ class Likelihood:
         problem.held = [i]
         try:
             with _opened(self.subject):
-                return profile_likelihood(name, problem.declared[name], refit, self.fitted.q, along)
+                return profile_likelihood(
+                    name, problem.declared[name], refit, self.fitted.q, coordinate
+                )
         finally:
             problem.held = []
 

@@ -120,6 +120,7 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> S
     table = checked(SweepTable, read_toml(path), where, str(path.parent))
     stated = _read_experiment(table.experiment, path)
     model = _model_of(stated, where)
+    # values of parameters are those in the table, or drawn from a fit
     fit = read_fitted(path.parent / table.fitted, model) if table.fitted is not None else None
     over: Mapping[str, str | Array]
     over = _values_as_text(table) if fit is None else fit.draws(table.samples, table.seed)

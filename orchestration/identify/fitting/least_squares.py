@@ -262,7 +262,7 @@ def _predicted_fall(jacobian: Array, residual: Array) -> float:
 
 
 def residual_or_none(residual: Function, q: Array) -> Array | None:
-    """Return the residual at a point; None where its square is not finite, or it is not known."""
+    """Return the residual at a point; None if it raises a UserError or its square is not finite."""
     try:
         values = residual(q)
     except SearchEndedError:

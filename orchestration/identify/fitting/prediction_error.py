@@ -528,7 +528,7 @@ class _AlternatingFit:
         return fitted
 
     def restart_in_white(self, best: _Pass, in_white: _Pass | None) -> _Pass:
-        """Begin again in white noise where the noise came out coloured, while that is better.
+        """Restart in white noise, as long as the noise is coloured and a restart lowers BIC.
 
         A noise model that explains a part of the record keeps the model from explaining that part.
 
@@ -536,7 +536,7 @@ class _AlternatingFit:
         ----------
         best : _Pass
         in_white : _Pass, optional
-            The last pass in white noise.
+            The last pass in white noise, if there was one.
         """
         brief = replace(self, method=replace(self.method, trials=BRIEF))
         for _ in range(self.method.restarts):
