@@ -265,6 +265,7 @@ def storing_wall(
         return w * getattr(self, first.name) + (1.0 - w) * getattr(self, second.name)
 
     def imbalance(self: Any) -> Any:
+        # before the first sample, which is taken at the first step, the start is now
         at_start = where(getattr(self, known), getattr(self, start), equilibrium(self))
         return equilibrium(self) - at_start - getattr(self, change)
 

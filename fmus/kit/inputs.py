@@ -47,20 +47,20 @@ class _ArrivingInput:
         self.law = law
         self.effect = Effect
 
-    def __get__(self, one: Any, owner: Any = None) -> Any:
-        if one is None:
+    def __get__(self, instance: Any, owner: Any = None) -> Any:
+        if instance is None:
             raise AttributeError(self.name)  # a class has only the declaration
-        return self.law(one, self.before_effect(one))
+        return self.law(instance, self.before_effect(instance))
 
-    def before_effect(self, one: Any) -> Any:
+    def before_effect(self, instance: Any) -> Any:
         """Return the value before the effect: after an earlier effect, or the command."""
         try:
-            return getattr(super(self.effect, one), self.name)
+            return getattr(super(self.effect, instance), self.name)
         except AttributeError:
-            return one.__dict__[self.name]
+            return instance.__dict__[self.name]
 
-    def __set__(self, one: Any, value: Any) -> None:
-        one.__dict__[self.name] = value
+    def __set__(self, instance: Any, value: Any) -> None:
+        instance.__dict__[self.name] = value
 
 
 @dataclass(frozen=True)

@@ -221,9 +221,8 @@ def to_familiar(unit: str) -> str:
         `unit` unchanged if pint does not know it, as units of an FMU may have any name.
     """
     spelt = from_modelica(unit[:_LONGEST])
-    if _common_base_unit(spelt) is not None:
-        return spelt
-    return spelt if _parse_or_none(spelt) is not None else unit
+    is_known = _common_base_unit(spelt) is not None or _parse_or_none(spelt) is not None
+    return spelt if is_known else unit
 
 
 @lru_cache

@@ -121,6 +121,7 @@ def _made_from(cls: type[Component], graph: Graph) -> Element | None:
     """Return the element for the provenance of a component; None if it has none."""
     base, effects = unstack(cls)
     origin = _origin(base)
+    # not for a user's class alone, whose FMU would depend on the rest of its file
     if origin is None or (cls is base and "file" in origin):
         return None
     made_from = Element("MadeFrom", origin, laws=graph.digest)

@@ -45,6 +45,7 @@ def placements(cls: type[Component]) -> dict[str, str]:
     inputs = [v.name for v in cls.layout.inputs if v.name not in at_ports]
     outputs = [v.name for v in cls.layout.shown]
     connectors = [name for port in cls.ports for name in port.connectors]
+    # in an icon y increases upwards
     places = {name: (-_EDGE, -y) for name, y in _positions_along_side(inputs)}
     places |= {name: (_EDGE, -y) for name, y in _positions_along_side(outputs)}
     places |= {name: (x, -_EDGE) for name, x in _positions_along_side(connectors)}

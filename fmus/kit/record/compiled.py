@@ -135,8 +135,8 @@ class CompiledModel:
         ]
         table = np.ascontiguousarray(np.column_stack(columns)) if columns else np.empty((n, 0))
         times = np.ascontiguousarray(time, dtype=float)
-        names = {v.name for v in layout.inputs} if linear is True else linear or ()
-        interpolated = np.array([float(v.name in names) for v in layout.inputs])
+        linear_names = {v.name for v in layout.inputs} if linear is True else linear or ()
+        interpolated = np.array([float(v.name in linear_names) for v in layout.inputs])
         # a ladder creates expressions at its first use, and the buffers allow one thread at a time
         with _EXPRESSIONS:
             self._parameters[:] = vector

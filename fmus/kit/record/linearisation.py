@@ -84,7 +84,7 @@ class Ladder:
 
 
 @dataclass(frozen=True)
-class _Clock:
+class _SampleTimes:
     """The sample times of a record, as far as a ladder depends on them."""
 
     samples: int  # without the first
@@ -94,7 +94,7 @@ class _Clock:
     is_uneven: bool
 
     @classmethod
-    def of(cls, time: Array) -> _Clock | None:
+    def of(cls, time: Array) -> _SampleTimes | None:
         """Return the properties of sample times; None unless they increase."""
         steps = np.diff(time)
         if not (steps.size and np.isfinite(steps).all() and (steps > 0.0).all()):
@@ -144,7 +144,8 @@ class Linearisation:
         self._to_nominal = nominal / nominal[:, None]
         # results of `_is_affine`, by its arguments
         self._known_affine: dict[tuple[bool, tuple[bool, ...]], bool] = {}
-        self._clock: tuple[Array, _Clock | None] = np.empty(0), None  # of the last record
+        self._last_times = np.empty(0)  # of the last record
+        self._sample_times: _SampleTimes | None = None
         # arguments of `_blocks`
         self._start = np.zeros(1)
         self._parameters = np.zeros(len(extended.layout.parameters))
@@ -170,14 +171,14 @@ class Linearisation:
         Ladder or None
             None if the component is not stiff, so that the Runge-Kutta method costs less.
         """
-        clock = self._clock_of(time)
-        if not self._to_nominal.size or clock is None:
+        sample_times = self._sample_times_of(time)
+        if not self._to_nominal.size or sample_times is None:
             return None
-        affine = self._is_affine(linear, self._resampled(clock.duration, parameters))
+        affine = self._is_affine(linear, self._resampled(sample_times.duration, parameters))
         matrices = self._matrices(float(time[0]), table, parameters)
         norms = np.abs(matrices[:, 0] * self._to_nominal).sum(2).max(1)
         # a norm bounds all eigenvalues, and costs less
-        limit = clock.stiffness_limit(affine)
+        limit = sample_times.stiffness_limit(affine)
         candidates = np.flatnonzero(np.isfinite(norms) & (norms > limit))
         if not candidates.size:
             return None
@@ -187,16 +188,17 @@ class Linearisation:
         matrix = matrices[index]
         if not (fastest > limit and np.isfinite(matrix).all()):
             return None
-        halvings = max(2, math.ceil(math.log2(clock.largest * norms[index] / _SHORTEST)))
+        halvings = max(2, math.ceil(math.log2(sample_times.largest * norms[index] / _SHORTEST)))
         worth = math.inf if affine else fastest / WORTH
-        phi = _phi(matrix * (clock.largest * 0.5**halvings), halvings)
-        return Ladder(clock.largest, affine, worth, matrix, phi)
+        phi = _phi(matrix * (sample_times.largest * 0.5**halvings), halvings)
+        return Ladder(sample_times.largest, affine, worth, matrix, phi)
 
-    def _clock_of(self, time: Array) -> _Clock | None:
+    def _sample_times_of(self, time: Array) -> _SampleTimes | None:
         """Return the properties of the sample times; in a fit they are those of the last call."""
-        if not np.array_equal(time, self._clock[0]):
-            self._clock = time.copy(), _Clock.of(time)
-        return self._clock[1]
+        if not np.array_equal(time, self._last_times):
+            self._last_times = time.copy()
+            self._sample_times = _SampleTimes.of(time)
+        return self._sample_times
 
     def _matrices(self, start: float, table: Array, parameters: Array) -> Array:
         """Return the stacks (k, 1 + p, n, n) of J and all H with the inputs of k samples."""
@@ -313,7 +315,7 @@ def _phi(z: Array, doublings: int) -> Array:
     powers = np.zeros((_TERMS + 1, *z.shape))
     powers[0, 0] = np.eye(n)
     powers[1] = z
-    for m in (1, 2, 4):
+    for m in (1, 2, 4):  # z^m times z, ..., z^m gives the next m powers
         powers[m + 1 : 2 * m + 1] = _block_products(powers[m], powers[1 : m + 1])
     width = _ORDERS * n
     rows = np.empty((doublings + 1, blocks, n, width))
@@ -321,7 +323,7 @@ def _phi(z: Array, doublings: int) -> Array:
     rows[doublings] = series.reshape(blocks, n, width)
     doubling = np.empty((width, width))
     doubling[n:] = _doubling_coefficients(n)
-    halves = np.repeat(0.5 ** np.arange(_ORDERS), n)
+    halves = np.repeat(0.5 ** np.arange(_ORDERS), n)  # 1 / 2**k
     # rates that grow without bounds overflow; a step that is not finite is halved
     with np.errstate(over="ignore", invalid="ignore"):
         for level in reversed(range(doublings)):

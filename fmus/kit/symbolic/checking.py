@@ -95,11 +95,11 @@ def check_component(cls: type[Component]) -> None:
     if cls.engine is not None or cls in _checked:
         return
     _check_declared(cls)
-    one = _symbolic_instance(cls)
-    attributes = set(vars(one))
+    instance = _symbolic_instance(cls)
+    attributes = set(vars(instance))
     for required in _required_units(cls):
-        _check_law(one, required)
-    new = sorted(vars(one).keys() - attributes)
+        _check_law(instance, required)
+    new = sorted(vars(instance).keys() - attributes)
     if new:
         raise UserError(
             f"{_line_in_class(cls, rf'self[.]{new[0]} *=')}: a law keeps {new[0]!r} in self, where"
@@ -144,25 +144,27 @@ def _required_units(cls: type[Component]) -> Iterator[_RequiredUnit]:
 
 def _symbolic_instance(cls: type[Component]) -> Component:
     """Return an instance whose variables are symbols in their units."""
-    one = _instance(cls, lambda unit: Symbol(units.powers_of_names(unit)))
-    free = _instance(cls, lambda unit: ANY)
+    instance = _instance_of_symbols(cls, lambda unit: Symbol(units.powers_of_names(unit)))
+    free = _instance_of_symbols(cls, lambda unit: ANY)
     for name in cls.unchecked:
         if law_of(cls, name) is None:
             place = _line_in_class(cls, r"^ *unchecked *=")
             raise UserError(
-                f"{place}: no law named {name!r}{suggestion(name, _variables_and_laws(one))}"
+                f"{place}: no law named {name!r}{suggestion(name, _variables_and_laws(instance))}"
             )
-        vars(one)[name] = _without_unit_check(getattr(free, name))
-    return one
+        vars(instance)[name] = _without_unit_check(getattr(free, name))
+    return instance
 
 
-def _instance(cls: type[Component], make: Any) -> Component:
+def _instance_of_symbols(cls: type[Component], make: Any) -> Component:
     """Return an instance whose variables are the symbols that ``make(unit)`` returns."""
-    one = cls()
+    instance = cls()
     # not setattr: an effect of an input is a descriptor with the name of the input
-    vars(one).update({v.name: make(v.unit) for v in cls.layout.variables if hasattr(v, "start")})
-    one.time = Symbol({"s": 1.0}, ANY.numbers)  # a function of time may have bare numbers
-    return one
+    vars(instance).update(
+        {v.name: make(v.unit) for v in cls.layout.variables if hasattr(v, "start")}
+    )
+    instance.time = Symbol({"s": 1.0}, ANY.numbers)  # a function of time may have bare numbers
+    return instance
 
 
 def _without_unit_check(law: Any) -> Any:
@@ -176,54 +178,54 @@ def _without_unit_check(law: Any) -> Any:
     return lambda *arguments: free(law(*free(arguments)))
 
 
-def _check_law(one: Component, required: _RequiredUnit) -> None:
+def _check_law(instance: Component, required: _RequiredUnit) -> None:
     """Evaluate a law, and check the unit of its value."""
     try:
-        value = getattr(one, required.law)()
+        value = getattr(instance, required.law)()
     except Exception as error:
-        raise UserError(_evaluation_message(one, required, error)) from error
+        raise UserError(_evaluation_message(instance, required, error)) from error
     try:
         if isinstance(value, Symbol):
-            value.meet(Symbol(required.powers))
+            value.match(Symbol(required.powers))
         else:
             check_number(value)
     except LawError as error:
-        raise UserError(_unit_message(one, required, value, error)) from error
+        raise UserError(_unit_message(instance, required, value, error)) from error
 
 
-def _unit_message(one: Component, required: _RequiredUnit, value: Any, error: LawError) -> str:
+def _unit_message(instance: Component, required: _RequiredUnit, value: Any, error: LawError) -> str:
     """Return the message for the value of a law that is no number or has another unit."""
-    place = _place_of_law(type(one), required.law)
+    place = _place_of_law(type(instance), required.law)
     if not isinstance(value, Symbol):
         return f"{place}: the value of {required.law} is no number: {error}; {error.remedy}"
     reason = f"{place}: {required.law} gives {value.unit}, but {required.words}"
     if isinstance(error, ScaleError):
-        return f"{reason}: {error}; {_scale_remedy(one)}"
-    return f"{reason}; {_unit_hints(one, _source_of(type(one), required.law))}"
+        return f"{reason}: {error}; {_scale_remedy(instance)}"
+    return f"{reason}; {_unit_hints(instance, _source_of(type(instance), required.law))}"
 
 
-def _evaluation_message(one: Component, required: _RequiredUnit, error: Exception) -> str:
+def _evaluation_message(instance: Component, required: _RequiredUnit, error: Exception) -> str:
     """Return the message for an error in the evaluation of a law: place, mistake and remedy."""
     place = _place_of(error)
     if place is None:
-        where = f"{_place_of_law(type(one), required.law)}: in {required.law}"
+        where = f"{_place_of_law(type(instance), required.law)}: in {required.law}"
     else:
         quoted = f" in {place.text!r}" if place.text else ""
         where = f"{shown(place.file)}, line {place.line}: in {place.law}{quoted}"
     if isinstance(error, ScaleError):
-        return f"{where}: {error}; {error.remedy or _scale_remedy(one)}"
+        return f"{where}: {error}; {error.remedy or _scale_remedy(instance)}"
     if isinstance(error, ValueNeeded):
         return f"{where}: {error}; {_value_remedy(place) or error.remedy}"
     if isinstance(error, LawError):
-        remedy = error.remedy or _unit_hints(one, place.text if place else "")
+        remedy = error.remedy or _unit_hints(instance, place.text if place else "")
         return f"{where}: {error}; {remedy}"
-    return f"{where}: {_python_message(one, place, error)}"
+    return f"{where}: {_python_message(instance, place, error)}"
 
 
-def _python_message(one: Component, place: _Place | None, error: Exception) -> str:
+def _python_message(instance: Component, place: _Place | None, error: Exception) -> str:
     """Return the message for an exception of Python in a law."""
     name = getattr(error, "name", None) or ""
-    known = _variables_and_laws(one)
+    known = _variables_and_laws(instance)
     match error:
         case UserError():
             return str(error)
@@ -235,25 +237,25 @@ def _python_message(one: Component, place: _Place | None, error: Exception) -> s
             return f"{name} is not there{suggestion(name, [*known, *kit.__all__], few=0)}"
         case AttributeError() if isinstance(error.obj, Component | super):
             return f"there is no variable or law {name!r}{suggestion(name, known)}"
-        case TypeError() if without_self := _without_self(one):
+        case TypeError() if without_self := _without_self(instance):
             return f"{error}; write self between the brackets of {without_self}"
-        case TypeError() if _calls_a_variable(one, place):
+        case TypeError() if _calls_a_variable(instance, place):
             return "a variable is called like a law; leave out the brackets behind its name"
         case RecursionError():
             return "the law calls itself without end; call super().law() or another law"
     return f"{type(error).__name__}: {error}"
 
 
-def _without_self(one: Component) -> str:
+def _without_self(instance: Component) -> str:
     """Return the first law that lacks the argument ``self``; empty if there is none."""
-    laws = ((name, _code_of(type(one), name)) for name in _variables_and_laws(one))
+    laws = ((name, _code_of(type(instance), name)) for name in _variables_and_laws(instance))
     return next((name for name, code in laws if code and not code.co_argcount), "")
 
 
-def _calls_a_variable(one: Component, place: _Place | None) -> bool:
+def _calls_a_variable(instance: Component, place: _Place | None) -> bool:
     """Return whether an expression calls a variable as if it were a law."""
     call = re.match(r"self\.(\w+)\(", place.text) if place else None
-    return call is not None and any(call[1] == v.name for v in type(one).layout.variables)
+    return call is not None and any(call[1] == v.name for v in type(instance).layout.variables)
 
 
 def _value_remedy(place: _Place | None) -> str:
@@ -273,42 +275,42 @@ def _value_remedy(place: _Place | None) -> str:
     return f"write {', and '.join(remedies)}, of fmus.kit" if remedies else ""
 
 
-def _scale_remedy(one: Component) -> str:
+def _scale_remedy(instance: Component) -> str:
     """Return the remedy for units of different scale."""
     others = [
         f"{v.name} ({v.unit})"
-        for v in type(one).layout.variables
+        for v in type(instance).layout.variables
         if units.base_unit(v.unit).factor != 1.0 and not getattr(v, "starts", None)
     ]
     declare = f", or declare {', '.join(others)} in SI, with display= for people" if others else ""
     return f"write this factor into the law{declare}"
 
 
-def _unit_hints(one: Component, text: str) -> str:
+def _unit_hints(instance: Component, text: str) -> str:
     """Return a hint for an expression: the units of its variables and laws."""
-    layout = type(one).layout
+    layout = type(instance).layout
     declared = {v.name: v.unit for v in layout.variables if hasattr(v, "start")}
     hints = []
     for name in dict.fromkeys(re.findall(r"\bself\.(\w+)", text)):
         if name in declared:
             hints.append(f"{name} is declared in {declared[name]}")
-        elif law_of(type(one), name):
-            hints.append(_unit_of_law(one, name))
+        elif law_of(type(instance), name):
+            hints.append(_unit_of_law(instance, name))
     return ", ".join(filter(None, hints)) or "check the units in this expression"
 
 
-def _unit_of_law(one: Component, law: str) -> str:
+def _unit_of_law(instance: Component, law: str) -> str:
     """Return the unit of a law without arguments, as a hint; empty if it has none."""
     try:
-        value = getattr(one, law)()
+        value = getattr(instance, law)()
     except Exception:
         return ""
     return f"{law}() gives {value.unit}" if isinstance(value, Symbol) else ""
 
 
-def _variables_and_laws(one: Component) -> list[str]:
+def _variables_and_laws(instance: Component) -> list[str]:
     """Return the variables and laws of a component."""
-    cls = type(one)
+    cls = type(instance)
     laws = [n for n in dir(cls) if not n.startswith("_") and not hasattr(Component, n)]
     return [*(v.name for v in cls.layout.variables), *laws]
 

@@ -100,6 +100,7 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
     starts = [index[layout.start_of[s.name]] for s in (*layout.states, *layout.discretes)]
     clocks = [f"    {_clock(clock, index)}," for clock, _ in layout.sampled]
     texts = [f"    {{{_c_string(t.name)}, {_c_string(t.start)}}}," for t in layout.texts]
+    # C has no empty arrays
     body = [
         f"static const char model_name[] = {_c_string(graph.name)};",
         f"static const char model_guid[] = {_c_string(guid)};",

@@ -221,7 +221,7 @@ def list_laws(cls: type[Component]) -> list[LawOfModel]:
     signals = [v.name for v in (*layout.inputs, *layout.states) if v.type == "real"]
     calls = Calls(cls, set(signals))
     for name in (*rates, *outputs):
-        getattr(calls.one, name)()
+        getattr(calls.instance, name)()
     reads = calls.reads
     units_of = units_of_laws(cls, reads)
     laws = []
@@ -292,17 +292,16 @@ def _effects_of_law(
     unit_of = {v.name: v.unit for v in (*cls.layout.inputs, *cls.layout.states)}
     inputs = {v.name for v in cls.layout.inputs}
     nominal = scale.get(law.name, 1.0)
+    several = len(signals) > 1
     for signal in signals:
-        several = len(signals) > 1
         qualifier = f"{law.name}, {signal}" if several else law.name
         prefix = f"{law.name}_of_{signal}" if several else law.name
         for shape, name in _shapes_for_units(law.unit, unit_of[signal]).items():
             stem = f"{prefix}_{name}"
             if shape in ARMS:
-                if law.is_rate:
-                    continue  # a rate already has a memory, its state
-                if shape == "hysteresis" and signal in inputs:
-                    continue  # it needs the rate of its signal, which an input does not have
+                # a rate already has a memory, its state; hysteresis needs the rate of its signal
+                if law.is_rate or (shape == "hysteresis" and signal in inputs):
+                    continue
                 yield lag_effect(
                     cls,
                     law.name,
@@ -341,10 +340,10 @@ def _walls(
     if law.is_rate or not _same_dimension(law.unit, "W") or len(sides) != 2:
         return
     # the first side is the one whose temperature increases the flow
-    one = cls()
-    base = getattr(one, law.name)()
-    setattr(one, sides[0], getattr(one, sides[0]) + declared[sides[0]].nominal)
-    first, second = sides if getattr(one, law.name)() > base else sides[::-1]
+    instance = cls()
+    base = getattr(instance, law.name)()
+    setattr(instance, sides[0], getattr(instance, sides[0]) + declared[sides[0]].nominal)
+    first, second = sides if getattr(instance, law.name)() > base else sides[::-1]
     yield storing_wall(
         cls,
         law.name,
@@ -397,17 +396,17 @@ def _contains_shape(cls: type[Component], law: str, signal: str, shape: str) -> 
     its parameters.
     """
     rng = np.random.default_rng(0)
-    one = cls()
+    instance = cls()
     for v in (*cls.layout.inputs, *cls.layout.states):
         if v.type == "real":
-            setattr(one, v.name, v.nominal * rng.normal(size=_POINTS))
-    x = getattr(one, signal)
+            setattr(instance, v.name, v.nominal * rng.normal(size=_POINTS))
+    x = getattr(instance, signal)
     target = SHAPES[shape].form(x, 1.0, variable(cls, signal).nominal)
     columns = []
     for p in cls.layout.parameters:
         if p.type != "real":
             continue
-        slope = _derivative_by_parameter(one, law, p)
+        slope = _derivative_by_parameter(instance, law, p)
         if slope is None:
             return False
         if np.isfinite(slope).all():
@@ -422,20 +421,20 @@ def _contains_shape(cls: type[Component], law: str, signal: str, shape: str) -> 
 
 
 def _derivative_by_parameter(
-    one: Component, law: str, parameter: ParameterDeclaration
+    instance: Component, law: str, parameter: ParameterDeclaration
 ) -> Array | None:
     """Return the derivative of a law by a parameter from central differences; None if undefined."""
-    value = getattr(one, parameter.name)
+    value = getattr(instance, parameter.name)
     step = 1e-6 * parameter.nominal
     ends = []
     for shifted in (value - step, value + step):
-        setattr(one, parameter.name, shifted)
+        setattr(instance, parameter.name, shifted)
         try:
-            result = np.asarray(getattr(one, law)(), dtype=float)
+            result = np.asarray(getattr(instance, law)(), dtype=float)
             ends.append(np.broadcast_to(result, (_POINTS,)))
         except (ArithmeticError, TypeError, ValueError):
             return None
-    setattr(one, parameter.name, value)
+    setattr(instance, parameter.name, value)
     slope: Array = (ends[1] - ends[0]) / (2.0 * step)
     return slope
 
@@ -498,13 +497,15 @@ def units_of_laws(cls: type[Component], laws: Iterable[str]) -> dict[str, str]:
     calls = Calls(cls, set())
     for v in (*layout.parameters, *layout.inputs, *layout.states, *layout.discretes):
         if v.type == "real":
-            calls.one.__dict__[v.name] = Quantity(_nonzero_value(v), units.powers_of_names(v.unit))
-    calls.one.time = Quantity(1.0, {"s": 1.0})
+            calls.instance.__dict__[v.name] = Quantity(
+                _nonzero_value(v), units.powers_of_names(v.unit)
+            )
+    calls.instance.time = Quantity(1.0, {"s": 1.0})
     for law in laws:
         try:
-            value = getattr(calls.one, law)()
+            value = getattr(calls.instance, law)()
             if law in declared and isinstance(value, Quantity):
-                declared[law].meet(value.unit)
+                declared[law].match(value.unit)
         except Exception:  # a law may raise any exception on a number with a unit
             continue
     known = {}

@@ -87,8 +87,8 @@ class PerturbedLaws:
         names = set(dir(cls)) - set(dir(Component))
         laws = {n for n in names if law_of(cls, n) is not None and not n.startswith("_")}
 
-        def get(one: Any, name: str) -> Any:
-            value = object.__getattribute__(one, name)
+        def get(instance: Any, name: str) -> Any:
+            value = object.__getattribute__(instance, name)
             if name in self._signals and self._calling:
                 self._read[self._calling[-1]].add(name)
             return self._perturbed_law(name, value) if name in laws else value
@@ -163,7 +163,7 @@ class PerturbedLaws:
         return is_state and law in {s.rate for s in layout.states}
 
     def is_count(self, law: str) -> bool:
-        """Return whether a law is the rate of a state that counts an input, as charge a current.
+        """Return whether a law is the rate of the integral of an input, such as a charge.
 
         Raises
         ------

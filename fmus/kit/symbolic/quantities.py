@@ -88,8 +88,8 @@ class Unit:
         """True if the unit has no dimension; an angle has none."""
         return not self.exponents.keys() - {"rad"}
 
-    def meet(self, other: Unit) -> None:
-        """Check this unit and that of a number that is added or compared, and determine open units.
+    def match(self, other: Unit) -> None:
+        """Check that numbers in this and another unit can be added or compared.
 
         If the units differ, an open one becomes the other.
 
@@ -133,7 +133,7 @@ class Quantity:
     def _matching_value(self, other: Any) -> Any:
         """Return the value of another number; raise UnitError if its dimension differs."""
         if isinstance(other, Quantity):
-            self.unit.meet(other.unit)
+            self.unit.match(other.unit)
             return other.value
         return other
 

@@ -84,8 +84,8 @@ class Symbol:
         self.unit = Unit(powers)
         self.numbers = numbers
 
-    def meet(self, other: Any) -> Symbol:
-        """Return the sum of this and another number.
+    def match(self, other: Any) -> Symbol:
+        """Return the sum of this and another number, after a check of their units.
 
         Raises
         ------
@@ -112,7 +112,7 @@ class Symbol:
             raise ScaleError(f"1 {larger} is {ratio:g} {smaller}")
         return known
 
-    def pure(self, name: str) -> None:
+    def check_pure(self, name: str) -> None:
         """Raise an error unless the number can be the argument of a function of pure numbers.
 
         Parameters
@@ -126,7 +126,7 @@ class Symbol:
             If its unit has a dimension or a scale.
         """
         try:
-            self.meet(Symbol({}))
+            self.match(Symbol({}))
         except LawError as error:
             reason = f"{name} of a number in {self.unit}"
             remedy = "divide by a parameter in this unit"
@@ -155,8 +155,8 @@ class Symbol:
 
     def __pow__(self, other: Any) -> Symbol:
         if isinstance(other, Symbol):
-            other.pure("a power to the exponent")
-            self.pure("a power, to an exponent that varies,")
+            other.check_pure("a power to the exponent")
+            self.check_pure("a power, to an exponent that varies,")
             return Symbol({})
         check_number(other)
         power = float(other)
@@ -164,7 +164,7 @@ class Symbol:
         return Symbol(powers, self.numbers)
 
     def __rpow__(self, other: Any) -> Symbol:
-        self.pure("a power to the exponent")
+        self.check_pure("a power to the exponent")
         return Symbol({})
 
     def __neg__(self) -> Symbol:
@@ -173,12 +173,12 @@ class Symbol:
     __pos__ = __abs__ = __neg__
 
     def __add__(self, other: Any) -> Symbol:
-        return self.meet(other)
+        return self.match(other)
 
     __radd__ = __sub__ = __rsub__ = __add__
 
     def __lt__(self, other: Any) -> Symbol:
-        self.meet(other)
+        self.match(other)
         return Symbol({})
 
     __le__ = __gt__ = __ge__ = __lt__
@@ -272,7 +272,7 @@ def _common_symbol(values: Sequence[Any]) -> Any:
         return ANY
     known = symbols[0]
     for each in values:
-        known = known.meet(each)
+        known = known.match(each)
     return known
 
 
@@ -287,13 +287,13 @@ def _apply_numpy_function(name: str, inputs: Sequence[Any]) -> Any:
     if name in ROOTS:
         return first ** ROOTS[name]
     if name in PURE:
-        first.pure(name)
+        first.check_pure(name)
         return Symbol({})
     if name in COMPARISONS or name in ("arctan2", *_LOGICAL):
         _common_symbol(plain if name not in _LOGICAL else [first])
         return Symbol({"rad": 1.0} if name == "arctan2" else {})
     if name in ANGLES:
-        first.pure(name)
+        first.check_pure(name)
         return Symbol({"rad": 1.0})
     raise LawError(f"there is no {name} for laws", "use the functions of fmus.kit")
 
