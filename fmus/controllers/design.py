@@ -96,7 +96,7 @@ def gains(
     time_constants: tuple[float, float] = TIME_CONSTANTS,
     **values: float,
 ) -> dict[str, float]:
-    """Design observer and feedback for an actuator.
+    """Return the gains of observer and feedback for an actuator.
 
     The observer is the stationary Kalman filter for `DISTURBANCES` and `NOISES`
     (``control.dlqe``). The feedback of charge and integral places two poles (``control.place``);
@@ -108,9 +108,9 @@ def gains(
     plant : type[Component]
         Force-driven actuator whose states are charge, Kelvin and Maxwell elongation.
     sample_period : float
-        Of the controller, s.
+        Sample period of the controller, s.
     time_constants : tuple of float
-        Time constants of the two poles, s, unequal.
+        Two unequal time constants, s: of the response to the reference, and of the integral action.
     **values : float
         Parameters, inputs and states of the plant where it is linearised, by name, SI; all others
         at their defaults.
@@ -204,7 +204,7 @@ def state_feedback(
 
 
 def pid_gains(response: complex, crossover: float, phase_margin: float) -> dict[str, float]:
-    """Design a PID controller for one point of a plant's frequency response.
+    """Return the gains of a PID controller for one point of a plant's frequency response.
 
     The controller moves that point to gain one and the wanted phase margin of the loop, with T_d =
     T_i / 4 (Astrom, Hagglund: Advanced PID Control, 2006, section 6.2, modified Ziegler-Nichols).
@@ -218,7 +218,7 @@ def pid_gains(response: complex, crossover: float, phase_margin: float) -> dict[
     crossover : float
         Frequency of gain one, Hz.
     phase_margin : float
-        In degrees.
+        Wanted phase margin of the loop, degrees.
 
     Returns
     -------

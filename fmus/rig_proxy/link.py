@@ -43,7 +43,7 @@ class Link:
     Parameters
     ----------
     endpoint : str
-        Like ``tcp://127.0.0.1:5570``.
+        Address of the server, such as ``tcp://127.0.0.1:5570``.
     inputs, outputs : Mapping of str to str
         SI units of the signals to command and to read, by name; values have the same order.
     credentials : Path, optional

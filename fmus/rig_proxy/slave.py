@@ -110,12 +110,12 @@ class ProxySlave:
         Parameters
         ----------
         time, step : float
-            In s.
+            Start and length of the step, s.
 
         Returns
         -------
         str or None
-            Error message.
+            Error message; None if the step succeeded.
         """
         timeout = self._value("communication_timeout")
         last = monotonic() + timeout
@@ -311,6 +311,7 @@ class ProxySlave:
         return now - link.last_answer > self._value("communication_timeout")
 
     def _link_state(self, now: float) -> int:
+        """Return the value of the output ``link_state``, the worst of the states that apply."""
         if self._is_lost(now):
             return LOST
         if now - min(self._measured_at.values()) > self._value("max_age"):

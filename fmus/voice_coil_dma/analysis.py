@@ -162,18 +162,18 @@ def loop(
     cutoff: float | None = 100.0,
     **plant_parameters: Any,
 ) -> Any:
-    """Return the loop transfer function: controller, hold, plant and filter.
+    """Return the loop transfer function, the product of controller, plant, hold and filter.
 
     Parameters
     ----------
     gain, zero_time : float
-        Of :func:`controller`.
+        Gain and time of the zero of :func:`controller`.
     period : float or None
         Sample period in s; None leaves the hold out.
     cutoff : float or None
         Cutoff frequency of the load-cell filter in Hz; None leaves the filter out.
     **plant_parameters
-        Of :func:`plant`.
+        Keyword arguments of :func:`plant`.
 
     Returns
     -------

@@ -62,6 +62,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
 
 
 def _owner(path: Path) -> str:
+    """Return the text in a lock's file, the number of the process; empty if it cannot be read."""
     try:
         return path.read_text(encoding="ascii").strip()
     except (OSError, ValueError):

@@ -70,7 +70,7 @@ class WorkJournal:
             raise UserError(f"{folder}: is damaged ({error}); remove it to begin anew") from error
 
     def begin(self, mode: str) -> None:
-        """Begin or continue the store of a journal's texts; mode is ``w+`` or ``r+``."""
+        """Begin (mode ``w+``) or continue (``r+``) what a subclass stores besides numbers."""
 
     @property
     def parts(self) -> int:
@@ -93,7 +93,7 @@ class WorkJournal:
 
 
 def no_longer_writable(folder: Path, error: OSError) -> UserError:
-    """Return the error for a journal that is there, and cannot be continued now."""
+    """Return the error for a journal that cannot be written any more; finished parts remain."""
     return UserError(
         f"{folder}: cannot be written ({error.strerror}); what is done stands there to go on with"
     )
@@ -112,7 +112,7 @@ def count_done(folder: Path) -> tuple[int, int]:
 
 
 def digest(*parts: Any) -> str:
-    """Return a digest of arrays, by their bytes, and of others by how they are written."""
+    """Return the SHA-256 digest of values: arrays by their bytes, all others by their ``repr``."""
     whole = hashlib.sha256()
     for part in parts:
         whole.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())

@@ -53,8 +53,8 @@ class Structure:
     wanted : Mapping of str to list of Port
         For each member the variables that are read.
     feedthrough : Mapping of Port to tuple of Port
-        For each variable that is read the inputs, of those that are fed, on which it depends at
-        once.
+        For each variable that is read the inputs, of those that are fed, on which it depends
+        without delay.
     assumed : Collection of Port
         Outputs that are assumed to depend on all inputs, for their FMU does not say on which.
     stateless : Collection of str
@@ -166,7 +166,7 @@ class _Ordering:
     structure : Structure
     members : collection of str
     feedthrough : Mapping of Port to tuple of Port
-        For each variable that is read the inputs on which it depends at once.
+        For each variable that is read the inputs on which it depends without delay.
     """
 
     def __init__(

@@ -55,13 +55,13 @@ class Executor:
     Attributes
     ----------
     outputs, inputs : Buffer
-        Of all members.
+        Outputs and inputs of all members.
     seconds : list of float
         Time spent in the steps of each member.
     loops : list of tuple
         Each algebraic loop, and its solver.
     saved_states : list of SavedState
-        Of loops, and of steps that can be taken back.
+        States that loops and adaptive steps go back to.
     complete : Schedule
         The schedule in which all members take part.
     """
@@ -136,7 +136,7 @@ class Executor:
         )
 
     def changes(self, points: int) -> list[bool]:
-        """Return for each communication point whether an external value is another than before."""
+        """Return for each communication point whether an external value has changed there."""
         rows = np.array(list(self._external.values()))
         if not rows.size:
             return [False] * points
@@ -294,6 +294,7 @@ class Executor:
         return self._histories[member.name]
 
     def _plain_step_call(self, member: Instance) -> MemberCall:
+        """Return the call of a whole step, which the kernel makes if no step can be pending."""
         adaptive = self.settings.adaptive
         step = member.bind_step(self.present_step.now, self.present_step.size, adaptive)
         operation = None if member.may_be_pending else PlainStep(final=not adaptive)
@@ -389,7 +390,7 @@ class Executor:
         self._point = k
 
     def read_early(self) -> None:
-        """Read the outputs that depend on no inputs, as after a step."""
+        """Read the outputs that are read right after a step, without making one."""
         self._carry_out(
             [call for _, calls in self.complete.steps for call in calls if call.request != STEP]
         )
@@ -429,6 +430,7 @@ class Executor:
             step.update_slopes()
 
     def _carry_out(self, calls: Sequence[MemberCall]) -> None:
+        """Make calls of members; UserError if one fails."""
         for call, member, request, _ in calls:
             status = call()
             if status:

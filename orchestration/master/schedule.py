@@ -100,7 +100,7 @@ class Schedule:
     extrapolating : list of MemberStep
         Steps that follow the slopes of their inputs.
     count : int
-        How often it was carried out.
+        Number of steps in which it was used.
     """
 
     order: EvaluationOrder
@@ -132,7 +132,7 @@ class MemberStep:
     member : Instance
     present_step : CommunicationStep
     inputs, outputs : Buffer
-        Of all members.
+        Inputs and outputs of all members.
     linear : sequence of Port
         Inputs that change linearly; the others are held.
     updated : sequence of BufferedConnection

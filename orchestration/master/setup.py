@@ -345,7 +345,7 @@ def _exit_initialization(executor: Executor) -> None:
 
 
 def _named(member: Instance, act: Callable[[Fmu], None]) -> None:
-    """Do something with the FMU of a member, and name the member if it fails."""
+    """Call a function with the FMU of a member; the message of a UserError begins with its name."""
     try:
         act(member.fmu)
     except UserError as error:

@@ -156,6 +156,7 @@ class StepDoubling:
         return errors
 
     def _step(self, start: float, end: float, k: int) -> None:
+        """Step all members and exchange values, with the external values of point `k`."""
         executor = self._executor
         executor.step(executor.complete, start, end)
         executor.exchange(executor.complete.stages, k)

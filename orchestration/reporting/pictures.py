@@ -133,7 +133,7 @@ def fit_values(axis: Axes, boolean: bool = False) -> None:
 
 
 def logarithmic(axes: list[Axes], time: Array) -> None:
-    """Make the time axis logarithmic if the sampling is, as in creep tests."""
+    """Make the time axis logarithmic if steps differ by a factor above 1000, as in creep tests."""
     steps = np.diff(time)
     if len(steps) and steps.max() > 1000.0 * steps.min():
         axes[-1].set_xscale("log")

@@ -36,7 +36,7 @@ def interface(member: Member) -> Model:
 
 @lru_cache(maxsize=64)
 def _read_interface(path: Path, modified: int) -> Model:
-    """Read an FMU; the cache is valid until its file is modified."""
+    """Return the model of an FMU; `modified`, ns, makes the cache valid for this file only."""
     return find_model(str(path))
 
 
@@ -195,6 +195,7 @@ def conversion(unit: str, to: str) -> tuple[float, float] | None:
 
 
 def _describe(transformation: tuple[float, float]) -> str:
+    """Return a factor and an offset as text, without an offset of 0."""
     factor, offset = transformation
     return f"factor {factor:.12g}" + (f" and offset {offset:.12g}" if offset else "")
 

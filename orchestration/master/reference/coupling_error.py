@@ -192,6 +192,7 @@ def mechanical(system: System) -> list[Mechanical]:
     """
 
     def between(unit: str) -> dict[tuple[str, str], list[Connection]]:
+        """Return the connections in a unit, by source and target member."""
         pairs: dict[tuple[str, str], list[Connection]] = {}
         for c in system.connections:
             if interface(system.member(c.source.member)).outputs[c.source.variable].unit == unit:

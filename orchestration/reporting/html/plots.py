@@ -311,6 +311,7 @@ def _draw_panel(
 
 
 def _upright_axis(panel: Panel) -> _Axis:
+    """Return the vertical axis of a panel: its given range, or one that includes its traces."""
     if panel.span is not None:
         return _Axis(*panel.span, panel.logarithmic)
     included = [trace for trace in panel.traces if trace.makes_room] or panel.traces

@@ -80,7 +80,7 @@ def _variables(member: Member) -> _Variables:
 
 @lru_cache(maxsize=64)
 def _read(path: Path, modified: int) -> _Variables:
-    """Read an FMU; the cache is valid until its file is modified."""
+    """Read the variables of an FMU; `modified`, ns, makes the cache valid for this file only."""
     with Archive(path) as archive:
         declared = archive.declared
     places = {

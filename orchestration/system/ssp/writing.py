@@ -168,7 +168,10 @@ def _system_element(
 
 
 def _group(name: str, children: Iterable[Element]) -> list[Element]:
-    """Return a list with the element of a group, empty if the group is: SSP has no empty groups."""
+    """Return the element of a group in a list, which is empty without children.
+
+    SSP allows no empty groups.
+    """
     element = Element(tag(name))
     element.extend(children)
     return [element] if len(element) else []
