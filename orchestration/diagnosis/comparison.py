@@ -126,6 +126,7 @@ class Weights:
 
 
 WEIGHTS = Weights()
+_NEAREST = 3  # fits whose residuals say how many samples are independent
 
 
 def words(model: LawModel, term: Term, depends: bool) -> float:
@@ -200,10 +201,9 @@ class Judged:
         return float(np.sqrt(np.nanmean(errors**2)))
 
     @cached_property
-    def effective(self) -> tuple[list[Array], Array]:
-        """Effective samples of each output: of each fitted record, and of what is left out."""
-        fitted = [np.array([effective_samples(c) for c in e.T]) for e in self.fit.errors]
-        return fitted, np.array([effective_samples(c) for c in self.choosing.T])
+    def effective(self) -> list[Array]:
+        """Effective samples (ny,) of each fitted record."""
+        return [np.array([effective_samples(c) for c in e.T]) for e in self.fit.errors]
 
 
 @dataclass(frozen=True)
@@ -255,34 +255,53 @@ class Comparison:
         """Whether the error on what is left out rises beyond its own error."""
         return self.rise > self.error
 
+    @property
+    def cost(self) -> float:
+        """Cost of its terms, of its parameters' distance from nominal, and of its words, nats."""
+        return self.columns + WEIGHTS.term * self.terms + self.distance + self.words
+
     def score(self, largest: float) -> float:
         """Return the score, nats, beside the largest gain of all that are compared."""
-        cost = self.columns + WEIGHTS.term * self.terms + self.distance + self.words
         share = WEIGHTS.share_of_words * self.words
         share += WEIGHTS.share_of_terms * max(self.terms - 1, 0)
-        return self.gain - cost - share * max(largest, 0.0)
+        return self.gain - self.cost - share * max(largest, 0.0)
 
 
-def compare(one: Judged, base: Judged, effective: tuple[list[Array], Array]) -> Comparison:
+@dataclass(frozen=True, eq=False)
+class Common:
+    """Effective samples, the same in all comparisons of a diagnosis.
+
+    Attributes
+    ----------
+    fitted : list of ndarray, shape (ny,)
+        Of each fitted record.
+    left_out : ndarray, shape (ny,)
+        Of what is left out.
+    """
+
+    fitted: list[Array]
+    left_out: Array
+
+
+def compare(one: Judged, base: Judged, common: Common) -> Comparison:
     """Compare a fitted model with another on the same samples.
 
     Parameters
     ----------
     one, base : Judged
-    effective : tuple
-        Effective samples, the same in all comparisons of a diagnosis; see `Judged.effective`.
+    common : Common
     """
     fitted = sum(
         _gain(ours, theirs, n)
-        for ours, theirs, n in zip(one.fit.errors, base.fit.errors, effective[0], strict=True)
+        for ours, theirs, n in zip(one.fit.errors, base.fit.errors, common.fitted, strict=True)
     )
     rise, error = difference(one, base)
-    samples = sum(float(n.sum()) for n in effective[0])
+    samples = sum(float(n.sum()) for n in common.fitted)
     freedom = one.freedom - base.freedom
     rereads = one.reading != base.reading
     return Comparison(
         fitted,
-        _gain(one.choosing, base.choosing, effective[1]),
+        _gain(one.choosing, base.choosing, common.left_out),
         rise,
         error,
         0.5 * freedom * float(np.log(max(samples, 3.0))),
@@ -341,9 +360,15 @@ def _gain(ours: Array, theirs: Array, effective: Array) -> float:
     return float(np.sum(ratio[np.isfinite(ratio)]))
 
 
-def common_effective(judged: Sequence[Judged]) -> tuple[list[Array], Array]:
-    """Return effective samples that all comparisons share: medians over the three nearest fits."""
-    nearest = sorted(judged, key=lambda one: one.fit.misfit)[:3]
-    records = range(len(nearest[0].fit.errors))
-    fitted = [np.median([one.effective[0][r] for one in nearest], axis=0) for r in records]
-    return fitted, np.median([one.effective[1] for one in nearest], axis=0)
+def common_of(judged: Sequence[Judged]) -> Common:
+    """Return what comparisons of these fits share: medians over the fits nearest to the records.
+
+    What is left out has the same share of independent samples; its own residuals do not tell, which
+    are slow where a model fails there.
+    """
+    nearest = sorted(judged, key=lambda one: one.fit.misfit)[:_NEAREST]
+    errors = nearest[0].fit.errors
+    fitted = [np.median([one.effective[r] for one in nearest], axis=0) for r in range(len(errors))]
+    samples = sum(np.isfinite(e).sum(axis=0) for e in errors)
+    share = np.sum(fitted, axis=0) / np.maximum(samples, 1)
+    return Common(fitted, share * np.isfinite(nearest[0].choosing).sum(axis=0))

@@ -37,6 +37,8 @@ class Cause:
         In the order in which they explain.
     comparison : Comparison
         To the model without terms.
+    score : float
+        Of that comparison, nats.
     """
 
     law: str
@@ -45,6 +47,7 @@ class Cause:
     judged: Judged
     parts: tuple[Reading | Term, ...]
     comparison: Comparison
+    score: float
 
     @property
     def terms(self) -> tuple[Term, ...]:
@@ -91,16 +94,14 @@ def conclude(found: Found) -> Conclusion:
     for entry in _near_the_lowest(ranked, found.base):
         best.setdefault(frozenset(part.source[:3] for part in entry[0].parts), entry)
     top = sorted(best.values(), key=lambda entry: -entry[2])[:_SETS]
-    if not top:
-        return Conclusion("consistent", (), 1.0, found.base)
     *shares, nothing = _shares(top)
     group = _group(_causes(top, shares, found))
-    return Conclusion(_verdict(group, top[0][2], found.base), group, nothing, found.base)
+    return Conclusion(_verdict(group, found), group, nothing, found.base)
 
 
 def _shares(top: Sequence[Scored]) -> list[float]:
     """Return the share of each set, and that of no term at all, by their scores."""
-    largest = max(comparison.gain for _, comparison, _ in top)
+    largest = max((comparison.gain for _, comparison, _ in top), default=0.0)
     temper = WEIGHTS.temper + WEIGHTS.temper_of_gain * max(largest, 0.0)
     scores = np.array([score for *_, score in top] + [0.0]) / temper
     shares = np.exp(scores - scores.max())
@@ -123,9 +124,10 @@ def _causes(top: Sequence[Scored], shares: Sequence[float], found: Found) -> lis
     }
     causes: dict[tuple[str, str], Cause] = {}
     for (entry, own), share in zip(entries, shares, strict=True):
-        (one, comparison, _), parts = meant.get(own[0].cause, (entry, own))
+        (one, comparison, score), parts = meant.get(own[0].cause, (entry, own))
         law, signal = parts[0].cause
-        known = causes.setdefault((law, signal), Cause(law, signal, 0.0, one, parts, comparison))
+        new = Cause(law, signal, 0.0, one, parts, comparison, score)
+        known = causes.setdefault((law, signal), new)
         causes[law, signal] = replace(known, probability=known.probability + share)
     return sorted(causes.values(), key=lambda cause: -cause.probability)
 
@@ -142,14 +144,18 @@ def _group(causes: Sequence[Cause]) -> tuple[Cause, ...]:
     return tuple(causes[: min(count, WEIGHTS.most)])
 
 
-def _verdict(group: Sequence[Cause], score: float, base: Judged) -> str:
-    """Return the verdict; never a cause whose error rises where nothing is chosen by it."""
-    first = group[0]
-    if score <= 0.0 or first.comparison.evidence <= WEIGHTS.least:
-        return "consistent"
-    if sum(cause.probability for cause in group) < WEIGHTS.group or rises(first.judged, base):
+def _verdict(group: Sequence[Cause], found: Found) -> str:
+    """Return the verdict; never a cause whose error rises where nothing is chosen by it.
+
+    Without a cause that holds on what is left out, the model is consistent only if none gains on
+    what is fitted either.
+    """
+    if not group or group[0].score <= 0.0 or group[0].comparison.evidence <= WEIGHTS.least:
+        return "unexplained" if found.gain_where_fitted() > WEIGHTS.least else "consistent"
+    reached = sum(cause.probability for cause in group)
+    if reached < WEIGHTS.group or rises(group[0].judged, found.base):
         return "unexplained"
-    return "cause" if first.probability >= WEIGHTS.sure else "ambiguous"
+    return "cause" if group[0].probability >= WEIGHTS.sure else "ambiguous"
 
 
 def _near_the_lowest(ranked: Sequence[Scored], base: Judged) -> list[Scored]:

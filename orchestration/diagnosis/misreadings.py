@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.diagnosis.comparison import Judged, are_same, common_effective, compare
+from orchestration.diagnosis.comparison import Judged, are_same, common_of, compare
 from orchestration.diagnosis.fitting import (
     Fit,
     Point,
@@ -150,8 +150,8 @@ def _gaining(read: Sequence[tuple[Subject, Judged]], base: Judged) -> list[Subje
     """Return the readings that gain; of those that a model cannot tell apart the plainest."""
     if not read:
         return []
-    effective = common_effective([base, *(judged for _, judged in read)])
-    compared = [(s, j, compare(j, base, effective)) for s, j in read]
+    common = common_of([base, *(judged for _, judged in read)])
+    compared = [(s, j, compare(j, base, common)) for s, j in read]
     largest = max(c.gain for *_, c in compared)
     scored = [(s, j, c.score(largest)) for s, j, c in compared if not c.is_worse]
     gaining = sorted((entry for entry in scored if entry[2] > 0.0), key=lambda entry: -entry[2])

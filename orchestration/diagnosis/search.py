@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.diagnosis.comparison import Comparison, Judged, common_effective, compare
+from orchestration.diagnosis.comparison import Comparison, Judged, common_of, compare
 from orchestration.diagnosis.fitting import (
     SMALL,
     Fit,
@@ -73,11 +73,15 @@ class Found:
         """Return each fit with its comparison to the base and its score, best first."""
         if not self.fits:
             return []
-        effective = common_effective(self.fits)
-        pairs = [(one, compare(one, self.base, effective)) for one in self.fits]
+        common = common_of(self.fits)
+        pairs = [(one, compare(one, self.base, common)) for one in self.fits]
         largest = max((c.gain for _, c in pairs if np.isfinite(c.gain)), default=0.0)
         scored = [(one, c, c.score(largest)) for one, c in pairs]
         return sorted((s for s in scored if np.isfinite(s[2])), key=lambda scored: -scored[2])
+
+    def gain_where_fitted(self) -> float:
+        """Return the largest gain on fitted samples beyond what the terms cost, nats."""
+        return max((c.fitted - c.cost for _, c, _ in self.compared()), default=0.0)
 
     def best(self, count: int) -> list[Judged]:
         """Return the best fits, of which no two have the same sources, and the lowest left out."""
@@ -113,6 +117,7 @@ def search(subject: Subject, progress: Callable[[str], None] = lambda text: None
             rounds.propose(one.fit, (1,), {1: _SECOND})
     rounds.subsets()
     rounds.shapes()
+    rounds.owners()
     rounds.polish()
     rounds.subsets()
     _read_otherwise(rounds.found, progress)
@@ -141,6 +146,7 @@ class _Rounds:
         self.found = found
         self._progress = progress
         self._tried: set[frozenset[Term]] = set()
+        self._terms: list[Term] = []
         self._weights = weights_of(found.subject.base.errors)
 
     def propose(
@@ -151,6 +157,7 @@ class _Rounds:
             screen = self._screen(fitted, count)
             if screen is None:
                 continue
+            self._terms += [candidate.term for candidate in screen.candidates]
             room = _MOST_TERMS - len(fitted.terms)
             asked = list(_by_quota(screen, quotas[count], room, fitted.terms))
             along = "the record" if count == 1 else f"{count} pieces of the record"
@@ -249,6 +256,29 @@ class _Rounds:
                     terms = tuple(other if t == term else t for t in one.terms)
                     asked.append((terms, [_extended(one.fit, terms)]))
         self._fit_all(asked, _FEWER_STEPS)
+
+    def owners(self) -> None:
+        """Fit the best sets with each of their terms in every other law."""
+        asked = []
+        for one in self.found.best(_SHAPES):
+            for term in one.terms:
+                for other in self._in_other_laws(term):
+                    terms = tuple(other if t == term else t for t in one.terms)
+                    asked.append((terms, [_extended(one.fit, terms)]))
+        self._fit_all(asked, _FEWER_STEPS)
+
+    def _in_other_laws(self, term: Term) -> Iterable[Term]:
+        """Return a term of a signal in each of the other laws that a screen had it in."""
+        same = {
+            t.law: t
+            for t in self._terms
+            if (t.signal, t.memory, bool(t.factor)) == (term.signal, term.memory, bool(term.factor))
+        }
+        return [
+            replace(term, law=law, factor=other.factor, size=other.size)
+            for law, other in same.items()
+            if term.signal and law != term.law
+        ]
 
     def polish(self) -> None:
         """Fit the best on, in the noise that they leave."""

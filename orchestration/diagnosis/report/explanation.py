@@ -14,7 +14,7 @@ from orchestration.diagnosis.comparison import (
     WEIGHTS,
     Comparison,
     Judged,
-    common_effective,
+    common_of,
     compare,
 )
 from orchestration.diagnosis.engine import Diagnosis
@@ -154,15 +154,15 @@ def explain(diagnosis: Diagnosis, first: str, second: str) -> Explanation:
     scored = [(one, score) for one, _, score in found.compared()]
     one, one_score = _best(diagnosis, scored, first, second)
     other, other_score = _best(diagnosis, scored, second, first)
-    effective = common_effective(fits)
+    common = common_of(fits)
     return Explanation(
         (first, second),
         (one, other),
-        compare(one, other, effective),
+        compare(one, other, common),
         (one_score, other_score),
         (diagnosis.error(one), diagnosis.error(other)),
         _likeness(diagnosis, one, other),
-        float(max(effective[1].sum(), 1.0)),
+        float(max(common.left_out.sum(), 1.0)),
         (_text(diagnosis, one), _text(diagnosis, other)),
     )
 

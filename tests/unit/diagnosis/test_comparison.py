@@ -14,9 +14,10 @@ from scipy.stats import norm
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import Memory, Shape, Term, compare
 from orchestration.diagnosis.comparison import (
+    Common,
     Comparison,
     Judged,
-    common_effective,
+    common_of,
     difference,
     words,
 )
@@ -32,6 +33,11 @@ def judged(fitted: Array, left_out: Array, prior: float = 0.0, **fit: Any) -> Ju
     return Judged(SimpleNamespace(errors=(fitted,), **given), left_out, left_out, prior)
 
 
+def shared(fitted: list[float], left_out: list[float]) -> Common:
+    """Return so many effective samples of each output."""
+    return Common([np.array(fitted)], np.array(left_out))
+
+
 def likelihood(errors: Array) -> float:
     """Return the log likelihood of white noise with its own deviation."""
     return float(sum(norm.logpdf(e, scale=np.sqrt(np.mean(e**2))).sum() for e in errors.T))
@@ -41,18 +47,18 @@ def test_gains_are_differences_of_log_likelihoods() -> None:
     """Of two outputs, all samples of which are independent."""
     errors = [RNG.standard_normal((n, 2)) * [1.0, 0.3] for n in (400, 300)]
     better = [0.8 * errors[0] + 0.1, 0.9 * errors[1]]
-    counts = [np.array([400.0, 400.0])], np.array([300.0, 300.0])
+    counts = shared([400.0, 400.0], [300.0, 300.0])
     found = compare(judged(*better), judged(*errors), counts)
     assert found.fitted == pytest.approx(likelihood(better[0]) - likelihood(errors[0]))
     assert found.left_out == pytest.approx(likelihood(better[1]) - likelihood(errors[1]))
-    half = [np.array([200.0, 200.0])], np.array([150.0, 150.0])
+    half = shared([200.0, 200.0], [150.0, 150.0])
     assert compare(judged(*better), judged(*errors), half).fitted == pytest.approx(found.fitted / 2)
 
 
 def test_gaps_count_for_nothing() -> None:
     errors, better = RNG.standard_normal((400, 1)), RNG.standard_normal((400, 1)) * 0.7
     gaps = np.arange(0, 400, 4)
-    counts = [np.array([300.0])], np.array([300.0])
+    counts = shared([300.0], [300.0])
     whole = compare(
         *(judged(np.delete(e, gaps, 0), np.delete(e, gaps, 0)) for e in (better, errors)), counts
     )
@@ -68,7 +74,7 @@ def test_columns_distance_and_words_are_those_beyond_the_other() -> None:
     term = Term("spring", "x", Shape.CUBE)
     one = judged(errors, errors, 3.0, freedom=5, distance=2.0, terms=(term, term))
     other = judged(errors, errors, 1.0, freedom=2, distance=0.5, terms=(term,))
-    found = compare(one, other, ([np.array([150.0])], np.array([50.0])))
+    found = compare(one, other, shared([150.0], [50.0]))
     assert found.columns == pytest.approx(0.5 * 3 * np.log(150.0))
     assert (found.terms, found.distance, found.words) == (1, 1.5, 2.0)
     assert found.fitted == 0.0
@@ -161,10 +167,11 @@ def test_the_figure_is_of_samples_by_which_nothing_is_chosen() -> None:
 
 
 def test_common_samples_are_medians_of_the_nearest_fits() -> None:
+    """What is left out has as large a share of them, however slow its own errors are."""
     many = []
     for k, rho in enumerate([0.0, 0.5, 0.9, 0.99]):
         error = lfilter([1.0], [1.0, -rho], RNG.standard_normal((2000, 1)), axis=0)
-        many.append(judged(error, error[:1000], misfit=float(k)))
-    fitted, left_out = common_effective(many[::-1])
-    assert fitted[0] == many[1].effective[0][0]
-    assert left_out == many[1].effective[1]
+        many.append(judged(error, np.full((1000, 1), 3.0), misfit=float(k)))
+    common = common_of(many[::-1])
+    assert common.fitted[0] == many[1].effective[0]
+    assert common.left_out == pytest.approx(common.fitted[0] / 2.0)

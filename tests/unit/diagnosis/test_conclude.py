@@ -59,6 +59,15 @@ def test_nothing_found_is_consistent() -> None:
     assert (conclusion.verdict, conclusion.causes, conclusion.nothing) == ("consistent", (), 1.0)
 
 
+def test_a_model_that_fits_worse_than_one_that_does_not_hold_is_unexplained() -> None:
+    """Something is missing in what was fitted, though nothing that was tried goes on."""
+    conclusion = conclude(found(judged(0.5, 1.5, DRY)))
+    assert (conclusion.verdict, conclusion.causes) == ("unexplained", ())
+    conclusion = conclude(found(judged(0.5, 1.0, DRY)))
+    assert conclusion.verdict == "unexplained"
+    assert conclude(found(judged(0.99, 1.5, DRY))).verdict == "consistent", "no more than its cost"
+
+
 def test_the_probability_is_of_the_cause_with_all_its_shapes() -> None:
     conclusion = conclude(found(judged(0.5, 0.5, DRY), judged(0.5, 0.5, CURVE)))
     assert conclusion.verdict == "cause"
@@ -86,7 +95,7 @@ def test_a_fit_that_is_worse_on_what_is_left_out_is_no_cause() -> None:
     """However well it fits."""
     rising = 1.0 + 0.2 * np.ones((200, 1))
     conclusion = conclude(found(judged(0.1, rising, DRY)))
-    assert conclusion.verdict == "consistent"
+    assert conclusion.verdict == "unexplained"
     assert conclusion.causes == ()
 
 

@@ -56,6 +56,14 @@ def test_every_shape_of_the_winner_is_tried(found: Found) -> None:
     assert len(shapes) >= 8  # some run away
 
 
+def test_the_winner_is_tried_in_every_other_law(found: Found) -> None:
+    """Of one cause there may be several owners."""
+    (term,) = found.compared()[0][0].terms
+    alone = [one.terms[0] for one in found.fits if len(one.terms) == 1]
+    same = {t.law for t in alone if (t.signal, t.memory) == (term.signal, term.memory)}
+    assert same >= {"friction", "velocity"}, "spring and acceleration act like friction"
+
+
 def test_no_set_is_fitted_twice_but_to_polish_it(found: Found) -> None:
     sets = [frozenset(one.terms) for one in found.fits]
     assert len(sets) - len(set(sets)) <= 7
