@@ -9,9 +9,10 @@ import numpy as np
 
 from orchestration.diagnosis.comparison import WEIGHTS, Comparison, Judged, difference, rises
 from orchestration.diagnosis.search import Found
-from orchestration.diagnosis.terms import Term
+from orchestration.diagnosis.terms import NamedTerm, Term
 
 Scored = tuple[Judged, Comparison, float]
+_LEAST = 1e-12
 _SETS = 8  # that share the probability
 
 
@@ -28,6 +29,8 @@ class Cause:
         In the order in which they explain.
     comparison : Comparison
         To the model without terms.
+    aliases : tuple of str
+        Laws with their signals that act like this effect of a catalogue.
     """
 
     law: str
@@ -36,11 +39,12 @@ class Cause:
     judged: Judged
     terms: tuple[Term, ...]
     comparison: Comparison
+    aliases: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
-        """Law and signal."""
-        return f"{self.law}({self.signal})"
+        """Law and signal, or the name of an effect."""
+        return self.terms[0].name
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +99,46 @@ def _causes(top: Sequence[Scored], shares: Sequence[float], found: Found) -> lis
         law, signal = terms[0].cause
         known = causes.setdefault((law, signal), Cause(law, signal, 0.0, one, terms, comparison))
         causes[law, signal] = replace(known, probability=known.probability + share)
-    return sorted(causes.values(), key=lambda cause: -cause.probability)
+    return _joined(sorted(causes.values(), key=lambda cause: -cause.probability))
+
+
+def _joined(causes: Sequence[Cause]) -> list[Cause]:
+    """Join laws to the effects of a catalogue that are one cause with them, which has their name.
+
+    These are laws over the same signal, and those that act alike: where the evidence of one against
+    the other, if it were true, is less than what scores of causes may differ by.
+    """
+    named = [cause for cause in causes if isinstance(cause.terms[0], NamedTerm)]
+    others = []
+    for cause in causes:
+        if cause in named:
+            continue
+        apart = {
+            k: nats
+            for k, one in enumerate(named)
+            if (nats := _apart(cause, one)) < WEIGHTS.temper
+            or (cause.law, cause.signal) == (one.terms[0].law, one.terms[0].signal)
+        }
+        if not apart:
+            others.append(cause)
+            continue
+        nearest = min(apart, key=lambda k: apart[k])
+        one = named[nearest]
+        named[nearest] = replace(
+            one,
+            probability=one.probability + cause.probability,
+            aliases=(*one.aliases, cause.name),
+        )
+    return sorted([*named, *others], key=lambda cause: -cause.probability)
+
+
+def _apart(cause: Cause, named: Cause) -> float:
+    """Return the evidence that one cause would have against another if it were true, nats."""
+    ours, theirs = cause.judged.choosing, named.judged.choosing
+    noise = np.minimum(np.nanmean(ours**2, axis=0), np.nanmean(theirs**2, axis=0))
+    share = np.nanmean((ours - theirs) ** 2, axis=0) / np.maximum(noise, _LEAST)
+    effective = np.minimum(cause.judged.effective[1], named.judged.effective[1])
+    return float(0.5 * np.nansum(effective * share))
 
 
 def _group(causes: Sequence[Cause]) -> tuple[Cause, ...]:

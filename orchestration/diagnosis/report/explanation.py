@@ -169,7 +169,7 @@ def explain(diagnosis: Diagnosis, first: str, second: str) -> Explanation:
 
 
 def _name(term: Term) -> str:
-    return f"{term.law}({term.signal})"
+    return term.name
 
 
 def _is_of(judged: Judged, name: str, other: str) -> bool:

@@ -40,7 +40,7 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         "group": [cause_figures(diagnosis, cause) for cause in diagnosis.causes],
         "nothing": {"probability": float(diagnosis.conclusion.nothing)},
         "ladder": [
-            {"terms": [t.law + f"({t.signal})" for t in rung.terms], "error": rung.error}
+            {"terms": [t.name for t in rung.terms], "error": rung.error}
             for rung in diagnosis.ladder
         ],
         "gain": {"holdout_nrmse_before": before, "holdout_nrmse_after": after},
@@ -79,6 +79,7 @@ def cause_figures(diagnosis: Diagnosis, cause: Cause) -> dict[str, Any]:
         "probability": float(cause.probability),
         **first,
         "with": others,
+        "aliases": list(cause.aliases),
         "error": diagnosis.error(cause.judged),
     }
 

@@ -39,6 +39,16 @@ def cause_text(diagnosis: Diagnosis, cause: Cause) -> str:
     return sentence(diagnosis.subject.problem.model.cls, cause.terms[0])
 
 
+def alias_lines(diagnosis: Diagnosis) -> list[str]:
+    """Return a sentence for each effect of the catalogue that acts like laws."""
+    return [
+        f"{', '.join(cause.aliases)} acts like {cause_text(diagnosis, cause)} on this record, and"
+        " is counted with it."
+        for cause in diagnosis.causes
+        if cause.aliases
+    ]
+
+
 def headline(diagnosis: Diagnosis) -> str:
     """Return the answer: causes with their probabilities, or what was found in their place."""
     if diagnosis.verdict == "consistent":
