@@ -189,6 +189,7 @@ def options_of(*declared: type) -> dict[str, Option]:
 
 @cache
 def _options_of(declared: type) -> list[Option]:
+    """Return the options of one class, each with its name and type."""
     # `get_type_hints` would import the types that the annotations name; the outer one is enough
     return [
         hint.__metadata__[0]._replace(name=name, type=hint.__origin__)
@@ -244,7 +245,10 @@ def takes(*declared: type) -> Callable[[Function], Function]:
                     raise TypeError(
                         f"{function.__name__}() got an unexpected keyword argument {name!r}{near}"
                     )
-            used = {n: options[n].given(v) if n in options else v for n, v in given.items()}
+            used = {
+                name: options[name].given(value) if name in options else value
+                for name, value in given.items()
+            }
             with optional():
                 return function(*arguments, **defaults | used)
 
@@ -259,6 +263,7 @@ def takes(*declared: type) -> Callable[[Function], Function]:
 
 
 def _parameter(option: Option) -> Parameter:
+    """Return the keyword argument of a function for an option."""
     kind = option.type.__forward_arg__ if isinstance(option.type, ForwardRef) else option.type
     return Parameter(option.name, Parameter.KEYWORD_ONLY, default=option.default, annotation=kind)
 
@@ -295,6 +300,7 @@ def _is_union(kind: Any) -> bool:
 
 
 def _type_in_words(kind: Any) -> str:
+    """Return an annotation in the words of numpydoc, such as ``sequence of str``."""
     outer = get_origin(kind)
     if outer is Callable:
         return "callable"

@@ -265,7 +265,7 @@ def _refuse_effects(system: str, effects: Sequence[str]) -> None:
 
 
 def _refuse_misspelt(name: str) -> None:
-    """Raise UserError for a name that is nearly that of a system, and of no component."""
+    """Raise UserError for a name that is similar to a system's, and to no component's."""
     hint = suggestion(name, NAMES, few=0)
     known = registry.models()
     if hint and name.isidentifier() and name not in known and not suggestion(name, known, few=0):

@@ -260,6 +260,7 @@ class Fmu:
         self._checked("initialization", self._slave.enterInitializationMode)
 
     def _set_start_value(self, name: str, value: Value) -> None:
+        """Set a parameter or input; UserError for another causality or a value of another type."""
         variable = self.variable(name)
         where = f"{self.path.name}: {name}"
         causality = variable.causality or "local"

@@ -30,14 +30,14 @@ def info(options: InfoCommand) -> None:
     if options["of_model"] is not None:
         raise UserError(f"--model: {model} is no record; --model is for ppy info RECORD")
     Outputs({"the model": model_file(model)}, {"--json": path}, {"--json": JSON}).check()
-    known = _facts(model, options["laid_over"])
+    known = _facts_of(model, options["laid_over"])
     with standard_output_for(path):
         _show(known)
         write_json(path, _as_json(known))
 
 
 class _Facts(NamedTuple):
-    """Facts about a model; of an FMU without equations the first half."""
+    """Facts about a model; an FMU without equations has the first ones only."""
 
     name: str
     summary: str
@@ -52,7 +52,7 @@ class _Facts(NamedTuple):
     effects: Mapping[type[Effect], str] = {}  # each with the assumption that it relaxes
 
 
-def _facts(name: str, effects: Sequence[str]) -> _Facts:
+def _facts_of(name: str, effects: Sequence[str]) -> _Facts:
     """Return the facts of a model: of its class, or else of its FMU's description."""
     from fmus.kit import registry
     from orchestration.fmu import find_model, read_description
@@ -60,12 +60,12 @@ def _facts(name: str, effects: Sequence[str]) -> _Facts:
     from orchestration.reporting.console import note
 
     if effects or name in registry.models() or names_class(name):
-        return _of_class(name, find_class(name, effects))
+        return _facts_of_class(name, find_class(name, effects))
     model = find_model(name)
     for text in model.notes:
         note(text)
     if model.cls is not None:
-        return _of_class(name, model.cls)
+        return _facts_of_class(name, model.cls)
     described = read_description(model.path)
     step = getattr(described.defaultExperiment, "stepSize", None)
     groups = {"inputs": model.inputs, "outputs": model.outputs, "parameters": model.parameters}
@@ -73,7 +73,7 @@ def _facts(name: str, effects: Sequence[str]) -> _Facts:
     return _Facts(name, described.description or "", signals, float(step) if step else None)
 
 
-def _of_class(name: str, cls: type[Component]) -> _Facts:
+def _facts_of_class(name: str, cls: type[Component]) -> _Facts:
     """Return the declarations of a component's class."""
     from fmus.kit.effects import effect_name, unstack
     from orchestration.fmu.model import known_effects
@@ -98,11 +98,16 @@ def _of_class(name: str, cls: type[Component]) -> _Facts:
         {preset: about.doc for preset, about in cls.presets.items()},
         base.name,
         there,
-        {e: _relaxes(base, e) for name, e in known_effects(cls).items() if name not in there},
+        {
+            e: _relaxed_assumption(base, e)
+            for name, e in known_effects(cls).items()
+            if name not in there
+        },
     )
 
 
-def _relaxes(cls: type[Component], effect: type[Effect]) -> str:
+def _relaxed_assumption(cls: type[Component], effect: type[Effect]) -> str:
+    """Return the assumption of a component that an effect relaxes, with its number if known."""
     from fmus.kit.build import relaxed_assumption
 
     words, number = relaxed_assumption(cls, effect)
@@ -110,11 +115,13 @@ def _relaxes(cls: type[Component], effect: type[Effect]) -> str:
 
 
 def _as_json(known: _Facts) -> dict[str, Any]:
+    """Return the facts of a model in the form that ``--json`` writes."""
     from fmus.kit.effects import effect_name
 
     signals = {
         group: [
-            _signal(s) | ({"source": known.sources[s.name]} if s.name in known.sources else {})
+            _signal_as_json(s)
+            | ({"source": known.sources[s.name]} if s.name in known.sources else {})
             for s in among
         ]
         for group, among in known.signals.items()
@@ -143,7 +150,7 @@ def _as_json(known: _Facts) -> dict[str, Any]:
     }
 
 
-def _signal(signal: Signal) -> dict[str, Any]:
+def _signal_as_json(signal: Signal) -> dict[str, Any]:
     from dataclasses import asdict
 
     known = asdict(signal) | {"start": signal.default}
@@ -156,6 +163,7 @@ def _first_line(effect: type[Effect]) -> str:
 
 
 def _show(known: _Facts) -> None:
+    """Print the facts of a model: summary, signals, sources, presets, effects and step."""
     from rich.text import Text
 
     from fmus.kit.units import format_range
@@ -195,10 +203,7 @@ def _show(known: _Facts) -> None:
 
 
 def _show_effects(effects: Mapping[type[Effect], str]) -> None:
-    """Print the effects that can be laid over a model.
-
-    Of measurements each kind once, with the outputs beneath.
-    """
+    """Print the effects that can be laid over a model, one of a sensor once for all outputs."""
     from fmus.kit.effects import effect_name
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import out
@@ -208,7 +213,8 @@ def _show_effects(effects: Mapping[type[Effect], str]) -> None:
         "effect",
         "what it is (what the model assumes; what switches it)",
     )
-    for effect in {(e.id, e.term.qualifier): e for e in effects}.values():
+    distinct = {(effect.id, effect.term.qualifier): effect for effect in effects}
+    for effect in distinct.values():
         name = effect_name(effect)
         switch = effect.neutral
         if effect.output:

@@ -44,12 +44,17 @@ def simulate(options: SimulateCommand) -> None:
 
 
 def _simulate_system(options: SimulateCommand) -> None:
-    from orchestration.cli.experiments import experiment_on_system, refuse_part, run_and_write
+    from orchestration.cli.experiments import (
+        experiment_on_system,
+        raise_if_incomplete,
+        run_and_write,
+    )
 
-    refuse_part(run_and_write(experiment_on_system(options), options["model"], options))
+    raise_if_incomplete(run_and_write(experiment_on_system(options), options["model"], options))
 
 
 def _simulate_model(options: SimulateCommand) -> None:
+    """Simulate a model; print, write and draw the results, also those of a run that ends early."""
     from orchestration.api import values_of
     from orchestration.cli.models import build_model
     from orchestration.fmu import simulation as work
@@ -62,7 +67,7 @@ def _simulate_model(options: SimulateCommand) -> None:
     plot = options["plot"]
     declared = declared_model(options["model"], options["laid_over"])
     parameters = values_of(declared, options["settings"], options["preset"])
-    recorded = _recorded(declared, parameters, options)
+    recorded = _read_inputs(declared, parameters, options)
     model = build_model(declared, options["runtime"])
     isolation = limits(model.foreign, options)
     time, inputs = _stimulus(model, recorded, parameters, options)
@@ -102,7 +107,7 @@ def _simulate_model(options: SimulateCommand) -> None:
         wrote(plot)
 
 
-def _recorded(
+def _read_inputs(
     model: Model, parameters: Mapping[str, Value], options: SimulateCommand
 ) -> Record | None:
     """Read the record of inputs, if one is given."""

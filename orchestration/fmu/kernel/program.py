@@ -146,6 +146,7 @@ class Program:
         owner: int = 0,
     ) -> None:
         """Add an operation that sets or gets contiguous reals, or sets slopes of inputs."""
+        # of derivatives, which only slopes have: all are first derivatives
         orders = self._address((ctypes.c_int * len(references))(*[1] * len(references)))
         self._add(
             handler,
@@ -345,6 +346,7 @@ class Execution:
         self._contexts = ExitStack()
 
     def _allocate_progress(self) -> Progress:
+        """Return the progress of a run before its first point, in shared memory if isolated."""
         progress = Progress()
         if self._shared:
             progress = self._shared.allocate_run(self._program.legend())

@@ -27,7 +27,7 @@ class Backend(ABC):
     outputs : Mapping of str to str
         Measured signals and their units.
     limits : Mapping of str to Limit
-        Of commands and of measured values.
+        Limits of commands and of measured values, by signal.
     """
 
     inputs: Mapping[str, str]
@@ -36,28 +36,28 @@ class Backend(ABC):
 
     @classmethod
     def devices(cls, **options: str) -> Sequence[str]:
-        """Return names of the devices that these options mean, and open none.
+        """Return the names of the devices that a backend with these options would open.
 
-        Of all servers on a machine one may have a device. A backend that can find the same device
-        under other options should say its name, such as its serial number or address; one that
-        commands nothing real has none.
+        Only one server on a machine may have a device. A backend that can find the same device
+        under other options should return a name such as its serial number or address; one that
+        commands nothing real has no names.
 
         Parameters
         ----------
         **options
-            As for making one.
+            Keyword arguments of the class.
 
         Returns
         -------
         sequence of str
-            By default one name: the class, its file, and the options.
+            Names; by default one of the class, its file, and the options.
         """
         given = "".join(f" {key}={value}" for key, value in sorted(options.items()))
         return [f"{Path(inspect.getfile(cls)).resolve()}:{cls.__qualname__}{given}"]
 
     @abstractmethod
     def read(self) -> Mapping[str, float]:
-        """Take the newest value of every output; NaN where there is none.
+        """Return the newest value of every output; NaN for one without a value.
 
         Returns
         -------
@@ -74,12 +74,12 @@ class Backend(ABC):
         """
 
     def read_back(self) -> Mapping[str, float]:
-        """Return the inputs that the device reports to have, as far as it reports them.
+        """Return the values of inputs that the device reports.
 
         Returns
         -------
         Mapping of str to float
-            Of some inputs, or of none.
+            Values of some inputs, or of none.
         """
         return {}
 
@@ -105,5 +105,5 @@ class Steppable(Backend):
         Parameters
         ----------
         step : float
-            In s.
+            Seconds.
         """
