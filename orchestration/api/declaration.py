@@ -232,7 +232,8 @@ def takes(*declared: type) -> Callable[[Function], Function]:
 
     def decorate(function: Function) -> Function:
         plain = signature(function)
-        own = [p for p in plain.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+        named = plain.parameters.values()
+        own = [parameter for parameter in named if parameter.kind is not Parameter.VAR_KEYWORD]
         known = {parameter.name for parameter in own}
         added = [option for option in options.values() if option.name not in known]
         defaults = {option.name: option.default for option in added}

@@ -167,13 +167,18 @@ def _split_inputs(
     """Return constant inputs, varying inputs, and the times of these."""
     time = options["time"]
     points = None if time is None else np.asarray(time, dtype=float)
-    varying = {n: v for n, v in stimulus.items() if callable(v) or np.ndim(v) > 0}
+    varying = {name: values for name, values in stimulus.items() if _varies(values)}
     if varying and points is None:
         raise UserError(f"{', '.join(varying)}: inputs that vary need {option('time')}")
-    constants = {n: v for n, v in stimulus.items() if n not in varying}
-    constant_arrays = inputs_over(model, constants, np.zeros(1))
+    constant = {name: value for name, value in stimulus.items() if name not in varying}
+    arrays = inputs_over(model, constant, np.zeros(1))  # checks names and shapes
     driven = {} if points is None else inputs_over(model, varying, points)
-    return {n: float(v[0]) for n, v in constant_arrays.items()}, driven, points
+    return {name: float(values[0]) for name, values in arrays.items()}, driven, points
+
+
+def _varies(values: Any) -> bool:
+    """Return whether an input is a function of time or has several values."""
+    return callable(values) or np.ndim(values) > 0
 
 
 def _trim_request(
@@ -245,7 +250,7 @@ def _linearise_without_equations(
                 f"{model.without_equations}; {option(name)} needs the equations of a component: an"
                 " FMU without them is linearised at a time"
             )
-    varying = next((n for n, v in stimulus.items() if callable(v) or np.ndim(v) > 0), None)
+    varying = next((name for name, values in stimulus.items() if _varies(values)), None)
     if varying is not None:
         raise UserError(f"{model.name}: {varying} varies; inputs of an FMU without equations stay")
     settings = values_of(model, options["settings"]) | {

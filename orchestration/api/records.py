@@ -64,7 +64,6 @@ def read_record(
 
 
 def _source(data: str | Path | Arrays) -> Path | Arrays:
-    """Return a file as a path, and arrays as they are."""
     return Path(data) if isinstance(data, str | Path) else data
 
 

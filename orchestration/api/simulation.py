@@ -70,9 +70,8 @@ class Simulation(Displayable):
         table = plain_table(None, "output", *columns, right=columns)
         for name, values in self.outputs.items():
             signal = self.model.outputs[name]
-            table.add_row(
-                name, *(format_value(v, signal) for v in (values.min(), values.max(), values[-1]))
-            )
+            shown = (values.min(), values.max(), values[-1])
+            table.add_row(name, *(format_value(value, signal) for value in shown))
         yield (
             f"{self.model.name}: {self.time.size} points from {self.time[0]:g} s to"
             f" {self.time[-1]:g} s"
@@ -85,8 +84,9 @@ class Simulation(Displayable):
 
     def to_dict(self) -> dict[str, Any]:
         """Return time and signals as lists."""
+        signals = self.inputs | self.outputs
         return {"time": self.time.tolist()} | {
-            n: v.tolist() for n, v in (self.inputs | self.outputs).items()
+            name: values.tolist() for name, values in signals.items()
         }
 
     def to_frame(self) -> pandas.DataFrame:

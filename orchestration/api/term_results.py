@@ -110,5 +110,4 @@ class TermDiagnosisResult(DiagnosisResult):
 
 
 def _known(errors: dict[str, float | None]) -> dict[str, float]:
-    """Return the errors of the outputs that have one."""
     return {name: value for name, value in errors.items() if value is not None}

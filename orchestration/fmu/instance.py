@@ -96,8 +96,9 @@ def prepare_transfers(
     transfers = []
     for kind, positions in positions_of.items():
         count = len(positions)
-        typed_names = [names[p] for p in positions]
-        references = (ctypes.c_uint * count)(*(variables[n].valueReference for n in typed_names))
+        typed_names = [names[position] for position in positions]
+        value_references = [variables[name].valueReference for name in typed_names]
+        references = (ctypes.c_uint * count)(*value_references)
         array = (ctypes.c_double if kind == "real" else ctypes.c_int) * count
         function = f"fmi2{verb}{kind.capitalize()}"
         call = bind_function(library, function, ctypes.c_uint * count, ctypes.c_size_t, array)

@@ -67,13 +67,12 @@ def _plan(options: BuildCommand) -> list[_PlannedFmu]:
     buildable = registry.components if fmi == 3 or runtime == kit.STOCK else registry.models
     runtimes = kit.RUNTIMES if runtime == "both" else (runtime,)
     classes = [_class_with_settings(name, options) for name in names or buildable()]
-    return [
-        _PlannedFmu(
-            cls, kind, fmi, options["out"] / ("fmi3" if fmi == 3 else kind) / f"{cls.name}.fmu"
-        )
-        for cls in classes
-        for kind in runtimes
-    ]
+    planned = []
+    for cls in classes:
+        for kind in runtimes:
+            folder = options["out"] / ("fmi3" if fmi == 3 else kind)
+            planned.append(_PlannedFmu(cls, kind, fmi, folder / f"{cls.name}.fmu"))
+    return planned
 
 
 def _class_with_settings(name: str, options: BuildCommand) -> type[Component]:

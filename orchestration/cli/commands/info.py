@@ -86,7 +86,12 @@ def _facts_of_class(name: str, cls: type[Component]) -> _Facts:
         "parameters": (*layout.parameters, *layout.texts),
     }
     base, stacked = unstack(cls)
-    there = [effect_name(effect) for effect in stacked]
+    added = [effect_name(effect) for effect in stacked]
+    relaxed_by = {
+        effect: _relaxed_assumption(base, effect)
+        for name, effect in known_effects(cls).items()
+        if name not in added
+    }
     return _Facts(
         name,
         f"{summary(cls)}." if cls.__doc__ else "",
@@ -94,15 +99,11 @@ def _facts_of_class(name: str, cls: type[Component]) -> _Facts:
         cls.experiment[1],
         cls.remark.splitlines(),
         cls.tolerance,
-        {p.name: p.source for p in layout.parameters if p.source},
+        {parameter.name: parameter.source for parameter in layout.parameters if parameter.source},
         {preset: about.doc for preset, about in cls.presets.items()},
         base.name,
-        there,
-        {
-            e: _relaxed_assumption(base, e)
-            for name, e in known_effects(cls).items()
-            if name not in there
-        },
+        added,
+        relaxed_by,
     )
 
 
@@ -119,12 +120,8 @@ def _as_json(known: _Facts) -> dict[str, Any]:
     from fmus.kit.effects import effect_name
 
     signals = {
-        group: [
-            _signal_as_json(s)
-            | ({"source": known.sources[s.name]} if s.name in known.sources else {})
-            for s in among
-        ]
-        for group, among in known.signals.items()
+        group: [_signal_as_json(signal, known.sources) for signal in members]
+        for group, members in known.signals.items()
     }
     return {
         "name": known.name,
@@ -136,25 +133,28 @@ def _as_json(known: _Facts) -> dict[str, Any]:
         "remarks": list(known.remarks),
         "effects": [
             {
-                "name": effect_name(e),
-                "id": e.id,
-                "output": e.output or None,
-                "summary": _first_line(e),
-                "parameter": e.neutral,
+                "name": effect_name(effect),
+                "id": effect.id,
+                "output": effect.output or None,
+                "summary": _first_line(effect),
+                "parameter": effect.neutral,
                 "relaxes": relaxed,
             }
-            for e, relaxed in known.effects.items()
+            for effect, relaxed in known.effects.items()
         ],
         "step": known.step,
         "tolerance": known.tolerance,
     }
 
 
-def _signal_as_json(signal: Signal) -> dict[str, Any]:
+def _signal_as_json(signal: Signal, sources: Mapping[str, str]) -> dict[str, Any]:
+    """Return the attributes of a signal, with the source of its value if there is one."""
     from dataclasses import asdict
 
     known = asdict(signal) | {"start": signal.default}
     del known["text"]  # a text begins with its start value
+    if signal.name in sources:
+        known["source"] = sources[signal.name]
     return known
 
 
@@ -179,15 +179,14 @@ def _show(known: _Facts) -> None:
         out.print(f"  {remark}", style="dim")
     for title in ("inputs", "outputs"):
         table = plain_table(title, "name", "unit", "meaning")
-        for s in known.signals[title]:
-            table.add_row(s.name, s.unit, s.doc)
+        for signal in known.signals[title]:
+            table.add_row(signal.name, signal.unit, signal.doc)
         out.print(table)
         out.print()
     table = plain_table("parameters", "name", "default", "allowed", "meaning")
-    for s in known.signals["parameters"]:
-        table.add_row(
-            s.name, show(s.default, s), "any text" if s.type == "string" else format_range(s), s.doc
-        )
+    for signal in known.signals["parameters"]:
+        allowed = "any text" if signal.type == "string" else format_range(signal)
+        table.add_row(signal.name, show(signal.default, signal), allowed, signal.doc)
     out.print(table)
     for source in dict.fromkeys(known.sources.values()):
         names = ", ".join(name for name, other in known.sources.items() if other == source)

@@ -164,13 +164,8 @@ def _show(model: Model, time: Array, outputs: Mapping[str, Array]) -> None:
     columns = ("smallest", "largest", "last")
     table = plain_table(None, "output", *columns, right=columns)
     for name, values in outputs.items():
-        table.add_row(
-            name,
-            *(
-                format_value(v, model.outputs[name])
-                for v in (values.min(), values.max(), values[-1])
-            ),
-        )
+        shown = (values.min(), values.max(), values[-1])
+        table.add_row(name, *(format_value(value, model.outputs[name]) for value in shown))
     out.print(f"{model.title}: {time.size} points from {time[0]:g} s to {time[-1]:g} s")
     out.print(table)
 

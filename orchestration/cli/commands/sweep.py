@@ -267,8 +267,8 @@ def _show(data: xarray.Dataset) -> None:
     )
     columns = ("smallest", "largest")
     table = plain_table(None, "over all cases", *columns, "unit", right=columns)
-    for e in extremes(data):
-        table.add_row(e.name, f"{e.smallest:.6g}", f"{e.largest:.6g}", e.unit)
+    for row in extremes(data):
+        table.add_row(row.name, f"{row.smallest:.6g}", f"{row.largest:.6g}", row.unit)
     out.print(table)
     if "failure" in data:
         reasons = data["failure"].values.ravel()
