@@ -16,7 +16,7 @@ from fmus.kit.arrays import Array
 from orchestration.diagnosis.fitting import Fit, effective_samples
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.readings import Reading, ReadingKind
-from orchestration.diagnosis.terms import Memory, Shape, Term
+from orchestration.diagnosis.terms import Memory, NamedTerm, Shape, Term
 
 
 @dataclass(frozen=True)
@@ -139,6 +139,8 @@ def words(model: LawModel, term: Term, depends: bool) -> float:
     depends : bool
         Whether its law depends on its signal already.
     """
+    if isinstance(term, NamedTerm):
+        return 0.0
     total = WEIGHTS.shapes.get(term.shape, 0.0) + WEIGHTS.memories.get(term.memory, 0.0)
     if not term.signal:
         return total

@@ -9,17 +9,20 @@ import numpy as np
 
 from orchestration.diagnosis.comparison import (
     WEIGHTS,
+    Common,
     Comparison,
     Judged,
     are_same,
+    common_of,
     difference,
     rises,
 )
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.search import Found
-from orchestration.diagnosis.terms import Term
+from orchestration.diagnosis.terms import NamedTerm, Term
 
 Scored = tuple[Judged, Comparison, float]
+_LEAST = 1e-12
 _SETS = 8  # that share the probability
 
 
@@ -39,6 +42,8 @@ class Cause:
         To the model without terms.
     score : float
         Of that comparison, nats.
+    aliases : tuple of str
+        Laws with their signals that act like this effect of a catalogue.
     """
 
     law: str
@@ -48,6 +53,7 @@ class Cause:
     parts: tuple[Reading | Term, ...]
     comparison: Comparison
     score: float
+    aliases: tuple[str, ...] = ()
 
     @property
     def terms(self) -> tuple[Term, ...]:
@@ -62,8 +68,9 @@ class Cause:
 
     @property
     def name(self) -> str:
-        """Law and signal."""
-        return f"{self.law}({self.signal})"
+        """Law and signal, or the name of an effect; of a reading its kind and columns."""
+        lead = self.parts[0]
+        return lead.name if isinstance(lead, Term) else str(lead)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +136,49 @@ def _causes(top: Sequence[Scored], shares: Sequence[float], found: Found) -> lis
         new = Cause(law, signal, 0.0, one, parts, comparison, score)
         known = causes.setdefault((law, signal), new)
         causes[law, signal] = replace(known, probability=known.probability + share)
-    return sorted(causes.values(), key=lambda cause: -cause.probability)
+    ordered = sorted(causes.values(), key=lambda cause: -cause.probability)
+    return _joined(ordered, common_of(found.fits)) if ordered else []
+
+
+def _joined(causes: Sequence[Cause], common: Common) -> list[Cause]:
+    """Join laws to the effects of a catalogue that are one cause with them, which has their name.
+
+    These are laws over the same signal, and those that act alike: where the evidence of one against
+    the other, if it were true, is less than what scores of causes may differ by.
+    """
+    named = [cause for cause in causes if isinstance(cause.parts[0], NamedTerm)]
+    others = []
+    for cause in causes:
+        if cause in named:
+            continue
+        if cause.reading is not None:
+            others.append(cause)
+            continue
+        apart = {
+            k: nats
+            for k, one in enumerate(named)
+            if (nats := _apart(cause, one, common)) < WEIGHTS.temper
+            or (cause.law, cause.signal) == (one.terms[0].law, one.terms[0].signal)
+        }
+        if not apart:
+            others.append(cause)
+            continue
+        nearest = min(apart, key=lambda k: apart[k])
+        one = named[nearest]
+        named[nearest] = replace(
+            one,
+            probability=one.probability + cause.probability,
+            aliases=(*one.aliases, cause.name),
+        )
+    return sorted([*named, *others], key=lambda cause: -cause.probability)
+
+
+def _apart(cause: Cause, named: Cause, common: Common) -> float:
+    """Return the evidence that one cause would have against another if it were true, nats."""
+    ours, theirs = cause.judged.choosing, named.judged.choosing
+    noise = np.minimum(np.nanmean(ours**2, axis=0), np.nanmean(theirs**2, axis=0))
+    share = np.nanmean((ours - theirs) ** 2, axis=0) / np.maximum(noise, _LEAST)
+    return float(0.5 * np.nansum(common.left_out * share))
 
 
 def _is_plain_reading(one: Judged) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 
 from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
+from orchestration.diagnosis.catalogue import usable_effects
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import Cause, Conclusion, conclude
 from orchestration.diagnosis.extension import extended_component
@@ -311,7 +312,7 @@ def _law_model(model: Model) -> LawModel:
             f"{model.name}: {discretes[0].name} is a discrete state, which the new engine does not"
             f" run yet; {instead}"
         )
-    return LawModel(model.cls)
+    return LawModel(model.cls, usable_effects(model.cls))
 
 
 def _check_hold(model: LawModel, hold: Collection[str]) -> None:

@@ -20,7 +20,7 @@ from orchestration.diagnosis.term_names import (
     term_parameters,
     unit_of,
 )
-from orchestration.diagnosis.terms import Memory, Shape, Term
+from orchestration.diagnosis.terms import Memory, NamedTerm, Shape, Term
 
 _ADDITIONS = 4  # place of the additions to laws among the arguments of a model's functions
 
@@ -46,14 +46,17 @@ def extended_component(fitted: Fit, terms: Mapping[str, Term] | None = None) -> 
     effects = []
     values = _own_values(fitted)
     for stem, term in named.items():
-        effects.append(law_term_effect(model.cls, term.law, _law_term(fitted, stem, term)))
+        if isinstance(term, NamedTerm):
+            effects.append(model.effects[term.effect])
+        else:
+            effects.append(law_term_effect(model.cls, term.law, _law_term(fitted, stem, term)))
         values |= _term_values(fitted, stem, term)
     made = stack(model.cls, *effects, name=f"{model.cls.name}_{'extended' if named else 'fitted'}")
     declared = {p.name: p for p in made.layout.parameters}
     defaults = {n: _allowed(v, declared[n]) for n, v in values.items() if v != declared[n].start}
     made = stack(made, name=made.name, defaults=defaults)
     made.remark = "\n".join(
-        f"Added to {term.law}: {shape_text(term)}, {sentence(model.cls, term)}"
+        f"Added to {term.law or 'it'}: {shape_text(term)}, {sentence(model.cls, term)}"
         for term in named.values()
     )
     return made
@@ -73,6 +76,9 @@ def _own_values(fitted: Fit) -> dict[str, float]:
 def _term_values(fitted: Fit, stem: str, term: Term) -> dict[str, float]:
     """Return the parameters of a term, SI."""
     values = {stem: 1.0} if term.places else {}
+    if isinstance(term, NamedTerm):
+        pairs = zip(term.released, fitted.values_of(term), strict=True)
+        return {one.name: one.value(value) for one, value in pairs}
     parameters = term_parameters(fitted.problem.model.cls, stem, term)
     for one, value in zip(parameters, fitted.values_of(term), strict=True):
         values[one.name] = float(one.factor * (np.exp(value) if one.logarithmic else value))

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from threading import Lock
 
 import casadi as ca
 import numpy as np
 
-from fmus.kit import Component, UserError
+from fmus.kit import Component, Effect, UserError, stack
 from fmus.kit.arrays import Array
 from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.symbolic import PerturbedLaws
-from orchestration.diagnosis.terms import Memory, Term, TermStructure
+from orchestration.diagnosis.terms import NamedTerm, Term, TermStructure, effects_in
 
 _ENGINE = Path(__file__).with_name("free_run.c")
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
@@ -140,7 +142,15 @@ class Setting:
     @property
     def memories(self) -> int:
         """Memories of the terms, each with a state."""
-        return sum(term.memory is not Memory.NONE for term in self.terms)
+        return sum(term.has_memory for term in self.terms)
+
+    def by_term(self) -> Iterator[tuple[Term, Array]]:
+        """Yield each term with its values."""
+        at = 0
+        for term in self.terms:
+            width = term.coefficients + len(term.start)
+            yield term, self.values[at : at + width]
+            at += width
 
 
 class LawModel:
@@ -150,6 +160,8 @@ class LawModel:
     ----------
     cls : type[Component]
         Without discrete states.
+    effects : Mapping of str to type[Effect]
+        That a named term may lay over it, by name.
 
     Attributes
     ----------
@@ -166,7 +178,7 @@ class LawModel:
         If it has discrete states, whose samples a free run here does not take.
     """
 
-    def __init__(self, cls: type[Component]):
+    def __init__(self, cls: type[Component], effects: Mapping[str, type[Effect]] | None = None):
         layout = cls.layout
         if layout.discretes:
             raise UserError(
@@ -181,7 +193,18 @@ class LawModel:
         self.signals = [*own, *self.laws, "time"]
         index = layout.parameter_index
         self.start_positions = [index[layout.start_of[s.name]] for s in self.states]
+        self.effects = dict(effects or {})
+        self._stacked: dict[tuple[str, ...], StackedModel] = {}
+        self._locks: defaultdict[tuple[str, ...], Lock] = defaultdict(Lock)
         self._library = self._compiled()
+
+    def stacked(self, effects: tuple[str, ...]) -> StackedModel:
+        """Return the model with effects laid over it, compiled when they are first asked for."""
+        with self._locks[effects]:
+            if effects not in self._stacked:
+                cls = stack(self.cls, *(self.effects[name] for name in effects))
+                self._stacked[effects] = StackedModel(self, LawModel(cls))
+        return self._stacked[effects]
 
     def _compiled(self) -> ctypes.CDLL:
         """Compile the model's functions and the engine as one library."""
@@ -213,6 +236,9 @@ class LawModel:
         self, record: Record, setting: Setting, start: Array, *, sensitive: bool = False
     ) -> Course | None:
         """Run freely over a record from start states (nx,), SI; None if it leaves all bounds."""
+        effects = effects_in(setting.terms)
+        if effects:
+            return self.stacked(effects).run(record, setting, start, sensitive=sensitive)
         n = len(record.time)
         columns = len(setting.free) + len(setting.values) + len(self.states)
         outputs = np.empty((n, len(self.outputs)))
@@ -227,6 +253,9 @@ class LawModel:
 
     def linearise(self, record: Record, setting: Setting, course: Course) -> Linearisation:
         """Linearise along a course."""
+        effects = effects_in(setting.terms)
+        if effects:
+            return self.stacked(effects).linearise(record, setting, course)
         n, ny, nl = len(record.time), len(self.outputs), len(self.laws)
         nx = len(self.states) + setting.memories
         assert course.states.shape == (n, nx), "the course is of other terms"
@@ -286,11 +315,7 @@ class LawModel:
         step = max(1, len(record.time) // 20)
         thin = Course(course.outputs, course.slopes, course.states[::step])
         slopes = self.linearise(record.part(0, len(record.time), step), setting, thin).rates
-        matrices = slopes[:, :, slopes.shape[2] - slopes.shape[1] :]
-        finite = matrices[np.isfinite(matrices).all(axis=(1, 2))]
-        fastest = np.abs(np.linalg.eigvals(finite)).max(initial=0.0)
-        wanted = np.ceil(np.diff(record.time).max() * fastest / _STEP)
-        return int(np.clip(wanted, 1, _MOST_STEPS))
+        return steps_of(slopes, record)
 
     @cached_property
     def measured_states(self) -> dict[int, int]:
@@ -304,6 +329,157 @@ class LawModel:
     def nominal_states(self) -> Array:
         """Typical magnitudes of the states, SI."""
         return np.array([abs(s.nominal) for s in self.states], dtype=float)
+
+
+class StackedModel:
+    """A model with effects of its catalogue, for settings with named terms.
+
+    The parameters of the effects are values of named terms. Their states begin where they are
+    declared, in equilibrium, and are not searched.
+
+    Parameters
+    ----------
+    base : LawModel
+    stacked : LawModel
+        Compiled with the effects.
+    """
+
+    def __init__(self, base: LawModel, stacked: LawModel):
+        self.base = base
+        self.stacked = stacked
+        place = {p.name: i for i, p in enumerate(stacked.parameters)}
+        self._place = place
+        self._parameters = [place[p.name] for p in base.parameters]
+        names = [s.name for s in stacked.states]
+        own = [names.index(s.name) for s in base.states]
+        self._own = own
+        self._added = [i for i in range(len(names)) if i not in own]
+        self._known_laws = [i for i, law in enumerate(base.laws) if law in stacked.laws]
+        self._laws = [stacked.laws.index(base.laws[i]) for i in self._known_laws]
+
+    def run(
+        self, record: Record, setting: Setting, start: Array, *, sensitive: bool
+    ) -> Course | None:
+        """Run freely; see `LawModel.run`. None also if a term is of a law that an effect removes.
+
+        The states of the effects are the last ones of the course.
+        """
+        plain = self._setting(record, setting, start)
+        if plain is None:
+            return None
+        course = self.stacked.run(record, plain, self._start(plain, start), sensitive=sensitive)
+        if course is None:
+            return None
+        slopes = course.slopes
+        if sensitive:
+            columns, factors = self._columns(setting, self._own)
+            slopes = slopes[:, :, columns] * factors
+        states = np.ascontiguousarray(course.states[:, self._order(setting)])
+        return replace(course, slopes=slopes, states=states)
+
+    def linearise(self, record: Record, setting: Setting, course: Course) -> Linearisation:
+        """Linearise along a course of `run`; see `LawModel.linearise`."""
+        order = self._order(setting)
+        states = np.empty_like(course.states)
+        states[:, order] = course.states
+        plain = self._setting(record, setting, course.states[0])
+        assert plain is not None, "the course is of other terms"
+        part = self.stacked.linearise(record, plain, replace(course, states=states))
+        columns, factors = self._columns(setting, order)
+        nl = len(self.base.laws)
+        n, ny = part.outputs.shape[:2]
+        rates_by_laws = np.zeros((n, len(order), nl))
+        inner = np.zeros((n, len(order), len(self.stacked.laws)))
+        inner[:, : len(self.stacked.states)] = part.rates_by_laws
+        rates_by_laws[:, :, self._known_laws] = inner[:, order][:, :, self._laws]
+        outputs_by_laws, laws = np.zeros((n, ny, nl)), np.zeros((n, nl))
+        outputs_by_laws[:, :, self._known_laws] = part.outputs_by_laws[:, :, self._laws]
+        laws[:, self._known_laws] = part.laws[:, self._laws]
+        rates = part.rates[:, order][:, :, columns] * factors
+        return replace(
+            part,
+            rates=rates,
+            outputs=part.outputs[:, :, columns] * factors,
+            rates_by_laws=rates_by_laws,
+            outputs_by_laws=outputs_by_laws,
+            laws=laws,
+        )
+
+    def _setting(self, record: Record, setting: Setting, start: Array) -> Setting | None:
+        """Return a setting of the stacked model, whose effects have values of the named terms."""
+        parameters = np.array([float(p.start) for p in self.stacked.parameters])
+        parameters[self._parameters] = setting.parameters
+        free = [self._parameters[i] for i in setting.free]
+        terms, values = [], []
+        for term, own in setting.by_term():
+            if isinstance(term, NamedTerm):
+                for one, coordinate in zip(term.released, own, strict=True):
+                    parameters[self._place[one.name]] = one.value(coordinate)
+                    free.append(self._place[one.name])
+            elif {term.law, term.signal, term.factor} - {"", *self.stacked.signals}:
+                return None
+            else:
+                terms.append(term)
+                values.append(own)
+        plain = replace(
+            setting,
+            parameters=parameters,
+            free=np.array(free, dtype=int),
+            terms=tuple(terms),
+            values=np.concatenate([np.zeros(0), *values]),
+        )
+        return replace(plain, substeps=self._substeps(record, plain, start))
+
+    def _substeps(self, record: Record, setting: Setting, start: Array) -> int:
+        """Return the steps between two samples that the effects ask for at the start."""
+        if not self._added or len(record.time) < 2:
+            return setting.substeps
+        bare = replace(setting, terms=(), values=np.zeros(0), free=setting.free[:0])
+        states = self._start(bare, start)[np.newaxis]
+        none = np.zeros((0, 0, 0))
+        first = Course(np.zeros((1, len(self.base.outputs))), none, states)
+        part = self.stacked.linearise(record.part(0, 1), bare, first)
+        return max(setting.substeps, steps_of(part.rates, record))
+
+    def _start(self, setting: Setting, start: Array) -> Array:
+        """Return the start states: given ones, and declared ones of the effects."""
+        stacked = setting.parameters[self.stacked.start_positions].copy()
+        stacked[self._own] = start[: len(self._own)]
+        return stacked
+
+    def _order(self, setting: Setting) -> list[int]:
+        """Return places of the states: of the model, memories of terms, and of the effects."""
+        first = len(self.stacked.states)
+        memories = sum(term.has_memory for term in setting.terms)
+        return [*self._own, *range(first, first + memories), *self._added]
+
+    def _columns(self, setting: Setting, states: Sequence[int]) -> tuple[list[int], Array]:
+        """Return the columns of derivatives in the order of the base, and their factors."""
+        p = len(setting.free)
+        released = sum(len(t.released) for t in setting.terms if isinstance(t, NamedTerm))
+        columns, factors = list(range(p)), [1.0] * p
+        at_named, at_plain = p, p + released
+        for term, own in setting.by_term():
+            if isinstance(term, NamedTerm):
+                columns += range(at_named, at_named + len(own))
+                pairs = zip(term.released, own, strict=True)
+                factors += [one.slope(coordinate) for one, coordinate in pairs]
+                at_named += len(own)
+            else:
+                columns += range(at_plain, at_plain + len(own))
+                factors += [1.0] * len(own)
+                at_plain += len(own)
+        columns += [at_plain + i for i in states]
+        return columns, np.array(factors + [1.0] * len(states))
+
+
+def steps_of(rates: Array, record: Record) -> int:
+    """Return the steps between two samples for derivatives of rates; see `Linearisation`."""
+    matrices = rates[:, :, rates.shape[2] - rates.shape[1] :]
+    finite = matrices[np.isfinite(matrices).all(axis=(1, 2))]
+    fastest = np.abs(np.linalg.eigvals(finite)).max(initial=0.0)
+    wanted = np.ceil(np.diff(record.time).max() * fastest / _STEP)
+    return int(np.clip(wanted, 1, _MOST_STEPS))
 
 
 def _doubles(array: Array) -> ctypes._Pointer[ctypes.c_double]:

@@ -84,6 +84,8 @@ def _add_causes(page: Page, diagnosis: Diagnosis) -> None:
     head = [capitalised(title) for title in terminal.GROUP_HEAD]
     rows = [[format_quantities(cell) for cell in row] for row in terminal.group_rows(diagnosis)]
     page.table(head, rows)
+    for line in wording.alias_lines(diagnosis):
+        page.text(line)
     bars = []
     for rung, (count, added, error) in zip(
         diagnosis.ladder, terminal.ladder_rows(diagnosis), strict=True

@@ -55,7 +55,10 @@ def respond(
     """
     nx = part.rates.shape[1]
     own = part.rates.shape[2] - nx
-    transitions = _transitions(part, np.diff(record.time))
+    transitions, driven_by = steps_along(part, np.diff(record.time))
+    by_own = driven_by @ _finite(part.rates[:, :, :own])
+    rows = part.rates_by_laws.shape[1]  # memories of terms have no laws
+    by_laws = driven_by[:, :, :rows] @ _finite(part.rates_by_laws)
     between = drive[:-1]
     if any(record.smooth):
         between = 0.5 * (drive[:-1] + drive[1:])
@@ -70,27 +73,42 @@ def respond(
             seen[:, :own] += part.outputs[k][:, :own]
             free.append(seen)
         if nx and k < len(transitions):
-            row = transitions[k][:nx]
-            state = row[:, :nx] @ state + row[:, nx + own :][:, law_of] * between[k]
-            other = row[:, :nx] @ other
-            other[:, :own] += row[:, nx : nx + own]
+            state = transitions[k] @ state + by_laws[k][:, law_of] * between[k]
+            other = transitions[k] @ other
+            other[:, :own] += by_own[k]
     nuisance = np.array(free)
     return Response(np.array(driven), nuisance[:, :, :own], nuisance[:, :, own:])
 
 
-def _transitions(part: Linearisation, steps: Array) -> Array:
-    """Return, for each step, the exponential of states, coordinates and additions to laws."""
-    n, nx = len(steps), part.rates.shape[1]
-    own = part.rates.shape[2] - nx
-    width = part.rates.shape[2] + part.laws.shape[1]
-    whole = np.zeros((n, width, width))
+def steps_along(part: Linearisation, durations: Array) -> tuple[Array, Array]:
+    """Return what each step makes of the states, and of additions to their rates.
+
+    Parameters
+    ----------
+    part : Linearisation
+        Along a course of n samples.
+    durations : ndarray, shape (n - 1,)
+        Seconds.
+
+    Returns
+    -------
+    transitions, driven : ndarray, shape (n - 1, nx, nx)
+        ``exp(A h)`` and ``h phi_1(A h)``, from one exponential (Van Loan: Computing integrals
+        involving the matrix exponential, IEEE Transactions on Automatic Control 23, 1978).
+    """
+    n, nx = len(durations), part.rates.shape[1]
     if not n or not nx:
-        return whole
-    whole[:, :nx, :nx] = part.rates[:-1, :, own:]
-    whole[:, :nx, nx : nx + own] = part.rates[:-1, :, :own]
-    whole[:, : part.rates_by_laws.shape[1], nx + own :] = part.rates_by_laws[:-1]
-    whole = np.nan_to_num(whole * steps[:, None, None], posinf=0.0, neginf=0.0)
-    return np.concatenate([expm(block) for block in np.array_split(whole, max(1, n // _BLOCK))])
+        return np.zeros((n, nx, nx)), np.zeros((n, nx, nx))
+    whole = np.zeros((n, 2 * nx, 2 * nx))
+    whole[:, :nx, :nx] = part.rates[:-1, :, part.rates.shape[2] - nx :]
+    whole[:, :nx, nx:] = np.eye(nx)
+    whole = np.nan_to_num(whole * durations[:, None, None], posinf=0.0, neginf=0.0)
+    steps = np.concatenate([expm(block) for block in np.array_split(whole, max(1, n // _BLOCK))])
+    return steps[:, :nx, :nx], steps[:, :nx, nx:]
+
+
+def _finite(columns: Array) -> Array:
+    return np.nan_to_num(columns[:-1], posinf=0.0, neginf=0.0)
 
 
 @dataclass(frozen=True, eq=False)

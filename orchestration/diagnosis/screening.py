@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmus.kit.arrays import Array
+from orchestration.diagnosis.catalogue import named_terms
 from orchestration.diagnosis.comparison import words
 from orchestration.diagnosis.fitting import (
     Fit,
@@ -24,7 +25,7 @@ from orchestration.diagnosis.fitting import (
 from orchestration.diagnosis.law_model import Course, LawModel, Linearisation, Record
 from orchestration.diagnosis.responses import Projection, Response, respond
 from orchestration.diagnosis.signals import Seen, distinct, seen
-from orchestration.diagnosis.terms import Memory, Shape, Term
+from orchestration.diagnosis.terms import Memory, NamedTerm, Shape, Term
 
 _PLAIN = (
     Shape.LINEAR,
@@ -59,7 +60,15 @@ _RIDGE = 1e-2  # prior precision of a coefficient
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A term with its drive (n, coefficients), SI of its law, and the prior of its words, nats."""
+    """A term with the prior of its words, nats.
+
+    Attributes
+    ----------
+    term : Term
+    drive : ndarray, shape (n, coefficients)
+        SI of its law; for a named term the response (n, ny) of the outputs, SI.
+    prior : float
+    """
 
     term: Term
     drive: Array
@@ -74,7 +83,13 @@ class Screen:
     candidates : list of Candidate
     """
 
-    def __init__(self, fitted: Fit, pieces: Sequence[Record], starts: Sequence[Array]):
+    def __init__(
+        self,
+        fitted: Fit,
+        pieces: Sequence[Record],
+        starts: Sequence[Array],
+        named: bool = False,
+    ):
         problem = replace(fitted.problem, records=tuple(pieces), starts=())
         self.fitted = fitted
         setting = problem.setting(fitted.point, fitted.terms)
@@ -92,7 +107,11 @@ class Screen:
         laws = np.concatenate([part.laws for part in parts])
         times = [r.time for r in pieces]
         self.candidates = list(_candidates(model, classes, signals, laws, times))
-        self.ends = np.cumsum([0, *(c.drive.shape[1] for c in self.candidates)])
+        if named:
+            at = problem.parameters(fitted.point.q)
+            effects = named_terms(model, at, pieces, courses, parts, problem.spread)
+            self.candidates += [Candidate(one.term, one.response, 0.0) for one in effects]
+        self.ends = np.cumsum([0, *(c.term.coefficients for c in self.candidates)])
         self._columns = self._projected(problem, pieces, parts)
         rest = self._columns.remaining
         self.effective = effective_samples(rest) if len(rest) else 1.0
@@ -103,21 +122,26 @@ class Screen:
         """Respond to all drives piece by piece, whiten the rows, and project the others out."""
         samples = [len(r.time) for r in pieces]
         stride = max(1, int(np.ceil(sum(samples) * len(problem.model.outputs) / _ROWS)))
-        positions = [problem.model.laws.index(c.term.law) for c in self.candidates]
-        law_of = np.repeat(positions, np.diff(self.ends))
         ends = np.cumsum(samples)[:-1]
-        drives = np.split(np.hstack([c.drive for c in self.candidates]), ends)
+        laws = [c for c in self.candidates if not isinstance(c.term, NamedTerm)]
+        drives = np.split(np.hstack([c.drive for c in laws]), ends)
+        positions = [problem.model.laws.index(c.term.law) for c in laws]
+        law_of = np.repeat(positions, [c.term.coefficients for c in laws])
+        effects = np.split(self._effects(sum(samples), len(problem.spread)), ends)
         roots = [np.sqrt(weight * stride) for weight in weights_of(self.errors)]
         rows = []
         for i, root in enumerate(roots):
             response = respond(pieces[i], parts[i], drives[i], law_of, stride)
+            columns = np.dstack([response.to_drives, effects[i][::stride]])
             free = self._nuisance(response, i, len(pieces))
-            sized = [_rows(a, root / problem.spread) for a in (response.to_drives, free)]
+            sized = [_rows(a, root / problem.spread) for a in (columns, free)]
             rows.append((*sized, (self.errors[i][::stride] * root).ravel()))
-        columns, others, target = (np.concatenate(kind) for kind in zip(*rows, strict=True))
-        present = np.isfinite(target)
-        columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0
-        return Projection(target[present], columns[present], others[present])
+        return _projection(*(np.concatenate(kind) for kind in zip(*rows, strict=True)))
+
+    def _effects(self, samples: int, outputs: int) -> Array:
+        """Return the responses (n, ny, c) of named terms, which are the last candidates."""
+        named = [c.drive for c in self.candidates if isinstance(c.term, NamedTerm)]
+        return np.dstack([np.zeros((samples, outputs, 0)), *(d[:, :, None] for d in named)])
 
     def _nuisance(self, response: Response, piece: int, pieces: int) -> Array:
         """Return the columns (m, ny, o) of what is fitted anyway, in prior deviations.
@@ -232,6 +256,14 @@ class Screen:
                 for triple in triples:
                     keep(triple, self.value(triple))
         return sorted(best.values(), reverse=True)
+
+
+def _projection(columns: Array, others: Array, target: Array) -> Projection:
+    """Return a projection of the rows that were measured; a column that runs away is zero."""
+    present = np.isfinite(target)
+    columns = columns[present]
+    columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0
+    return Projection(target[present], columns, others[present])
 
 
 def _rows(columns: Array, sizes: Array) -> Array:

@@ -26,12 +26,13 @@ from orchestration.diagnosis.misreadings import misreadings
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.screening import Screen, other_shapes
 from orchestration.diagnosis.subject import Subject
-from orchestration.diagnosis.terms import Term
+from orchestration.diagnosis.terms import NamedTerm, Term, effects_in
 
 _PIECES = (1, 8, 40)  # of a record, of the courses along which terms are proposed
 _QUOTAS = {1: {1: 5, 2: 5, 3: 3}, 8: {1: 4, 2: 4, 3: 2}, 40: {1: 4, 2: 4, 3: 2}}
 _OF_READING = {1: {1: 3, 2: 2}}  # the same of a file that is read in another way
 _SECOND = {1: 4, 2: 2}  # sets that are fitted around each of the best, by terms added
+_NAMED = {1: 6, 2: 4}  # sets with an effect of the catalogue, beside those without
 _LEADS = 2  # sets of one size with the same first term
 _BEST = 3  # fits around which a second round goes
 _MOST_TERMS = 3
@@ -177,7 +178,7 @@ class _Rounds:
         problem = fitted.problem
         try:
             if count == 1:
-                return Screen(fitted, problem.records, fitted.point.starts)
+                return Screen(fitted, problem.records, fitted.point.starts, named=True)
             pieces, starts = _pieces(fitted, count)
             return Screen(fitted, pieces, starts) if pieces else None
         except FloatingPointError:
@@ -250,7 +251,7 @@ class _Rounds:
         asked = []
         for one in self.found.best(_SHAPES):
             for term in one.terms:
-                if not term.signal:
+                if not term.signal or isinstance(term, NamedTerm):
                     continue
                 for other in other_shapes(term):
                     terms = tuple(other if t == term else t for t in one.terms)
@@ -309,17 +310,20 @@ def _by_quota(
         first = max(chosen, key=lambda i: screen.value([i]))
         lead = size, screen.candidates[first].term.source
         timed = any(t.signal == "time" for t in terms)
+        is_named = bool(effects_in(terms))
+        own = _NAMED if is_named else quota
+        kind = size, "named" if is_named else "laws"
         if (
-            size not in quota
+            size not in own
             or value <= _WORTH
-            or taken.get(size, 0) >= quota[size]
+            or taken.get(kind, 0) >= own[size]
             or taken.get(lead, 0) >= _LEADS
             or (timed and taken.get((size, "time"), 0) >= 1)
             or any(t.source in sources for t in terms)
         ):
             continue
         taken[lead] = taken.get(lead, 0) + 1
-        key = (size, "time") if timed else size
+        key = (size, "time") if timed else kind
         taken[key] = taken.get(key, 0) + 1
         yield chosen
 

@@ -14,7 +14,7 @@ from fmus.kit.curves import per
 from fmus.kit.symbolic import list_laws
 from fmus.kit.titles import in_words, law_title, within_sentence
 from orchestration.diagnosis.fitting import Fit, final_curvature
-from orchestration.diagnosis.terms import Memory, Shape, Term
+from orchestration.diagnosis.terms import Memory, NamedTerm, Shape, Term
 from orchestration.identify.uncertainty import Estimate
 
 _UNDETERMINED = 0.7  # of its prior deviation, from which on a coordinate is not determined
@@ -76,6 +76,9 @@ def stems(terms: Sequence[Term]) -> dict[str, Term]:
     """Return terms by names that can stand in a component: ``friction_of_velocity``."""
     named: dict[str, Term] = {}
     for term in terms:
+        if isinstance(term, NamedTerm):
+            named[_identifier(term.effect)] = term
+            continue
         remembered = "" if term.memory is Memory.NONE else f"_{term.memory.name.lower()}"
         stem = f"{term.law}_of_{term.signal}{remembered}" if term.signal else f"{term.law}_offset"
         number = 1 + sum(name.rpartition("_no_")[0] == stem or name == stem for name in named)
@@ -83,8 +86,18 @@ def stems(terms: Sequence[Term]) -> dict[str, Term]:
     return named
 
 
+def _identifier(effect: str) -> str:
+    """Return the name of an effect as an identifier."""
+    return effect.replace("(", "_of_").replace(", ", "_of_").rstrip(")")
+
+
 def term_parameters(cls: type[Component], stem: str, term: Term) -> list[TermParameter]:
     """Return the parameters of a term in the order of its values in a fit."""
+    if isinstance(term, NamedTerm):
+        return [
+            TermParameter(one.name, one.scale.size, one.scale.logarithmic, one.unit)
+            for one in term.released
+        ]
     unit = unit_of(cls, term.law)
     if term.factor:
         below = unit_of(cls, term.factor)
@@ -214,6 +227,8 @@ def _start_states(fitted: Fit, deviation: Array) -> dict[str, Estimate]:
 
 def shape_text(term: Term) -> str:
     """Return the function of a term as a formula."""
+    if isinstance(term, NamedTerm):
+        return term.formula
     text = FORMS[term.shape].text
     if term.middle:
         text = text.replace("x", f"(x - {term.middle:.3g})")
@@ -227,6 +242,8 @@ def memory_text(term: Term) -> str:
 
 def sentence(cls: type[Component], term: Term) -> str:
     """Return a term for people: ``friction over velocity``."""
+    if isinstance(term, NamedTerm):
+        return within_sentence(term.title or in_words(term.effect))
     law = within_sentence(law_title(cls, term.law))
     if not term.signal:
         return f"an offset of {law}"

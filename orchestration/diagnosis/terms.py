@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 
 from fmus.kit.arrays import Array
+from orchestration.identify.fitting import Scale
 
 KNOTS = 9  # of a curve at most, as in free_run.c
 
@@ -128,9 +130,19 @@ class Term:
         return self.coefficients - (self.shape is Shape.CURVE) + len(self.start)
 
     @property
+    def has_memory(self) -> bool:
+        """Whether it has a state."""
+        return self.memory is not Memory.NONE
+
+    @property
     def cause(self) -> tuple[str, str]:
         """Law and signal, by which a cause is named."""
         return self.law, self.signal
+
+    @property
+    def name(self) -> str:
+        """Name in a list of causes."""
+        return f"{self.law}({self.signal})"
 
     @property
     def source(self) -> tuple[str, str, Memory, bool]:
@@ -160,3 +172,86 @@ class Term:
             seen = f"{self.memory.name.lower()} of {seen} [{constants}]"
         times = f" * {self.factor}" if self.factor else ""
         return f"{self.law} += {self.shape.name.lower()}({seen}){times}"
+
+
+@dataclass(frozen=True)
+class Released:
+    """A parameter of an effect that is searched.
+
+    Attributes
+    ----------
+    name, unit : str
+    scale : Scale
+        Its map to a searched coordinate.
+    low, high : float
+        Ends of its range, SI.
+    """
+
+    name: str
+    unit: str
+    scale: Scale
+    low: float
+    high: float
+
+    def value(self, coordinate: float) -> float:
+        """Return the SI value at a searched coordinate, within the range."""
+        return float(np.clip(self.scale.value(coordinate), self.low, self.high))
+
+    def slope(self, coordinate: float) -> float:
+        """Return d value / d coordinate: zero beyond the range."""
+        inside = self.low <= self.scale.value(coordinate) <= self.high
+        return self.scale.slope(coordinate) if inside else 0.0
+
+
+@dataclass(frozen=True)
+class NamedTerm(Term):
+    """An effect of a catalogue: a class laid over the model, whose parameters are searched.
+
+    Its law and signal are those that the effect declares. Its coefficient is the parameter that
+    switches it, in a size that moves the outputs by about their spread; its constants are where a
+    search of its other parameters starts, SI.
+
+    Attributes
+    ----------
+    effect, title, formula : str
+        Name in the catalogue, name for people, and the function as the effect declares it.
+    family : str
+        What effects that are one cause in several shapes have in common; else their name.
+    released : tuple of Released
+        The switch, then its other parameters.
+    """
+
+    effect: str = ""
+    title: str = ""
+    formula: str = ""
+    family: str = ""
+    released: tuple[Released, ...] = ()
+
+    @property
+    def start(self) -> Array:
+        """Where a search starts, but for the switch."""
+        pairs = zip(self.constants, self.released[1:], strict=True)
+        return np.array([one.scale.position(value) for value, one in pairs], dtype=float)
+
+    @property
+    def cause(self) -> tuple[str, str]:
+        """Family, of which the shapes are one cause."""
+        return self.family, ""
+
+    @property
+    def name(self) -> str:
+        """Name in the catalogue."""
+        return self.effect
+
+    @property
+    def source(self) -> tuple[str, str, Memory, bool]:
+        """The effect, whatever its constants."""
+        return self.effect, "", Memory.NONE, False
+
+    def __str__(self) -> str:
+        return self.effect
+
+
+def effects_in(terms: Sequence[Term]) -> tuple[str, ...]:
+    """Return the effects of named terms, sorted."""
+    return tuple(sorted(term.effect for term in terms if isinstance(term, NamedTerm)))

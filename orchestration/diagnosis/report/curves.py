@@ -11,7 +11,7 @@ from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import Course
-from orchestration.diagnosis.terms import Memory, Term
+from orchestration.diagnosis.terms import Memory, NamedTerm, Term
 from orchestration.reporting import pictures
 
 _POINTS = 200  # of a curve
@@ -105,7 +105,7 @@ def term_curves(fitted: Fit, terms: dict[str, Term]) -> dict[str, TermCurve]:
     """Return the curve of every term that has a signal, over what the fitted records reached."""
     curves = {}
     for name, term in terms.items():
-        if not term.signal:
+        if not term.signal or isinstance(term, NamedTerm):
             continue
         samples = _samples(fitted, term)
         low, high = np.quantile(samples, [_OUTSIDE, 1.0 - _OUTSIDE])

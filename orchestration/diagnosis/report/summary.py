@@ -84,6 +84,7 @@ def cause_figures(diagnosis: Diagnosis, cause: Cause) -> dict[str, Any]:
         "probability": float(cause.probability),
         **first,
         "with": others,
+        "aliases": list(cause.aliases),
         "error": diagnosis.error(cause.judged),
     }
 

@@ -30,6 +30,7 @@ def overview(diagnosis: Diagnosis) -> Group:
     if diagnosis.causes:
         named = "causes" if diagnosis.is_named else "best guesses"
         parts += [Text(), _table(named, GROUP_HEAD, group_rows(diagnosis), (0, 5))]
+        parts += [Text(f"  {line}") for line in wording.alias_lines(diagnosis)]
         parts += [Text(), _table("error by terms", LADDER_HEAD, ladder_rows(diagnosis), (2,))]
     parts += [Text(), _table("what is left", REMAINDER_HEAD, remainder_rows(diagnosis), (1, 2, 4))]
     parts += [Text(), _table("parameters", PARAMETER_HEAD, parameter_rows(diagnosis), (1, 3))]

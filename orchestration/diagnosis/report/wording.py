@@ -49,15 +49,24 @@ def part_text(diagnosis: Diagnosis, part: Reading | Term) -> str:
 
 
 def name(part: Reading | Term) -> str:
-    """Return the name of a part of a cause, ``LAW(SIGNAL)``."""
-    law, signal = part.cause
-    return f"{law}({signal})"
+    """Return the name of a part of a cause: ``LAW(SIGNAL)``, or that of an effect."""
+    return part.name if isinstance(part, Term) else str(part)
 
 
 def files(diagnosis: Diagnosis) -> str:
     """Return the names of the files of a diagnosis."""
     records = (*diagnosis.records, *diagnosis.holdouts)
     return _listed(list(dict.fromkeys(record.source.name for record in records)))
+
+
+def alias_lines(diagnosis: Diagnosis) -> list[str]:
+    """Return a sentence for each effect of the catalogue that acts like laws."""
+    return [
+        f"{', '.join(cause.aliases)} acts like {cause_text(diagnosis, cause)} on this record, and"
+        " is counted with it."
+        for cause in diagnosis.causes
+        if cause.aliases
+    ]
 
 
 def headline(diagnosis: Diagnosis) -> str:

@@ -137,3 +137,15 @@ def test_a_model_that_runs_away_is_asked_in_other_readings(misfit: float, told: 
     problem = subject.problem
     found = reading_that_runs(problem.model, problem.records, subject_as)
     assert (found and found.unit) == told
+
+
+def test_a_unit_that_changes_parameters_alone_is_told_by_these() -> None:
+    """A force that is read a thousand times too large is that of a mass as many times heavier."""
+    diagnosis = diagnosed(columns(force=1e3 * RIGHT.signals["force"]))
+    found = diagnosis.found
+    assert diagnosis.verdict == "cause"
+    (cause,) = diagnosis.causes
+    assert cause.name == "reading_unit(force)"
+    assert cause.reading is not None
+    assert cause.reading.unit == "in mN"
+    assert diagnosis.final.fit.misfit == pytest.approx(found.base.fit.misfit, rel=0.05)

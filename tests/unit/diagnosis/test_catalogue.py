@@ -1,0 +1,142 @@
+"""Claims: the effects of a catalogue are proposed, named, and one cause with laws alike."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fmus.kit.arrays import Array
+from orchestration.diagnosis import Found, Shape, Term
+from orchestration.diagnosis.catalogue import named_terms, usable_effects
+from orchestration.diagnosis.comparison import Judged
+from orchestration.diagnosis.conclude import conclude
+from orchestration.diagnosis.extension import extended_component
+from orchestration.diagnosis.law_model import Setting
+from orchestration.diagnosis.screening import Screen
+from orchestration.diagnosis.search import search
+from orchestration.diagnosis.subject import subject_of
+from orchestration.diagnosis.terms import NamedTerm
+from orchestration.fmu import find_model
+from tests.support.diagnosed_tank import AREA, DRAIN, START, drawn, tank
+
+SPREAD = np.array([0.5, 0.3])
+RNG = np.random.default_rng(3)
+WHITE, SEEN = RNG.standard_normal((300, 1)), RNG.standard_normal((200, 1))
+
+
+def proposed() -> list:
+    record = drawn()
+    parameters = np.array([AREA, DRAIN, START])
+    setting = Setting(parameters, np.array([0, 1]), substeps=4)
+    course = tank().run(record, setting, np.array([START]))
+    assert course is not None
+    part = tank().linearise(record, setting, course)
+    return list(named_terms(tank(), parameters, [record], [course], [part], SPREAD))
+
+
+def test_the_response_at_null_is_that_of_small_runs() -> None:
+    silting = [one for one in proposed() if one.term.effect == "silting"]
+    assert len({one.term.constants for one in silting}) > 1, "several time constants are tried"
+    base = drawn().outputs
+    for one in silting:
+        size = one.term.released[0].scale.size
+        h = 1e-3
+        moved = drawn(silt=h * size, time=one.term.constants[0]).outputs
+        expected = (moved - base) / h
+        gap = np.sqrt(np.mean(((one.response - expected) / SPREAD) ** 2))
+        assert gap < 0.03
+        assert np.sqrt(np.mean((one.response / SPREAD) ** 2)) == pytest.approx(1.0)
+
+
+def test_an_effect_whose_response_vanishes_at_null_is_proposed_by_its_size() -> None:
+    swirl = [one for one in proposed() if one.term.effect == "swirl"]
+    assert swirl
+    assert all(np.isfinite(one.response).all() for one in swirl)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_outputs_that_were_not_measured_do_not_hide_what_is_proposed() -> None:
+    record = drawn(silt=0.4, noise=1e-3)
+    outputs = record.outputs.copy()
+    outputs[:, 1] = np.nan
+    subject = subject_of(tank(), [replace(record, outputs=outputs)])
+    assert subject is not None
+    fitted = subject.base
+    screen = Screen(fitted, fitted.problem.records, fitted.point.starts, named=True)
+    value, _ = screen.propose(1)[0]
+    assert value > 3.0
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search over a few laws beside the catalogue."""
+    from orchestration.diagnosis import screening
+
+    monkeypatch.setattr(screening, "_PLAIN", (Shape.LINEAR, Shape.CUBE))
+    monkeypatch.setattr(screening, "_REMEMBERED", {})
+    monkeypatch.setattr(screening, "_FACTOR", ())
+    monkeypatch.setattr("orchestration.diagnosis.search._PIECES", (1,))
+    monkeypatch.setattr("orchestration.diagnosis.search.other_shapes", lambda term: ())
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few")
+def test_a_hidden_effect_is_named_with_its_size() -> None:
+    subject = subject_of(tank(), [drawn(240, silt=0.4, time=5.0, noise=2e-3)])
+    assert subject is not None
+    found = search(subject)
+    assert found is not None
+    conclusion = conclude(found)
+    assert conclusion.verdict == "cause"
+    cause = conclusion.causes[0]
+    assert cause.name == "silting"
+    made = extended_component(cause.judged.fit)
+    values = {p.name: p.start for p in made.layout.parameters}
+    assert values["silt"] == pytest.approx(0.4, rel=0.1)
+    assert values["silt_time"] == pytest.approx(5.0, rel=0.2)
+
+
+def judged(errors: Array, *terms: Term) -> Judged:
+    fit = SimpleNamespace(
+        errors=(0.5 * WHITE,), terms=terms, misfit=0.5, distance=0.0, freedom=len(terms)
+    )
+    return Judged(fit, errors, errors, 0.0)
+
+
+NAMED = NamedTerm("drained", "height", Shape.LINEAR, effect="swirl", family="swirl")
+ELSEWHERE = Term("inlet", "inflow", Shape.CUBE)
+
+
+def concluded(*fits: Judged):
+    base = SimpleNamespace(errors=(WHITE,), terms=(), misfit=1.0, distance=0.0, freedom=0)
+    return conclude(Found(None, Judged(base, SEEN, SEEN, 0.0), list(fits)))
+
+
+def test_a_law_that_acts_like_an_effect_is_one_cause_with_it() -> None:
+    alike = 0.5 * SEEN + 0.01 * RNG.standard_normal((200, 1))
+    conclusion = concluded(judged(alike, ELSEWHERE), judged(0.5 * SEEN, NAMED))
+    assert conclusion.verdict == "cause"
+    assert [c.name for c in conclusion.causes] == ["swirl"]
+    assert conclusion.causes[0].aliases == ("inlet(inflow)",)
+
+
+def test_a_law_that_acts_otherwise_is_a_rival() -> None:
+    other = 0.5 * RNG.permutation(SEEN)
+    conclusion = concluded(judged(other, ELSEWHERE), judged(0.5 * SEEN, NAMED))
+    assert {c.name for c in conclusion.causes} == {"swirl", "inlet(inflow)"}
+
+
+def test_a_law_over_the_signal_of_an_effect_is_one_cause_with_it() -> None:
+    other = 0.5 * RNG.permutation(SEEN)
+    law = Term("drained", "height", Shape.ROOT)
+    conclusion = concluded(judged(other, law), judged(0.5 * SEEN, NAMED))
+    assert [c.name for c in conclusion.causes] == ["swirl"]
+
+
+def test_effects_of_random_numbers_or_discrete_states_are_none_of_a_free_run() -> None:
+    usable = usable_effects(find_model("voice_coil_dma").cls)
+    assert "coulomb_friction" in usable
+    assert not {"bridge_noise", "clock_jitter", "winding_protection"} & usable.keys()
