@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import expm
 
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.law_model import Linearisation, Record
 
-_BLOCK = 500  # steps whose exponentials are taken at once
+_SMALL = 0.5  # norm of a matrix whose series is summed
+_ORDER = 12  # of that series: the rest is below rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ def respond(
             seen[:, :own] += part.outputs[k][:, :own]
             free.append(seen)
         if nx and k < len(transitions):
-            row = transitions[k][:nx]
+            row = transitions[k]
             state = row[:, :nx] @ state + row[:, nx + own :][:, law_of] * between[k]
             other = row[:, :nx] @ other
             other[:, :own] += row[:, nx : nx + own]
@@ -79,18 +79,38 @@ def respond(
 
 
 def _transitions(part: Linearisation, steps: Array) -> Array:
-    """Return, for each step, the exponential of states, coordinates and additions to laws."""
+    """Return, for each step, what states, coordinates and additions to laws become in it."""
     n, nx = len(steps), part.rates.shape[1]
     own = part.rates.shape[2] - nx
-    width = part.rates.shape[2] + part.laws.shape[1]
-    whole = np.zeros((n, width, width))
+    drives = np.zeros((n, nx, own + part.laws.shape[1]))
     if not n or not nx:
-        return whole
-    whole[:, :nx, :nx] = part.rates[:-1, :, own:]
-    whole[:, :nx, nx : nx + own] = part.rates[:-1, :, :own]
-    whole[:, : part.rates_by_laws.shape[1], nx + own :] = part.rates_by_laws[:-1]
-    whole = np.nan_to_num(whole * steps[:, None, None], posinf=0.0, neginf=0.0)
-    return np.concatenate([expm(block) for block in np.array_split(whole, max(1, n // _BLOCK))])
+        return drives
+    drives[:, :, :own] = part.rates[:-1, :, :own]
+    drives[:, : part.rates_by_laws.shape[1], own:] = part.rates_by_laws[:-1]
+    decays = np.nan_to_num(part.rates[:-1, :, own:] * steps[:, None, None], posinf=0.0, neginf=0.0)
+    drives = np.nan_to_num(drives * steps[:, None, None], posinf=0.0, neginf=0.0)
+    moves, means = _exponential(decays)
+    return np.dstack([moves, means @ drives])
+
+
+def _exponential(matrices: Array) -> tuple[Array, Array]:
+    """Return the exponential of matrices (n, k, k), and its mean from no to the whole of them.
+
+    The Taylor series of the mean, of matrices halved until they are small, and doubled again
+    (Higham: Functions of Matrices, SIAM 2008, section 10.7.4).
+    """
+    one = np.eye(matrices.shape[1])
+    largest = np.abs(matrices).sum(axis=2).max(initial=0.0)
+    halvings = int(np.ceil(np.log2(max(largest / _SMALL, 1.0))))
+    small = matrices / 2.0**halvings
+    mean = np.broadcast_to(one, matrices.shape)
+    for k in range(_ORDER, 0, -1):
+        mean = one + small @ mean / (k + 1.0)
+    whole = one + small @ mean
+    for _ in range(halvings):
+        mean = mean @ (whole + one) / 2.0
+        whole = whole @ whole
+    return whole, mean
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, single_threaded
 from orchestration.diagnosis.comparison import Comparison, Judged, common_effective, compare
 from orchestration.diagnosis.fitting import (
     SMALL,
@@ -83,6 +83,7 @@ class Found:
         return result
 
 
+@single_threaded
 def search(subject: Subject, progress: Callable[[str], None] = lambda text: None) -> Found | None:
     """Fit what the record proposes; None if the base cannot be judged.
 

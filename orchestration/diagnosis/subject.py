@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, single_threaded
 from orchestration.diagnosis.comparison import Judged, words
 from orchestration.diagnosis.fitting import (
     Fit,
@@ -156,6 +156,7 @@ def _every(record: Record, step: int) -> Record:
     return replace(record.part(0, n, step), inputs=np.ascontiguousarray(inputs))
 
 
+@single_threaded
 def subject_of(
     model: LawModel,
     records: Sequence[Record],
