@@ -9,7 +9,7 @@ of Levenberg and Marquardt (Nocedal, Wright: Numerical Optimization, section 10.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -26,7 +26,7 @@ _COEFFICIENT = 10.0  # prior deviation of a coefficient, in the size of its law
 _CONSTANT = 0.8  # prior deviation of the logarithm of a constant of a memory
 _WIDTH = 0.6  # prior deviation of the logarithm of a width
 _LONGEST = 1.5  # step of a coordinate, in prior deviations of a logarithm
-_FLAT = 1e-4  # relative fall of the cost that ends a search, twice in a row
+FLAT = 1e-4  # relative fall of the cost that ends a search, twice in a row
 _HALVINGS = 8  # of a step that does not go downhill, before a search ends
 _START_STEPS = 12  # of a fit of start states alone
 _STARTS = 3  # that are tried, of those that begin nearest to the record
@@ -341,7 +341,7 @@ class _Search:
         )
         return Point(q, point.values + step[p : self.size], starts)
 
-    def minimise(self, point: Point, most: int, flat: float = _FLAT) -> Fit | None:
+    def minimise(self, point: Point, most: int, flat: float = FLAT) -> Fit | None:
         """Search downhill from a point, for so many steps at most."""
         found = _downhill(self.evaluate, self.moved, point, most, flat)
         if found is None:
@@ -405,6 +405,7 @@ def fit(
     starts: Iterable[Point],
     weights: Sequence[Array],
     most: int = 25,
+    flat: float = FLAT,
 ) -> Fit | None:
     """Fit from the nearest of several points; that which is lowest after a few steps goes on.
 
@@ -417,6 +418,8 @@ def fit(
         Of squared errors, for each record; see `weights_of`.
     most : int
         Steps from each point.
+    flat : float
+        Relative fall of the cost that ends it, twice in a row.
 
     Returns
     -------
@@ -425,9 +428,9 @@ def fit(
     """
     search = _Search(problem, terms, weights)
     nearest = sorted(starts, key=search.cost)[:_STARTS]
-    begun = [search.minimise(point, _TRIAL) for point in nearest]
+    begun = [search.minimise(point, _TRIAL, flat) for point in nearest]
     best = min((f for f in begun if f is not None), key=lambda f: f.cost, default=None)
-    return best and search.minimise(best.point, most)
+    return best and search.minimise(best.point, most, flat)
 
 
 def nominal_point(problem: Problem, terms: Sequence[Term] = ()) -> Point:
@@ -437,9 +440,17 @@ def nominal_point(problem: Problem, terms: Sequence[Term] = ()) -> Point:
     return Point(problem.mean, np.concatenate([np.zeros(0), *values]), starts)
 
 
-def fit_base(problem: Problem) -> Fit | None:
-    """Fit the model without terms: weights from the nominal run, then from the fit itself."""
+def fit_base(problem: Problem, q: Array | None = None) -> Fit | None:
+    """Fit the model without terms: weights from the nominal run, then from the fit itself.
+
+    Parameters
+    ----------
+    problem : Problem
+    q : ndarray, shape (p,), optional
+        Where it starts; by default nominal.
+    """
     point = nominal_point(problem)
+    point = point if q is None else replace(point, q=q)
     weights = [np.ones(len(problem.spread)) * 10.0 for _ in problem.records]
     best = None
     for _ in range(3):
@@ -484,7 +495,7 @@ def fit_start(
         e, rows = e[present], rows[present]
         return 0.5 * float(e @ e + z @ z), rows.T @ rows + np.eye(nx), rows.T @ e - z, (e,)
 
-    found = _downhill(evaluate, np.add, np.zeros(nx), _START_STEPS, _FLAT)
+    found = _downhill(evaluate, np.add, np.zeros(nx), _START_STEPS, FLAT)
     return None if found is None else prior.mean + found[0] * prior.deviation
 
 

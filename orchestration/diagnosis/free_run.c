@@ -20,11 +20,12 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-enum shape { CONSTANT, LINEAR, MODULUS, SQUARE, ODD_SQUARE, CUBE, ROOT, DRY, DEAD_ZONE, ABOVE, BELOW, CURVE };
-enum memory { NONE, LAG, FADING, TWO_LAGS, RATE_LIMIT, PLAY, DAHL };
+enum shape { CONSTANT, LINEAR, MODULUS, SQUARE, ODD_SQUARE, CUBE, ROOT, DRY, DEAD_ZONE, ABOVE, BELOW, STEP, CURVE };
+enum memory { NONE, LAG, FADING, TWO_LAGS, RATE_LIMIT, PLAY, DAHL, HEAT };
 
 #define KNOTS 9
 #define ROUNDED 0.02   /* of the scale, within which a root is straight */
+#define ABRUPT 0.004   /* of the scale, within which a step is made */
 #define LARGEST 1e12   /* of a state or an output, beyond which a run has left its range */
 
 typedef struct {
@@ -104,6 +105,12 @@ static void shape_at(const term *q, int j, double z, double w, double *value, do
         *by_z = z < -w;
         *by_w = z < -w ? w : 0.0;
         break;
+    case STEP:
+        e = tanh((z - w) / ABRUPT);
+        *value = 0.5 + 0.5 * e;
+        *by_z = 0.5 * (1.0 - e * e) / ABRUPT;
+        *by_w = -w * *by_z;
+        break;
     default: {  /* CURVE: hat j of a piecewise linear curve, constant beyond its ends */
         const double *k = q->places;
         *value = *by_z = 0.0;
@@ -118,7 +125,7 @@ static void shape_at(const term *q, int j, double z, double w, double *value, do
 }
 
 static int coefficients(const term *q) { return q->shape == CURVE ? q->knots : 1; }
-static int has_width(const term *q) { return q->shape >= DRY && q->shape <= BELOW; }
+static int has_width(const term *q) { return q->shape >= DRY && q->shape <= STEP; }
 static int of_memory(const term *q) {
     return q->memory == NONE ? 0 : q->memory == TWO_LAGS || q->memory == RATE_LIMIT ? 2 : 1;
 }
@@ -179,7 +186,8 @@ static void add_terms(const double *X, const double *S, const double *u, double 
                 if (dX) dX[z] = 0.0;
                 if (dS) memset(dS + z * ns, 0, ns * sizeof(double));
             } else if (dX) {
-                double gap = s - Z, by_gap = 1.0 / tau, by_first = -gap / tau, by_second = 0.0, rate;
+                double into = q->memory == HEAT ? s * s : s, by_into = q->memory == HEAT ? 2.0 * s : 1.0;
+                double gap = into - Z, by_gap = 1.0 / tau, by_first = -gap / tau, by_second = 0.0, rate;
                 if (q->memory == TWO_LAGS && gap < 0.0) {
                     double ratio = exp(r->values[at_memory + 1]);
                     by_gap /= ratio; by_first /= ratio; by_second = -gap * by_gap;
@@ -195,14 +203,15 @@ static void add_terms(const double *X, const double *S, const double *u, double 
                 if (dS) {
                     double *to = dS + z * ns;
                     for (int j = 0; j < ns; j++) to[j] = -by_gap * sz[j];
-                    if (ds) for (int j = 0; j < ns; j++) to[j] += by_gap * ds[j];
+                    if (ds) for (int j = 0; j < ns; j++) to[j] += by_gap * by_into * ds[j];
                     dS[z * ns + r->free + at_memory] += by_first;
                     if (of_memory(q) == 2) dS[z * ns + r->free + at_memory + 1] += by_second;
                 }
             }
-            v = q->memory == FADING ? s - Z : Z;
+            int behind = q->memory == FADING || q->memory == TWO_LAGS || q->memory == RATE_LIMIT;
+            v = behind ? s - Z : Z;
             dv = sz;
-            if (sensitive && q->memory == FADING) {
+            if (sensitive && behind) {
                 for (int j = 0; j < ns; j++) k->dv[j] = (ds ? ds[j] : 0.0) - sz[j];
                 dv = k->dv;
             }
@@ -307,13 +316,13 @@ static int simulate(work *k, double *memory) {
     memcpy(X, r->start, NX * sizeof(double));
     for (int i = 0; i < NX; i++) S[i * ns + ns - NX + i] = 1.0;
     see_laws(X, r->inputs, r->time[0], 1, k);
-    for (int i = 0; i < r->terms; i++)  /* memories begin in equilibrium */
+    for (int i = 0; i < r->terms; i++)  /* memories begin in equilibrium; bristles and heat at rest */
         if (k->store[i] >= 0) {
-            int dahl = r->term[i].memory == DAHL;
+            int rests = r->term[i].memory == DAHL || r->term[i].memory == HEAT;
             const double *ds;
             double s = signal(r->term[i].signal, X, S, r->inputs, r->time[0], k, k->ds, &ds);
-            X[k->store[i]] = dahl ? 0.0 : s;
-            if (!dahl) copy(S + k->store[i] * ns, ds, ns);
+            X[k->store[i]] = rests ? 0.0 : s;
+            if (!rests) copy(S + k->store[i] * ns, ds, ns);
         }
     for (int j = 0; j < r->n; j++) {
         const double *here = r->inputs + j * NU, *next = here + NU;

@@ -41,7 +41,9 @@ _REMEMBERED = {
     Memory.FADING: (Shape.LINEAR, Shape.DRY),
     Memory.PLAY: (Shape.LINEAR,),
     Memory.DAHL: (Shape.LINEAR,),
+    Memory.HEAT: (Shape.LINEAR,),
 }
+_HEATED = (Shape.LINEAR,)
 _FACTOR = (Shape.LINEAR, Shape.SQUARE, Shape.DRY, Shape.CURVE)
 _WIDTHS = {
     Shape.DRY: (0.05, 0.4),

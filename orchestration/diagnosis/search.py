@@ -38,6 +38,7 @@ _FAR = 0.4  # prior deviations from nominal, from which on a search starts at no
 _WORTH = -5.0  # nats of evidence by the screen, below which a set is not fitted
 _STEPS, _FEWER_STEPS = 15, 12  # of a fit; of one that starts from a fit of nearly the same terms
 _LAST_STEPS = 25
+_NEARLY_FLAT = 1e-3  # fall of the cost that ends a fit before the last ones: a nat of thousands
 _SUBSETS, _SHAPES = 6, 2  # of the best fits, that are fitted with fewer terms, or other shapes
 _SHORTEST = 12  # samples of a piece
 _PIECE_WEIGHT = 0.5 / 0.1**2 / 5.0  # of squared errors of a piece: within a tenth of the spread
@@ -188,7 +189,7 @@ class _Rounds:
         subject = self.found.subject
 
         def one(job: tuple[tuple[Term, ...], list[Point]]) -> Judged | None:
-            fitted = fit(subject.problem, job[0], job[1], self._weights, most)
+            fitted = fit(subject.problem, job[0], job[1], self._weights, most, _NEARLY_FLAT)
             return None if fitted is None else subject.judge(fitted)
 
         with ThreadPoolExecutor() as pool:

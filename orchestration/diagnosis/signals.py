@@ -178,9 +178,15 @@ def _dahl(values: Array, time: Array, share: float) -> Array:
     return bristle
 
 
+def _heat(values: Array, time: Array, constant: float) -> Array:
+    rest = values[0] ** 2 * np.exp(-(time - time[0]) / constant)
+    return lagged(values**2, time, constant) - rest
+
+
 _MEMORIES: dict[Memory, Callable[[Array, Array, float], Array]] = {
     Memory.LAG: lagged,
     Memory.FADING: _faded,
     Memory.PLAY: _play,
     Memory.DAHL: _dahl,
+    Memory.HEAT: _heat,
 }
