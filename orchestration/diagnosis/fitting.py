@@ -17,7 +17,7 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.law_model import Course, LawModel, Record, Setting
-from orchestration.diagnosis.terms import Term
+from orchestration.diagnosis.terms import Shape, Term
 from orchestration.identify.fitting import Scale, scale_of
 
 _LOGARITHM = float(np.log(10.0))  # prior deviation of a positive parameter: a factor of ten
@@ -237,6 +237,16 @@ class Fit:
                 return self.point.values[at : at + width]
             at += width
         raise KeyError(str(term))
+
+
+def located(fitted: Fit) -> Fit:
+    """Return a fit whose changes at an instant are named by the instant that was fitted."""
+    terms = []
+    for term in fitted.terms:
+        is_change = term.shape is Shape.STEP
+        width = float(np.exp(fitted.values_of(term)[-1])) if is_change else term.width
+        terms.append(replace(term, width=width))
+    return replace(fitted, terms=tuple(terms))
 
 
 def weights_of(errors: Sequence[Array]) -> list[Array]:

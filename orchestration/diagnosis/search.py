@@ -18,11 +18,17 @@ from orchestration.diagnosis.fitting import (
     StartPrior,
     fit,
     fit_start,
+    located,
     nominal_point,
     weights_of,
 )
 from orchestration.diagnosis.law_model import Record
-from orchestration.diagnosis.screening import Screen, other_shapes
+from orchestration.diagnosis.screening import (
+    Screen,
+    at_other_instants,
+    other_memories,
+    other_shapes,
+)
 from orchestration.diagnosis.subject import Subject
 from orchestration.diagnosis.terms import Term
 
@@ -173,6 +179,10 @@ class _Rounds:
         if np.any(np.abs(q - problem.mean) > _FAR * problem.deviation):
             nominal = replace(nominal_point(problem), values=np.concatenate([base, *small]))
             points.append(nominal)
+        for k, term in enumerate(terms):
+            for other in at_other_instants(term):
+                instead = [*wanted[:k], other.values(wanted[k][0]), *wanted[k + 1 :]]
+                points.append(Point(moved, np.concatenate([base, *instead]), starts))
         return (*fitted.terms, *terms), points
 
     def _fit_all(
@@ -190,7 +200,7 @@ class _Rounds:
 
         def one(job: tuple[tuple[Term, ...], list[Point]]) -> Judged | None:
             fitted = fit(subject.problem, job[0], job[1], self._weights, most, _NEARLY_FLAT)
-            return None if fitted is None else subject.judge(fitted)
+            return None if fitted is None else subject.judge(located(fitted))
 
         with ThreadPoolExecutor() as pool:
             self.found.fits += [judged for judged in pool.map(one, new) if judged is not None]
@@ -214,13 +224,13 @@ class _Rounds:
         self._fit_all(asked, _FEWER_STEPS)
 
     def shapes(self) -> None:
-        """Fit the best sets with other shapes of each of their terms."""
+        """Fit the best sets with other shapes and other memories of each of their terms."""
         asked = []
         for one in self.found.best(_SHAPES):
             for term in one.terms:
                 if not term.signal:
                     continue
-                for other in other_shapes(term):
+                for other in itertools.chain(other_shapes(term), other_memories(term)):
                     terms = tuple(other if t == term else t for t in one.terms)
                     asked.append((terms, [_extended(one.fit, terms)]))
         self._fit_all(asked, _FEWER_STEPS)
@@ -253,7 +263,7 @@ def _by_quota(
         size = len(terms)
         first = max(chosen, key=lambda i: screen.value([i]))
         lead = size, screen.candidates[first].term.source
-        timed = any(t.signal == "time" for t in terms)
+        timed = any(t.is_trend for t in terms)
         if (
             size not in quota
             or value <= _WORTH

@@ -18,7 +18,7 @@ from orchestration.diagnosis.fitting import (
     fit_start,
 )
 from orchestration.diagnosis.law_model import LawModel, Record, Setting
-from orchestration.diagnosis.terms import Term
+from orchestration.diagnosis.terms import Shape, Term
 
 _PART = 2.0 / 3.0  # of a single record that is fitted
 _BEGINNING = 6  # a held-out record gives its start states in the first part of so many
@@ -80,7 +80,24 @@ class Subject:
         return Judged(fitted, np.concatenate(choosing), np.concatenate(measuring), prior)
 
     def errors(self, fitted: Fit, one: LeftOut) -> Array | None:
-        """Return the errors (m, ny) of a fit on samples that are left out, in spreads."""
+        """Return the errors (m, ny) of a fit on samples that are left out, in spreads.
+
+        A change at an instant is one of the fitted record: another was made before it or after it,
+        as its beginning says.
+        """
+        errors = None
+        least = np.inf
+        for variant in _before_and_after(fitted) if one.of is None else [fitted]:
+            whole = self._whole_errors(variant, one)
+            if whole is None:
+                continue
+            size = float(np.nansum(whole[: one.first] ** 2))
+            if size < least:
+                errors, least = whole[one.first :], size
+        return errors
+
+    def _whole_errors(self, fitted: Fit, one: LeftOut) -> Array | None:
+        """Return the errors (n, ny) of a fit on a record that is left out, from its start."""
         problem = self.problem
         setting = problem.setting(fitted.point, fitted.terms)
         start = (
@@ -91,7 +108,23 @@ class Subject:
         course = problem.model.run(one.record, setting, start)
         if course is None:
             return None
-        return ((one.record.outputs - course.outputs) / problem.spread)[one.first :]
+        return (one.record.outputs - course.outputs) / problem.spread
+
+
+def _before_and_after(fitted: Fit) -> list[Fit]:
+    """Return a fit as it is before its changes at an instant, and after them."""
+    if not any(term.shape is Shape.STEP for term in fitted.terms):
+        return [fitted]
+    terms = [replace(t, shape=Shape.CONSTANT) if t.shape is Shape.STEP else t for t in fitted.terms]
+    variants = []
+    for share in (0.0, 1.0):
+        values = [
+            share * fitted.values_of(t)[:1] if t.shape is Shape.STEP else fitted.values_of(t)
+            for t in fitted.terms
+        ]
+        point = replace(fitted.point, values=np.concatenate(values))
+        variants.append(replace(fitted, terms=tuple(terms), point=point))
+    return variants
 
 
 def depends(model: LawModel, term: Term) -> bool:
