@@ -446,7 +446,7 @@ def other_memories(term: Term) -> Iterator[Term]:
     if term.memory not in (Memory.LAG, Memory.FADING):
         return
     lag = term.constants[0]
-    kinds = [(Memory.FADING, (lag,))]
+    kinds: list[tuple[Memory, tuple[float, ...]]] = [(Memory.FADING, (lag,))]
     kinds += [(Memory.TWO_LAGS, (lag / ratio**0.5, ratio)) for ratio in (_RATIO, 1.0 / _RATIO)]
     kinds += [(Memory.RATE_LIMIT, (lag / _QUICK, rate / lag)) for rate in _RATES]
     for memory, constants in kinds:

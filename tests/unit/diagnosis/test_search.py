@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 import orchestration.diagnosis.search  # noqa: F401
+from fmus.kit.arrays import Array
 from orchestration.diagnosis import Found, Shape, Term, subject_of
 from orchestration.diagnosis.search import search
-from tests.support.diagnosed_mass import mass, pushed
+from orchestration.diagnosis.term_names import sentence
+from tests.support.diagnosed_mass import START, D, K, M, integrated, mass, pushed
 from tests.support.dry_mass import drawn, dry, nothing, outside, searched, small_search
 
 NAMES = sys.modules["orchestration.diagnosis.search"]
@@ -154,3 +156,24 @@ def test_a_whole_search_names_friction_and_nothing_else() -> None:
     assert found.compared()[0][0].terms[0].shape is Shape.DRY
     assert searched(nothing)[1].verdict == "consistent"
     assert searched(outside)[1].verdict != "cause"
+
+
+@pytest.mark.slow
+def test_a_law_that_changes_is_found_with_its_instant() -> None:
+    """The damper doubles after 4.3 s."""
+    record = pushed(400)
+
+    def rates(x: Array, u: float, t: float) -> list[float]:
+        damping = D * (2.0 if t > 4.3 else 1.0)
+        return [x[1], (u - K * x[0] - damping * x[1]) / M]
+
+    noise = 0.003 * np.random.default_rng(3).standard_normal((400, 1))
+    outputs = integrated(record, rates, START, 1e-7)[:, :1] + noise
+    subject = subject_of(mass(), [replace(record, outputs=outputs)])
+    assert subject is not None
+    found = search(subject)
+    assert found is not None
+    (term,) = found.compared()[0][0].terms
+    assert (term.law, term.shape, term.factor) == ("friction", Shape.STEP, "friction")
+    assert term.width * term.scale == pytest.approx(4.3, abs=0.3)
+    assert sentence(mass().cls, term) == f"friction changes at {term.width * term.scale:.4g} s"

@@ -148,6 +148,24 @@ def test_a_fit_that_runs_away_over_what_is_left_out_is_not_judged() -> None:
     assert subject.judge(replace(subject.base, terms=(term,), point=point)) is None
 
 
+@pytest.mark.parametrize("stiffness", [1.0, 1.5])
+def test_a_change_at_an_instant_is_before_or_after_another_record(stiffness: float) -> None:
+    """Its beginning says which; of neither a record of another stiffness is."""
+    other = pushed(240)
+    truth = (TRUTH[0], stiffness * TRUTH[1], TRUTH[2])
+    outputs = exact(other, truth, START, other.inputs[:, 0])[:, :1]
+    record = replace(other, outputs=outputs)
+    subject = made(drawn(), held_out=[record])
+    changed = Term("spring", "time", Shape.STEP, factor="spring", scale=5.0)
+    point = replace(subject.base.point, values=np.array([0.5, np.log(0.4)]))
+    errors = subject.errors(
+        replace(subject.base, terms=(changed,), point=point), subject.left_out[0]
+    )
+    base = subject.errors(subject.base, subject.left_out[0])
+    assert np.sqrt(np.mean(errors**2)) < 0.03
+    assert (np.sqrt(np.mean(base**2)) < 0.03) == (stiffness == 1.0)
+
+
 def test_a_law_depends_on_its_signals() -> None:
     model = mass()
     assert depends(model, Term("spring", "x", Shape.CUBE))
