@@ -24,13 +24,12 @@ SAMPLE_PERIOD = 0.02  # s
 TIME_CONSTANTS = (0.5, 1.5)
 # Standard deviations of the process noise per sample of charge, Kelvin and Maxwell elongation
 DISTURBANCES = (1e-3, 1e-8, 1e-8)  # C, m, m
-# and of the measurement noise: the resolution of section 2.2.2, and a millivolt
+# Standard deviations of the measurement noise: the resolution of section 2.2.2, and a millivolt
 NOISES = (3e-6, 1e-3)  # m, V
 
-# T_d / T_i, the largest for which the zeros of the PID controller are real, and T_d / T_f
-_DERIVATIVE_SHARE = 0.25
+_DERIVATIVE_SHARE = 0.25  # T_d / T_i, the largest for which the zeros of the controller are real
+_FILTER_RATIO = 5.0  # T_d / T_f
 _LARGEST_MARGIN = 180.0  # degrees; a larger phase margin is one of the other sign
-_FILTERING = 5.0
 
 _STATES = ("charge", "kelvin_elongation", "maxwell_elongation")
 _INPUTS = ("current", "force")
@@ -40,7 +39,13 @@ _COUPLED = 1e-12
 
 
 def _linearised(plant: type[Component], values: dict[str, float]) -> tuple[Array, ...]:
-    """Return the state-space matrices of an actuator, for this module's order of the signals."""
+    """Return A, B, C, D of an actuator, with signals in the order of `_STATES` and so on.
+
+    Raises
+    ------
+    UserError
+        If the actuator has other signals, or a value is out of range.
+    """
     from fmus.kit.symbolic import trace
 
     states = [v.name for v in plant.layout.states]
@@ -91,7 +96,7 @@ def gains(
     time_constants: tuple[float, float] = TIME_CONSTANTS,
     **values: float,
 ) -> dict[str, float]:
-    """Design observer and feedback for an actuator.
+    """Return the gains of observer and feedback for an actuator.
 
     The observer is the stationary Kalman filter for `DISTURBANCES` and `NOISES`
     (``control.dlqe``). The feedback of charge and integral places two poles (``control.place``);
@@ -103,9 +108,9 @@ def gains(
     plant : type[Component]
         Force-driven actuator whose states are charge, Kelvin and Maxwell elongation.
     sample_period : float
-        Of the controller, s.
+        Sample period of the controller, s.
     time_constants : tuple of float
-        Time constants of the two poles, s, unequal.
+        Two unequal time constants, s: of the response to the reference, and of the integral action.
     **values : float
         Parameters, inputs and states of the plant where it is linearised, by name, SI; all others
         at their defaults.
@@ -134,9 +139,10 @@ def gains(
     predictor, *_ = control.dlqe(
         A, np.eye(3), C, np.diag(np.square(DISTURBANCES)), np.diag(np.square(NOISES))
     )
-    observer = np.linalg.solve(A, predictor)  # the filter corrects before it predicts
+    # `dlqe` returns the gain of the predictor, A times that of a filter that corrects first
+    observer = np.linalg.solve(A, predictor)
     poles = np.exp(-sample_period / np.array(time_constants))
-    # states: charge, and integral of the error of the displacement
+    # states: charge, and integral of the control error r - x of the displacement
     with_integral = np.array([[A[0, 0], 0.0], [-sample_period * C[0, 0], 1.0]])
     feedback = control.place(with_integral, np.array([[B[0, 0]], [0.0]]), poles)[0]
     integral = -float(feedback[1])
@@ -198,7 +204,7 @@ def state_feedback(
 
 
 def pid_gains(response: complex, crossover: float, phase_margin: float) -> dict[str, float]:
-    """Design a PID controller for one point of a plant's frequency response.
+    """Return the gains of a PID controller for one point of a plant's frequency response.
 
     The controller moves that point to gain one and the wanted phase margin of the loop, with T_d =
     T_i / 4 (Astrom, Hagglund: Advanced PID Control, 2006, section 6.2, modified Ziegler-Nichols).
@@ -212,7 +218,7 @@ def pid_gains(response: complex, crossover: float, phase_margin: float) -> dict[
     crossover : float
         Frequency of gain one, Hz.
     phase_margin : float
-        In degrees.
+        Wanted phase margin of the loop, degrees.
 
     Returns
     -------
@@ -233,22 +239,24 @@ def pid_gains(response: complex, crossover: float, phase_margin: float) -> dict[
         )
     if not 0.0 < abs(response) < np.inf:
         raise UserError(f"response {response:g}: a finite one that is not zero")
-    needed = np.exp(1j * np.radians(phase_margin - 180.0)) / response
-    angle = float(np.angle(needed))
+    # the response of the controller that brings the loop to gain one at the phase margin
+    wanted = np.exp(1j * np.radians(phase_margin - 180.0)) / response
+    angle = float(np.angle(wanted))
     if not np.cos(angle) > 0.0:
         raise UserError(
             f"phase margin {phase_margin:g} degrees at {crossover:g} Hz: the controller would have"
             f" to turn the phase by {np.degrees(angle):.3g} degrees; a PID can by -90 to 90"
         )
     share = _DERIVATIVE_SHARE
-    # omega T_d - 1 / (omega T_i) is the tangent of the angle
-    root = np.tan(angle) + np.hypot(np.tan(angle), 2.0 * share**0.5)
-    integral_time = root / (4.0 * np.pi * share * crossover)
+    # With T_d = share T_i, omega T_d - 1 / (omega T_i) = tan(angle) is a quadratic equation in
+    # omega T_i; its positive root is this sum over 2 share.
+    root_sum = np.tan(angle) + np.hypot(np.tan(angle), 2.0 * share**0.5)
+    integral_time = root_sum / (4.0 * np.pi * share * crossover)
     parameters = {
-        "proportional_gain": abs(needed) * np.cos(angle),
+        "proportional_gain": abs(wanted) * np.cos(angle),
         "integral_time": integral_time,
         "derivative_time": share * integral_time,
-        "filter_time": share * integral_time / _FILTERING,
+        "filter_time": share * integral_time / _FILTER_RATIO,
         "tracking_time": integral_time,
     }
     return {name: float(value) for name, value in parameters.items()}

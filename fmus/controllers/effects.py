@@ -13,7 +13,7 @@ from .pid import Pid
 
 @effect_maker
 def computational_delay(component: type[Component], law: str, unit: str) -> type[Effect]:
-    """Make the effect of a delayed command.
+    """Make the effect that delays the command of a controller by a share of a sample.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def computational_delay(component: type[Component], law: str, unit: str) -> type
     lateness = f"{law}_lateness"
     before = f"{law}_before"
 
-    # `effect` is bound below, before this is first called
+    # the law without delay; `effect` is bound below, before this is first called
     def punctual(self: Any) -> Any:
         return getattr(super(effect, self), law)()
 

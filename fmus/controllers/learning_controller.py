@@ -20,12 +20,12 @@ _SOURCE = "Bristow, Tharayil, Alleyne, IEEE Control Systems Magazine 26(3), 2006
 
 
 def _register(name: str, unit: str, newest: Callable[[Any], Any], doc: str) -> dict[str, Any]:
-    """Return the members of a shift register, which shifts at every sample.
+    """Return the states and laws of a shift register, by name; it shifts at every sample.
 
     Parameters
     ----------
     name : str
-        Stem of the names of its places; ``name_1`` is the newest.
+        Stem of the names of its states; ``name_1`` is the newest.
     unit : str
     newest : callable
         Law of the value that enters.
@@ -36,18 +36,18 @@ def _register(name: str, unit: str, newest: Callable[[Any], Any], doc: str) -> d
     -------
     dict of str to object
     """
-    places = [f"{name}_{age}" for age in range(1, SAMPLES + _TAPS + 1)]
+    states = [f"{name}_{age}" for age in range(1, SAMPLES + _TAPS + 1)]
 
-    def value_of(place: str) -> Callable[[Any], Any]:
-        return lambda self: getattr(self, place)
+    def law_of(state: str) -> Callable[[Any], Any]:
+        return lambda self: getattr(self, state)
 
     members: dict[str, Any] = {}
-    laws = [newest, *map(value_of, places[:-1])]
-    for age, (place, law) in enumerate(zip(places, laws, strict=True), start=1):
-        members[place] = Discrete(
-            unit, update=f"next_{place}", period="sample_period", doc=f"{doc}, {age} samples ago"
+    laws = [newest, *map(law_of, states[:-1])]  # each state takes the value of the next newer one
+    for age, (state, law) in enumerate(zip(states, laws, strict=True), start=1):
+        members[state] = Discrete(
+            unit, update=f"next_{state}", period="sample_period", doc=f"{doc}, {age} samples ago"
         )
-        members[f"next_{place}"] = law
+        members[f"next_{state}"] = law
     return members
 
 

@@ -15,16 +15,15 @@ from .recursion import Vector
 _SMALL = 1e-9
 
 
-def exists(estimate: Vector, zero_order_hold: Any) -> Any:
+def is_circuit(estimate: Vector, zero_order_hold: Any) -> Any:
     """Return whether an estimate is that of a circuit with positive R1, R2 and C.
 
-    Parameters are those of :func:`circuit_parameters`.
+    Parameters are those of :func:`circuit_parameters`, whose formulas are positive then.
     """
     b0, b1, a = estimate
     decays = logical_and(1.0 + a > _SMALL, where(zero_order_hold, -a, b0 - b1) > _SMALL)
-    return logical_and(
-        decays, logical_and(logical_and(b0 > _SMALL, b0 + b1 > _SMALL), b1 - a * b0 > _SMALL)
-    )
+    are_resistances = logical_and(b0 > _SMALL, b0 + b1 > _SMALL)
+    return logical_and(decays, logical_and(are_resistances, b1 - a * b0 > _SMALL))
 
 
 def circuit_parameters(estimate: Vector, zero_order_hold: Any, period: Any) -> Vector:
@@ -44,16 +43,20 @@ def circuit_parameters(estimate: Vector, zero_order_hold: Any, period: Any) -> V
     Returns
     -------
     tuple of 3
-        R1 (ohm), R2 (ohm) and C (F); arbitrary finite numbers where no such circuit :func:`exists`.
+        R1 (ohm), R2 (ohm) and C (F); arbitrary finite numbers unless it :func:`is_circuit`.
     """
     b0, b1, a = estimate
-    known = exists(estimate, zero_order_hold)
-    total, excess = where(known, b0 + b1, 1.0), where(known, b1 - a * b0, 1.0)
+    known = is_circuit(estimate, zero_order_hold)
+    total = where(known, b0 + b1, 1.0)  # (1 + a) R2
+    excess = where(known, b1 - a * b0, 1.0)  # with a hold (1 + a) R2^2 / (R1 + R2)
     R2 = total / where(known, 1.0 + a, 1.0)
-    R1 = where(zero_order_hold, b0 * total / excess, total * (b0 - b1) / (2.0 * excess))
-    decay = log(clip(where(known, -a, 0.5), _SMALL, 1.0 - _SMALL))
-    exact = -period / (decay * where(known, R1 + R2, 1.0))
-    return R1, R2, where(zero_order_hold, exact, excess * period / (total * total))
+    R1_with_hold = b0 * total / excess
+    R1_by_tustin = total * (b0 - b1) / (2.0 * excess)
+    R1 = where(zero_order_hold, R1_with_hold, R1_by_tustin)
+    log_of_pole = log(clip(where(known, -a, 0.5), _SMALL, 1.0 - _SMALL))  # -T_s / tau
+    C_with_hold = -period / (log_of_pole * where(known, R1 + R2, 1.0))
+    C_by_tustin = excess * period / (total * total)
+    return R1, R2, where(zero_order_hold, C_with_hold, C_by_tustin)
 
 
 def magnitude(circuit: Vector, angular_frequency: Any) -> Any:

@@ -154,14 +154,15 @@ class Excitation(Measurement):
     def next_excitation_period(self) -> Any:
         """Low-pass of the time between reversals of equal sign, updated at reversals."""
         latest = self.time_since_reversal + self.sample_period
-        steady = logical_and(
+        period = self.half_period + latest
+        is_steady = logical_and(
             self.has_recent_reversal(), self.steady_reversals >= _REVERSALS_BEFORE_A_PERIOD
         )
-        share = where(self.excitation_period > 0.0, 1.0 - exp(-latest / self.tracking_time), 1.0)
-        filtered = self.excitation_period + share * (
-            self.half_period + latest - self.excitation_period
-        )
-        return where(logical_and(self.reverses(), steady), filtered, self.excitation_period)
+        previous = self.excitation_period
+        # the first period is taken as it is; later ones are filtered over the time since the latest
+        share = where(previous > 0.0, 1.0 - exp(-latest / self.tracking_time), 1.0)
+        filtered = previous + share * (period - previous)
+        return where(logical_and(self.reverses(), is_steady), filtered, previous)
 
     def fundamental(self, period: Any) -> Any:
         """Angular frequency of a period; ``angular_frequency`` while the period is unknown."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..kit import Output, Parameter, Preset, floor, logical_and, maximum, minimum, where
-from .circuit import circuit_parameters, exists, magnitude
+from .circuit import circuit_parameters, is_circuit, magnitude
 from .measurement import sampled_state
 from .recursion import Vector
 from .regression import ROUNDING, Regression
@@ -109,7 +109,7 @@ class DegradationEstimator(Regression):
         """
         estimate = self.estimate()
         R1, R2, C = circuit_parameters(estimate, self.zero_order_hold, self.sample_period)
-        new = logical_and(exists(estimate, self.zero_order_hold), self.excited())
+        new = logical_and(is_circuit(estimate, self.zero_order_hold), self.excited())
         return where(new, R1, self.R1), where(new, R2, self.R2), where(new, C, self.C)
 
     def next_R1(self) -> Any:
@@ -134,8 +134,8 @@ class DegradationEstimator(Regression):
 
     def next_estimate_valid(self) -> Any:
         """True while the estimate is valid; unchanged without excitation, as the estimate is."""
-        is_circuit = exists(self.estimate(), self.zero_order_hold)
-        now = where(logical_and(self.has_converged(), is_circuit), 1.0, 0.0)
+        has_circuit = is_circuit(self.estimate(), self.zero_order_hold)
+        now = where(logical_and(self.has_converged(), has_circuit), 1.0, 0.0)
         return where(self.excited(), now, where(self.estimate_valid, 1.0, 0.0))
 
     # --- reference: the first valid estimate, the base of all changes (section 4.2)

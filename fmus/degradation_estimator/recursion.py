@@ -44,15 +44,12 @@ def gain(p: Matrix, phi: Vector, zeta: Vector, forgetting: Any) -> Vector:
 
     Eq. 4.7, corrected by ``phi`` and the forgetting factor ``alpha`` (errata 6).
     """
-    x, y, z = direction = times(p, zeta)
-    denominator = forgetting + dot(phi, direction)
+    numerator = times(p, zeta)
+    denominator = forgetting + dot(phi, numerator)
     usable = denominator > _LEAST_DENOMINATOR * forgetting
-    below = where(usable, denominator, 1.0)
-    return (
-        where(usable, x / below, 0.0),
-        where(usable, y / below, 0.0),
-        where(usable, z / below, 0.0),
-    )
+    divisor = where(usable, denominator, 1.0)
+    x, y, z = (where(usable, element / divisor, 0.0) for element in numerator)
+    return x, y, z
 
 
 def update(theta: Vector, gain: Vector, residual: Any) -> Vector:

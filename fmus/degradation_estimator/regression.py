@@ -36,7 +36,7 @@ _PLACES = [(row, column) for row in range(3) for column in range(3)]
 
 
 def _next_element(row: int, column: int) -> Callable[[Any], Any]:
-    """Return the law of an element of the covariance matrix."""
+    """Return the law of an element of the covariance matrix, which is updated at every sample."""
 
     def law(self: Any) -> Any:
         return self.next_covariance(row, column)
@@ -266,23 +266,28 @@ class Regression(Excitation):
         return where(self.excited(), elapsed, self.time_since_reset)
 
     def next_covariance(self, row: int, column: int) -> Any:
-        """Element of the covariance matrix after this sample (eq. 4.9 with errata 6), reset or
-        bounded.
+        """Element of the covariance matrix P after this sample (eq. 4.9 with errata 6).
 
-        Without excitation it is unchanged; before the first estimate it has its initial value.
+        It is that of ``(P - K phi' P) / alpha`` with the gain K and the forgetting factor alpha,
+        scaled so that the trace does not exceed its maximum, or that of the initial matrix at a
+        reset. Without excitation it is unchanged; before the first estimate it is the initial one.
         """
-        covariance, forgetting = self.covariance(), self.forgetting_factor()
+        covariance = self.covariance()
+        forgetting = self.forgetting_factor()
         phi, zeta, _ = self.regression()
         gain = self.gain(phi, zeta)
-        projection = recursion.transposed_times(covariance, phi)
+        projection = recursion.transposed_times(covariance, phi)  # phi' P
+        previous = covariance[3 * row + column]
+        updated = (previous - gain[row] * projection[column]) / forgetting
+        # of the whole updated matrix, as the trace of K phi' P is the inner product of both
         trace = (recursion.trace(covariance) - recursion.dot(gain, projection)) / forgetting
-        old = covariance[3 * row + column]
-        updated = (old - gain[row] * projection[column]) / forgetting
         bounded = updated * recursion.bound(trace, self.maximum_trace)
         initial = self.initial_covariance if row == column else 0.0
+        # by rounding the trace may become negative or NaN
         is_reset = logical_or(self.reset_due(), logical_not(trace > 0.0))
-        unexcited = where(self.excited_time > 0.0, old, initial)
-        return where(self.excited(), where(is_reset, initial, bounded), unexcited)
+        excited = where(is_reset, initial, bounded)
+        unexcited = where(self.excited_time > 0.0, previous, initial)
+        return where(self.excited(), excited, unexcited)
 
     next_p11, next_p12, next_p13, next_p21, next_p22, next_p23, next_p31, next_p32, next_p33 = (
         _next_element(*place) for place in _PLACES

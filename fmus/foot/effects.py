@@ -91,14 +91,15 @@ class PlantarTendonAcrossArch(FootEffect):
         _, tm, mtp = self.jacobian()
         _, arch, toe = self.joint_stiffnesses()
         k, a, r = self.k_pl, self.pl_arch_arm(), self.pl_arm()
-        dorsal = toe - k * r * r
-        both = r * (tm[row] * mtp[column] + mtp[row] * tm[column])
-        apart = a * (
-            tm[row] * tm[column] * dorsal / arch - mtp[row] * mtp[column] * k * r * r / toe
+        toe_without_pl = toe - k * r * r
+        # K^-1 - K'^-1 = k a / det(K') times [[a toe_without_pl / arch, r], [r, -a k r^2 / toe]]
+        off_diagonal = r * (tm[row] * mtp[column] + mtp[row] * tm[column])
+        diagonal = a * (
+            tm[row] * tm[column] * toe_without_pl / arch - mtp[row] * mtp[column] * k * r * r / toe
         )
-        return super().compliance(row, column) - k * a * (both + apart) / (
-            arch * toe + k * a * a * dorsal
-        )
+        determinant = arch * toe + k * a * a * toe_without_pl
+        reduction = k * a * (off_diagonal + diagonal) / determinant
+        return super().compliance(row, column) - reduction
 
 
 class TensionStiffness(FootEffect):

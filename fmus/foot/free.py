@@ -40,12 +40,14 @@ def _velocity(doc: str, rate: str) -> Any:
 
 
 def solve(matrix: Sequence[Sequence[Any]], right: Sequence[Any]) -> list[Any]:
-    """Solve a linear system whose matrix is symmetric and positive definite, without pivoting.
+    """Solve a linear system by Gaussian elimination without pivoting, for numbers and symbols.
 
     Parameters
     ----------
     matrix : sequence of sequence, shape (n, n)
+        Symmetric and positive definite, so that no pivot is zero.
     right : sequence, shape (n,)
+        The right-hand side.
 
     Returns
     -------
@@ -55,8 +57,8 @@ def solve(matrix: Sequence[Sequence[Any]], right: Sequence[Any]) -> list[Any]:
     size = len(rows)
     for k in range(size):
         for i in range(k + 1, size):
-            share = rows[i][k] / rows[k][k]
-            rows[i] = [a - share * b for a, b in zip(rows[i], rows[k], strict=True)]
+            factor = rows[i][k] / rows[k][k]
+            rows[i] = [a - factor * b for a, b in zip(rows[i], rows[k], strict=True)]
     solution: list[Any] = []
     for k in reversed(range(size)):
         known = sum(a * x for a, x in zip(rows[k][k + 1 : size], solution, strict=True))
@@ -385,28 +387,35 @@ class FootFree(Ground, FootDynamic):
 
     def coupled_inertias(self) -> list[list[Any]]:
         """Inertia matrix of the links after elimination of the acceleration of the leg."""
-        s = self.moments_of_mass()
-        a = self.moments_of_inertia()
-        e = self.directions()
+        moments = self.moments_of_mass()
+        inertias = self.moments_of_inertia()
+        directions = self.directions()
         mobility = self.mobility()
-        return [
-            [(a[i][k] - mobility * s[i] * s[k]) * _dot(e[i], e[k]) for k in _LINKS] for i in _LINKS
-        ]
+
+        def coupled(i: int, k: int) -> Any:
+            inertia = inertias[i][k] - mobility * moments[i] * moments[k]
+            return inertia * _dot(directions[i], directions[k])
+
+        return [[coupled(i, k) for k in _LINKS] for i in _LINKS]
 
     def link_torques(self) -> list[Any]:
         """Torques on the links by gravity, centrifugal inertia and the acceleration of the leg."""
-        s = self.moments_of_mass()
-        a = self.moments_of_inertia()
-        e = self.directions()
+        moments = self.moments_of_mass()
+        inertias = self.moments_of_inertia()
+        directions = self.directions()
         rates = self.link_rates()
         mobility = self.mobility()
         x, y = self.accelerating_force()
-        return [
-            mobility * s[i] * (e[i][1] * x - e[i][0] * y)
-            - s[i] * self.gravity * e[i][1]
-            - sum(a[i][k] * _cross(e[k], e[i]) * rates[k] * rates[k] for k in _LINKS)
-            for i in _LINKS
-        ]
+        torques = []
+        for i, (down, forward) in enumerate(directions):
+            of_leg = mobility * moments[i] * (forward * x - down * y)
+            of_weight = moments[i] * self.gravity * forward
+            centrifugal = sum(
+                inertias[i][k] * _cross(directions[k], directions[i]) * rates[k] * rates[k]
+                for k in _LINKS
+            )
+            torques.append(of_leg - of_weight - centrifugal)
+        return torques
 
     @shared
     def accelerations(self) -> list[Any]:
@@ -415,9 +424,9 @@ class FootFree(Ground, FootDynamic):
         inertias = [[_block_sum(coupled, rows, columns) for columns in _BEYOND] for rows in _BEYOND]
         for joint, inertia in enumerate(self.joint_inertias()):
             inertias[joint][joint] = inertias[joint][joint] + inertia
-        links = self.link_torques()
+        of_links = self.link_torques()
         torques = [
-            driving + sum(links[i] for i in beyond)
+            driving + sum(of_links[i] for i in beyond)
             for driving, beyond in zip(self.driving_torques(), _BEYOND, strict=True)
         ]
         return solve(inertias, torques)
@@ -428,10 +437,9 @@ class FootFree(Ground, FootDynamic):
         """
         ankle, tm, mtp, mtp2 = self.accelerations()
         of_links = ankle, ankle + tm, ankle + tm + mtp, ankle + tm + mtp2
-        terms = zip(self.moments_of_mass(), self.directions(), of_links, strict=True)
-        inertial = sum(
-            moment * (-y, x)[axis] * acceleration for moment, (x, y), acceleration in terms
-        )
+        across = [(-forward, down)[axis] for down, forward in self.directions()]
+        terms = zip(self.moments_of_mass(), across, of_links, strict=True)
+        inertial = sum(moment * normal * acceleration for moment, normal, acceleration in terms)
         return self.mobility() * (self.accelerating_force()[axis] - inertial)
 
     def leg_acceleration_x(self) -> Any:
@@ -499,12 +507,17 @@ class FootFree(Ground, FootDynamic):
     @Output("J", nominal=1e-3)
     def kinetic_energy(self) -> Any:
         """Kinetic energy of leg and foot."""
-        leg, rates, e = self.leg_velocity(), self.link_rates(), self.directions()
-        a, s = self.moments_of_inertia(), self.moments_of_mass()
+        leg = self.leg_velocity()
+        rates = self.link_rates()
+        directions = self.directions()
+        moments = self.moments_of_mass()
+        inertias = self.moments_of_inertia()
         of_leg = 0.5 * self.whole_mass() * _dot(leg, leg)
-        of_both = sum(s[i] * _cross(e[i], leg) * rates[i] for i in _LINKS)
+        of_both = sum(moments[i] * _cross(directions[i], leg) * rates[i] for i in _LINKS)
         of_links = 0.5 * sum(
-            a[i][k] * _dot(e[i], e[k]) * rates[i] * rates[k] for i in _LINKS for k in _LINKS
+            inertias[i][k] * _dot(directions[i], directions[k]) * rates[i] * rates[k]
+            for i in _LINKS
+            for k in _LINKS
         )
         turning = zip(self.joint_inertias(), self.joint_rates(), strict=True)
         of_joints = 0.5 * sum(inertia * rate * rate for inertia, rate in turning)

@@ -74,8 +74,9 @@ def joint_angle(foot: FootKinematics, actuator: str, length: float) -> float:
         return float((length / foot.scale - foot.l_pl) / foot.r_pl)
     reference, radius, angle, _ = getattr(foot, f"{actuator}_triangle")()
     reference, radius = foot.scale * reference, foot.scale * radius
+    # the origin of the actuator as seen from the joint, along the radius and across it
     along, across = radius - reference * math.cos(angle), reference * math.sin(angle)
-    base = math.hypot(along, across)  # from the joint to the origin of the actuator
+    base = math.hypot(along, across)
     if not abs(base - radius) < length < base + radius:
         raise UserError(
             f"length {length:g} m of actuator {actuator!r} cannot be reached: its triangle closes"

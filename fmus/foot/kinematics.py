@@ -178,7 +178,7 @@ class FootKinematics(Component):
         """Derivatives of the moment arms of an, po, do and pl by the angle of their joint."""
         triangles = self.an_triangle(), self.po_triangle(), self.do_triangle()
         an, po, do = (self.scale * attached_arm_slope(*triangle) for triangle in triangles)
-        return an, po, do, 0.0 * self.scale * self.r_pl
+        return an, po, do, 0.0 * self.scale * self.r_pl  # zero, in the unit of a length
 
     @shared
     def length_changes(self) -> tuple[Any, Any, Any, Any]:

@@ -118,14 +118,16 @@ class FootStatics(FootKinematics):
         Arms and J are proportional to ``scale``, so that the damping does not depend on it.
         """
         ankle, _, mtp = self.shape_jacobian()
-        ankle_normal, mtp_normal = (-ankle[1], ankle[0]), (-mtp[1], mtp[0])
+        # J^-1 has the rows -mtp_normal and ankle_normal over the determinant of J
+        ankle_normal = (-ankle[1], ankle[0])
+        mtp_normal = (-mtp[1], mtp[0])
         determinant = ankle[0] * mtp[1] - ankle[1] * mtp[0]
         of_ankle, of_mtp = self.shape_dampings()
-        products = (
+        numerator = (
             of_ankle * mtp_normal[row] * mtp_normal[column]
             + of_mtp * ankle_normal[row] * ankle_normal[column]
         )
-        return products / maximum(determinant * determinant, _LOCKED * _LOCKED)
+        return numerator / maximum(determinant * determinant, _LOCKED * _LOCKED)
 
     # --- outputs
     # ----------------------------------------------------------------------------------------------

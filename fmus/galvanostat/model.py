@@ -236,9 +236,8 @@ class Galvanostat(Component):
             error - self.control_error
         )
         clipped = clip(self.control_current + change, self.lower_current(), self.upper_current())
-        return where(
-            self.potentiostat, where(self.in_recovery(), self.control_current, clipped), 0.0
-        )
+        regulated = where(self.in_recovery(), self.control_current, clipped)
+        return where(self.potentiostat, regulated, 0.0)
 
     # --- current
     # ----------------------------------------------------------------------------------------------

@@ -70,7 +70,8 @@ ARMS: dict[str, Arm] = {
         "a s with w ds/dt = x - |x| s",
         lambda x, s, w: (x - absolute(x) * s) / w,
     ),
-    "hysteresis": Arm(  # whose rate is of the velocity v
+    # The rate is from the velocity v, not from x; |v| |s| s is v s^2 sign(s v) without a sign.
+    "hysteresis": Arm(
         lambda x, s, w: s,
         "a s with w ds/dt = dx/dt (1 - s^2 (1 + sign(s dx/dt)) / 2)",
         lambda v, s, w: (v - 0.5 * (v * s + absolute(v) * absolute(s)) * s) / w,
@@ -158,7 +159,7 @@ def lag_effect(
     if kind not in ARMS:
         raise UserError(f"no arm named {kind!r}{suggestion(kind, ARMS)}")
     argument = variable(component, signal)
-    if kind == "hysteresis" and not _rate_of(component, signal):
+    if kind == "hysteresis" and not _rate_law_of(component, signal):
         raise UserError(f"{kind} is over a state, which {signal!r} is not")
     size = scale or argument.nominal
     names = names or EffectNames()
@@ -166,7 +167,8 @@ def lag_effect(
     names = names.with_defaults(kind, (stem, f"{stem}_constant", f"{stem}_state"))
     amount, constant_name, state = names.variables
     power = _POWERS.get(kind, 1)
-    loop = f"{law} {'loop of' if kind in ('hysteresis', 'play') else 'remembering'} {signal}"
+    is_loop = kind in ("hysteresis", "play")
+    family = f"{law} {'loop of' if is_loop else 'remembering'} {signal}"
     members = {
         "__doc__": f"Adds to {law}: {ARMS[kind].text}, x = {signal}; a = 0 is the base model.",
         amount: coefficient(
@@ -176,23 +178,24 @@ def lag_effect(
             least=0.0,
         ),
     }
-    members |= _constant_and_state(kind, argument, names.variables, constant, size)
+    members |= _declare_constant_and_state(kind, argument, names.variables, constant, size)
     at_once = (sampling or Sampling()).at_once
-    value, rate = _behaviour(component, kind, signal, names.variables, at_once)
+    value, rate = _value_and_rate_laws(component, kind, signal, names.variables, at_once)
     members[f"{state}_rate"] = rate
+    amount_size = Size("{}", (amount,))
+    if kind in _MEAN_SQUARE:
+        amount_size = size_at(amount, unit, size, argument.unit, lambda x: x**power)
     return additive_effect(
         component,
         law,
         value,
         members,
         id=names.id,
-        term=Term(law, signal, ARMS[kind].text, loop, names.qualifier),
+        term=Term(law, signal, ARMS[kind].text, family, names.qualifier),
         title=generic_title(names.id, law_title(component, law)),
         assumption=f"{law} has no memory of {signal} but that of its states",
         sizes=(
-            size_at(amount, unit, size, argument.unit, lambda x: x**power)
-            if kind in _MEAN_SQUARE
-            else Size("{}", (amount,)),
+            amount_size,
             Size(_DISPLACEMENT_PHRASE if kind in _LOOPS else _TIME_PHRASE, (constant_name,)),
         ),
     )
@@ -249,7 +252,7 @@ def storing_wall(
     -----
     The wall of two resistances and a capacity of Madsen and Holst, Energy and Buildings 22, 1995.
     """
-    one, other = (variable(component, side) for side in sides)
+    first, second = (variable(component, side) for side in sides)
     conductance = f"{law}_wall_conductance"
     share = f"{law}_wall_share"
     time = f"{law}_wall_constant"
@@ -259,28 +262,29 @@ def storing_wall(
 
     def equilibrium(self: Any) -> Any:
         w = getattr(self, share)
-        return w * getattr(self, one.name) + (1.0 - w) * getattr(self, other.name)
+        return w * getattr(self, first.name) + (1.0 - w) * getattr(self, second.name)
 
     def imbalance(self: Any) -> Any:
+        # before the first sample, which is taken at the first step, the start is now
         at_start = where(getattr(self, known), getattr(self, start), equilibrium(self))
         return equilibrium(self) - at_start - getattr(self, change)
 
     members = {
         "__doc__": (
-            f"Store between {one.name} and {other.name}, such as the capacity of a wall; G = 0 is"
-            " the base model."
+            f"Store between {first.name} and {second.name}, such as the capacity of a wall; G = 0"
+            " is the base model."
         ),
         conductance: coefficient(
-            per(unit, one.unit), nominal / scale, f"from {one.name} to the store (G)", least=0.0
+            per(unit, first.unit), nominal / scale, f"from {first.name} to the store (G)", least=0.0
         ),
-        share: Parameter(0.5, "1", min=0.0, max=1.0, doc=f"share of {one.name} in the store (w)"),
+        share: Parameter(0.5, "1", min=0.0, max=1.0, doc=f"share of {first.name} in the store (w)"),
         time: Parameter(
             constant, "s", min=1e-3 * constant, max=1e12, nominal=constant, doc="of the store (T)"
         ),
-        change: State(one.unit, rate=f"{change}_rate", nominal=scale, doc="gain since the start"),
+        change: State(first.unit, rate=f"{change}_rate", nominal=scale, doc="gain since the start"),
         f"{change}_rate": lambda self: imbalance(self) / getattr(self, time),
         start: Discrete(
-            one.unit, update=f"{start}_update", period=_ONCE, nominal=scale, doc="of the store"
+            first.unit, update=f"{start}_update", period=_ONCE, nominal=scale, doc="of the store"
         ),
         f"{start}_update": equilibrium,
         known: Discrete(
@@ -295,22 +299,22 @@ def storing_wall(
         members,
         id="storing_wall",
         term=Term(law, "", "G (w x + (1 - w) y - s)", f"store within {law}", law),
-        title=f"A store between {in_words(one.name)} and {in_words(other.name)}",
-        assumption=f"nothing is stored between {one.name} and {other.name}",
+        title=f"A store between {in_words(first.name)} and {in_words(second.name)}",
+        assumption=f"nothing is stored between {first.name} and {second.name}",
         sizes=(
             Size("{} to the store", (conductance,)),
-            Size(f"which is at {{}} of {one.name}", (share,), "%", lambda w: 100.0 * w),
+            Size(f"which is at {{}} of {first.name}", (share,), "%", lambda w: 100.0 * w),
             Size(_TIME_PHRASE, (time,)),
         ),
     )
 
 
-def _rate_of(component: type[Component], signal: str) -> str:
+def _rate_law_of(component: type[Component], signal: str) -> str:
     """Return the law that is the time derivative of a signal; empty for one that is no state."""
     return next((s.rate for s in component.layout.states if s.name == signal), "")
 
 
-def _constant_and_state(
+def _declare_constant_and_state(
     kind: str, argument: Declaration, variables: tuple[str, ...], constant: float, size: float
 ) -> dict[str, Any]:
     """Declare the constant of an arm, and its state, by name."""
@@ -353,17 +357,20 @@ def _constant_and_state(
     }
 
 
-def _behaviour(
+def _value_and_rate_laws(
     component: type[Component],
     kind: str,
     signal: str,
     variables: tuple[str, ...],
     at_once: float,
 ) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
-    """Return the law for the value of an arm and the law for the rate of its state."""
+    """Return the law for the value of an arm and the law for the rate of its state.
+
+    The state of a play follows within `at_once`, s.
+    """
     arm = ARMS[kind]
     amount, constant, state = variables
-    velocity = _rate_of(component, signal)
+    velocity = _rate_law_of(component, signal)
     start = component.layout.start_of.get(signal, "") if kind in _FROM_EQUILIBRIUM else ""
 
     def since_start(self: Any) -> Any:

@@ -135,4 +135,5 @@ class Component:
 
 
 def _is_computed(cls: type, name: str) -> bool:
+    """Return whether a class computes a variable, as a property."""
     return isinstance(getattr(cls, name, None), property)

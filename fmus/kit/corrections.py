@@ -117,8 +117,8 @@ class SmoothTable:
 
 
 @dataclass(frozen=True)
-class _Values:
-    """The values of a function that corrects a law.
+class _CorrectedLaw:
+    """A law that a function corrects, with the unit and the size of the function's values.
 
     Attributes
     ----------
@@ -126,8 +126,9 @@ class _Values:
     switch : str
         Name of the parameter that switches the effect; other names begin with it.
     unit : str
+        Unit of the function's values: that of the law, or 1 if the law is multiplied.
     nominal : float
-        Typical magnitude of the values.
+        Typical magnitude of the function's values.
     """
 
     law: str
@@ -213,20 +214,21 @@ def correction(
         is no such shape, memory or kind; if knots do not increase or differ in number from the
         values; if a magnitude or a time constant is not positive.
     """
-    source = _plain(signal)
+    source = _with_python_floats(signal)
     size = float(nominal)
     _check_choices(source, shape, kind, size)
-    _check_laws(component, law, source)
+    _check_law_and_signal(component, law, source)
     suffix = "_".join(filter(None, (source.name, source.memory, str(number) if number > 1 else "")))
     switch = f"{law}_of_{suffix}"
-    values = _Values(law, switch, unit, size) if kind == "add" else _Values(law, switch, "1", 1.0)
+    values = (unit, size) if kind == "add" else ("1", 1.0)
+    target = _CorrectedLaw(law, switch, *values)
     plain_shape: str | SmoothTable
     if isinstance(shape, str):
         plain_shape = shape
-        function = _shape_function(values, source, shape, beside)
+        function = _shape_function(target, source, shape, beside)
     else:
-        plain_shape = _plain_table(shape)
-        function = _table_function(values, source, plain_shape)
+        plain_shape = _complete_table(shape)
+        function = _table_function(target, source, plain_shape)
     memory = f"{switch}_memory"
 
     def now(self: Any) -> Any:
@@ -281,7 +283,7 @@ def correction(
     return effect
 
 
-def _plain(signal: SignalTerm) -> SignalTerm:
+def _with_python_floats(signal: SignalTerm) -> SignalTerm:
     """Return a signal with Python floats, because a Python FMU contains their ``repr``."""
     return replace(
         signal,
@@ -291,7 +293,7 @@ def _plain(signal: SignalTerm) -> SignalTerm:
     )
 
 
-def _plain_table(table: SmoothTable) -> SmoothTable:
+def _complete_table(table: SmoothTable) -> SmoothTable:
     """Return a table with Python floats and a value at every knot."""
     knots = tuple(map(float, table.knots))
     values = tuple(map(float, table.values)) or (0.0,) * len(knots)
@@ -299,14 +301,16 @@ def _plain_table(table: SmoothTable) -> SmoothTable:
     return SmoothTable(knots, values, table.fixed)
 
 
-def _shape_function(values: _Values, signal: SignalTerm, shape: str, beside: bool) -> _Function:
+def _shape_function(
+    target: _CorrectedLaw, signal: SignalTerm, shape: str, beside: bool
+) -> _Function:
     """Return the function ``a f(x)``, or ``a (f(x) + b)``, where ``f`` is one of the shapes.
 
     It declares the coefficient ``a``, the width ``w`` of a shape that has one, and ``b``.
     """
     definition = SHAPES[shape]
-    law = values.law
-    switch = values.switch
+    law = target.law
+    switch = target.switch
     width = f"{switch}_width"
     constant = f"{switch}_beside"
     text = with_constant(definition.text) if beside else definition.text
@@ -314,8 +318,8 @@ def _shape_function(values: _Values, signal: SignalTerm, shape: str, beside: boo
     typical = signal.scale**definition.power
     declared = {
         switch: coefficient(
-            per(values.unit, signal.unit_of_memory, definition.power),
-            values.nominal / typical,
+            per(target.unit, signal.unit_of_memory, definition.power),
+            target.nominal / typical,
             f"{text} in {law}, x being {signal.counted} (a)",
         )
     }
@@ -325,7 +329,7 @@ def _shape_function(values: _Values, signal: SignalTerm, shape: str, beside: boo
     if beside:
         declared[constant] = Parameter(
             0.0,
-            _power(signal.unit_of_memory, definition.power),
+            _power_of_unit(signal.unit_of_memory, definition.power),
             min=-ANY * typical,
             max=ANY * typical,
             nominal=typical,
@@ -343,22 +347,25 @@ def _shape_function(values: _Values, signal: SignalTerm, shape: str, beside: boo
 
 def with_constant(text: str) -> str:
     """Return the formula of a shape plus a constant: ``a (x^3 + b)`` for ``a x^3``."""
-    whole, *more = re.split(r"(?=, [^()]*$| with | beyond )", text.removeprefix("a "), maxsplit=1)
-    inner = whole[1:-1] if whole.startswith("(") and whole.endswith(")") else whole
-    return f"a ({inner} + b){''.join(more)}"
+    # words after the formula, such as ", smooth" or " beyond |x| = w", stay outside the brackets
+    formula, *words = re.split(
+        r"(?=, [^()]*$| with | beyond )", text.removeprefix("a "), maxsplit=1
+    )
+    inner = formula[1:-1] if formula.startswith("(") and formula.endswith(")") else formula
+    return f"a ({inner} + b){''.join(words)}"
 
 
-def _power(unit: str, power: float) -> str:
+def _power_of_unit(unit: str, power: float) -> str:
     """Return a power of a unit."""
     if not power or unit == "1":
         return "1"
     return in_brackets(unit) + (f"^{power:g}" if power != 1 else "")
 
 
-def _table_function(values: _Values, signal: SignalTerm, table: SmoothTable) -> _Function:
+def _table_function(target: _CorrectedLaw, signal: SignalTerm, table: SmoothTable) -> _Function:
     """Return the function of a table; unless fixed, its values are declared as parameters."""
-    law = values.law
-    switch = values.switch
+    law = target.law
+    switch = target.switch
     names = [f"{switch}_at_{k}" for k in range(len(table.knots))]
     doc = f"how much of the table of {signal.words} {law} has; 0 is without"
     declared = {switch: Parameter(0.0, "1", min=-ANY, max=ANY, doc=doc)}
@@ -366,10 +373,10 @@ def _table_function(values: _Values, signal: SignalTerm, table: SmoothTable) -> 
         for name, x, y in zip(names, table.knots, table.values, strict=True):
             declared[name] = Parameter(
                 y,
-                values.unit,
-                min=-ANY * values.nominal,
-                max=ANY * values.nominal,
-                nominal=values.nominal,
+                target.unit,
+                min=-ANY * target.nominal,
+                max=ANY * target.nominal,
+                nominal=target.nominal,
                 doc=f"{law} has so much more at {signal.words} = {x:g}",
             )
 
@@ -383,7 +390,10 @@ def _table_function(values: _Values, signal: SignalTerm, table: SmoothTable) -> 
 def _memory_members(
     law: str, signal: SignalTerm, memory: str, now: Callable[[Any], Any]
 ) -> dict[str, Any]:
-    """Return the state of a memory, its rate, and the time constant of a lag, by name."""
+    """Declare the state of a memory, with its rate and, for a lag, the time constant, by name.
+
+    The value of the signal is `now`, from the component instance.
+    """
     rate = f"{memory}_rate"
     constant = f"{memory}_constant"
 
@@ -450,11 +460,11 @@ def _check_table(knots: Sequence[float], values: Sequence[float]) -> None:
         raise UserError(f"values of a table must be numbers, which {list(values)} are not")
 
 
-def _check_laws(component: type[Component], law: str, signal: SignalTerm) -> None:
+def _check_law_and_signal(component: type[Component], law: str, signal: SignalTerm) -> None:
     """Raise an error unless law and signal exist, are single numbers, and form no loop."""
     layout = component.layout
     label = component.name or component.__name__
-    laws = _laws(component)
+    laws = _laws_by_name(component)
     if law not in laws:
         raise UserError(f"{label}: no law named {law!r}{suggestion(law, laws)}")
     variables = [v.name for v in (*layout.inputs, *layout.states, *layout.discretes)] + ["time"]
@@ -467,38 +477,38 @@ def _check_laws(component: type[Component], law: str, signal: SignalTerm) -> Non
         arguments = len(signature(laws[name]).parameters) - 1
         if arguments and name == signal.name:
             raise UserError(f"{label}: {name} takes arguments, and is no signal")
-        if not arguments and isinstance(_evaluated(component, name)[0], Sequence):
+        if not arguments and isinstance(_value_at_defaults(component, name), Sequence):
             raise UserError(f"{label}: {name} gives several numbers, not one")
     is_other_law = signal.name not in variables and signal.name != law
     passes_at_once = signal.memory in ("", "leading")
-    if is_other_law and passes_at_once and _evaluated(component, signal.name, law)[1]:
+    if is_other_law and passes_at_once and _calls(component, signal.name, law):
         raise UserError(f"{label}: {law} cannot hang on {signal.name}, which is computed from it")
 
 
-def _laws(component: type[Component]) -> dict[str, Callable[..., Any]]:
+def _laws_by_name(component: type[Component]) -> dict[str, Callable[..., Any]]:
     """Return the methods of a component that its base class does not have, by name."""
     methods = {name: law_of(component, name) for name in dir(component)}
     return {n: law for n, law in methods.items() if law is not None and not hasattr(Component, n)}
 
 
-def _evaluated(component: type[Component], law: str, other: str = "") -> tuple[Any, bool]:
-    """Return the value of a law at the defaults, and whether it calls another law.
-
-    The value is None if the law cannot be evaluated there.
-    """
-    called = False
-
-    def spy(self: Any, *arguments: Any) -> Any:
-        nonlocal called
-        called = True
-        return getattr(super(watched, self), other)(*arguments)
-
-    body: dict[str, Any] = {"__module__": component.__module__}
-    if other:
-        body[other] = spy
-    watched = type(component.__name__, (component,), body)
-    value = None
+def _value_at_defaults(component: type[Component], law: str) -> Any:
+    """Return the value of a law at the defaults; None if it cannot be evaluated there."""
     # at its defaults a law may divide by zero, or lack another
     with suppress(ArithmeticError, AttributeError):
-        value = getattr(watched(), law)()
-    return value, called
+        return getattr(component(), law)()
+    return None
+
+
+def _calls(component: type[Component], law: str, other: str) -> bool:
+    """Return whether a law calls another one, evaluated at the defaults."""
+    is_called = False
+
+    def recorded(self: Any, *arguments: Any) -> Any:
+        nonlocal is_called
+        is_called = True
+        return getattr(super(recording, self), other)(*arguments)
+
+    body: dict[str, Any] = {"__module__": component.__module__, other: recorded}
+    recording = type(component.__name__, (component,), body)
+    _value_at_defaults(recording, law)
+    return is_called

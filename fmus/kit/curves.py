@@ -157,9 +157,9 @@ class EffectNames:
     qualifier: str = ""
 
     def with_defaults(self, id: str, variables: tuple[str, ...]) -> EffectNames:
-        """Return the names, with the default id if empty and the default variables that lack."""
-        rest = variables[len(self.variables) :]
-        return EffectNames(self.id or id, (*self.variables, *rest), self.qualifier)
+        """Return the names with defaults for an empty id and for the missing last variables."""
+        missing = variables[len(self.variables) :]
+        return EffectNames(self.id or id, (*self.variables, *missing), self.qualifier)
 
 
 @effect_maker

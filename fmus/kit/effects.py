@@ -86,7 +86,11 @@ class EffectType(type):
     def __new__(
         mcs, name: str, bases: tuple[type, ...], body: dict[str, Any], /, **about: Any
     ) -> EffectType:
-        """Make a class; attributes are distinguished from laws and variables by their types."""
+        """Make a class; attributes are distinguished from laws and variables by their types.
+
+        A declaration with the name of an attribute is set apart, because ``getattr`` on the class
+        would find the attribute (`_effect_attribute`) in its place.
+        """
         members = dict(body)
         attributes: dict[str, Any] = {}
         declarations: dict[str, Declaration] = {}
@@ -97,18 +101,18 @@ class EffectType(type):
             elif isinstance(value, Declaration):
                 declarations[key] = name_declaration(members.pop(key), key)
             if isinstance(value, OutputDeclaration):
-                members[key] = value.law
+                members[key] = value.law  # it remains a method
         members |= {"_about": attributes | about, APART: declarations}
         return super().__new__(mcs, name, bases, members)
 
     def __init__(
         cls, name: str, bases: tuple[type, ...], body: dict[str, Any], /, **about: Any
     ) -> None:
-        super().__init__(name, bases, body)
+        super().__init__(name, bases, body)  # without the attributes, which `type` would reject
 
 
 def _effect_attribute(name: str) -> property:
-    """Return the property for an attribute of an effect's class or of its nearest base."""
+    """Make a property of effect classes: an attribute of the class, or of its nearest base."""
 
     def value(cls: type) -> Any:
         abouts = (vars(part).get("_about", {}) for part in cls.__mro__)
@@ -239,7 +243,7 @@ def _identifier(effect: type[Effect]) -> str:
     return f"{effect.id}_of_{subject}" if subject else effect.id
 
 
-def _joined(parts: list[str]) -> str:
+def _join_to_file_name(parts: list[str]) -> str:
     """Join names into the name of a file; one that is too long is cut and ends in a checksum."""
     name = "_with_".join(parts)
     if len(name) <= _LONGEST_NAME:
@@ -247,15 +251,18 @@ def _joined(parts: list[str]) -> str:
     return f"{name[: _LONGEST_NAME - 9]}_{crc32(name.encode()):08x}"
 
 
-def _owners(cls: type[Component]) -> dict[str, type]:
-    """Return the class that declares each variable of a class, by name of the variable."""
+def _declaring_classes(cls: type[Component]) -> dict[str, type]:
+    """Return the class that declares each variable of a class, by name of the variable.
+
+    If several declare it, it is the one nearest to the class.
+    """
     return {name: part for part in reversed(cls.__mro__) for name in vars(part).get("declared", {})}
 
 
-def _redeclared(
+def _with_new_defaults(
     prefix: str, parts: tuple[type[Component], ...], defaults: Mapping[str, float | str]
 ) -> dict[str, Any]:
-    """Return declarations with new defaults for parameters.
+    """Return declarations that replace those of parameters with new defaults, by name.
 
     The default of a state's start parameter is in the declaration of the state.
     """
@@ -280,9 +287,9 @@ def _check_effects(prefix: str, base: type[Component], effects: tuple[type[Effec
     for identifier in ids:
         if ids.count(identifier) > 1:
             raise UserError(f"{prefix}: effect {identifier!r} is laid over it twice")
-    owners = _owners(base)
+    owners = _declaring_classes(base)
     for effect in effects:
-        for variable, owner in _owners(effect).items():
+        for variable, owner in _declaring_classes(effect).items():
             other = owners.setdefault(variable, owner)
             if other is not owner:
                 raise UserError(
@@ -341,7 +348,7 @@ def stack(
     layers = (*earlier, *effects)
     _check_effects(prefix, component, layers)
     body = {
-        "name": name or _joined([prefix, *map(_identifier, effects)]),
+        "name": name or _join_to_file_name([prefix, *map(_identifier, effects)]),
         "remark": base.remark,
         "__doc__": component.__doc__,
         "__module__": component.__module__,
@@ -351,8 +358,8 @@ def stack(
     title = "".join(effect.__name__ for effect in reversed(layers)) + component.__name__
     return type(
         title,
-        (*reversed(layers), component),
-        body | _redeclared(prefix, (component, *layers), values),
+        (*reversed(layers), component),  # a later effect overrides an earlier one
+        body | _with_new_defaults(prefix, (component, *layers), values),
     )
 
 

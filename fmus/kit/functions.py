@@ -268,12 +268,15 @@ def slopes(xs: Sequence[float], ys: Sequence[Any]) -> list[tuple[Any, Any]]:
     widths = [xs[k + 1] - xs[k] for k in range(len(xs) - 1)]
     chords = [(high - low) / width for low, high, width in zip(ys, ys[1:], widths, strict=False)]
     last = len(widths)
-    straight = {0, last}  # points at which the slope is that of the chord of the interval
+    # Points at which the slope is that of the chord: both ends, and a point at zero with its
+    # neighbours, so that the intervals at both sides of it are straight lines.
+    straight = {0, last}
     for k in range(1, last):
         if xs[k] == 0.0:
             straight |= {k - 1, k, k + 1}
 
     def slope(k: int, interval: int) -> Any:
+        """Return the slope at point k of one of the two intervals that meet there."""
         if k in straight:
             return chords[interval]
         before = widths[k - 1]

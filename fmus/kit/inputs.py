@@ -47,20 +47,20 @@ class _ArrivingInput:
         self.law = law
         self.effect = Effect
 
-    def __get__(self, one: Any, owner: Any = None) -> Any:
-        if one is None:
+    def __get__(self, instance: Any, owner: Any = None) -> Any:
+        if instance is None:
             raise AttributeError(self.name)  # a class has only the declaration
-        return self.law(one, self.below(one))
+        return self.law(instance, self.before_effect(instance))
 
-    def below(self, one: Any) -> Any:
-        """Return the value before the effect: of the effect below it, or the command."""
+    def before_effect(self, instance: Any) -> Any:
+        """Return the value before the effect: after an earlier effect, or the command."""
         try:
-            return getattr(super(self.effect, one), self.name)
+            return getattr(super(self.effect, instance), self.name)
         except AttributeError:
-            return one.__dict__[self.name]
+            return instance.__dict__[self.name]
 
-    def __set__(self, one: Any, value: Any) -> None:
-        one.__dict__[self.name] = value
+    def __set__(self, instance: Any, value: Any) -> None:
+        instance.__dict__[self.name] = value
 
 
 @dataclass(frozen=True)
@@ -91,11 +91,22 @@ class _Change:
 
 
 def _input_effect(id: str, name: str, doc: str, change: _Change) -> type[Effect]:
-    """Make the effect with an id that changes an input."""
+    """Make the effect that makes a change to an input.
+
+    Parameters
+    ----------
+    id : str
+        Id of the effect.
+    name : str
+        Name of the input.
+    doc : str
+        Docstring of the effect.
+    change : _Change
+    """
     arriving = _ArrivingInput(name, change.arrives)
 
     def rate_law(rate: Callable[[Any, Any], Any]) -> Callable[[Any], Any]:
-        return lambda self: rate(self, arriving.below(self))
+        return lambda self: rate(self, arriving.before_effect(self))
 
     switch = next(n for n, value in change.declared.items() if isinstance(value, Declaration))
     effect = make_effect(
@@ -118,10 +129,10 @@ def _input_effect(id: str, name: str, doc: str, change: _Change) -> type[Effect]
     return effect
 
 
-def _input(
+def _find_input(
     component: type[Component], name: str, scale: float | None
 ) -> tuple[InputDeclaration, float]:
-    """Return a real input and its typical magnitude."""
+    """Return a real input and its typical magnitude: `scale`, or its nominal value."""
     known = {v.name: v for v in component.layout.inputs if v.type == "real"}
     if name not in known:
         label = component.name or component.__name__
@@ -129,7 +140,7 @@ def _input(
     return known[name], scale or known[name].nominal
 
 
-def _switch(variable: InputDeclaration, size: float, doc: str, least: float = 0.0) -> Any:
+def _switch_parameter(variable: InputDeclaration, size: float, doc: str, least: float = 0.0) -> Any:
     """Declare the parameter that switches an effect: a value of the input, 0 by default."""
     return Parameter(
         0.0,
@@ -164,13 +175,13 @@ def dead_zone(component: type[Component], input: str, scale: float | None = None
     UserError
         If there is no such input.
     """
-    variable, size = _input(component, input, scale)
+    variable, size = _find_input(component, input, scale)
     width = f"{input}_dead_zone"
 
     def arrives(self: Any, x: Any) -> Any:
         return outside(x, -getattr(self, width), getattr(self, width))
 
-    switch = _switch(variable, size, f"{input} below which nothing arrives (d)")
+    switch = _switch_parameter(variable, size, f"{input} below which nothing arrives (d)")
     doc = "Dead zone of an input: within ``d`` of zero nothing arrives, beyond it what is more."
     change = _Change(
         "x - clip(x, -d, d)", arrives, {width: switch}, (Size("dead below {}", (width,)),)
@@ -200,7 +211,7 @@ def asymmetric_dead_zone(
     UserError
         If there is no such input.
     """
-    variable, size = _input(component, input, scale)
+    variable, size = _find_input(component, input, scale)
     end = f"{input}_dead_zone_end"
     ratio = f"{input}_dead_zone_ratio"
 
@@ -208,7 +219,7 @@ def asymmetric_dead_zone(
         return outside(x, -(getattr(self, ratio) * getattr(self, end)), getattr(self, end))
 
     declared = {
-        end: _switch(variable, size, f"positive {input} below which nothing arrives (d)"),
+        end: _switch_parameter(variable, size, f"positive {input} below which nothing arrives (d)"),
         ratio: Parameter(
             1.0,
             "1",
@@ -248,13 +259,15 @@ def input_offset(
     UserError
         If there is no such input.
     """
-    variable, size = _input(component, input, scale)
+    variable, size = _find_input(component, input, scale)
     offset = f"{input}_input_offset"
 
     def arrives(self: Any, x: Any) -> Any:
         return x + getattr(self, offset)
 
-    switch = _switch(variable, size, f"{input} that arrives where none is commanded", least=-_ANY)
+    switch = _switch_parameter(
+        variable, size, f"{input} that arrives where none is commanded", least=-_ANY
+    )
     doc = "Offset of an input: something arrives where nothing is commanded."
     change = _Change("x + a", arrives, {offset: switch}, (Size("{}", (offset,)),))
     return _input_effect("input_offset", input, doc, change)
@@ -283,7 +296,7 @@ def input_saturation(
     UserError
         If there is no such input.
     """
-    variable, size = _input(component, input, scale)
+    variable, size = _find_input(component, input, scale)
     level = f"{input}_saturation"
 
     def arrives(self: Any, x: Any) -> Any:
@@ -335,7 +348,7 @@ def backlash(
     UserError
         If there is no such input.
     """
-    variable, size = _input(component, input, scale)
+    variable, size = _find_input(component, input, scale)
     gap = f"{input}_play"
     place = f"{input}_passed_on"
     at_once = (sampling or Sampling()).at_once
@@ -347,7 +360,7 @@ def backlash(
         return (arrives(self, x) - getattr(self, place)) / at_once
 
     declared = {
-        gap: _switch(variable, size, f"half of the play of {input} (d)"),
+        gap: _switch_parameter(variable, size, f"half of the play of {input} (d)"),
         place: State(
             variable.unit,
             rate=f"{place}_rate",
@@ -394,7 +407,7 @@ def input_lag(
     UserError
         If there is no such input.
     """
-    variable, size = _input(component, input, scale)
+    variable, size = _find_input(component, input, scale)
     share = f"{input}_lagging_share"
     time = f"{input}_lag"
     lagged = f"{input}_behind"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from inspect import isfunction
@@ -153,6 +153,11 @@ def _member(owner: type, name: str) -> Any:
     return next((vars(part)[name] for part in owner.__mro__ if name in vars(part)), None)
 
 
+def _component_class(owner: type) -> type:
+    """Return the class `Component`, which this module cannot import: the last base but object."""
+    return owner.__mro__[-2]
+
+
 def extract(owner: type) -> dict[str, Declaration]:
     """Remove the declarations from a class; the law of an output stays as a method.
 
@@ -231,7 +236,7 @@ def check_laws(owner: Any) -> None:
     UserError
         With the names of class and law.
     """
-    component = owner.__mro__[-2]
+    component = _component_class(owner)
     taken = {*component.__annotations__, *vars(component)}
     for name, law in vars(owner).items():
         if owner is not component and name in taken and isfunction(law) and name[0] != "_":
@@ -278,7 +283,7 @@ def _check_variables(owner: Any, layout: Layout) -> None:
         _check_name(owner, v, names)
         names.add(v.name)
         if not v.min < v.max:
-            raise _mistake(owner, v, f"has an empty range, {_span(v)}")
+            raise _mistake(owner, v, f"has an empty range, {_range_text(v)}")
         if not 0.0 < v.nominal < inf:
             raise _mistake(
                 owner, v, f"has the nominal value {v.nominal:g} {v.unit}; it must be positive"
@@ -292,7 +297,7 @@ def _check_variables(owner: Any, layout: Layout) -> None:
 
 def _check_name(owner: Any, v: Declaration, taken: set[str]) -> None:
     """Check that the name of a variable is an identifier and not that of another member."""
-    component = owner.__mro__[-2]
+    component = _component_class(owner)
     # the law of an output has its name
     holder = component if isinstance(v, OutputDeclaration) else owner
     if not _is_name(v.name) or v.name.startswith("_"):
@@ -320,11 +325,13 @@ def _check_type_and_start(owner: Any, v: Declaration) -> None:
     if v.type == "integer" and v.start != int(v.start):
         raise _mistake(owner, v, f"is an integer but starts at {v.start:g}")
     if not v.min <= v.start <= v.max:
-        raise _mistake(owner, v, f"starts at {v.start:g} {v.unit}, outside its range, {_span(v)}")
+        raise _mistake(
+            owner, v, f"starts at {v.start:g} {v.unit}, outside its range, {_range_text(v)}"
+        )
 
 
 def _check_references(owner: Any, layout: Layout) -> None:
-    """Check the methods, presets, sample periods and shifts that a class names."""
+    """Check the name of a class, and the methods and parameters that its declarations name."""
     if not _is_name(owner.name):
         raise UserError(
             f"{owner.__module__}.{owner.__qualname__}: name {owner.name!r} must be an ASCII"
@@ -335,13 +342,7 @@ def _check_references(owner: Any, layout: Layout) -> None:
     for discrete in layout.discretes:
         _check_method(owner, discrete, "update", discrete.update)
     parameters = {p.name: p for p in layout.parameters}
-    for title, preset in owner.presets.items():
-        for name, value in preset.values.items():
-            if name not in parameters or not parameters[name].min <= value <= parameters[name].max:
-                raise UserError(
-                    f"{owner.name}: preset {title!r} sets {name} to {value:g}, which no parameter"
-                    " allows"
-                )
+    _check_presets(owner, parameters)
     for discrete in layout.discretes:
         unknown = [name for name in discrete.shift if name not in parameters]
         if unknown:
@@ -354,6 +355,18 @@ def _check_references(owner: Any, layout: Layout) -> None:
                 " of seconds"
             )
             raise _mistake(owner, discrete, reason)
+
+
+def _check_presets(owner: Any, parameters: Mapping[str, ParameterDeclaration]) -> None:
+    """Check that presets set parameters, within their ranges."""
+    for title, preset in owner.presets.items():
+        for name, value in preset.values.items():
+            parameter = parameters.get(name)
+            if parameter is None or not parameter.min <= value <= parameter.max:
+                raise UserError(
+                    f"{owner.name}: preset {title!r} sets {name} to {value:g}, which no parameter"
+                    " allows"
+                )
 
 
 def _check_port(owner: Any, layout: Layout, port: PowerPort) -> None:
@@ -386,7 +399,7 @@ def _check_port(owner: Any, layout: Layout, port: PowerPort) -> None:
 def _check_method(owner: Any, variable: Declaration, kind: str, name: str) -> None:
     """Check that a declaration names a method of the class."""
     if law_of(owner, name) is None:
-        component = owner.__mro__[-2]
+        component = _component_class(owner)
         laws = [n for n in dir(owner) if law_of(owner, n) and not hasattr(component, n)]
         reason = f"has the {kind} {name!r}, which is no method of the class{suggestion(name, laws)}"
         raise _mistake(owner, variable, reason)
@@ -398,7 +411,7 @@ def _mistake(owner: Any, variable: Declaration, reason: str) -> UserError:
     return DeclarationError(text, owner.__qualname__, variable.name)
 
 
-def _span(variable: Declaration) -> str:
+def _range_text(variable: Declaration) -> str:
     """Return the range of a variable as text."""
     return f"{variable.min:g} to {variable.max:g} {variable.unit}"
 

@@ -286,6 +286,7 @@ def _load_packages(entries: Any) -> Iterator[tuple[EntryPoint, ComponentPackage]
 
 
 def _sort_key(pair: tuple[EntryPoint, ComponentPackage]) -> tuple[bool, bool, str, str]:
+    """Return the key for the order of `packages`."""
     entry, package = pair
     is_ours = entry.module.partition(".")[0] == _OURS
     return not is_ours, not package.default_model, _distribution(entry), entry.name
@@ -306,6 +307,7 @@ def _warn_omitted(entry: EntryPoint, reason: str) -> None:
 
 @cache
 def _merged(kind: str) -> dict[str, Any]:
+    """Return an attribute of all packages, a mapping by name, as one mapping."""
     return {n: one for package in packages() for n, one in getattr(package, kind).items()}
 
 

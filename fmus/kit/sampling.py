@@ -52,7 +52,7 @@ class Sampling:
         return max(self.step, min(_DELAY_PERIOD, _LONGEST * self.duration / DELAY_SAMPLES))
 
     def holding(self, delay: float) -> Sampling:
-        """Return the sampling with the finest register that covers a delay, s, and twice of it."""
+        """Return the sampling with the shortest delay period whose register covers 2 `delay`, s."""
         return replace(self, duration=min(self.duration, 2.0 * delay / _LONGEST))
 
     @property

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from .component import Component
@@ -55,13 +56,23 @@ _ARGUMENTS = """
 
 @dataclass(frozen=True)
 class _Quantity:
-    """The output that an effect is made for, with the law for its value before the effect."""
+    """The output that an effect is made for.
+
+    Attributes
+    ----------
+    name, unit, nominal, display
+        See :class:`.Declaration`.
+    before_effect : callable
+        Returns the value before the effect, from the component instance.
+    sampling : Sampling
+        Sampling of the record that the effect is made for.
+    """
 
     name: str
     unit: str
     nominal: float
     display: str | None
-    below: Law
+    before_effect: Law
     sampling: Sampling
 
     def about(self, per: str = "", scale: float = 1.0) -> dict[str, Any]:
@@ -81,16 +92,24 @@ class _Quantity:
 def _measurement(
     assumption: str, title: str, size: Size
 ) -> Callable[[Callable[[_Quantity], dict[str, Any]]], Factory]:
-    """Return a decorator that makes a factory of effects.
+    """Return a decorator that makes a factory of effects, one for each output.
 
     The decorated function returns the class body for one output. Its docstring is that of the
-    effects, unless the body has one; the first variable of the body switches them. The title has a
-    place for the output, and the size lacks the variable.
+    effects, unless the body has one; the first variable of the body switches them.
+
+    Parameters
+    ----------
+    assumption : str
+        Assumption that the effects relax.
+    title : str
+        Title of the effects, with a place for the output.
+    size : Size
+        Size of the effects, without the parameter, which is the variable that switches them.
     """
-    return lambda body: _factory(assumption, title, size, body)
+    return partial(_make_factory, assumption, title, size)
 
 
-def _factory(
+def _make_factory(
     assumption: str,
     title: str,
     size: Size,
@@ -111,7 +130,7 @@ def _factory(
         measured = declared[output]
 
         # `effect` is assigned below, before the first call
-        def below(self: Any) -> Any:
+        def before_effect(self: Any) -> Any:
             return getattr(super(effect, self), output)()
 
         quantity = _Quantity(
@@ -119,7 +138,7 @@ def _factory(
             measured.unit,
             measured.nominal,
             measured.display,
-            below,
+            before_effect,
             sampling or Sampling(),
         )
         members = {"__doc__": body.__doc__, "__module__": __name__, **body(quantity)}
@@ -161,7 +180,7 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
     started = f"{quantity.name}_lag_started"
 
     def rate(self: Any) -> Any:
-        value = quantity.below(self)
+        value = quantity.before_effect(self)
         time = getattr(self, lag)
         # before the first sample, which is taken at the first step, the start is now
         at_start = where(getattr(self, started), getattr(self, reference), value)
@@ -170,7 +189,7 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
         )
 
     def measured(self: Any) -> Any:
-        return quantity.below(self) - getattr(self, lag) * rate(self)
+        return quantity.before_effect(self) - getattr(self, lag) * rate(self)
 
     return {
         lag: Parameter(
@@ -201,7 +220,7 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
         ),
         quantity.name: measured,
         f"{change}_rate": rate,
-        f"{reference}_update": quantity.below,
+        f"{reference}_update": quantity.before_effect,
         f"{started}_update": lambda self: 1.0,
     }
 
@@ -236,7 +255,7 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
 
     def measured(self: Any) -> Any:
         # the present value less all changes within the time of the delay
-        value = quantity.below(self)
+        value = quantity.before_effect(self)
         delay_time = getattr(self, delay)
         # change since the latest sample: linear in time, over a time that is not zero
         age = maximum(self.time - getattr(self, instant), 1e-9 * period)
@@ -285,13 +304,13 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
         f"{history}_rate": value_of(slope),
         f"{slope}_rate": lambda self: 0.0,
         f"{begin}_update": lambda self: self.time,
-        f"{latest}_update": quantity.below,
+        f"{latest}_update": quantity.before_effect,
         f"{instant}_update": lambda self: self.time,
         f"{started}_update": lambda self: 1.0,
     }
     # at a sample the register shifts by one place
     updates = [
-        lambda self: change_since_sample(self, quantity.below(self)),
+        lambda self: change_since_sample(self, quantity.before_effect(self)),
         *map(value_of, changes[:-1]),
     ]
     for change, update in zip(changes, updates, strict=True):
@@ -320,7 +339,7 @@ def sensor_gain(quantity: _Quantity) -> dict[str, Any]:
             max=_ANY,
             doc=f"scale of the measured {quantity.name}; 1 is without error",
         ),
-        quantity.name: lambda self: getattr(self, gain) * quantity.below(self),
+        quantity.name: lambda self: getattr(self, gain) * quantity.before_effect(self),
     }
 
 
@@ -338,7 +357,7 @@ def sensor_offset(quantity: _Quantity) -> dict[str, Any]:
             doc=f"bias of the measured {quantity.name}",
             **quantity.about(),
         ),
-        quantity.name: lambda self: quantity.below(self) + getattr(self, offset),
+        quantity.name: lambda self: quantity.before_effect(self) + getattr(self, offset),
     }
 
 
@@ -366,7 +385,7 @@ def sensor_drift(quantity: _Quantity) -> dict[str, Any]:
             doc=f"time since the start, for the drift of {quantity.name}",
         ),
         quantity.name: lambda self: (
-            quantity.below(self) + getattr(self, drift) * getattr(self, since)
+            quantity.before_effect(self) + getattr(self, drift) * getattr(self, since)
         ),
         f"{since}_rate": lambda self: 1.0,
     }

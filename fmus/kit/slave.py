@@ -26,10 +26,11 @@ _COUNTERS = 4
 
 
 @cache
-def _transfer(*statements: str) -> Callable[[Component, Any], None]:
-    """Compile assignments between component ``m`` and memory ``y``; a loop takes twice as long.
+def _compile_assignments(*statements: str) -> Callable[[Component, Any], None]:
+    """Make a function that executes assignments between a component ``m`` and the memory ``y``.
 
-    All instances share the function, because compiling would take most of the time of creating one.
+    A loop over the variables takes twice as long. All instances share the function, because
+    compiling would take most of the time of creating one.
     """
     namespace: dict[str, Any] = {}
     exec("def transfer(m, y):\n    " + ("; ".join(statements) or "pass"), namespace)
@@ -62,9 +63,9 @@ class Slave:
             for i, v in enumerate(layout.variables)
         ]
         store = [f"y[{i}] = m.{v.name}" for i, v in enumerate(layout.variables)]
-        self._load_parameters = _transfer(*load[:first_input])
-        self._load = _transfer(*load[first_input:first_output])
-        self._store = _transfer(*store[first_state:first_output])
+        self._load_parameters = _compile_assignments(*load[:first_input])
+        self._load = _compile_assignments(*load[first_input:first_output])
+        self._store = _compile_assignments(*store[first_state:first_output])
         self._first_output = first_output
         self._internals = len(layout.names)
         self.memory = memory

@@ -59,9 +59,10 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _POWER = re.compile(r"(?:\^|\*\*)\(?(-?\d+)\)?")
 _INVERSE = re.compile(r"1/([A-Za-z]+)(?:\^(\d+))?")
 _MICRO = re.compile(r"(?<![A-Za-z])u(?=[A-Za-zΩ])")
-_WRITTEN_OUT = 1e6  # smaller numbers are written without a power of ten
+_WITH_POWER_OF_TEN = 1e6  # smallest number that is written with a power of ten
 _SIGNS = {"ohm": "Ω", "degC": "°C", "deg": "°", "percent": "%"}
-_TENS = 300  # largest power of ten of a factor
+_LARGEST_POWER_OF_TEN = 300  # of a factor, which must be a float
+# names that may have an SI prefix
 _PREFIXED = ("m", "s", "A", "N", "J", "W", "Pa", "V", "ohm", "C", "F", "Hz", "H")
 _LONGEST = 100  # largest number of characters of a unit
 # factors and powers of them; a power has no power itself
@@ -99,8 +100,8 @@ class BaseUnit:
 
 
 @lru_cache
-def _without_pint(unit: str) -> BaseUnit | None:
-    """Return a product of common SI units in base units; None for any other unit.
+def _common_base_unit(unit: str) -> BaseUnit | None:
+    """Return a product of common SI units in base units without pint; None for any other unit.
 
     The result is that of pint, whose registry takes half a second to load.
     """
@@ -115,13 +116,13 @@ def _without_pint(unit: str) -> BaseUnit | None:
     exponents: dict[str, int] = {}
     tens = 0
     for name, power in powers.items():
-        prefix, coherent = _split(name)
+        prefix, coherent = _split_prefix(name)
         if coherent not in _COHERENT:
             return None
         tens += power * _PREFIXES.get(prefix, 0)
         for base, exponent in _COHERENT[coherent].items():
             exponents[base] = exponents.get(base, 0) + power * exponent
-    if abs(tens) > _TENS:
+    if abs(tens) > _LARGEST_POWER_OF_TEN:
         return None
     return BaseUnit(
         {base: exponents[base] for base in _BASE.values() if exponents.get(base)},
@@ -130,8 +131,8 @@ def _without_pint(unit: str) -> BaseUnit | None:
     )
 
 
-def _split(name: str) -> tuple[str, str]:
-    """Return the prefix of a unit's name, or an empty text, and the rest."""
+def _split_prefix(name: str) -> tuple[str, str]:
+    """Return the SI prefix of a unit's name, empty if it has none, and the name without it."""
     if name not in _COHERENT and name[0] in _PREFIXES and name[1:] in _PREFIXED:
         return name[0], name[1:]
     return "", name
@@ -220,9 +221,8 @@ def to_familiar(unit: str) -> str:
         `unit` unchanged if pint does not know it, as units of an FMU may have any name.
     """
     spelt = from_modelica(unit[:_LONGEST])
-    if _without_pint(spelt) is not None:
-        return spelt
-    return spelt if _parse_or_none(spelt) is not None else unit
+    is_known = _common_base_unit(spelt) is not None or _parse_or_none(spelt) is not None
+    return spelt if is_known else unit
 
 
 @lru_cache
@@ -243,7 +243,7 @@ def base_unit(unit: str) -> BaseUnit:
     UserError
         If FMI cannot express it, because of a fractional power or a base unit outside SI.
     """
-    common = _without_pint(unit)
+    common = _common_base_unit(unit)
     if common is not None:
         return common
     one = registry().Quantity(1.0, parse(unit)).to_base_units()
@@ -283,16 +283,14 @@ def convert(value: Any, unit: str, to: str, what: str = "value") -> Any:
         return value
     if not measure_alike(unit, to):
         raise UserError(f"{what}: unit {unit!r} cannot be converted to {to!r}")
-    source_base = _without_pint(unit)
-    target_base = _without_pint(to)
-    if (
-        source_base is not None
-        and target_base is not None
-        and 1.0 in (source_base.factor, target_base.factor)
-    ):
-        return value * (
-            source_base.factor if target_base.factor == 1.0 else 1.0 / target_base.factor
-        )
+    source_base = _common_base_unit(unit)
+    target_base = _common_base_unit(to)
+    if source_base is not None and target_base is not None:
+        # a conversion by one factor rounds like pint, which one by a ratio of two does not
+        if target_base.factor == 1.0:
+            return value * source_base.factor
+        if source_base.factor == 1.0:
+            return value * (1.0 / target_base.factor)
     source = parse(unit)
     target = parse(to)
     if source == target:
@@ -312,7 +310,7 @@ def check(unit: str) -> None:
     UserError
         See `parse`.
     """
-    if _without_pint(unit) is None:
+    if _common_base_unit(unit) is None:
         parse(unit)
 
 
@@ -332,8 +330,8 @@ def measure_alike(unit: str, other: str) -> bool:
     UserError
         If one of them is no unit.
     """
-    one = _without_pint(unit)
-    another = _without_pint(other)
+    one = _common_base_unit(unit)
+    another = _common_base_unit(other)
     if one is not None and another is not None:
         return one.exponents == another.exponents
     return convertible(parse(unit), parse(other))
@@ -353,10 +351,12 @@ def convertible(source: pint.Unit, target: pint.Unit) -> bool:
     -------
     bool
     """
-    return source.dimensionality == target.dimensionality and _angles(source) == _angles(target)
+    if source.dimensionality != target.dimensionality:
+        return False
+    return _power_of_angle(source) == _power_of_angle(target)
 
 
-def _angles(unit: pint.Unit) -> float:
+def _power_of_angle(unit: pint.Unit) -> float:
     """Return the power of the angle in a unit: 1 for rad/s and rpm, 0 for Hz."""
     total = 0.0
     for name, power in registry().Quantity(1.0, unit)._units.items():
@@ -466,7 +466,7 @@ def format_prefixed(
     display = variable.display or variable.unit
     if display != variable.unit and not _is_prefixed(display):
         shown = convert(float(value), variable.unit, display)
-        return f"{_rounded(shown, digits)} {printed(display)}"
+        return f"{_write_digits(shown, digits)} {printed(display)}"
     return write_prefixed(float(value), variable.unit, digits, like)
 
 
@@ -489,8 +489,9 @@ def write_prefixed(value: float, unit: str, digits: int = 3, like: float | None 
     -------
     str
     """
-    number, shown = with_prefix(_round(value, digits), unit, _round(like or value, digits))
-    return f"{_rounded(number, digits)} {shown}".removesuffix(" 1")
+    # rounded first, so that 999.96 m becomes 1.00 km and not 1000 m
+    number, shown = with_prefix(_to_digits(value, digits), unit, _to_digits(like or value, digits))
+    return f"{_write_digits(number, digits)} {shown}".removesuffix(" 1")
 
 
 def _is_prefixed(unit: str) -> bool:
@@ -517,26 +518,28 @@ def with_prefix(value: float, unit: str, like: float | None = None) -> tuple[flo
     unit : str
         As printed; see `printed`.
     """
-    powers = powers_of_names(unit) if _without_pint(unit) is not None else {}
+    powers = powers_of_names(unit) if _common_base_unit(unit) is not None else {}
     first, power = next(iter(powers.items()), ("", 0))
     size = abs(like) if like and math.isfinite(like) else abs(value)
     if first not in _PREFIXED or power != 1 or not size or not math.isfinite(size):
         return value, printed(unit)
     largest = 0 if first == "s" else 9  # no kiloseconds
+    # engineering notation: one to three digits before the point
     tens = min(max(3 * math.floor(math.log10(size) / 3.0), -9), largest)
     return value / 10.0**tens, _LETTERS[tens] + printed(unit)
 
 
-def _round(value: float, digits: int) -> float:
+def _to_digits(value: float, digits: int) -> float:
+    """Round a value to a number of significant digits."""
     return float(f"{value:.{digits - 1}e}")
 
 
-def _rounded(number: float, digits: int) -> str:
+def _write_digits(number: float, digits: int) -> str:
     """Write a number with a number of significant digits, with trailing zeros."""
     if not math.isfinite(number) or not number:
         return f"{number:g}"
-    if 10.0 ** (digits - 1) <= abs(number) < _WRITTEN_OUT:
-        return f"{_round(number, digits):.0f}".replace("-", "−")
+    if 10.0 ** (digits - 1) <= abs(number) < _WITH_POWER_OF_TEN:
+        return f"{_to_digits(number, digits):.0f}".replace("-", "−")
     return f"{number:#.{digits}g}".removesuffix(".").replace("-", "−")
 
 

@@ -38,8 +38,8 @@ class ClientKeys:
     def __repr__(self) -> str:
         return f"ClientKeys(public_key={self.public_key!r})"  # a secret has no place in a log
 
-    def unlock(self, socket: Any) -> None:
-        """Let a ZeroMQ socket that connects to the server prove who it is, and encrypt.
+    def secure(self, socket: Any) -> None:
+        """Make a ZeroMQ socket authenticate itself to the server with these keys, and encrypt.
 
         Parameters
         ----------
@@ -81,9 +81,14 @@ def read_client_keys(path: Path, warn: Callable[[str], None] = lambda text: None
 
 
 def read_table(path: Path, warn: Callable[[str], None] = lambda text: None) -> dict[str, Any]:
-    """Read a key file without checking its keys.
+    """Read the TOML table of a key file without checking its keys.
 
-    Parameters and errors are those of :func:`read_client_keys`.
+    Parameters are those of :func:`read_client_keys`.
+
+    Raises
+    ------
+    UserError
+        If there is no such file, or it is not TOML.
     """
     import tomllib
 
@@ -132,6 +137,7 @@ def checked(text: Any, where: str) -> str:
         raise UserError(f"{where} must be a text of {_LENGTH} characters (Z85)")
     if len(text) != _LENGTH:
         raise UserError(f"{where} has {len(text)} characters; a key has {_LENGTH} (Z85)")
+    # every five characters are the digits to base 85 of an unsigned integer of four bytes
     for start in range(0, _LENGTH, 5):
         value = 0
         for character in text[start : start + 5]:

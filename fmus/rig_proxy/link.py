@@ -19,7 +19,7 @@ from .credentials import read_client_keys
 FAREWELL = 0.2  # s, longest wait of a disconnect for its answer
 NEVER = -1e9  # s, our clock: earlier than any start of the computer
 _QUEUE = 16  # messages that are queued in either direction
-_MOST = 1000  # messages that are read in one call
+_MOST_REPLIES = 1000  # that are read in one call
 _LATCHED = {
     protocol.STOPPING: "is on the way to its safe state",
     protocol.SAFE: "is in its safe state",
@@ -43,7 +43,7 @@ class Link:
     Parameters
     ----------
     endpoint : str
-        Like ``tcp://127.0.0.1:5570``.
+        Address of the server, such as ``tcp://127.0.0.1:5570``.
     inputs, outputs : Mapping of str to str
         SI units of the signals to command and to read, by name; values have the same order.
     credentials : Path, optional
@@ -90,7 +90,9 @@ class Link:
         self._overtaken: Mapping[str, Any] | None = None  # answer to an earlier exchange
         self._instance = instance or token_hex(8)
         self._keys = None if credentials is None else read_client_keys(credentials)
-        self._sequence, self._newest, self._seen = 0, 0, 0.0
+        self._sequence = 0  # number of the newest exchange
+        self._answered = 0  # number of the newest exchange with an answer
+        self._rig_clock = 0.0  # s, of the rig at its newest answer
         self._context = zmq.Context()
         self._socket: Any = None
         try:
@@ -148,7 +150,7 @@ class Link:
                 raise LinkError(f"the rig at {self.endpoint} refuses: {message['reason']}")
             if message["type"] == "accepted" and self._has_all(message):
                 self.accepted = message
-                self._seen = message["clock"]
+                self._rig_clock = message["clock"]
                 self.last_answer = monotonic()
                 self.unanswered_since = inf
                 self.trip = self.last_answer - sent
@@ -193,7 +195,7 @@ class Link:
             session=self.session,
             sequence=self._sequence,
             sent=sent,
-            seen=self._seen,
+            seen=self._rig_clock,
             time=time,
             step=step,
             values=list(values),
@@ -222,7 +224,18 @@ class Link:
         return next((message for message in answers if message["type"] == "status"), None)
 
     def late(self) -> Mapping[str, Any] | None:
-        """Return the newest sample that came after its exchange had ended; do not wait for one."""
+        """Return the newest sample that came after its exchange had ended, without waiting.
+
+        Returns
+        -------
+        Mapping of str to object or None
+            The message ``sample``; None if no such one has come.
+
+        Raises
+        ------
+        LinkError
+            If the server does not know the session any more.
+        """
         newest, self._overtaken = self._overtaken, None
         for message in self._samples(monotonic()):
             newest = message
@@ -238,11 +251,11 @@ class Link:
         """
         if self.session and self._socket is not None:
             self._send("disconnect", session=self.session)
-            self._leave()
+            self._mark_ended()
             for message in self._answers(monotonic() + longest):
                 if message["type"] in ("disconnected", "refused"):
                     break
-        self._leave()
+        self._mark_ended()
 
     def close(self) -> None:
         """Close the sockets; messages that are not sent yet are dropped."""
@@ -251,8 +264,8 @@ class Link:
             self._socket = None
         self._context.destroy(linger=0)
 
-    def _leave(self) -> None:
-        """Forget the session: no more answers come, and the age of the newest one grows."""
+    def _mark_ended(self) -> None:
+        """Mark the session as ended: no more answers come, and the age of the newest one grows."""
         self.accepted = {}
         self.unanswered_since = min(self.unanswered_since, self.last_answer)
 
@@ -267,7 +280,7 @@ class Link:
         socket.setsockopt(zmq.RECONNECT_IVL, 20)
         socket.routing_id = protocol.new_name()
         if self._keys is not None:
-            self._keys.unlock(socket)
+            self._keys.secure(socket)
         try:
             socket.connect(self.endpoint)
         except zmq.ZMQError as error:
@@ -280,8 +293,8 @@ class Link:
             self._socket.send(protocol.encode(kind, **fields), zmq.DONTWAIT)
 
     def _answers(self, until: float) -> Iterator[Mapping[str, Any]]:
-        """Yield well-formed replies until a time of our clock, and all that are there already."""
-        for _ in range(_MOST):  # a peer that floods us must not block us
+        """Yield well-formed replies that have come or come until a time of our clock, s."""
+        for _ in range(_MOST_REPLIES):  # a peer that floods us must not block us
             if not self._socket.poll(ceil(max(0.0, until - monotonic()) * 1e3)):
                 return
             try:
@@ -299,23 +312,28 @@ class Link:
         """
         for message in self._answers(until):
             if message["type"] == "refused" and self.session:
-                self._leave()
+                self._mark_ended()
                 raise LinkError(f"the rig at {self.endpoint} refuses: {message['reason']}")
             if (
-                message["type"] != "sample"
-                or message["session"] != self.session
-                or not self._has_all(message)
+                message["type"] == "sample"
+                and message["session"] == self.session
+                and self._has_all(message)
+                and self._answered < message["sequence"] <= self._sequence
             ):
-                continue
-            if self._newest < message["sequence"] <= self._sequence:
-                sent = message["sent"]
-                self._newest, self._seen = message["sequence"], max(self._seen, message["clock"])
-                self.last_answer = monotonic()
-                self.unanswered_since = (
-                    inf if self._newest == self._sequence else max(self.unanswered_since, sent)
-                )
-                self.trip = self.last_answer - sent
+                self._note_answer(message)
                 yield message
+
+    def _note_answer(self, sample: Mapping[str, Any]) -> None:
+        """Note the time and the number of the newest answer."""
+        sent = sample["sent"]
+        self._answered = sample["sequence"]
+        self._rig_clock = max(self._rig_clock, sample["clock"])
+        self.last_answer = monotonic()
+        self.trip = self.last_answer - sent
+        if self._answered == self._sequence:
+            self.unanswered_since = inf
+        else:  # of the exchanges after this one the oldest was sent later
+            self.unanswered_since = max(self.unanswered_since, sent)
 
     def _has_all(self, message: Mapping[str, Any]) -> bool:
         return len(message["values"]) == len(message["ages"]) == len(self.outputs)

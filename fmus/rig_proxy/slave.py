@@ -21,10 +21,10 @@ from .protocol import LOCKSTEP
 from .proxy import AGE, CONNECTED, FAIL, HOLD, LOST, REFUSED, STALE
 
 _TEXT_SIZE = 512  # bytes, of fmi/engine.h
-_START_TIME = 1  # among the internals, of fmi/engine.h
+_START_TIME_INDEX = 1  # among the internals, of fmi/engine.h
 # share of the rig's watchdog time after which the commands of a long step are sent again
 _RESEND_SHARE = 0.25
-_ROUNDING = 1e-6  # s
+_ROUNDING = 1e-6  # s before the end of a step that count as its end
 
 
 class ProxySlave:
@@ -44,8 +44,8 @@ class ProxySlave:
     def __init__(self, cls: type[Component], memory: Any, texts: Any):
         self._cls, self._memory, self._texts = cls, memory, texts
         layout = cls.layout
-        self._at = {name: index for index, name in enumerate(layout.names)}
-        outputs = [o for o in layout.outputs if AGE.format(o.name) in self._at]
+        self._index = {name: index for index, name in enumerate(layout.names)}
+        outputs = [o for o in layout.outputs if AGE.format(o.name) in self._index]
         self._inputs = {v.name: v.unit for v in layout.inputs}
         self._outputs = {v.name: v.unit for v in outputs}
         self._first_input = len(layout.parameters)
@@ -53,17 +53,17 @@ class ProxySlave:
         self._instance = token_hex(8)
         self._link: Link | None = None
         self._warning: str | None = None
-        self._rig: Mapping[str, Any] = {}  # message with which it accepted the session
-        # our clock at the start of the simulation; it runs from the first step on
-        self._begin: float | None = None
-        self._start = 0.0  # simulation time
-        self._forget()
+        self._accepted: Mapping[str, Any] = {}  # message with which the rig accepted the session
+        self._start_time = 0.0  # simulation time at the start
+        # Our clock at the start time, from the first step on; delays move it, see `_due`.
+        self._clock_at_start: float | None = None
+        self._reset()
 
-    def _forget(self) -> None:
+    def _reset(self) -> None:
         """Reset the values, ages and counters of an earlier run."""
         self._values = dict.fromkeys(self._outputs, 0.0)
-        # earliest time of our clock at which each value can have been measured
-        self._born = dict.fromkeys(self._outputs, NEVER)
+        # for each value the earliest time of our clock at which it can have been measured
+        self._measured_at = dict.fromkeys(self._outputs, NEVER)
         self._missed = 0
         self._refusing = False
 
@@ -71,7 +71,7 @@ class ProxySlave:
         """Connect to the rig; return an error message if it cannot be used."""
         try:
             self.terminate()
-            self._forget()
+            self._reset()
             self._check_parameters()
             keys = self._text("credentials")
             self._link = link = Link(
@@ -82,11 +82,11 @@ class ProxySlave:
                 self._cls.name,
                 self._instance,
             )
-            self._start = self._memory[self._internals + _START_TIME]
-            self._begin = None
-            self._rig = link.connect(self._start, self._value("communication_timeout"))
-            self._take(self._rig)
-            missing = [name for name, born in self._born.items() if born == NEVER]
+            self._start_time = self._memory[self._internals + _START_TIME_INDEX]
+            self._clock_at_start = None
+            self._accepted = link.connect(self._start_time, self._value("communication_timeout"))
+            self._store_sample(self._accepted)
+            missing = [name for name, instant in self._measured_at.items() if instant == NEVER]
             if missing:
                 raise UserError(f"the rig has no value of {missing[0]}")
             self._publish()
@@ -110,12 +110,12 @@ class ProxySlave:
         Parameters
         ----------
         time, step : float
-            In s.
+            Start and length of the step, s.
 
         Returns
         -------
         str or None
-            Error message.
+            Error message; None if the step succeeded.
         """
         timeout = self._value("communication_timeout")
         last = monotonic() + timeout
@@ -127,11 +127,11 @@ class ProxySlave:
                 raise UserError(
                     f"a step of {step:g} s is longer than communication_timeout, {timeout:g} s"
                 )
-            self._make(self._link, time, step, last)
+            self._make_step(self._link, time, step, last)
             self._publish()
         except BaseException as error:
             text = describe_error(error)
-            self._end(last - monotonic())  # a rig without a client must go to zero
+            self._disconnect(last - monotonic())  # a rig without a client must go to zero
             return text
         return None
 
@@ -141,7 +141,7 @@ class ProxySlave:
 
     def terminate(self) -> None:
         """End the session in order."""
-        self._end(FAREWELL)
+        self._disconnect(FAREWELL)
 
     def close(self) -> None:
         """Close the link and release the memory before the front-end frees it."""
@@ -150,7 +150,7 @@ class ProxySlave:
         finally:
             self._memory.release()
 
-    def _end(self, longest: float) -> None:
+    def _disconnect(self, longest: float) -> None:
         """End the session in order; wait at most ``longest`` s for the rig to confirm it."""
         if self._link is not None:
             try:
@@ -161,34 +161,44 @@ class ProxySlave:
     # --- one step
     # ----------------------------------------------------------------------------------------------
 
-    def _make(self, link: Link, time: float, step: float, last: float) -> None:
-        """Make one step, which ends before the time ``last`` of our clock."""
+    def _make_step(self, link: Link, time: float, step: float, last: float) -> None:
+        """Make one step, which ends before the time ``last`` of our clock.
+
+        Raises
+        ------
+        LinkError
+            If a rig in lockstep does not answer.
+        """
         self._refusing = False
         self._receive(link.late)
-        if self._rig["mode"] == LOCKSTEP:
+        if self._accepted["mode"] == LOCKSTEP:
             if not self._exchange(link, time, step, last - monotonic()):
                 timeout = self._value("communication_timeout")
                 raise LinkError(
                     f"no answer within {timeout:g} s: the rig's time and ours are apart"
                 )
-        elif not self._reach(link, time, step, last):
+        elif not self._exchange_until_end(link, time, step, last):
             self._missed += 1
 
-    def _reach(self, link: Link, time: float, step: float, last: float) -> bool:
-        """Exchange until the end of the step; return whether the last exchange was answered."""
-        due = self._due(time - self._start, step)
+    def _exchange_until_end(self, link: Link, time: float, step: float, last: float) -> bool:
+        """Exchange until the end of the step; return whether the last exchange was answered.
+
+        The last exchange is the one at the end of the step, which brings the values measured then.
+        Earlier ones command the rig during the step, often enough for its watchdog.
+        """
+        due = self._due(time - self._start_time, step)
         deadline = self._value("deadline")
-        wait = self._rig["watchdog"] * _RESEND_SHARE
+        resend_interval = self._accepted["watchdog"] * _RESEND_SHARE
         while True:
             sent = monotonic()
-            ends = sent >= due - _ROUNDING
-            until = min(sent + deadline, last if ends else due)
+            is_last = sent >= due - _ROUNDING
+            until = min(sent + deadline, last if is_last else due)
             answered = self._exchange(link, time, step, until - sent)
             if not answered:
                 self._receive(link.late)
-            if ends:
+            if is_last:
                 return answered
-            sleep(max(0.0, min(due - monotonic(), wait)))
+            sleep(max(0.0, min(due - monotonic(), resend_interval)))
 
     def _due(self, begin: float, step: float) -> float:
         """Return the time of our clock at the end of a step, which begins ``begin`` s after the
@@ -199,10 +209,10 @@ class ProxySlave:
         step is the lag behind another proxy of the same master, which waits for the clock as well.
         """
         now = monotonic()
-        if self._begin is None:
-            self._begin = now - begin
-        self._begin = max(self._begin, now - begin - step)
-        return self._begin + begin + step
+        if self._clock_at_start is None:
+            self._clock_at_start = now - begin
+        self._clock_at_start = max(self._clock_at_start, now - begin - step)
+        return self._clock_at_start + begin + step
 
     def _exchange(self, link: Link, time: float, step: float, timeout: float) -> bool:
         """Exchange once, unless the session is over; return whether an answer came."""
@@ -213,7 +223,12 @@ class ProxySlave:
         return self._receive(partial(link.exchange, values, time, step, timeout))
 
     def _receive(self, answer: Callable[[], Mapping[str, Any] | None]) -> bool:
-        """Take an answer; return whether there was one.
+        """Store the sample that a function returns; return whether it returned one.
+
+        Parameters
+        ----------
+        answer : callable
+            Returns a sample, or None without an answer.
 
         Raises
         ------
@@ -223,16 +238,16 @@ class ProxySlave:
         try:
             sample = answer()
         except LinkError as error:
-            if self._text("on_stale") == FAIL or self._rig["mode"] == LOCKSTEP:
+            if self._text("on_stale") == FAIL or self._accepted["mode"] == LOCKSTEP:
                 raise
             self._warning = str(error)
             return False
         if sample is not None:
-            self._take(sample)
+            self._store_sample(sample)
         return sample is not None
 
-    def _take(self, sample: Mapping[str, Any]) -> None:
-        """Take the values of a sample; a missing one keeps its last value, and its age grows.
+    def _store_sample(self, sample: Mapping[str, Any]) -> None:
+        """Store the values of a sample; one that is missing in it keeps its value and grows older.
 
         Raises
         ------
@@ -240,16 +255,17 @@ class ProxySlave:
             If the rig is latched.
         """
         assert self._link is not None
-        measured = self._link.last_answer - self._link.trip
+        # An age is counted from the answer at the rig, which is not before our request was sent.
+        sent = self._link.last_answer - self._link.trip
         for name, value, age in zip(self._outputs, sample["values"], sample["ages"], strict=True):
             if value is not None and age is not None:
                 self._values[name] = float(value)
-                self._born[name] = measured - max(0.0, age)
+                self._measured_at[name] = sent - max(0.0, age)
         if latch := describe_latch(sample):
             raise UserError(latch)
         refused = sample.get("refused")
         self._refusing = bool(refused)
-        if refused and self._value("link_state") != REFUSED:  # once, at its begin
+        if refused and self._value("link_state") != REFUSED:  # a new refusal, reported once
             self._warning = f"refused by the rig: {refused[0]}"
 
     # --- outputs
@@ -260,7 +276,7 @@ class ProxySlave:
         now = monotonic()
         for name, value in self._values.items():
             self._set(name, value)
-            self._set(AGE.format(name), now - self._born[name])
+            self._set(AGE.format(name), now - self._measured_at[name])
         trip = now - NEVER if self._link is None else self._link.round_trip_time
         self._set("round_trip_time", trip)
         self._set("missed_deadlines", self._missed)
@@ -278,8 +294,8 @@ class ProxySlave:
         if self._text("on_stale") != FAIL:
             return
         now = monotonic()
-        oldest = min(self._born, key=self._born.__getitem__)
-        age = now - self._born[oldest]
+        oldest = min(self._measured_at, key=self._measured_at.__getitem__)
+        age = now - self._measured_at[oldest]
         limit = self._value("max_age")
         if age > limit:
             raise UserError(f"{oldest} is {age:.3g} s old; max_age is {limit:g} s")
@@ -295,9 +311,10 @@ class ProxySlave:
         return now - link.last_answer > self._value("communication_timeout")
 
     def _link_state(self, now: float) -> int:
+        """Return the value of the output ``link_state``, the worst of the states that apply."""
         if self._is_lost(now):
             return LOST
-        if now - min(self._born.values()) > self._value("max_age"):
+        if now - min(self._measured_at.values()) > self._value("max_age"):
             return STALE
         return REFUSED if self._refusing else CONNECTED
 
@@ -316,10 +333,10 @@ class ProxySlave:
             )
 
     def _value(self, name: str) -> float:
-        return float(self._memory[self._at[name]])
+        return float(self._memory[self._index[name]])
 
     def _set(self, name: str, value: float) -> None:
-        self._memory[self._at[name]] = value
+        self._memory[self._index[name]] = value
 
     def _text(self, name: str) -> str:
         place = [text.name for text in self._cls.layout.texts].index(name)

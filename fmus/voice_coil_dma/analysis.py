@@ -76,11 +76,12 @@ def plant(
     """
     if not back_emf:
         return control.tf([K], [L, R])
-    relaxing = np.array([b2, k2])
-    mechanical = np.polyadd(np.polymul([m, b_vc, k1], relaxing), [b2 * k2, 0.0])
-    denominator = np.polyadd(
-        np.polymul([L, R], mechanical), K**2 * np.polymul([1.0, 0.0], relaxing)
-    )
+    # Polynomials in s. The actuator has the stiffness k1 + b2 k2 s / (b2 s + k2); `mechanical` is
+    # that of coil and actuator, force over displacement, times b2 s + k2.
+    relaxation = np.array([b2, k2])
+    mechanical = np.polyadd(np.polymul([m, b_vc, k1], relaxation), [b2 * k2, 0.0])
+    motional = K**2 * np.polymul([1.0, 0.0], relaxation)  # of the back-EMF
+    denominator = np.polyadd(np.polymul([L, R], mechanical), motional)
     return control.tf(K * mechanical, denominator)
 
 
@@ -161,18 +162,18 @@ def loop(
     cutoff: float | None = 100.0,
     **plant_parameters: Any,
 ) -> Any:
-    """Return the loop transfer function: controller, hold, plant and filter.
+    """Return the loop transfer function, the product of controller, plant, hold and filter.
 
     Parameters
     ----------
     gain, zero_time : float
-        Of :func:`controller`.
+        Gain and time of the zero of :func:`controller`.
     period : float or None
         Sample period in s; None leaves the hold out.
     cutoff : float or None
         Cutoff frequency of the load-cell filter in Hz; None leaves the filter out.
     **plant_parameters
-        Of :func:`plant`.
+        Keyword arguments of :func:`plant`.
 
     Returns
     -------
@@ -253,8 +254,8 @@ def rise_time(time: Array, response: Array, final: float = 1.0) -> float:
     """
     level = 1.0 - np.exp(-1.0)
     share = np.asarray(response) / final
-    above = np.flatnonzero(share >= level)
-    if not len(above):
+    reached = np.flatnonzero(share >= level)
+    if not len(reached):
         return float("nan")
-    i = max(int(above[0]), 1)
+    i = max(int(reached[0]), 1)
     return float(np.interp(level, share[i - 1 : i + 1], time[i - 1 : i + 1]))

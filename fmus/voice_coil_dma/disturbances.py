@@ -51,8 +51,8 @@ def _next(register: Any, generator: tuple[float, float]) -> Any:
     return product - modulus * floor(product / modulus)
 
 
-def _share(register: Any, generator: tuple[float, float]) -> Any:
-    """Scale any value of a register to the open interval from 0 to 1."""
+def _uniform(register: Any, generator: tuple[float, float]) -> Any:
+    """Return a number in the open interval from 0 to 1 for any value of a register."""
     _, modulus = generator
     return (register - modulus * floor(register / modulus) + 0.5) / (modulus + 1.0)
 
@@ -100,8 +100,8 @@ class BridgeNoise(BenchEffect):
 
     def next_bridge_sample(self) -> Any:
         """Normal number, sqrt(-2 ln u) cos(2 pi (u + w)) with u and w of the two registers."""
-        share = _share(self.bridge_register, _FIRST)
-        turn = share + _share(self.bridge_angle_register, _SECOND)
+        share = _uniform(self.bridge_register, _FIRST)
+        turn = share + _uniform(self.bridge_angle_register, _SECOND)
         return sqrt(-2.0 * log(share)) * cos(2.0 * pi * turn)
 
     def next_bridge_register(self) -> Any:
@@ -226,7 +226,7 @@ class ClockJitter(BenchEffect):
 
     def next_late_share(self) -> Any:
         """Delay at this sample as a share of the largest, u."""
-        return _share(self.clock_register, _FIRST)
+        return _uniform(self.clock_register, _FIRST)
 
     def next_command_instant(self) -> Any:
         """Time of this sample."""

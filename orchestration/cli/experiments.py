@@ -163,7 +163,7 @@ def experiment_on_system(options: SimulateCommand) -> Experiment:
         If the system or the record cannot be read, or an option is about one model.
     """
     from orchestration.experiment import parse
-    from orchestration.experiment.subjects import subject
+    from orchestration.experiment.subjects import open_subject
 
     name = options["model"]
     for option, value in (("--with", options["laid_over"]), ("--preset", options["preset"])):
@@ -172,7 +172,7 @@ def experiment_on_system(options: SimulateCommand) -> Experiment:
     tables: dict[str, Any] = {"system": name}
     own = {key: options[key] for key in ("step", "runtime")} | {"duration": options["stop"]}
     tables |= {key: value for key, value in own.items() if value is not None}
-    with subject(parse(tables, name, "."), name) as system:
+    with open_subject(parse(tables, name, "."), name) as system:
         inputs = _recorded(options, system.inputs, tables)
         settings = options["settings"] or {}
         inputs |= {key: value for key, value in settings.items() if key in system.inputs}

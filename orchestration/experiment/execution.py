@@ -14,13 +14,13 @@ import numpy as np
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.experiment import results
-from orchestration.experiment.live import Follower, Live, admitted, first_opening, link_outputs
+from orchestration.experiment.live import Follower, Live, admitted, first_open_loop, link_outputs
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation, prepare
-from orchestration.experiment.subjects import Subject, subject
+from orchestration.experiment.subjects import Subject, open_subject
 from orchestration.experiment.variants import (
-    Keeper,
     KeptVariants,
+    Obtain,
     Remarked,
     compute_anew,
     kept_variants,
@@ -107,22 +107,22 @@ def run(
         raise UserError(
             f"{option('folder', str(folder))} keeps variants that are done, and {where} has none"
         )
-    with subject(experiment, where) as on:
-        for line in on.notes:
+    with open_subject(experiment, where) as subject:
+        for line in subject.notes:
             note(line)
         if not experiment.variants:
             return _run_one(
-                experiment, on, where, progress, note, fits, live=live, isolation=isolation
+                experiment, subject, where, progress, note, fits, live=live, isolation=isolation
             )
         with kept_variants(folder, experiment) as kept:
             return _run_variants(
-                experiment, on, where, progress, note, fits, isolation=isolation, kept=kept
+                experiment, subject, where, progress, note, fits, isolation=isolation, kept=kept
             )
 
 
 def _run_one(
     experiment: Experiment,
-    on: Subject,
+    subject: Subject,
     where: str,
     progress: Callable[[int, int], None],
     note: Callable[[str], None],
@@ -130,24 +130,27 @@ def _run_one(
     *,
     live: Live | None = None,
     isolation: Callable[[bool], Limits | None],
-    kept: Keeper = compute_anew,
+    obtain: Obtain = compute_anew,
 ) -> ExperimentResult:
-    """Run an experiment without variants, unless its result is in the journal."""
+    """Run an experiment without variants, unless `obtain` has its result in a journal.
+
+    The other parameters are those of `run`.
+    """
     if live is not None:
         _refuse_fused(experiment, where)
-    prepared = prepare(_with_links_recorded(experiment, on), on, where, note)
+    prepared = prepare(_record_links(experiment, subject), subject, where, note)
     fits(_first_point(prepared))
     if live is not None:
         live = admitted(live, prepared)
 
     def compute() -> Remarked:
-        ran, failure = _run_prepared(prepared, live, progress, isolation(on.foreign))
+        ran, failure = _run_prepared(prepared, live, progress, isolation(subject.foreign))
         if ran.time.size == 0:
             raise KeyboardInterrupt
-        data, remarks = _dataset(prepared, ran, where)
+        data, remarks = _make_result(prepared, ran, where)
         return data.assign_attrs({"failure": failure} if failure else {}), remarks
 
-    result, remarks = kept(prepared, compute, partial(_restore, prepared, where))
+    result, remarks = obtain(prepared, compute, partial(_restore, prepared, where))
     for line in remarks:
         note(line)
     return result
@@ -155,7 +158,7 @@ def _run_one(
 
 def _run_variants(
     experiment: Experiment,
-    on: Subject,
+    subject: Subject,
     where: str,
     progress: Callable[[int, int], None],
     note: Callable[[str], None],
@@ -164,20 +167,24 @@ def _run_variants(
     isolation: Callable[[bool], Limits | None],
     kept: KeptVariants | None,
 ) -> ExperimentResult:
-    """Run the variants of an experiment, one after another."""
+    """Run the variants of an experiment, one after another; parameters as in `run`.
+
+    Raise UserError for a variant that failed, and KeyboardInterrupt for one that was interrupted,
+    as a result has all variants or none.
+    """
     runs = {}
     for number, (name, settings) in enumerate(experiment.variants.items()):
         here = f"{where}: {name}"
-        own = {"parameters": {**experiment.parameters, **settings}, "variants": {}}
+        changes = {"parameters": {**experiment.parameters, **settings}, "variants": {}}
         runs[name] = _run_one(
-            experiment.model_copy(update=own),
-            on,
+            experiment.model_copy(update=changes),
+            subject,
             here,
             _progress_of_part(progress, number, len(experiment.variants)),
             _prefixed(note, name),
             fits,
             isolation=isolation,
-            kept=compute_anew if kept is None else partial(kept.find, number),
+            obtain=compute_anew if kept is None else partial(kept.find, number),
         )
         if "failure" in runs[name].attrs:
             raise UserError(f"{here}: {runs[name].attrs['failure']}")
@@ -189,7 +196,7 @@ def _run_variants(
 def _progress_of_part(
     progress: Callable[[int, int], None], number: int, parts: int
 ) -> Callable[[int, int], None]:
-    """Return the progress of one of several equal parts."""
+    """Return the `progress` function of one of several parts with equally many points."""
     return lambda done, whole: progress(number * whole + done, parts * whole)
 
 
@@ -209,19 +216,22 @@ def _run_prepared(
     prepared: Preparation,
     live: Live | None,
     progress: Callable[[int, int], None],
-    isolated: Limits | None,
+    isolation: Limits | None,
 ) -> tuple[Run, str]:
-    """Run a prepared experiment; return the run and why it stopped early, empty if it did not."""
+    """Run a prepared experiment; return the run and why it stopped early, empty if it did not.
+
+    A run that stopped before its first point raises its error.
+    """
     follower = None if live is None else Follower(live, prepared)
     try:
-        ran = prepared.on.run(
+        ran = prepared.subject.run(
             prepared.time,
             prepared.inputs,
             prepared.settings,
             prepared.wanted,
             lambda points: progress(points, prepared.time.size),
             pace=None if follower is None else follower.pace,
-            isolation=isolated,
+            isolation=isolation,
         )
     except Stopped as stopped:
         if stopped.run.time.size == 0:
@@ -230,22 +240,22 @@ def _run_prepared(
     finally:
         if follower is not None:
             follower.close()
-    return _until_opening(ran)
+    return _cut_at_open_loop(ran)
 
 
-def _until_opening(ran: Run) -> tuple[Run, str]:
+def _cut_at_open_loop(ran: Run) -> tuple[Run, str]:
     """Cut a run off at the first point at which a loop over a rig is open.
 
     Returns the run and the reason, empty if no loop opened. A run in real time has stopped there
     already; one that waits for its rigs is cut afterwards.
     """
-    opened = first_opening(ran.time.tolist(), ran.signals)
-    if opened is None:
+    opening = first_open_loop(ran.time.tolist(), ran.signals)
+    if opening is None:
         return ran, ""
-    place, reason = opened
-    closed = slice(place + 1)
-    signals = {name: values[closed] for name, values in ran.signals.items()}
-    return replace(ran, time=ran.time[closed], signals=signals, complete=False), reason
+    last, reason = opening
+    kept = slice(last + 1)
+    signals = {name: values[kept] for name, values in ran.signals.items()}
+    return replace(ran, time=ran.time[kept], signals=signals, complete=False), reason
 
 
 def _refuse_fused(experiment: Experiment, where: str) -> None:
@@ -256,24 +266,27 @@ def _refuse_fused(experiment: Experiment, where: str) -> None:
         )
 
 
-def _with_links_recorded(experiment: Experiment, on: Subject) -> Experiment:
+def _record_links(experiment: Experiment, subject: Subject) -> Experiment:
     """Return the experiment with outputs about the links of proxies among those recorded.
 
     They show which of the recorded values came from the rig.
     """
-    record = on.recorded_by_default if experiment.record is None else experiment.record
+    record = subject.recorded_by_default if experiment.record is None else experiment.record
     return experiment.model_copy(
-        update={"record": list(dict.fromkeys([*record, *link_outputs(on.outputs)]))}
+        update={"record": list(dict.fromkeys([*record, *link_outputs(subject.outputs)]))}
     )
 
 
-def _dataset(prepared: Preparation, ran: Run, where: str) -> Remarked:
-    """Return the results of a run, with the energies that couplings made, and remarks on them."""
+def _make_result(prepared: Preparation, ran: Run, where: str) -> Remarked:
+    """Return the result of a run, with the energies that couplings made, and remarks on the run.
+
+    Remarks are those of the run, on limits that were exceeded, and on energies of couplings.
+    """
     # the run names signals `member.variable`, in the order of those wanted
     delivered = dict(zip(prepared.wanted, ran.signals.values(), strict=True))
-    energies, of_couplings = _coupling_energies(prepared, ran)
+    energies, energy_remarks = _coupling_energies(prepared, ran)
     count = ran.time.size  # fewer than were prepared if the run was stopped
-    beyond = prepared.limits.remarks(prepared.time[:count], delivered, prepared.settings)
+    limit_remarks = prepared.limits.remarks(prepared.time[:count], delivered, prepared.settings)
     values = {name: array[:count] for name, array in prepared.inputs.items()}
     values |= _add_noise(prepared, delivered) | energies
     data = results.dataset(
@@ -281,17 +294,17 @@ def _dataset(prepared: Preparation, ran: Run, where: str) -> Remarked:
         values,
         prepared.signals,
         set(prepared.inputs),
-        _about(prepared, ran, where),
+        _attributes(prepared, ran, where),
     )
-    return data, [*ran.notes, *beyond, *of_couplings]
+    return data, [*ran.notes, *limit_remarks, *energy_remarks]
 
 
 def _restore(
     prepared: Preparation, where: str, values: Mapping[str, Array], seconds: float
 ) -> ExperimentResult:
-    """Return the results of a whole run from the journal."""
+    """Return the result of a whole run from the signals and the wall time in s of a journal."""
     effort = Statistics({}, 0, 0, 0, seconds)
-    about = _about(prepared, Run(prepared.time, {}, {}, True, "", effort, {}), where)
+    about = _attributes(prepared, Run(prepared.time, {}, {}, True, "", effort, {}), where)
     return results.dataset(prepared.time, values, prepared.signals, set(prepared.inputs), about)
 
 
@@ -307,34 +320,36 @@ def _add_noise(prepared: Preparation, delivered: Mapping[str, Array]) -> dict[st
 
 
 def _coupling_energies(prepared: Preparation, ran: Run) -> tuple[dict[str, Array], list[str]]:
-    """Return the energy that each mechanical coupling made over time, and a remark on each."""
+    """Return the energy (n,) in J that each mechanical coupling made, and a remark on each."""
     master = prepared.experiment.master
     extrapolation = master.extrapolation if master else 0
     energies = {}
     remarks = []
-    for name, made in imbalance(prepared.on.couplings, ran.signals, extrapolation).items():
-        energies[prepared.imbalances[name].name] = made.energy
-        share = f"{100.0 * made.relative:.3g} % of the energy through it"
-        remarks.append(f"{name}: {made.energy[-1]:.3g} J made by the coupling, {share}")
+    for name, error in imbalance(prepared.subject.couplings, ran.signals, extrapolation).items():
+        energies[prepared.imbalances[name].name] = error.energy
+        share = f"{100.0 * error.relative:.3g} % of the energy through it"
+        remarks.append(f"{name}: {error.energy[-1]:.3g} J made by the coupling, {share}")
     return energies, remarks
 
 
-def _about(prepared: Preparation, ran: Run, where: str) -> dict[str, Any]:
+def _attributes(prepared: Preparation, ran: Run, where: str) -> dict[str, Any]:
     """Return the attributes of a result, with which its experiment can be repeated."""
-    on = prepared.on
-    units = {name: signal.unit for name, signal in on.parameters.items()}
-    numbers = {
-        n: v if isinstance(v, str) else f"{v!r} {units.get(n, '')}".removesuffix(" 1")
-        for n, v in prepared.settings.items()
-    }
+    subject = prepared.subject
+    units = {name: signal.unit for name, signal in subject.parameters.items()}
+    parameters = {}
+    for name, value in prepared.settings.items():
+        if isinstance(value, str):
+            parameters[name] = value
+        else:
+            parameters[name] = f"{value!r} {units.get(name, '')}".removesuffix(" 1")
     return (
         results.about_pace(ran.statistics.pacing)
         | results.about_experiment(prepared.experiment, where)
         | {
-            "subject": on.name,
+            "subject": subject.name,
             "complete": int(ran.complete),
             "wall_time": ran.statistics.wall,
-            "guids": json.dumps(dict(on.guids)),
-            "parameters": json.dumps(numbers),
+            "guids": json.dumps(dict(subject.guids)),
+            "parameters": json.dumps(parameters),
         }
     )

@@ -11,11 +11,14 @@ def shipped() -> dict[str, Path]:
 
     Figures come first, in the order of their numbers.
     """
-    return dict(sorted(registry.experiments().items(), key=_place))
+    return dict(sorted(registry.experiments().items(), key=_sort_key))
 
 
-def _place(experiment: tuple[str, Path]) -> tuple[bool, list[int], str]:
-    """Return the sort key of an experiment: its numbers, then its name; those without come last."""
+def _sort_key(experiment: tuple[str, Path]) -> tuple[bool, list[int], str]:
+    """Return the key that sorts by the numbers in a name, then the name; names without come last.
+
+    For example ``fig_3_6`` comes before ``fig_3_10``.
+    """
     name, _ = experiment
     numbers = [int(digits) for digits in re.findall(r"\d+", name)]
     return not numbers, numbers, name

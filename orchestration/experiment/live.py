@@ -16,7 +16,8 @@ from orchestration.master import RealTime
 from orchestration.records import Journal
 
 # outputs of a proxy about its link; the others are the `_age` of each value
-_LINK = ("link_state", "round_trip_time", "missed_deadlines")
+_LINK_STATE = "link_state"
+_LINK = (_LINK_STATE, "round_trip_time", "missed_deadlines")
 # by link_state, why the loop over a rig is open, while the models go on without it
 _OPEN = {
     REFUSED: "the rig refuses a command",
@@ -87,23 +88,23 @@ class Live:
 
 
 def link_outputs(outputs: Collection[str]) -> list[str]:
-    """List the outputs about links to rigs: states of links, and the age of every value."""
+    """List the outputs about links to rigs: those of `_LINK`, and the age of every value."""
     variables = {name: name.rpartition(".")[2] for name in outputs}
     return [name for name, var in variables.items() if var.endswith("_age") or var in _LINK]
 
 
 def rig_ends(prepared: Preparation) -> list[RigEnd]:
-    """List the rigs to which the proxies of an experiment connect."""
-    on = prepared.on
-    prefixes = [name.removesuffix(_LINK[0]) for name in on.outputs if _is_link_state(name)]
+    """List the rigs to which the proxies of an experiment connect, by their parameters."""
+    subject = prepared.subject
+    prefixes = [name.removesuffix(_LINK_STATE) for name in subject.outputs if _is_link_state(name)]
 
-    def text(name: str) -> str:
-        return str(prepared.settings.get(name, on.parameters[name].text))
+    def text_of(name: str) -> str:
+        return str(prepared.settings.get(name, subject.parameters[name].text))
 
     return [
-        RigEnd(text(f"{prefix}endpoint"), text(f"{prefix}credentials"))
+        RigEnd(text_of(f"{prefix}endpoint"), text_of(f"{prefix}credentials"))
         for prefix in prefixes
-        if {f"{prefix}endpoint", f"{prefix}credentials"} <= on.parameters.keys()
+        if {f"{prefix}endpoint", f"{prefix}credentials"} <= subject.parameters.keys()
     ]
 
 
@@ -113,7 +114,7 @@ def admitted(live: Live, prepared: Preparation) -> Live:
     return replace(live, pace=live.admit(live.pace, rig_ends(prepared), step))
 
 
-def first_opening(time: Sequence[float], signals: Mapping[str, Array]) -> tuple[int, str] | None:
+def first_open_loop(time: Sequence[float], signals: Mapping[str, Array]) -> tuple[int, str] | None:
     """Find the first point at which a loop over a rig is open; from there on models run alone.
 
     Parameters
@@ -136,14 +137,14 @@ def first_opening(time: Sequence[float], signals: Mapping[str, Array]) -> tuple[
     if not openings:
         return None
     first, name = min(openings)
-    return first, _reason(name, time[first], int(signals[name][first]))
+    return first, _describe_open_loop(name, time[first], int(signals[name][first]))
 
 
 def _is_link_state(name: str) -> bool:
-    return name.rpartition(".")[2] == _LINK[0]
+    return name.rpartition(".")[2] == _LINK_STATE
 
 
-def _reason(name: str, time: float, state: int) -> str:
+def _describe_open_loop(name: str, time: float, state: int) -> str:
     return f"{name} at {time:.10g} s: {_OPEN[state]}"
 
 
@@ -165,15 +166,15 @@ class Follower:
         self._look = live.look
         self._time = prepared.time.tolist()
         self._inputs = [array.tolist() for array in prepared.inputs.values()]
-        places = {name: place for place, name in enumerate(prepared.wanted)}
-        self._recorded = [places[name] for name in prepared.record]
-        self._link = {name: places[name] for name in link_outputs(prepared.record)}
+        indices = {name: k for k, name in enumerate(prepared.wanted)}
+        self._recorded = [indices[name] for name in prepared.record]
+        self._link = {name: indices[name] for name in link_outputs(prepared.record)}
         units = {name: prepared.signals[name].unit for name in (*prepared.inputs, *prepared.record)}
         self._journal = Journal(live.journal, units) if live.journal is not None else None
         self.pace = replace(live.pace, watch=self._watch)
 
     def _watch(self, k: int, values: Sequence[float], lag: float, missed: int) -> None:
-        """Write a point into the journal, and report it.
+        """Write point `k` with the values of all wanted outputs into the journal, and report it.
 
         Raises
         ------
@@ -182,16 +183,15 @@ class Follower:
         """
         trouble = ""
         if self._journal is not None:
-            row = [column[k] for column in self._inputs] + [
-                values[place] for place in self._recorded
-            ]
-            self._journal.add(self._time[k], row)
+            inputs = [column[k] for column in self._inputs]
+            outputs = [values[index] for index in self._recorded]
+            self._journal.add(self._time[k], inputs + outputs)
             trouble = self._journal.error
-        link = {name: values[place] for name, place in self._link.items()}
+        link = {name: values[index] for name, index in self._link.items()}
         self._look(Moment(self._time[k], self._time[-1], lag, missed, link, trouble))
         for name, value in link.items():
             if _is_link_state(name) and value in _OPEN:
-                raise UserError(_reason(name, self._time[k], int(value)))
+                raise UserError(_describe_open_loop(name, self._time[k], int(value)))
 
     def close(self) -> None:
         """Close the journal, so that all its rows are on the disk."""

@@ -16,27 +16,28 @@ from orchestration.experiment.stimulus import AnyStimulus
 from orchestration.experiment.values import Amount, File, Span, ValueTable, checked
 
 
-def _setting(given: Any) -> Any:
+def _check_setting(given: Any) -> Any:
+    """Return the value of a parameter; raise ValueError for a list, a table or a date."""
     if not isinstance(given, bool | int | float | str):
         raise ValueError("a number, a text with a number and a unit, true or false is needed")
     return given
 
 
-def _flat(given: Any) -> Any:
+def _flatten(given: Any) -> Any:
     """Flatten the tables of TOML: ``actuator.R1 = 1`` sets the parameter ``actuator.R1``."""
     if not isinstance(given, dict):
         return given
     flat: dict[str, Any] = {}
     for name, value in given.items():
         if isinstance(value, dict):
-            flat |= {f"{name}.{n}": v for n, v in _flat(value).items()}
+            flat |= {f"{name}.{n}": v for n, v in _flatten(value).items()}
         else:
             flat[name] = value
     return flat
 
 
-Setting = Annotated[bool | int | float | str, PlainValidator(_setting)]
-Settings = Annotated[dict[str, Setting], BeforeValidator(_flat)]
+Setting = Annotated[bool | int | float | str, PlainValidator(_check_setting)]
+Settings = Annotated[dict[str, Setting], BeforeValidator(_flatten)]
 
 
 class NoiseTable(ValueTable):
@@ -62,26 +63,27 @@ class Master(ValueTable):
     rates: dict[str, Annotated[float, Field(gt=0.0)]] | None = None
 
     @model_validator(mode="after")
-    def _no_exchange_to_set(self) -> Master:
-        options = self._exchange_options()
+    def _check_fused_options(self) -> Master:
+        """Raise ValueError if a fused system has options of the exchange between members."""
+        options = self._changed_options()
         if self.method == "fused" and options:
             raise ValueError(
                 f"{options[0]} is about exchange between members; a fused system has none"
             )
         return self
 
-    def _exchange_options(self) -> list[str]:
+    def _changed_options(self) -> list[str]:
         """List the keys, except the method, that are not at their default."""
         return [
             key
-            for key, f in Master.model_fields.items()
-            if key != "method" and getattr(self, key) != f.default
+            for key, field in Master.model_fields.items()
+            if key != "method" and getattr(self, key) != field.default
         ]
 
     @property
     def couples_evenly(self) -> bool:
         """True if members exchange values at communication points only."""
-        return self.method != "fused" and not set(self._exchange_options()) - {"extrapolation"}
+        return self.method != "fused" and not set(self._changed_options()) - {"extrapolation"}
 
 
 UNITS_OF_LOOP = {"force": "N", "reference": "m", "length": "m", "current": "A", "voltage": "V"}
@@ -127,12 +129,13 @@ class Experiment(ValueTable):
         return self.runtime if "runtime" in self.model_fields_set else None
 
     @model_validator(mode="after")
-    def _one_subject(self) -> Experiment:
+    def _check_subject(self) -> Experiment:
+        """Raise ValueError for no or two subjects, and for keys of the other kind of subject."""
         if (self.component is None) == (self.system is None):
             raise ValueError("name a component or a system, one of them")
-        only = {"component": ("preset", "effects"), "system": ("master",)}
+        keys_of = {"component": ("preset", "effects"), "system": ("master",)}
         kind, other = ("component", "system") if self.component else ("system", "component")
-        for key in only[other]:
+        for key in keys_of[other]:
             if getattr(self, key):
                 raise ValueError(f"{key} is for a {other}, this experiment is on a {kind}")
         if self.master and self.master.method == "fused" and self.runtime != "native":
@@ -143,7 +146,8 @@ class Experiment(ValueTable):
         return self
 
     @model_validator(mode="after")
-    def _shown_with_variants(self) -> Experiment:
+    def _check_variants(self) -> Experiment:
+        """Raise ValueError for a variant without a name, and variants over a recorded output."""
         if "" in self.variants:
             raise ValueError("variants: every variant needs a name")
         driven = ["time", *self.inputs]
@@ -155,7 +159,8 @@ class Experiment(ValueTable):
         return self
 
     @model_validator(mode="after")
-    def _whole_cycle(self) -> Experiment:
+    def _check_duration_of_loop(self) -> Experiment:
+        """Raise ValueError if the experiment is shorter than a cycle of its work loop."""
         loop = self.work_loop
         if loop and self.duration and self.duration < loop.period:
             raise ValueError(

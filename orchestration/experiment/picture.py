@@ -43,15 +43,16 @@ def draw_experiment(data: ExperimentResult) -> Figure:
     over = data.attrs["over"]
     signals = _variants_of_signals(data)
     names = list(signals)[:_MOST_PANELS]
-    drawn, panels = pictures.panels(max(1, len(names)), title)
+    figure, panels = pictures.panels(max(1, len(names)), title)
     across, unit = displayed(data[over])
     for panel, name in zip(panels, names, strict=False):
         for variant in signals[name]:
             _draw_signal(panel, across, data[variant], over)
-        pictures.fit_values(panel, data[signals[name][0]].attrs.get("type") == "boolean")
-        pictures.label(panel, name, displayed(data[signals[name][0]])[1])
+        first = data[signals[name][0]]  # all variants have its type and unit
+        pictures.fit_values(panel, first.attrs.get("type") == "boolean")
+        pictures.label(panel, name, displayed(first)[1])
     panels[-1].set_xlabel(over.replace("_", " ") + ("" if unit == "1" else f" [{unit}]"))
-    return drawn
+    return figure
 
 
 def _variants_of_signals(data: xarray.Dataset) -> dict[str, list[str]]:

@@ -19,7 +19,7 @@ from orchestration.experiment.model import (
     NoiseTable,
     WorkLoopTable,
 )
-from orchestration.experiment.stimulus import Place
+from orchestration.experiment.stimulus import DrivenInput
 from orchestration.experiment.subjects import Subject, known
 from orchestration.fmu import Signal, Value
 from orchestration.fmu import simulation as simulate
@@ -27,9 +27,9 @@ from orchestration.fmu.signal import check_type, is_text, read_setting
 from orchestration.fmu.simulation import LimitOutputs
 from orchestration.system import checking
 
-_NOISE = 1  # in a seed: makes noise of a signal independent of a stimulus of that name
-_STEPS_OF_LOOP = 3  # in a period: fewer points enclose no area
-_SAME = 1e-3  # share of its range by which a reference may differ from cycle to cycle
+_NOISE_STREAM = 1  # last number of a seed: makes noise independent of a stimulus of that name
+_FEWEST_STEPS = 3  # of a work loop's period: fewer points enclose no area
+_PERIODIC = 1e-3  # share of its range by which a reference may differ from cycle to cycle
 _IMBALANCE = "Energy that the coupling made since the start, an error of co-simulation"
 
 
@@ -41,7 +41,7 @@ class Preparation:
     ----------
     experiment : Experiment
         With the duration, step and, on a system, master of the run.
-    on : Subject
+    subject : Subject
     time : ndarray, shape (n,)
         Communication points in s.
     settings : dict of str to float or str
@@ -53,7 +53,7 @@ class Preparation:
     """
 
     experiment: Experiment
-    on: Subject
+    subject: Subject
     time: Array
     settings: Mapping[str, Value]
     inputs: Mapping[str, Array]
@@ -65,38 +65,38 @@ class Preparation:
         """Signal of the energy that each coupling makes, by the coupling's name."""
         return {
             str(c): Signal(f"imbalance {c}", "real", "J", "J", 0.0, -np.inf, np.inf, _IMBALANCE)
-            for c in self.on.couplings
+            for c in self.subject.couplings
         }
 
     @property
     def signals(self) -> dict[str, Signal]:
         """All signals of the results, by name."""
-        signals = {name: self.on.inputs[name] for name in self.inputs}
-        signals |= {name: self.on.outputs[name] for name in self.record}
+        signals = {name: self.subject.inputs[name] for name in self.inputs}
+        signals |= {name: self.subject.outputs[name] for name in self.record}
         return signals | {signal.name: signal for signal in self.imbalances.values()}
 
     @property
     def limits(self) -> LimitOutputs:
         """Outputs that report limits."""
-        return LimitOutputs.among(self.on.outputs, self.on.parameters)
+        return LimitOutputs.among(self.subject.outputs, self.subject.parameters)
 
     @property
     def wanted(self) -> list[str]:
         """Outputs that the run returns: those recorded, ends of couplings, and limits."""
-        ends = [str(wire.source) for coupling in self.on.couplings for wire in coupling]
+        ends = [str(wire.source) for coupling in self.subject.couplings for wire in coupling]
         limits = [*self.limits.margins, *self.limits.limiters]
         return list(dict.fromkeys([*self.record, *ends, *limits]))
 
 
 def prepare(
-    experiment: Experiment, on: Subject, where: str, note: Callable[[str], None]
+    experiment: Experiment, subject: Subject, where: str, note: Callable[[str], None]
 ) -> Preparation:
     """Check an experiment against its subject.
 
     Parameters
     ----------
     experiment : Experiment
-    on : Subject
+    subject : Subject
     where : str
         File or name of the experiment, for messages.
     note : callable
@@ -111,30 +111,30 @@ def prepare(
     if experiment.variants:
         raise UserError(f"{where}: variants are run side by side (ppy run), and nowhere else")
     resolved: dict[str, Any] = {
-        "duration": experiment.duration or on.duration,
-        "step": experiment.step or on.step,
+        "duration": experiment.duration or subject.duration,
+        "step": experiment.step or subject.step,
     }
     if experiment.system:
         resolved["master"] = experiment.master or Master()
     experiment = experiment.model_copy(update=resolved)
     time = points(experiment, where)
-    settings = dict(on.settings) | _settings(experiment, on, where)
-    inputs = _inputs(experiment, on, time, where, note)
-    for name, signal in on.open_inputs.items():
+    settings = dict(subject.settings) | _resolve_settings(experiment, subject, where)
+    inputs = _make_stimuli(experiment, subject, time, where, note)
+    for name, signal in subject.open_inputs.items():
         if name not in settings:
             note(checking.describe_open_input(name, signal))
-    record = _recorded_outputs(experiment, on, where)
-    recorded = {name: on.outputs[name] for name in record}
+    record = _recorded_outputs(experiment, subject, where)
+    recorded = {name: subject.outputs[name] for name in record}
     noise = {
-        name: _noise(name, table, experiment, recorded.get(name), time.size, where)
+        name: _make_noise(name, table, experiment, recorded.get(name), time.size, where)
         for name, table in experiment.noise.items()
     }
-    signals = {name: on.inputs[name] for name in inputs} | recorded
+    signals = {name: subject.inputs[name] for name in inputs} | recorded
     if experiment.over != "time":
         known(experiment.over, signals, "over: nothing recorded", where)
     if experiment.work_loop:
         _check_work_loop(experiment.work_loop, time, inputs, signals, where)
-    return Preparation(experiment, on, time, settings, inputs, noise, record)
+    return Preparation(experiment, subject, time, settings, inputs, noise, record)
 
 
 def _check_work_loop(
@@ -148,12 +148,12 @@ def _check_work_loop(
     for key in ("length", "current", "voltage"):
         known(getattr(table, key), signals, f"work_loop.{key}: no output recorded", where)
     step = time[1] - time[0]
-    if table.period < _STEPS_OF_LOOP * step:
+    if table.period < _FEWEST_STEPS * step:
         raise UserError(
             f"{where}: work_loop.period = {table.period:g} s: must be at least"
-            f" {_STEPS_OF_LOOP} steps of {step:g} s"
+            f" {_FEWEST_STEPS} steps of {step:g} s"
         )
-    later = time[time >= time[0] + table.period]
+    later = time[time >= time[0] + table.period]  # points with another one a period before
     for key in ("force", "reference"):
         name = getattr(table, key)
         if name not in inputs:
@@ -161,7 +161,7 @@ def _check_work_loop(
             raise UserError(f"{where}: work_loop.{key}: no input driven named {name!r}{near}")
         values = inputs[name]
         change = np.interp(later, time, values) - np.interp(later - table.period, time, values)
-        if np.abs(change).max(initial=0.0) > _SAME * np.ptp(values):
+        if np.abs(change).max(initial=0.0) > _PERIODIC * np.ptp(values):
             raise UserError(
                 f"{where}: work_loop.period = {table.period:g} s: {name} is not the same again"
                 " after that time, as a loop has to be"
@@ -171,12 +171,12 @@ def _check_work_loop(
         convert(0.0, signals[name].unit, unit, f"{where}: work_loop.{key}: {name}")
 
 
-def _recorded_outputs(experiment: Experiment, on: Subject, where: str) -> list[str]:
+def _recorded_outputs(experiment: Experiment, subject: Subject, where: str) -> list[str]:
     """Return the outputs to record, each once, without the inputs, which are always recorded."""
-    wanted = on.recorded_by_default if experiment.record is None else experiment.record
-    outputs = [name for name in wanted if name not in on.inputs]
+    wanted = subject.recorded_by_default if experiment.record is None else experiment.record
+    outputs = [name for name in wanted if name not in subject.inputs]
     for name in outputs:
-        known(name, on.outputs, "record: no output", where)
+        known(name, subject.outputs, "record: no output", where)
     return list(dict.fromkeys(outputs))
 
 
@@ -188,18 +188,18 @@ def points(experiment: Experiment, where: str) -> Array:
         raise UserError(f"{where}: {error}") from error
 
 
-def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, Value]:
+def _resolve_settings(experiment: Experiment, subject: Subject, where: str) -> dict[str, Value]:
     """Return the parameters that an experiment sets, in the FMU's units."""
     values = {}
     for name, given in experiment.parameters.items():
-        if name in on.why_not_settable:
+        if name in subject.why_not_settable:
             raise UserError(
-                f"{where}: parameters.{name}: it is an input; {on.why_not_settable[name]}"
+                f"{where}: parameters.{name}: it is an input; {subject.why_not_settable[name]}"
             )
-        if name not in on.parameters:
-            near = suggestion(name, [*on.parameters, *Experiment.model_fields])
-            raise UserError(f"{where}: {on.name} has no parameter named {name!r}{near}")
-        signal = on.parameters[name]
+        if name not in subject.parameters:
+            near = suggestion(name, [*subject.parameters, *Experiment.model_fields])
+            raise UserError(f"{where}: {subject.name} has no parameter named {name!r}{near}")
+        signal = subject.parameters[name]
         here = f"{where}: parameters.{name} = {given}"
         if signal.type == "string":
             is_text(signal.type, given, here)
@@ -208,16 +208,16 @@ def _settings(experiment: Experiment, on: Subject, where: str) -> dict[str, Valu
     return values
 
 
-def _inputs(
-    experiment: Experiment, on: Subject, time: Array, where: str, note: Callable[[str], None]
+def _make_stimuli(
+    experiment: Experiment, subject: Subject, time: Array, where: str, note: Callable[[str], None]
 ) -> dict[str, Array]:
     """Return the stimuli by input, and note each input that stays at its start value."""
     values = {}
     for name in experiment.inputs:
-        signal = known(name, on.inputs, f"{on.name} has no input", where)
+        signal = known(name, subject.inputs, f"{subject.name} has no input", where)
         values[name] = stimulus_values(experiment, name, signal.unit, time, where, note)
         _check_values(signal, values[name], f"{where}: inputs.{name}")
-    for name, signal in on.inputs.items():
+    for name, signal in subject.inputs.items():
         if name not in values:
             note(
                 f"no values for the input {name}; it stays at {format_value(signal.start, signal)}"
@@ -258,12 +258,12 @@ def stimulus_values(
         If a unit does not fit the input, or the values of its keys are not allowed.
     """
     here = f"{where}: inputs.{name}"
-    place = Place(name, unit, _seed(experiment, name))
+    driven = DrivenInput(name, unit, _seed(experiment, name))
     try:
-        values = experiment.inputs[name].values(time, place)
+        values = experiment.inputs[name].values(time, driven)
     except UserError as error:
         raise UserError(f"{here}: {error}") from error
-    for line in place.notes:
+    for line in driven.notes:
         note(f"{here}: {line}")
     return values
 
@@ -276,16 +276,17 @@ def _check_values(signal: Signal, values: Array, where: str) -> None:
                 f"{where}: {format_value(extreme, signal)} is out of range; allowed is"
                 f" {format_range(signal)}"
             )
-    for value in np.unique(values) if signal.type != "real" else ():
-        check_type(signal.type, value, where)
+    if signal.type != "real":
+        for value in np.unique(values):
+            check_type(signal.type, value, where)
 
 
-def _seed(experiment: Experiment, name: str, part: int = 0) -> tuple[int, ...]:
+def _seed(experiment: Experiment, name: str, stream: int = 0) -> tuple[int, ...]:
     """Return the seed of a signal's random numbers, which depends on no other signal."""
-    return experiment.seed, zlib.crc32(name.encode()), part
+    return experiment.seed, zlib.crc32(name.encode()), stream
 
 
-def _noise(
+def _make_noise(
     name: str,
     noise: NoiseTable,
     experiment: Experiment,
@@ -306,7 +307,8 @@ def _noise(
     )
     if rms < 0.0 or signal.type != "real":
         raise UserError(f"{where}: noise.{name}.rms = {rms:g}: needs a real output, and 0 or more")
-    fresh = np.random.default_rng(_seed(experiment, name, _NOISE)).standard_normal(count)
+    fresh = np.random.default_rng(_seed(experiment, name, _NOISE_STREAM)).standard_normal(count)
+    # AR(1) x[k] = a x[k-1] + e[k] is stationary with variance 1 if var e = 1 - a^2 and var x[0] = 1
     fresh[1:] *= np.sqrt(1.0 - noise.correlation**2)
     from scipy.signal import lfilter  # half a second to load, which few experiments need
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray
 
 _TOML = ".toml"
-_INNER = {  # keys of the entries of a table
+_KEYS_OF_ENTRIES = {  # by table
     "inputs": {key for kind in KINDS for key in kind.model_fields},
     "noise": set(NoiseTable.model_fields),
 }
@@ -56,7 +56,7 @@ def read(name_or_path: str, settings: Sequence[str] = ()) -> Experiment:
         # the path, as the name may be empty
         reason = "a folder" if is_folder(path) else "no such file or experiment"
         raise UserError(f"{path}: {reason}{hint}")
-    given = _tables(path, not settings)
+    given = _read_tables(path, not settings)
     for setting in settings:
         _set(given, setting)
     return parse(given, name_or_path, str(path.parent))
@@ -67,17 +67,21 @@ def is_result(path: Path) -> bool:
     return is_file(path) and path.suffix.lower() not in (_TOML, *ENDINGS)
 
 
-def _tables(path: Path, unchanged: bool) -> dict[str, Any]:
+def _read_tables(path: Path, unchanged: bool) -> dict[str, Any]:
     """Return the tables of an experiment's file, of a system's or of a result's."""
     if path.suffix.lower() == _TOML:
         return read_toml(path)
     if path.suffix.lower() in ENDINGS:
         return {"system": path.name}
-    return _from_result(path, unchanged)
+    return _tables_of_result(path, unchanged)
 
 
-def _from_result(path: Path, unchanged: bool) -> dict[str, Any]:
-    """Return the tables of a result's experiment; with `unchanged`, of its computed part only."""
+def _tables_of_result(path: Path, unchanged: bool) -> dict[str, Any]:
+    """Return the tables of a result's experiment; with `unchanged`, of its computed part only.
+
+    Inputs from files are read from the result. Other files are taken from its folder if they are
+    not where they were.
+    """
     from orchestration.experiment import results
 
     result = results.read(path)
@@ -97,7 +101,7 @@ def _from_result(path: Path, unchanged: bool) -> dict[str, Any]:
         # random levels and chirps of a shorter duration are no beginning of the longer ones
         if stimulus["kind"] == "file" or is_part:
             given["inputs"][name] = {"kind": "file", "file": str(path.absolute()), "column": name}
-    for table, key, _ in _files(given):
+    for table, key, _ in _file_references(given):
         # PureWindowsPath splits paths of Windows and of POSIX
         neighbour = path.parent / PureWindowsPath(table[key]).name
         if not is_file(path.parent / table[key]) and is_file(neighbour):
@@ -105,18 +109,21 @@ def _from_result(path: Path, unchanged: bool) -> dict[str, Any]:
     return given
 
 
-def _files(given: dict[str, Any]) -> list[tuple[dict[str, Any], str, str]]:
+def _file_references(given: dict[str, Any]) -> list[tuple[dict[str, Any], str, str]]:
     """Return the references to files in an experiment: table, key and role of each file."""
-    places = [(given, kind, kind) for kind in ("component", "system")]
-    places += [
+    references = [(given, kind, kind) for kind in ("component", "system")]
+    references += [
         (table, "file", f"record for {name}") for name, table in given.get("inputs", {}).items()
     ]
-    return [place for place in places if Path(str(place[0].get(place[1]) or "")).suffix]
+    # names of components, and tables without a file, have no suffix
+    return [(t, key, role) for t, key, role in references if Path(str(t.get(key) or "")).suffix]
 
 
 def files(experiment: Experiment) -> dict[str, Path]:
     """Return the files that an experiment reads, by their role."""
-    return {role: Path(table[key]) for table, key, role in _files(experiment.model_dump())}
+    return {
+        role: Path(table[key]) for table, key, role in _file_references(experiment.model_dump())
+    }
 
 
 def movable(result: xarray.Dataset, folder: Path) -> xarray.Dataset:
@@ -125,7 +132,7 @@ def movable(result: xarray.Dataset, folder: Path) -> xarray.Dataset:
     This holds for files in the folder; the result can then be moved together with them.
     """
     given = json.loads(result.attrs["experiment"])
-    for table, key, _ in _files(given):
+    for table, key, _ in _file_references(given):
         path = Path(table[key]).parent.resolve() / Path(table[key]).name
         if path.is_relative_to(folder.resolve()):
             table[key] = path.relative_to(folder.resolve()).as_posix()
@@ -139,18 +146,18 @@ def _set(given: dict[str, Any], setting: str) -> None:
         raise UserError(
             f"{option('settings', setting)}: write key=value, e.g. duration=20s or R1=0.61"
         )
-    place = _place(key, given)
+    *tables, last = _split_key(key, given)
     table: Any = given
-    for part in place[:-1]:
-        table = table.setdefault(part, {})
+    for name in tables:
+        table = table.setdefault(name, {})
         if not isinstance(table, dict):
             raise UserError(
-                f"{option('settings', {key: text})}: {part} is a value, not a table with keys"
+                f"{option('settings', {key: text})}: {name} is a value, not a table with keys"
             )
-    table[place[-1]] = _value(text)
+    table[last] = _parse_value(text)
 
 
-def _place(key: str, given: dict[str, Any]) -> list[str]:
+def _split_key(key: str, given: dict[str, Any]) -> list[str]:
     """Split a key into the names of tables and the last key; names of variables have dots, too.
 
     ``inputs.bench.current.value`` is a key of the table of the input ``bench.current``, but
@@ -164,12 +171,12 @@ def _place(key: str, given: dict[str, Any]) -> list[str]:
     name, _, last = inner.rpartition(".")
     entries = given.get(table)
     has_entry = isinstance(entries, dict) and name in entries
-    if name and (has_entry or last in _INNER.get(table, ())):
+    if name and (has_entry or last in _KEYS_OF_ENTRIES.get(table, ())):
         return [table, name, last]
     return [table, inner]
 
 
-def _value(text: str) -> Any:
+def _parse_value(text: str) -> Any:
     """Parse a value as TOML, or else keep it as a text, so that 610mohm needs no quotes."""
     try:
         return tomllib.loads(f"value = {text}")["value"]

@@ -99,12 +99,16 @@ def side_by_side(
         File or name of the experiment.
     """
     first = next(iter(runs.values()))
-    own = experiment.model_dump(mode="json", include={"parameters", "variants"})
+    variant_keys = experiment.model_dump(mode="json", include={"parameters", "variants"})
     settings = [json.loads(run.attrs["parameters"]) for run in runs.values()]
-    shared = {k: v for k, v in settings[0].items() if all(s.get(k) == v for s in settings)}
+    shared = {
+        name: value
+        for name, value in settings[0].items()
+        if all(other.get(name) == value for other in settings)
+    }
     about = first.attrs | {
         "title": experiment.title or where,
-        "experiment": json.dumps(json.loads(first.attrs["experiment"]) | own),
+        "experiment": json.dumps(json.loads(first.attrs["experiment"]) | variant_keys),
         "parameters": json.dumps(shared),
         "wall_time": sum(run.attrs["wall_time"] for run in runs.values()),
     }
@@ -190,6 +194,7 @@ def write(data: xarray.Dataset, path: Path) -> None:
 
 
 def _write(data: xarray.Dataset, path: Path, called: str) -> None:
+    """Write a result in the format of the file's ending; `called` is its name in messages."""
     kind = path.suffix.lower()
     if kind == ".nc":
         try:

@@ -31,7 +31,7 @@ Seed = Annotated[int, Field(ge=0, strict=True)]
 
 
 @dataclass(frozen=True)
-class Place:
+class DrivenInput:
     """The input that a stimulus drives.
 
     Attributes
@@ -53,14 +53,14 @@ class Place:
 class StimulusTable(ValueTable):
     """Table of a stimulus: a signal over time."""
 
-    def values(self, time: Array, place: Place) -> Array:
+    def values(self, time: Array, driven: DrivenInput) -> Array:
         """Return the values of the signal at communication points.
 
         Parameters
         ----------
         time : ndarray, shape (n,)
             Seconds, from 0.
-        place : Place
+        driven : DrivenInput
 
         Returns
         -------
@@ -72,12 +72,12 @@ class StimulusTable(ValueTable):
         UserError
             If a unit does not fit the input, or the values of keys are not allowed.
         """
-        return self._signal(time, place)
+        return self._signal(time, driven)
 
-    def _signal(self, time: Array, place: Place) -> Array:
+    def _signal(self, time: Array, driven: DrivenInput) -> Array:
         raise NotImplementedError
 
-    def _in(self, unit: str, key: str) -> Any:
+    def _amount_in(self, unit: str, key: str) -> Any:
         """Return the amount of a key, or its list of amounts, in a unit."""
         given = getattr(self, key)
         if isinstance(given, QuantityValue):
@@ -94,7 +94,7 @@ class StimulusTable(ValueTable):
             )
 
     def _require_steps(self, key: str, seconds: float, steps: int, time: Array) -> None:
-        """Raise UserError for a time shorter than so many steps, in which levels can be missed."""
+        """Raise UserError for a time in s below a number of steps: levels could be missed."""
         least = steps * (time[1] - time[0])
         if seconds < least * (1.0 - _ROUNDING):
             count = "one step" if steps == 1 else f"{steps} steps"
@@ -107,8 +107,8 @@ class ConstantSignal(StimulusTable):
     kind: Literal["constant"]
     value: Amount
 
-    def _signal(self, time: Array, place: Place) -> Array:
-        return np.full(time.size, self._in(place.unit, "value"))
+    def _signal(self, time: Array, driven: DrivenInput) -> Array:
+        return np.full(time.size, self._amount_in(driven.unit, "value"))
 
 
 class _Wave(StimulusTable):
@@ -117,9 +117,9 @@ class _Wave(StimulusTable):
     amplitude: Amount
     offset: Amount = _ZERO
 
-    def _amplitude_and_offset(self, place: Place) -> tuple[float, float]:
+    def _amplitude_and_offset(self, driven: DrivenInput) -> tuple[float, float]:
         """Return amplitude and offset in the unit of the input."""
-        return self._in(place.unit, "amplitude"), self._in(place.unit, "offset")
+        return self._amount_in(driven.unit, "amplitude"), self._amount_in(driven.unit, "offset")
 
 
 class Square(_Wave):
@@ -129,9 +129,9 @@ class Square(_Wave):
     frequency: Hertz
     delay: Seconds = 0.0
 
-    def _signal(self, time: Array, place: Place) -> Array:
+    def _signal(self, time: Array, driven: DrivenInput) -> Array:
         self._check_frequency("frequency", self.frequency, time)
-        amplitude, offset = self._amplitude_and_offset(place)
+        amplitude, offset = self._amplitude_and_offset(driven)
         return waveforms.square_wave(time - self.delay, amplitude, self.frequency, offset)
 
 
@@ -142,9 +142,9 @@ class Sine(_Wave):
     frequency: Hertz
     delay: Seconds = 0.0
 
-    def _signal(self, time: Array, place: Place) -> Array:
+    def _signal(self, time: Array, driven: DrivenInput) -> Array:
         self._check_frequency("frequency", self.frequency, time)
-        amplitude, offset = self._amplitude_and_offset(place)
+        amplitude, offset = self._amplitude_and_offset(driven)
         return waveforms.sine(time - self.delay, amplitude, self.frequency, offset)
 
 
@@ -155,10 +155,10 @@ class Chirp(_Wave):
     start_frequency: Hertz
     stop_frequency: Hertz
 
-    def _signal(self, time: Array, place: Place) -> Array:
+    def _signal(self, time: Array, driven: DrivenInput) -> Array:
         self._check_frequency("start_frequency", self.start_frequency, time)
         self._check_frequency("stop_frequency", self.stop_frequency, time)
-        amplitude, offset = self._amplitude_and_offset(place)
+        amplitude, offset = self._amplitude_and_offset(driven)
         return waveforms.chirp(
             time, amplitude, self.start_frequency, self.stop_frequency, float(time[-1]), offset
         )
@@ -173,12 +173,12 @@ class Multisine(StimulusTable):
     offset: Amount = _ZERO
     seed: Seed | None = None
 
-    def _signal(self, time: Array, place: Place) -> Array:
+    def _signal(self, time: Array, driven: DrivenInput) -> Array:
         for k, frequency in enumerate(self.frequencies):
             self._check_frequency(f"frequencies[{k}]", frequency, time)
-        rms, offset = self._in(place.unit, "rms"), self._in(place.unit, "offset")
+        rms, offset = self._amount_in(driven.unit, "rms"), self._amount_in(driven.unit, "offset")
         return waveforms.multisine(
-            time, self.frequencies, rms, place.seed if self.seed is None else self.seed, offset
+            time, self.frequencies, rms, driven.seed if self.seed is None else self.seed, offset
         )
 
 
@@ -190,11 +190,11 @@ class Multilevel(StimulusTable):
     dwell: Annotated[list[Span], Field(min_length=2, max_length=2)]
     seed: Seed | None = None
 
-    def _signal(self, time: Array, place: Place) -> Array:
+    def _signal(self, time: Array, driven: DrivenInput) -> Array:
         self._require_steps("dwell[0]", self.dwell[0], 1, time)
-        seed = place.seed if self.seed is None else self.seed
+        seed = driven.seed if self.seed is None else self.seed
         return waveforms.multilevel(
-            time, self._in(place.unit, "levels"), (self.dwell[0], self.dwell[1]), seed
+            time, self._amount_in(driven.unit, "levels"), (self.dwell[0], self.dwell[1]), seed
         )
 
 
@@ -206,8 +206,11 @@ class Steps(StimulusTable):
     levels: list[Amount]
     initial: Amount = _ZERO
 
-    def _signal(self, time: Array, place: Place) -> Array:
-        levels, initial = self._in(place.unit, "levels"), self._in(place.unit, "initial")
+    def _signal(self, time: Array, driven: DrivenInput) -> Array:
+        levels, initial = (
+            self._amount_in(driven.unit, "levels"),
+            self._amount_in(driven.unit, "initial"),
+        )
         return waveforms.steps(time, self.times, levels, initial)
 
 
@@ -218,8 +221,8 @@ class Ramps(StimulusTable):
     times: list[Seconds]
     levels: list[Amount]
 
-    def _signal(self, time: Array, place: Place) -> Array:
-        return waveforms.ramps(time, self.times, self._in(place.unit, "levels"))
+    def _signal(self, time: Array, driven: DrivenInput) -> Array:
+        return waveforms.ramps(time, self.times, self._amount_in(driven.unit, "levels"))
 
 
 class Staircase(StimulusTable):
@@ -231,10 +234,10 @@ class Staircase(StimulusTable):
     increment: Amount
     maximum: Amount
 
-    def _signal(self, time: Array, place: Place) -> Array:
+    def _signal(self, time: Array, driven: DrivenInput) -> Array:
         self._require_steps("period", self.period, 2, time)
-        levels = (self._in(place.unit, key) for key in ("bias", "increment", "maximum"))
-        return waveforms.force_staircase(time, self.period, *levels)
+        forces = (self._amount_in(driven.unit, key) for key in ("bias", "increment", "maximum"))
+        return waveforms.force_staircase(time, self.period, *forces)
 
 
 class FromFile(StimulusTable):
@@ -248,13 +251,13 @@ class FromFile(StimulusTable):
     column: str | None = None
     unit: str | None = None
 
-    def _signal(self, time: Array, place: Place) -> Array:
-        target = place.name + (f"[{self.unit}]" if self.unit else "")
-        mapping = {self.column or place.name: target}
+    def _signal(self, time: Array, driven: DrivenInput) -> Array:
+        target = driven.name + (f"[{self.unit}]" if self.unit else "")
+        mapping = {self.column or driven.name: target}
         record = read_record(
-            self.file, {place.name: place.unit}, mapping=mapping, inputs=[place.name]
+            self.file, {driven.name: driven.unit}, mapping=mapping, inputs=[driven.name]
         )
-        place.notes.extend(
+        driven.notes.extend(
             repair.message for repair in record.repairs if repair.kind != "ignored columns"
         )
         first = record.time[0]
@@ -265,7 +268,7 @@ class FromFile(StimulusTable):
                 f"{self.file} goes from {first:g} s to {last:g} s, the experiment from 0 s to"
                 f" {time[-1]:g} s"
             )
-        return held(record, place.name, time)
+        return held(record, driven.name, time)
 
 
 class _Declared(StimulusTable):
@@ -274,10 +277,10 @@ class _Declared(StimulusTable):
     declared: ClassVar[registry.StimulusDeclaration]
     kind: str
 
-    def _signal(self, time: Array, place: Place) -> Array:
+    def _signal(self, time: Array, driven: DrivenInput) -> Array:
         declared = self.declared
         values = registry.load(declared.signals)(time)[getattr(self, declared.key)]
-        return np.asarray(units.convert(values, declared.unit, place.unit, self.kind))
+        return np.asarray(units.convert(values, declared.unit, driven.unit, self.kind))
 
 
 def declared_kinds() -> Iterator[type[StimulusTable]]:
@@ -294,7 +297,7 @@ def declared_kinds() -> Iterator[type[StimulusTable]]:
         yield made
 
 
-def _constant(given: Any) -> Any:
+def _as_table(given: Any) -> Any:
     """Return the table of a constant for a value without a table."""
     if isinstance(given, dict | StimulusTable):
         return given
@@ -322,5 +325,5 @@ if TYPE_CHECKING:
 else:
     AnyStimulus = Annotated[
         Annotated[Union[KINDS], Field(discriminator="kind")],  # noqa: UP007
-        BeforeValidator(_constant),
+        BeforeValidator(_as_table),
     ]

@@ -115,7 +115,7 @@ class Subject:
 
 
 @contextmanager
-def subject(experiment: Experiment, where: str) -> Iterator[Subject]:
+def open_subject(experiment: Experiment, where: str) -> Iterator[Subject]:
     """Yield the subject of an experiment, which can be run inside the context.
 
     Raises
@@ -126,18 +126,19 @@ def subject(experiment: Experiment, where: str) -> Iterator[Subject]:
     with scratch.folder("system") as folder:
         try:
             if experiment.component is not None:
-                made_on = _component(experiment, experiment.component)
+                subject = _component_subject(experiment, experiment.component)
             else:
-                made_on = _system(experiment, str(experiment.system), folder)
+                subject = _system_subject(experiment, str(experiment.system), folder)
         except UserError as error:
             system = experiment.system
-            itself = system is not None and Path(where).absolute() == Path(system)
-            message = str(error).removeprefix(f"{system}: ") if itself else error
+            # `where` is the system's own file if it is run without an experiment
+            is_same_file = system is not None and Path(where).absolute() == Path(system)
+            message = str(error).removeprefix(f"{system}: ") if is_same_file else error
             raise UserError(f"{where}: {message}") from error
-        yield made_on
+        yield subject
 
 
-def _component(experiment: Experiment, name: str) -> Subject:
+def _component_subject(experiment: Experiment, name: str) -> Subject:
     """Return a component as a system of one member, with signals without the prefix ``member.``."""
     model = find_model(name, experiment.chosen_runtime, experiment.effects)
     start, stop, step = FmuSource(model.path).default_experiment
@@ -155,8 +156,8 @@ def _component(experiment: Experiment, name: str) -> Subject:
     return replace(subject_of(system, experiment.master, f"{member}."), notes=model.notes)
 
 
-def _system(experiment: Experiment, name: str, folder: Path) -> Subject:
-    """Return the system of a file, or of a name, as a subject."""
+def _system_subject(experiment: Experiment, name: str, folder: Path) -> Subject:
+    """Return the system of a name, or of a file, which is unpacked into a folder, as a subject."""
     if Path(name).suffix.lower() in ENDINGS:
         refuse_runtime(experiment.chosen_runtime, name)
         system = ssp.read(Path(name), folder)
@@ -165,7 +166,7 @@ def _system(experiment: Experiment, name: str, folder: Path) -> Subject:
 
 
 def subject_of(system: System, master_options: Master | None = None, prefix: str = "") -> Subject:
-    """Return a system as a subject, with names of signals without a prefix.
+    """Return a system as a subject; from names of its signals a prefix is removed.
 
     Parameters
     ----------
@@ -173,6 +174,7 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
     master_options : Master, optional
         Options of running it.
     prefix : str
+        Name and dot of the only member, or empty.
 
     Raises
     ------
@@ -193,8 +195,14 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
     }
     why_not_settable = _why_not_settable(system)
     options = master_options or Master()
-    margins = LimitOutputs.among(outputs, signals).margins
-    named_outputs = [str(port) for port in system.outputs.values()]
+    recorded_by_default = [str(port) for port in system.outputs.values()]
+    if not recorded_by_default:
+        margins = LimitOutputs.among(outputs, signals).margins
+        recorded_by_default = [
+            name
+            for name in outputs
+            if variables[name].causality == "output" and name not in margins
+        ]
     return Subject(
         name=system.name,
         inputs={name: signals[port] for name, port in first_port.items()},
@@ -209,16 +217,11 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
             for port, signal in check.open_inputs(system).items()
         },
         outputs=outputs,
-        recorded_by_default=named_outputs
-        or [
-            name
-            for name in outputs
-            if variables[name].causality == "output" and name not in margins
-        ],
+        recorded_by_default=recorded_by_default,
         settings={
-            f"{m.name}.{n}".removeprefix(prefix): v
-            for m in system.members
-            for n, v in m.parameters.items()
+            f"{member.name}.{name}".removeprefix(prefix): value
+            for member in system.members
+            for name, value in member.parameters.items()
         },
         duration=system.stop,
         step=system.step,
@@ -238,7 +241,7 @@ def _why_not_settable(system: System) -> dict[str, str]:
 
 
 def _runner(system: System, prefix: str, master_options: Master) -> Runner:
-    """Return the function that runs a system, with names of signals without a prefix."""
+    """Return the function that runs a system; it puts a prefix before names of signals."""
 
     def run(
         time: Array,
@@ -253,7 +256,7 @@ def _runner(system: System, prefix: str, master_options: Master) -> Runner:
         ready = system.given({f"{prefix}{name}": value for name, value in settings.items()})
         names = [f"{prefix}{name}" for name in record]
         if master_options.method == "fused":
-            return _fused(ready, time, inputs, names, progress)
+            return _run_fused(ready, time, inputs, names, progress)
         return master.run(
             ready,
             time,
@@ -278,7 +281,7 @@ def _is_recordable(variable: Any) -> bool:
     return variable.causality not in _NOT_RECORDABLE and variable.type != "String"
 
 
-def _fused(
+def _run_fused(
     system: System,
     time: Array,
     inputs: Mapping[str, Array],

@@ -30,7 +30,7 @@ from orchestration.fmu.simulation import FmuSource
 from orchestration.master.reference import fuse
 from orchestration.system import NAMES, System, interface, library, ssp
 
-_ROUNDING = 1e-9  # of a distance of two points in steps
+_ROUNDING = 1e-9  # relative, by which a distance may exceed whole steps
 
 
 def is_system(name: str) -> bool:
@@ -78,26 +78,30 @@ def system_model(system: System, master: Master | None = None, name: str = "") -
     UserError
         If the system does not pass its check.
     """
-    on = subject_of(system, master)
-    parameters = {n: s for n, s in on.parameters.items() if n not in on.open_inputs}
+    subject = subject_of(system, master)
+    parameters = {
+        name: signal
+        for name, signal in subject.parameters.items()
+        if name not in subject.open_inputs
+    }
     return Model(
         name or system.name,
         Path(),
         None,
-        _with_names({**on.inputs, **on.open_inputs}),
-        _with_names({name: on.outputs[name] for name in _outputs(system)}),
+        _with_names({**subject.inputs, **subject.open_inputs}),
+        _with_names({name: subject.outputs[name] for name in _all_outputs(system)}),
         {
-            n: _with_start(s, on.settings.get(n, s.default))
-            for n, s in _with_names(parameters).items()
+            name: _with_start(signal, subject.settings.get(name, signal.default))
+            for name, signal in _with_names(parameters).items()
         },
-        system=SystemSource(_sendable(system), master or Master()),
-        kept=tuple(on.recorded_by_default),
-        of_others=on.foreign,
+        system=SystemSource(_without_classes(system), master or Master()),
+        kept=tuple(subject.recorded_by_default),
+        of_others=subject.foreign,
         notes=unknown_laws(system),
     )
 
 
-def _outputs(system: System) -> list[str]:
+def _all_outputs(system: System) -> list[str]:
     """Return the outputs of all members, by ``member.variable``."""
     return [
         f"{member.name}.{name}" for member in system.members for name in interface(member).outputs
@@ -126,18 +130,21 @@ def fused_model(system: System, name: str = "") -> Model:
     """
     model = system_model(system, Master(method="fused"), name)
     try:
-        fuse(with_classes(_sendable(system)))
+        # its classes are found anew, as in another process
+        fuse(with_classes(_without_classes(system)))
     except UserError as error:
         note = (
             f"members exchange values once in {system.step:g} s, which a record may show: {error}"
         )
         return replace(
-            model, system=SystemSource(_sendable(system), Master()), notes=(*model.notes, note)
+            model,
+            system=SystemSource(_without_classes(system), Master()),
+            notes=(*model.notes, note),
         )
     return model
 
 
-def _sendable(system: System) -> System:
+def _without_classes(system: System) -> System:
     """Return a system without classes of members, as not all can be pickled for other processes."""
     return replace(system, members=tuple(replace(m, cls=None) for m in system.members))
 
@@ -210,7 +217,7 @@ class SystemSource:
 
     def points(self, time: Array) -> Array:
         """Return communication points (n,), no further apart than the step of the system."""
-        return _refine(time, self.step)[0]
+        return _divide_steps(time, self.step)[0]
 
     @property
     def step(self) -> float:
@@ -245,13 +252,13 @@ class RepeatedSystem:
         return CompiledModel(fuse(with_classes(self._source.system)))
 
     @cached_property
-    def _on(self) -> Subject:
+    def _subject(self) -> Subject:
         return subject_of(self._source.system, self._source.master)
 
     @property
     def inputs(self) -> list[str]:
         """Names of the inputs."""
-        return [*self._on.inputs, *self._on.open_inputs]
+        return [*self._subject.inputs, *self._subject.open_inputs]
 
     def run(
         self,
@@ -265,22 +272,25 @@ class RepeatedSystem:
 
         Outputs are ``member.variable``; settings are parameters and constant inputs.
         """
-        points, parts = _refine(time, self._source.step)
-        constant = {n: v for n, v in settings.items() if n in self.inputs and n not in inputs}
-        driven = {n: np.repeat(values, parts) for n, values in inputs.items()}
-        driven |= {n: np.full(points.size, value) for n, value in constant.items()}
-        given = {n: v for n, v in settings.items() if n not in self.inputs}
+        points, parts = _divide_steps(time, self._source.step)
+        parameters = {}
+        driven = {name: np.repeat(values, parts) for name, values in inputs.items()}
+        for name, value in settings.items():
+            if name not in self.inputs:
+                parameters[name] = value
+            elif name not in inputs:
+                driven[name] = np.full(points.size, value)
         if self._source.master.method == "fused":
-            signals = self._fused.run(time, driven, numeric(given)).signals
+            signals = self._fused.run(time, driven, numeric(parameters)).signals
             return np.column_stack([signals[name] for name in outputs])
-        ran = self._on.run(points, driven, given, outputs, self._patience(longest))
+        ran = self._subject.run(points, driven, parameters, outputs, self._time_limit(longest))
         if not ran.complete:  # the master returns a part after Ctrl-C
             raise KeyboardInterrupt
         first = np.cumsum(parts) - parts
         return np.column_stack([ran.signals[name][first] for name in outputs])
 
-    def _patience(self, longest: float) -> Callable[[int], None]:
-        """Return a progress function that ends a run after `longest` seconds by UserError."""
+    def _time_limit(self, longest: float) -> Callable[[int], None]:
+        """Return a progress function that raises UserError `longest` seconds after this call."""
         end = monotonic() + longest
 
         def check(done: int) -> None:
@@ -290,7 +300,7 @@ class RepeatedSystem:
         return check
 
 
-def _refine(time: Array, step: float) -> tuple[Array, Indices]:
+def _divide_steps(time: Array, step: float) -> tuple[Array, Indices]:
     """Divide the intervals between points evenly into parts no longer than a step.
 
     Parameters
@@ -308,6 +318,6 @@ def _refine(time: Array, step: float) -> tuple[Array, Indices]:
     """
     distances = np.diff(time, append=time[-1])
     parts = np.maximum(np.ceil(distances / step * (1.0 - _ROUNDING)), 1.0).astype(np.intp)
-    first = np.cumsum(parts) - parts
+    first = np.cumsum(parts) - parts  # index of each of `time` among the points
     share = (np.arange(parts.sum()) - np.repeat(first, parts)) / np.repeat(parts, parts)
     return np.repeat(time, parts) + share * np.repeat(distances, parts), parts

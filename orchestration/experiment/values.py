@@ -51,7 +51,7 @@ class QuantityValue(NamedTuple):
         return float(units.convert(self.value, self.unit or unit, unit, what))
 
 
-def _read(given: Any) -> QuantityValue:
+def _read_quantity(given: Any) -> QuantityValue:
     """Return a number, or a text with a number and a unit, as a quantity; ValueError if neither."""
     if isinstance(given, str):
         quantity = QuantityValue(*(read_quantity(given) or (math.nan,)))
@@ -72,11 +72,11 @@ def _serialise(quantity: QuantityValue) -> float | str:
     return f"{quantity.value!r} {quantity.unit}" if quantity.unit else quantity.value
 
 
-def _in(unit: str, positive: bool = True) -> BeforeValidator:
+def _converted_to(unit: str, positive: bool = True) -> BeforeValidator:
     """Return the validator of pydantic that reads a value and converts it to a unit."""
 
     def read(given: Any) -> float:
-        value = _read(given).to(unit)
+        value = _read_quantity(given).to(unit)
         if positive and not value > 0.0:
             raise ValueError("must be above 0")
         return value
@@ -93,10 +93,10 @@ def _resolve_path(given: Any, info: ValidationInfo) -> Any:
     return str((neighbour if neighbour.is_file() else Path(given)).absolute())
 
 
-Amount = Annotated[QuantityValue, PlainValidator(_read), PlainSerializer(_serialise)]
-Seconds = Annotated[float, _in("s", positive=False)]
-Span = Annotated[float, _in("s")]
-Hertz = Annotated[float, _in("Hz")]
+Amount = Annotated[QuantityValue, PlainValidator(_read_quantity), PlainSerializer(_serialise)]
+Seconds = Annotated[float, _converted_to("s", positive=False)]
+Span = Annotated[float, _converted_to("s")]
+Hertz = Annotated[float, _converted_to("Hz")]
 File = Annotated[str, BeforeValidator(_resolve_path)]
 
 
@@ -124,40 +124,40 @@ def checked(
     except ValidationError as error:
         problems = error.errors(include_url=False)
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        raise UserError(f"{where}: {_line(problems[0])}{more}") from error
+        raise UserError(f"{where}: {_describe_problem(problems[0])}{more}") from error
 
 
-def _line(problem: Any) -> str:
+def _describe_problem(problem: Any) -> str:
     """Return an error of pydantic as a line: the key, the value, the allowed values."""
-    place = list(problem["loc"])
-    if place[:1] == ["inputs"]:
-        del place[2:3]  # the kind, by which pydantic distinguishes the tables
+    path = list(problem["loc"])
+    if path[:1] == ["inputs"]:
+        del path[2:3]  # the kind, by which pydantic distinguishes the tables
+    key = _dotted_key(path)
     kind, given, context = problem["type"], problem["input"], problem.get("ctx", {})
     if kind == "missing":
-        return f"{_key(place)} is missing"
+        return f"{key} is missing"
     if kind == "union_tag_not_found":
-        return f"{_key(place)}.kind is missing"
+        return f"{key}.kind is missing"
     if kind == "union_tag_invalid":
         kinds = [tag.strip("' ") for tag in context["expected_tags"].split(",")]
-        return (
-            f"{_key(place)}.kind = {context['tag']!r}: unknown{suggestion(context['tag'], kinds)}"
-        )
+        return f"{key}.kind = {context['tag']!r}: unknown{suggestion(context['tag'], kinds)}"
     value = "" if isinstance(given, dict) else f" = {given!r}"
     if kind == "model_type":
-        return f"{_key(place)}{value}: should be a table"
+        return f"{key}{value}: should be a table"
     if kind == "value_error":
-        return f"{_key(place)}{value}: {context['error']}".removeprefix(": ")
+        return f"{key}{value}: {context['error']}".removeprefix(": ")
     allowed = (
         problem["msg"]
         .removeprefix("Input ")
         .replace("valid dictionary", "table")
         .replace(" after validation", "")
     )
-    return f"{_key(place)}{value}: {allowed[0].lower()}{allowed[1:]}"
+    return f"{key}{value}: {allowed[0].lower()}{allowed[1:]}"
 
 
-def _key(place: list[Any]) -> str:
+def _dotted_key(path: list[Any]) -> str:
+    """Return a key as in TOML, ``inputs.current.levels[1]``, from its names and indices."""
     text = ""
-    for part in place:
+    for part in path:
         text += f"[{part}]" if isinstance(part, int) else f".{part}"
     return text.removeprefix(".")

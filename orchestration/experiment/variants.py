@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 Remarked = tuple["ExperimentResult", list[str]]  # with remarks on the run
 Compute = Callable[[], Remarked]
 Restore = Callable[[Mapping[str, Array], float], "ExperimentResult"]  # from signals and wall time
-Keeper = Callable[[Preparation, Compute, Restore], Remarked]
+Obtain = Callable[[Preparation, Compute, Restore], Remarked]
 
 
 def compute_anew(prepared: Preparation, compute: Compute, restore: Restore) -> Remarked:
-    """Return the computed result: the `Keeper` without a journal."""
+    """Return the result of `compute`: the `Obtain` without a journal."""
     return compute()
 
 
@@ -46,7 +46,7 @@ class _VariantJournal(WorkJournal):
 
     def remarks(self, row: int) -> list[str]:
         """Return the remarks on a finished variant."""
-        return [remark for of, remark in self._remarks.pairs if of == row]
+        return [remark for other, remark in self._remarks.pairs if other == row]
 
     def keep_remarked(self, row: int, numbers: Array, remarks: Sequence[str]) -> None:
         """Write the numbers of a variant and the remarks on it."""
@@ -98,7 +98,7 @@ class KeptVariants:
         inputs, noise = prepared.inputs, prepared.noise
         about = {
             "the experiment": digest(self._experiment.model_dump_json(exclude_none=True)),
-            "the FMUs": digest(json.dumps(dict(prepared.on.guids), sort_keys=True)),
+            "the FMUs": digest(json.dumps(dict(prepared.subject.guids), sort_keys=True)),
             "inputs and noise": digest(
                 sorted(inputs), *inputs.values(), sorted(noise), *noise.values()
             ),

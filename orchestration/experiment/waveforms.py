@@ -84,9 +84,9 @@ def force_staircase(
             f"maximum = {maximum} N: must be at least bias + increment = {bias + increment} N"
         )
     half_periods = np.floor(2 * _vector(time) / period + _ROUNDING)
-    loading = half_periods // 2
-    loaded = (half_periods % 2 == 0) & (loading >= 0) & (loading < levels)
-    return bias + np.where(loaded, (loading + 1) * increment, 0.0)
+    periods = half_periods // 2
+    is_loaded = (half_periods % 2 == 0) & (periods >= 0) & (periods < levels)
+    return bias + np.where(is_loaded, (periods + 1) * increment, 0.0)
 
 
 def multilevel(

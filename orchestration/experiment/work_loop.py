@@ -53,6 +53,7 @@ _POINTS = 40  # in a period: samples of a planned current, as many as of a learn
 _CORRECTION = 0.8  # share of the error that a repetition removes on the nominal model
 _SMOOTHING = (0.25, 0.5, 0.25)  # of errors, as in the learning controller
 _REPETITIONS = 30  # simulations of a plan; with a lag of 1 s half of the error remains
+_ROUNDING = 1e-9  # relative, of times that are multiples of others
 
 
 @dataclass(frozen=True)
@@ -192,9 +193,9 @@ class TrackedLoop:
 
     def cycles(self) -> list[Cycle]:
         """Return the figures of each whole cycle."""
-        count = int(self.time[-1] / self.loop.period + 1e-9)
-        marks = np.arange(count + 1) * self.loop.period
-        edges = np.searchsorted(self.time, marks - 1e-9 * self.loop.period)
+        count = int(self.time[-1] / self.loop.period + _ROUNDING)
+        starts = np.arange(count + 1) * self.loop.period
+        edges = np.searchsorted(self.time, starts - _ROUNDING * self.loop.period)
         return [self._cycle(slice(begin, end + 1)) for begin, end in itertools.pairwise(edges)]
 
     def _cycle(self, part: slice) -> Cycle:
@@ -233,7 +234,8 @@ def track(system: System, loop: WorkLoop, mode: str = "learning", cycles: int = 
         raise UserError(f"no mode named {mode!r}{suggestion(mode, MODES)}")
     sample_period = loop.period / _POINTS
     periods = {f"{name}.sample_period": sample_period for name in ("feedforward", "learning")}
-    step = sample_period / np.ceil(sample_period / system.step - 1e-9)
+    # controllers sample at communication points: the step divides their period
+    step = sample_period / np.ceil(sample_period / system.step - _ROUNDING)
     time = step * np.arange(round(cycles * loop.period / step) + 1)
     run = master.run(
         system.given({**MODES[mode], **periods}),
@@ -335,6 +337,7 @@ def _correct(current: Array, change: Array, inverse: Any) -> Array:
     inverse : Component
         A ``feedforward`` with the charge at the start; its charge follows the corrected current.
     """
+    # the charge after a sample period is q' = decay q + gain i, and the length is alpha q
     decay, gain = inverse.decay(), inverse.charge_per_current()
     corrected = current.copy()
     change_so_far = 0.0  # m
@@ -361,21 +364,21 @@ def tracked_loops(data: xarray.Dataset, table: WorkLoopTable) -> dict[str, Track
     count = round(table.period / data.attrs["step"])
     phases = table.period * np.arange(count) / count
     force, reference = (
-        np.interp(phases, time, _of_loop(data, table, key)) for key in ("force", "reference")
+        np.interp(phases, time, _signal_of(data, table, key)) for key in ("force", "reference")
     )
     loop = WorkLoop(force, reference, table.period)
     variants = [v.attrs["variant"] for v in data.values() if "variant" in v.attrs]
     prefixes = {variant: f"{variant}." for variant in variants} or {"run": ""}
     loops = {}
-    for variant, before in prefixes.items():
-        signals = [_of_loop(data, table, key, before) for key in ("length", "current", "voltage")]
+    for variant, prefix in prefixes.items():
+        signals = [_signal_of(data, table, key, prefix) for key in ("length", "current", "voltage")]
         loops[variant] = TrackedLoop(loop, time, *signals)
     return loops
 
 
-def _of_loop(data: xarray.Dataset, table: WorkLoopTable, key: str, before: str = "") -> Array:
-    """Return the signal of a key of the table in SI; `before` is the prefix of a variant."""
-    array = data[before + getattr(table, key)]
+def _signal_of(data: xarray.Dataset, table: WorkLoopTable, key: str, prefix: str = "") -> Array:
+    """Return the signal of a key of the table in SI; `prefix` is that of a variant."""
+    array = data[prefix + getattr(table, key)]
     values: Array = convert(array.values, array.units, UNITS_OF_LOOP[key])
     return values
 
@@ -424,9 +427,9 @@ def picture(
 def _draw_thesis_loop(axis: Axes) -> None:
     """Draw the experiment of fig. 5-9 with and without its current, as it is printed."""
     for name, settings in {"with current": [], "without": ["inputs.current.amplitude=0"]}.items():
-        path = execution.run(read("fig_5_9", settings))
-        force = path["tension"].values
-        axis.plot(1e3 * path["length_change"].values, force, label=f"fig. 5-9, {name}")
+        result = execution.run(read("fig_5_9", settings))
+        force = result["tension"].values
+        axis.plot(1e3 * result["length_change"].values, force, label=f"fig. 5-9, {name}")
     axis.set_xlabel("length change [mm]")
     axis.legend(fontsize=8)
     pictures.label(axis, "tension", "N")

@@ -50,8 +50,8 @@ class ExchangeFmu(Fmu):
         """Names of the state derivatives, in the order of the model structure."""
         return [unknown.variable.name for unknown in self.description.derivatives]
 
-    def hold(self, time: float, states: Sequence[float]) -> None:
-        """Iterate the events at the start, then set the time and the continuous states.
+    def enter_continuous_time(self, time: float, states: Sequence[float]) -> None:
+        """Iterate the events at the start, enter continuous-time mode, and set time and states.
 
         Parameters
         ----------
@@ -77,7 +77,7 @@ class ExchangeFmu(Fmu):
         self._checked("time", self._slave.setTime, time)
         self.set_states(states)
 
-    def start_states(self) -> list[float]:
+    def get_states(self) -> list[float]:
         """Return the current continuous states."""
         return self._vector(self._slave.getContinuousStates).tolist()
 
@@ -91,6 +91,7 @@ class ExchangeFmu(Fmu):
         return self._vector(self._slave.getDerivatives)
 
     def _vector(self, get: object) -> Array:
+        """Return the numbers (states,) that an FMI function writes into an array."""
         count = len(self.states)
         array = (ctypes.c_double * count)()
         self._checked("states and derivatives", get, array, count)  # type: ignore[arg-type]

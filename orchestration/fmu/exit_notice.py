@@ -33,6 +33,7 @@ def note_closed(label: str) -> None:
 
 
 def _update_notice() -> None:
+    """Write the names of the open FMUs, and their number, into the memory of the watch."""
     names = ", ".join(sorted(+_open_fmus))
     notice = f"error: {names}: the FMU has ended this process; give {option('isolate', True)}\n"
     _notice.value = notice.encode()[: _NOTICE_SIZE - 1]

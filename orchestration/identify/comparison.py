@@ -278,17 +278,17 @@ def fit_model(
     constant = {
         name: np.full(time.size, value) for name, value in given.items() if name in model.inputs
     }
-    fed = constant | dict(inputs)
+    all_inputs = constant | dict(inputs)
     fixed = {name: value for name, value in given.items() if name in model.parameters}
     if model.cls is not None:
-        return fit_grey_box(model.cls, time, fed, measured, names, numeric(fixed))
+        return fit_grey_box(model.cls, time, all_inputs, measured, names, numeric(fixed))
     _check_names(model, names)
     others = {name: value for name, value in fixed.items() if name not in names}
     numbers = {
         name: value for name, value in fixed.items() if model.parameters[name].type != "string"
     }
     with FmuWithDifferences(model, names, list(measured), others, workers) as fmu:
-        fit = fit_grey_box(fmu, time, fed, measured, names, numeric(numbers))
+        fit = fit_grey_box(fmu, time, all_inputs, measured, names, numeric(numbers))
         return replace(fit, evaluations=fmu.runs)
 
 
@@ -314,17 +314,17 @@ def _assess(
     measured: Mapping[str, Array],
     parameters: Mapping[str, Value],
 ) -> dict[str, GoodnessOfFit]:
-    """Simulate the model, and assess every measured output."""
+    """Simulate the model, and return the goodness of fit of every measured output."""
     simulated = simulate(model, time, inputs, parameters, isolation=limits_of(model.foreign))
     assessed = {}
     for name, y in measured.items():
         residual = y - simulated[name]
-        long_enough = np.isfinite(residual).sum() >= WHITENESS_SAMPLES
+        is_long_enough = np.isfinite(residual).sum() >= WHITENESS_SAMPLES
         assessed[name] = GoodnessOfFit(
             y,
             simulated[name],
             fit_percent(y, simulated[name]),
             rms(residual),
-            whiteness(residual) if long_enough else None,
+            whiteness(residual) if is_long_enough else None,
         )
     return assessed

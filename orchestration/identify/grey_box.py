@@ -263,10 +263,10 @@ class Likelihood:
         """Profile one of the parameters; see `Fit.profile`."""
         problem = self.problem
         i = problem.names.index(name)
-        own = parameter_covariance(self.fitted.information).matrix
-        determined = own[i, i] > 0.0
+        white = parameter_covariance(self.fitted.information).matrix  # as if the noise were white
+        determined = white[i, i] > 0.0
         # the deviance rises faster in coloured noise, by the ratio of both variances
-        colour = self.spread.matrix[i, i] / own[i, i] if determined else 1.0
+        colour = self.spread.matrix[i, i] / white[i, i] if determined else 1.0
         low, high = problem.bounds()
         along = Coordinate(
             index=i,
@@ -274,7 +274,7 @@ class Likelihood:
             low=low[i],
             high=high[i],
             logarithmic=problem.scales[i].logarithmic,
-            tangent=own[i] / own[i, i] if determined else np.eye(len(own))[i],
+            tangent=white[i] / white[i, i] if determined else np.eye(len(white))[i],
             standard_error=float(self.spread.standard_errors[i]),
         )
         least = problem.deviance(self.fitted.noise, self.fitted.residual)
@@ -340,7 +340,7 @@ def fit_grey_box(
     _check_problem(problem)
     noise = {o: Noise(np.empty(0), float(np.nanstd(y)) or 1.0) for o, y in problem.measured.items()}
     fitted = fit_prediction_error(problem, problem.position(problem.start), noise, method=_METHOD)
-    spread, weak = _spread(problem, fitted)
+    spread = _coloured_covariance(problem, fitted)
     intervals = problem.intervals(fitted.q, spread.standard_errors)
     estimates = {}
     for name in names:
@@ -349,7 +349,12 @@ def fit_grey_box(
     return Fit(
         estimates=estimates,
         evaluations=problem.evaluations,
-        warnings=[*_search_warnings(fitted), *weak, *_limit_warnings(problem, fitted)],
+        warnings=[
+            *_search_warnings(fitted),
+            *_weak_warnings(problem, fitted, spread),
+            *_slow_warnings(problem, fitted),
+            *_limit_warnings(problem, fitted),
+        ],
         declared={name: problem.declared[name] for name in names},
         correlations=spread.correlations(names),
         logarithmic=tuple(
@@ -375,8 +380,8 @@ def _check_problem(problem: Problem) -> None:
             )
 
 
-def _spread(problem: Problem, fitted: FitResult) -> tuple[Covariance, list[str]]:
-    """Return the covariance in coloured noise, and warnings where it is large or not known."""
+def _coloured_covariance(problem: Problem, fitted: FitResult) -> Covariance:
+    """Return the covariance of a fit, with the colour of its residual (Ljung, section 9.4)."""
     slopes = problem.evaluate(fitted.q)[1]
     weighted = []
     noise = []
@@ -386,8 +391,7 @@ def _spread(problem: Problem, fitted: FitResult) -> tuple[Covariance, list[str]]
         score = fitted.weights[o] * fitted.innovation[o] / information
         coefficients, variance = fit_autoregression(score)
         noise.append(Noise(coefficients, np.sqrt(variance)))
-    spread = sandwich_covariance(fitted.covariance, weighted, noise)
-    return spread, [*_weak_warnings(problem, fitted, spread), *_slow_warnings(problem, fitted)]
+    return sandwich_covariance(fitted.covariance, weighted, noise)
 
 
 def _weak_warnings(problem: Problem, fitted: FitResult, spread: Covariance) -> list[str]:
@@ -410,12 +414,12 @@ def _weak_warnings(problem: Problem, fitted: FitResult, spread: Covariance) -> l
 def _slow_warnings(problem: Problem, fitted: FitResult) -> list[str]:
     """Return a warning for each output whose residual is too slow for its colour to be known.
 
-    A residual that is nothing but rounding is not minded.
+    Residuals of the size of rounding errors are left out.
     """
     warnings = []
     for output, residual in fitted.residual.items():
         measured = problem.measured[output][problem.present[output]]
-        independent = _independent(residual)
+        independent = _effective_samples(residual)
         if independent < _FEW and np.std(residual) > 1e-6 * np.std(measured):
             warnings.append(
                 f"the residual of {output} varies slowly, as {independent:.0f} independent values"
@@ -424,10 +428,10 @@ def _slow_warnings(problem: Problem, fitted: FitResult) -> list[str]:
     return warnings
 
 
-def _independent(residual: Array) -> float:
-    """Return how many independent values have the information of a series about its mean.
+def _effective_samples(residual: Array) -> float:
+    """Return the number of independent values with the information of a series about its mean.
 
-    It is from the autocorrelation at lag one.
+    It is ``n (1 - r) / (1 + r)`` with the autocorrelation r at lag one.
     """
     power = float(residual @ residual)
     lag_one = float(residual[:-1] @ residual[1:]) / power if power > 0.0 else 0.0

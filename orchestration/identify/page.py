@@ -55,34 +55,37 @@ def fit_page(comparison: Comparison, command: str = "") -> Page:
         f"Fit of <code>{escaped(model)}</code> to"
         f" <code>{escaped(comparison.record.source.name)}</code>"
     )
-    page = Page(_values(fit), _errors(comparison), Markup(about))
+    page = Page(_values_sentence(fit), _errors_sentence(comparison), Markup(about))
     page.heading("What is wrong")
     for output in comparison.before:
-        page.parts.append(elements.bar_chart(_title(comparison, output), _bars(comparison, output)))
+        page.parts.append(
+            elements.bar_chart(_title(comparison, output), _bars_of(comparison, output))
+        )
     page.text(
         "Root mean square of measured minus simulated over the record that was fitted to, in"
         " percent of that of the measurement about its mean, and in its unit."
     )
     page.heading("The model beside the record")
     page.chart(
-        _draw(comparison), "Above what was measured and simulated, below the difference of both."
+        _draw_runs(comparison),
+        "Above what was measured and simulated, below the difference of both.",
     )
     page.heading("What to do next")
     page.items(_next_steps(comparison, fit))
     page.heading("How sure this is")
     _add_parameters(page, fit)
-    page.items(_remarks(comparison, fit))
+    page.items(_uncertainty_remarks(comparison, fit))
     page.heading("How it was found")
     page.text(
         "The model ran free over the record, and the sum of squared differences was minimised, each"
         f" output weighted by its own residual: {fit.evaluations} simulations."
     )
     page.items([repair.message for repair in comparison.record.repairs])
-    page.reproduction([comparison.record.source], command or _command(comparison, fit))
+    page.reproduction([comparison.record.source], command or _repeating_command(comparison, fit))
     return page
 
 
-def _command(comparison: Comparison, fit: Fit) -> str:
+def _repeating_command(comparison: Comparison, fit: Fit) -> str:
     """Return a command that makes the same fit."""
     words = ["ppy", "identify", str(comparison.record.source), "--model", comparison.model.name]
     words += [flag("fit"), ",".join(fit.estimates)]
@@ -91,31 +94,31 @@ def _command(comparison: Comparison, fit: Fit) -> str:
     return shlex.join(words)
 
 
-def _values(fit: Fit) -> str:
-    """Return the values that fit in a sentence."""
+def _values_sentence(fit: Fit) -> str:
+    """Return a sentence with the first fitted values."""
     values = [
-        f"{variable_title(fit.declared[name])} {format_prefixed(e.value, fit.declared[name])}"
-        for name, e in fit.estimates.items()
+        f"{variable_title(fit.declared[name])} {format_prefixed(value, fit.declared[name])}"
+        for name, value in fit.values.items()
     ]
     more = len(values) - _NAMED
     listed = ", ".join(values[:_NAMED]) + (f" and {more} more" if more > 0 else "")
     return f"What fits best: {listed}."
 
 
-def _errors(comparison: Comparison) -> str:
-    """Return how far off the model is with these values, and how far it was before."""
+def _errors_sentence(comparison: Comparison) -> str:
+    """Return a sentence for each output with its error after the fit and before it."""
     after = comparison.after or comparison.before
     sentences = [
-        f"{_title(comparison, output)} is off by {_share(g)} instead of"
-        f" {_share(comparison.before[output])} of what it moves by."
-        for output, g in after.items()
+        f"{_title(comparison, output)} is off by {_error_percent(goodness)} instead of"
+        f" {_error_percent(comparison.before[output])} of what it moves by."
+        for output, goodness in after.items()
     ]
     return " ".join(sentences)
 
 
-def _share(g: GoodnessOfFit) -> str:
+def _error_percent(goodness: GoodnessOfFit) -> str:
     """Return the error of an output in percent; a dash where the output was constant."""
-    share = 100.0 - g.fit_percent
+    share = 100.0 - goodness.fit_percent
     return f"{share:.1f} %" if math.isfinite(share) else "–"
 
 
@@ -124,21 +127,21 @@ def _title(comparison: Comparison, output: str) -> str:
     return capitalised(in_words(output) if cls is None else law_title(cls, output))
 
 
-def _bars(comparison: Comparison, output: str) -> list[Bar]:
-    """Return the error of an output before the fit and after it."""
+def _bars_of(comparison: Comparison, output: str) -> list[Bar]:
+    """Return bars of the error of an output before the fit and after it."""
     after = comparison.after or comparison.before
     signal = comparison.model.outputs[output]
     bars = []
-    for label, colour, g in (
+    for label, colour, goodness in (
         (_BEFORE, pictures.MODEL, comparison.before[output]),
         (_FITTED, pictures.FITTED, after[output]),
     ):
-        size = write_prefixed(g.rms, signal.unit)
-        bars.append(Bar(label, colour, g.rms, f"{_share(g)} · {size}"))
+        size = write_prefixed(goodness.rms, signal.unit)
+        bars.append(Bar(label, colour, goodness.rms, f"{_error_percent(goodness)} · {size}"))
     return bars
 
 
-def _draw(comparison: Comparison) -> Markup:
+def _draw_runs(comparison: Comparison) -> Markup:
     """Draw every output as measured, before and after the fit, and the residuals."""
     time = comparison.record.time
     after = comparison.after or comparison.before
@@ -150,12 +153,12 @@ def _draw(comparison: Comparison) -> Markup:
         measured = units.convert(before.measured, signal.unit, signal.display)
         traces = [Trace("measured", time, measured, pictures.MEASURED, 3.5)]
         residuals = []
-        for label, g, colour in runs:
+        for label, goodness, colour in runs:
             is_fitted = label == _FITTED
-            values = units.convert(g.simulated, signal.unit, signal.display)
-            left = units.convert(g.residual, signal.unit, difference)
+            values = units.convert(goodness.simulated, signal.unit, signal.display)
+            residual = units.convert(goodness.residual, signal.unit, difference)
             traces.append(Trace(label, time, values, colour, makes_room=is_fitted))
-            residuals.append(Trace(label, time, left, colour, makes_room=is_fitted))
+            residuals.append(Trace(label, time, residual, colour, makes_room=is_fitted))
         title = _title(comparison, output)
         panels.append(Panel(_with_unit(title, signal.display), _HEIGHT, traces))
         panels.append(
@@ -176,7 +179,8 @@ def _with_unit(title: str, unit: str) -> str:
 def _next_steps(comparison: Comparison, fit: Fit) -> list[str]:
     """Return the next steps: warnings of the fit, then advice by the whiteness of residuals."""
     after = comparison.after or comparison.before
-    coloured = [output for output, g in after.items() if g.whiteness and not g.whiteness.is_white]
+    tests = {output: goodness.whiteness for output, goodness in after.items()}
+    coloured = [output for output, test in tests.items() if test and not test.is_white]
     steps = [*fit.all_warnings]
     if coloured:
         steps.append(
@@ -194,10 +198,11 @@ def _add_parameters(page: Page, fit: Fit) -> None:
     """Add the table of fitted values with their intervals and start values."""
     profiled = ["95 % by profile"] if fit.profiles else []
     rows = []
-    for name, e in fit.estimates.items():
+    for name, estimate in fit.estimates.items():
         declared = fit.declared[name]
         value, low, high, start = (
-            format_prefixed(x, declared, 4, like=e.value) for x in (e.value, *e.interval, e.nominal)
+            format_prefixed(x, declared, 4, like=estimate.value)
+            for x in (estimate.value, *estimate.interval, estimate.nominal)
         )
         cells = [value, format_ends(low, high)]
         if fit.profiles:
@@ -208,13 +213,13 @@ def _add_parameters(page: Page, fit: Fit) -> None:
     page.table(["parameter", "fitted", "95 % interval", *profiled, "started from"], rows)
 
 
-def _remarks(comparison: Comparison, fit: Fit) -> list[str]:
+def _uncertainty_remarks(comparison: Comparison, fit: Fit) -> list[str]:
     """Return the results of the residual tests, and the strongly correlated parameters."""
     after = comparison.after or comparison.before
-    texts = [
-        f"{_title(comparison, output)}: {g.whiteness.summary() if g.whiteness else 'too short'}."
-        for output, g in after.items()
-    ]
+    texts = []
+    for output, goodness in after.items():
+        whiteness = goodness.whiteness.summary() if goodness.whiteness else "too short"
+        texts.append(f"{_title(comparison, output)}: {whiteness}.")
     texts += [
         f"{in_words(a)} and {in_words(b)} are known together better than each (correlation"
         f" {r:+.2f})."

@@ -74,11 +74,12 @@ def _draw_output(comparison: Comparison, output: str, over: Axes, below: Axes) -
     hidden = before.rms > _MUCH_LARGER * after.rms
     colours = (pictures.MODEL, pictures.FITTED)
     for (label, run), colour in zip(runs(comparison).items(), colours, strict=False):
-        g = run[output]
-        values = units.convert(g.simulated, signal.unit, signal.display)
-        over.plot(time, values, color=colour, label=f"{label}: {g.fit_percent:.1f} % fit")
-        if not hidden or g is after:
-            below.plot(time, units.convert(g.residual, signal.unit, difference), color=colour)
+        goodness = run[output]
+        values = units.convert(goodness.simulated, signal.unit, signal.display)
+        over.plot(time, values, color=colour, label=f"{label}: {goodness.fit_percent:.1f} % fit")
+        if not hidden or goodness is after:
+            residual = units.convert(goodness.residual, signal.unit, difference)
+            below.plot(time, residual, color=colour)
     over.legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1
     )

@@ -41,10 +41,10 @@ def overview(comparison: Comparison) -> Group:
     )
     for output in comparison.before:
         for label, run in runs(comparison).items():
-            g = run[output]
-            error = format_difference(g.rms, model.outputs[output])
-            residual = g.whiteness.summary() if g.whiteness else "too short to judge"
-            table.add_row(output, label, _percent(g), error, residual)
+            goodness = run[output]
+            error = format_difference(goodness.rms, model.outputs[output])
+            residual = goodness.whiteness.summary() if goodness.whiteness else "too short to judge"
+            table.add_row(output, label, _percent(goodness), error, residual)
     parts: list[RenderableType] = [
         Text(f"{record.source.name} against {model.title}: {record.time.size} samples"),
         table,
@@ -54,9 +54,9 @@ def overview(comparison: Comparison) -> Group:
     return Group(*parts)
 
 
-def _percent(g: GoodnessOfFit) -> str:
+def _percent(goodness: GoodnessOfFit) -> str:
     """Write the fit; it is undefined where the measured output was constant."""
-    return f"{g.fit_percent:.2f} %" if math.isfinite(g.fit_percent) else "undefined"
+    return f"{goodness.fit_percent:.2f} %" if math.isfinite(goodness.fit_percent) else "undefined"
 
 
 def runs(comparison: Comparison) -> dict[str, dict[str, GoodnessOfFit]]:
@@ -80,13 +80,13 @@ def parameters(fit: Fit) -> Table:
     profiled = ["95 % by profile"] if fit.profiles else []
     columns = ("fitted", "95 % interval", *profiled, "started from")
     table = plain_table(None, "parameter", *columns, right=columns)
-    for name, e in fit.estimates.items():
+    for name, estimate in fit.estimates.items():
         declared = fit.declared[name]
-        low, high = (format_value(end, declared) for end in e.interval)
-        cells = [format_value(e.value, declared), f"{low} … {high}"]
+        low, high = (format_value(end, declared) for end in estimate.interval)
+        cells = [format_value(estimate.value, declared), f"{low} … {high}"]
         if fit.profiles:
             cells.append(fit.profiles[name].written if name in fit.profiles else "")
-        table.add_row(name, *cells, format_value(e.nominal, declared))
+        table.add_row(name, *cells, format_value(estimate.nominal, declared))
     return table
 
 
@@ -102,18 +102,18 @@ def frame(comparison: Comparison) -> pandas.DataFrame:
     """Return a row for every output and run: fit, RMS error with its unit, whiteness."""
     import pandas
 
-    rows = {
-        (output, label): {
-            "fit_percent": run[output].fit_percent,
-            "rms": run[output].rms,
-            "unit": comparison.model.outputs[output].unit,
-            "white": test.is_white if (test := run[output].whiteness) else None,
-        }
-        for output in comparison.before
-        for label, run in runs(comparison).items()
-    }
-    made = pandas.DataFrame.from_dict(rows, orient="index")
-    return made.rename_axis(["output", "run"])
+    rows = {}
+    for output in comparison.before:
+        for label, run in runs(comparison).items():
+            goodness = run[output]
+            rows[output, label] = {
+                "fit_percent": goodness.fit_percent,
+                "rms": goodness.rms,
+                "unit": comparison.model.outputs[output].unit,
+                "white": goodness.whiteness.is_white if goodness.whiteness else None,
+            }
+    table = pandas.DataFrame.from_dict(rows, orient="index")
+    return table.rename_axis(["output", "run"])
 
 
 def figures(comparison: Comparison) -> dict[str, Any]:
@@ -128,17 +128,18 @@ def figures(comparison: Comparison) -> dict[str, Any]:
     dict
     """
 
-    def outputs(run: Mapping[str, GoodnessOfFit]) -> dict[str, Any]:
-        return {
-            name: {
-                "fit_percent": finite_or_none(g.fit_percent),
-                "rms": finite_or_none(g.rms),
+    def output_figures(run: Mapping[str, GoodnessOfFit]) -> dict[str, Any]:
+        rows = {}
+        for name, goodness in run.items():
+            test = goodness.whiteness
+            rows[name] = {
+                "fit_percent": finite_or_none(goodness.fit_percent),
+                "rms": finite_or_none(goodness.rms),
                 "unit": comparison.model.outputs[name].unit,
-                "white": g.whiteness.is_white if g.whiteness else None,
-                "ljung_box_p": finite_or_none(g.whiteness.p_value) if g.whiteness else None,
+                "white": test.is_white if test else None,
+                "ljung_box_p": finite_or_none(test.p_value) if test else None,
             }
-            for name, g in run.items()
-        }
+        return rows
 
     record = comparison.record
     result: dict[str, Any] = {
@@ -150,8 +151,8 @@ def figures(comparison: Comparison) -> dict[str, Any]:
         },
         "model": comparison.model.name,
         "set": comparison.parameters,
-        "outputs": outputs(comparison.before),
+        "outputs": output_figures(comparison.before),
     }
     if comparison.fit is not None and comparison.after is not None:
-        result["fitted"] = {"outputs": outputs(comparison.after), **comparison.fit.to_dict()}
+        result["fitted"] = {"outputs": output_figures(comparison.after), **comparison.fit.to_dict()}
     return result

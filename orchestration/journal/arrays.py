@@ -12,12 +12,23 @@ import numpy as np
 
 
 def opened(path: Path, mode: Literal["r", "r+"], shape: tuple[int, ...], kind: str) -> Any:
-    """Map an existing array of a shape and a type.
+    """Map an array from an existing file into memory.
+
+    Parameters
+    ----------
+    path : Path
+        File of numpy (.npy).
+    mode : {"r", "r+"}
+        Read only, or read and write.
+    shape : tuple of int
+        Expected shape.
+    kind : str
+        Expected type, such as ``f8``.
 
     Raises
     ------
     ValueError
-        If it does not exist, was cut short, or is of another shape or type.
+        If the file does not exist, was cut short, or has another shape or type.
     """
     if not path.exists():
         raise ValueError(f"{path.name} is missing")
@@ -28,12 +39,12 @@ def opened(path: Path, mode: Literal["r", "r+"], shape: tuple[int, ...], kind: s
 
 
 def reserve(path: Path) -> None:
-    """Reserve room on the disk for all of a file.
+    """Reserve space on the disk for a sparse file, so that no later write fails for lack of it.
 
     Raises
     ------
     OSError
-        If there is no room.
+        If there is not enough space.
     """
     size = path.stat().st_size
     if hasattr(os, "posix_fallocate"):

@@ -23,14 +23,15 @@ _KNOWN = (ABOUT, DONE, NUMBERS, TRACES, FAILURES, REMARKS, _LOCK)
 
 @contextlib.contextmanager
 def locked_folder(folder: Path) -> Iterator[None]:
-    """Lock a folder for this process while the context lasts; it is made if it does not exist.
+    """Make a folder if it does not exist, and lock it for this process while the context lasts.
 
-    The operating system holds the lock, which therefore ends with the process, however that ends.
+    The lock is one of the operating system, which releases it when the process ends, however it
+    ends.
 
     Raises
     ------
     UserError
-        If another process has it, or it cannot be written.
+        If another process has locked the folder, or it cannot be written.
     """
     path = folder.absolute() / _LOCK
     lock = FileLock(path, timeout=0)
@@ -46,7 +47,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise UserError(f"{folder}: cannot be written ({error.strerror or error})") from error
     had_journal = (folder / ABOUT).exists()
-    with contextlib.suppress(OSError):  # for that message alone
+    with contextlib.suppress(OSError):  # only the message of a second process needs it
         path.write_text(f"{os.getpid()}\n", encoding="ascii")
     try:
         yield
@@ -54,12 +55,14 @@ def locked_folder(folder: Path) -> Iterator[None]:
         with contextlib.suppress(OSError):  # Windows removes it when it is released
             path.unlink()
         lock.release()
-        if had_journal:  # where the lock was still in the folder, `_remove` could not remove that
+        # `_remove` leaves a folder with the lock in it, which is empty only now
+        if had_journal:
             with contextlib.suppress(OSError):
                 path.parent.rmdir()
 
 
 def _owner(path: Path) -> str:
+    """Return the text in a lock's file, the number of the process; empty if it cannot be read."""
     try:
         return path.read_text(encoding="ascii").strip()
     except (OSError, ValueError):
@@ -67,15 +70,15 @@ def _owner(path: Path) -> str:
 
 
 def check(folder: Path) -> None:
-    """Refuse a folder that holds anything else than a journal, which is removed at the end.
+    """Refuse a folder that contains anything but a journal, since a journal is removed in the end.
 
     Raises
     ------
     UserError
-        About the first thing that does not belong to a journal.
+        If there is such a file or folder, naming the first, or the folder cannot be read.
     """
     try:
-        strange = next((path for path in _within(folder) if not _own(path)), None)
+        strange = next((path for path in _contents(folder) if not _is_of_journal(path)), None)
     except OSError as error:
         raise UserError(f"{folder}: cannot be read ({error.strerror})") from error
     if strange is not None:
@@ -87,7 +90,12 @@ def check(folder: Path) -> None:
 
 @contextlib.contextmanager
 def removed_after(folder: Path | None) -> Iterator[None]:
-    """Hold the folder of a journal, if any, and remove it once a result has been written.
+    """Lock the folder of a journal while the context lasts; remove it if the context succeeds.
+
+    Parameters
+    ----------
+    folder : Path or None
+        None if there is no journal: nothing is done.
 
     Raises
     ------
@@ -103,21 +111,21 @@ def removed_after(folder: Path | None) -> Iterator[None]:
 
 
 def _remove(folder: Path) -> None:
-    """Remove a journal and nothing else, and its folder if that is empty then."""
+    """Remove the files of a journal and nothing else, and the folder if it is empty then."""
     with contextlib.suppress(OSError):
-        for path in _within(folder):
-            if _own(path):
+        for path in _contents(folder):
+            if _is_of_journal(path):
                 with contextlib.suppress(OSError):  # Windows keeps the lock until it is released
                     path.unlink()
         folder.rmdir()
 
 
-def _within(folder: Path) -> list[Path]:
+def _contents(folder: Path) -> list[Path]:
     return sorted(folder.iterdir()) if folder.is_dir() else []
 
 
-def _own(path: Path) -> bool:
-    """Return True if a path is a file of a journal, or one that was not written to its end."""
+def _is_of_journal(path: Path) -> bool:
+    """Return whether a path is a file of a journal, or one that was not written to its end."""
     is_part = path.name.endswith(".part") and any(
         path.name.startswith(f"{known}.") for known in _KNOWN
     )

@@ -8,21 +8,22 @@ from collections.abc import Sequence
 from fmus.kit import files
 from orchestration.journal.work import WorkJournal
 
-Pair = tuple[int, str]  # row of a part, and a text about it
+Pair = tuple[int, str]  # row of a part in the numbers of the journal, and a text about it
 
 
 class RowTexts:
-    """Texts of finished parts, next to their numbers.
+    """Texts about the finished parts of some work, in a file with a line of JSON for each.
 
-    Texts about parts that are not done are removed from the file, as is an unfinished last line.
+    When the file is opened, texts about parts that are not done are removed from it, as is an
+    unfinished last line.
 
     Parameters
     ----------
     journal : WorkJournal
     name : str
-        Of the file in its folder.
+        Name of the file in the folder of the journal.
     mode : {"w+", "r+"}
-        Begins or continues the file.
+        Begin the file anew, or continue it.
 
     Attributes
     ----------
@@ -44,7 +45,7 @@ class RowTexts:
         self.pairs = self._read(journal)
 
     def append(self, pairs: Sequence[Pair]) -> None:
-        """Keep texts about parts, which are done once their numbers are kept, too.
+        """Append texts to the file; each counts once the numbers of its part are written as well.
 
         Raises
         ------
@@ -57,17 +58,17 @@ class RowTexts:
                 file.writelines(_lines(pairs))
 
     def _read(self, journal: WorkJournal) -> list[Pair]:
-        """Return the entries of parts that are done, and remove all others from the file."""
+        """Return the texts about parts that are done, and remove all others from the file."""
         text = self._path.read_text(encoding="utf-8") if self._path.exists() else ""
-        lines = text[: text.rfind("\n") + 1].splitlines()
+        lines = text[: text.rfind("\n") + 1].splitlines()  # without an unfinished last one
         pairs = [(int(row), str(entry)) for row, entry in map(json.loads, lines)]
         if any(not 0 <= row < journal.parts for row, _ in pairs):
             raise ValueError(f"{self._path.name} is of another number of parts")
-        kept = [(row, entry) for row, entry in pairs if journal.is_done(row)]
-        whole = "".join(_lines(kept))
-        if whole != text:
-            files.write(self._path, whole.encode())
-        return kept
+        valid = [(row, entry) for row, entry in pairs if journal.is_done(row)]
+        valid_text = "".join(_lines(valid))
+        if valid_text != text:
+            files.write(self._path, valid_text.encode())
+        return valid
 
 
 def _lines(pairs: Sequence[Pair]) -> list[str]:

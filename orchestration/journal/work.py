@@ -17,26 +17,27 @@ from orchestration.journal.folder import ABOUT, DONE, NUMBERS
 
 
 class WorkJournal:
-    """Outcomes of all parts of some work, in a folder.
+    """Results of the parts of some work, in a folder from which interrupted work continues.
 
-    Arrays have their whole size from the start. A journal of more than numbers extends `begin`.
+    Each part has a row of numbers. Arrays have their whole size from the start. A subclass that
+    stores more than numbers overrides `begin`.
 
     Parameters
     ----------
     folder : Path
-        An existing one, which this process holds; the journal of the same work is continued.
+        An existing one that this process has locked; a journal of the same work is continued.
     kind : str
         Name of the work, for messages.
     about : Mapping of str to str
         Digests of the parts that define the work, by name.
     shape : tuple of int
-        Parts n, and the shape of the numbers of each.
+        Number of parts n, and the shape of the numbers of each.
 
     Attributes
     ----------
     folder : Path
     numbers : ndarray
-        Of that shape, mapped.
+        Numbers of all parts, of that shape, mapped from the disk.
 
     Raises
     ------
@@ -46,12 +47,11 @@ class WorkJournal:
 
     def __init__(self, folder: Path, kind: str, about: Mapping[str, str], shape: tuple[int, ...]):
         self.folder = folder
-        mode = ""
+        mode = "r+"
         try:
             if (folder / ABOUT).exists():
                 stored = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
                 _refuse_other_work(folder, kind, stored, about)
-                mode = "r+"
             else:
                 mode = "w+"
             self._done = _array(folder / DONE, mode, shape[:1], "u1")
@@ -61,7 +61,7 @@ class WorkJournal:
                 files.write(folder / ABOUT, json.dumps(dict(about)).encode())
         except OSError as error:
             if mode == "w+":
-                for path in folder.glob("*.npy"):  # they take room that there is not
+                for path in folder.glob("*.npy"):  # the disk may be full of them
                     path.unlink(missing_ok=True)
             raise UserError(f"{folder}: cannot be written ({error.strerror or error})") from error
         except UserError:  # which is a ValueError
@@ -70,7 +70,7 @@ class WorkJournal:
             raise UserError(f"{folder}: is damaged ({error}); remove it to begin anew") from error
 
     def begin(self, mode: str) -> None:
-        """Begin or continue the store of a journal's texts; mode is ``w+`` or ``r+``."""
+        """Begin (mode ``w+``) or continue (``r+``) what a subclass stores besides numbers."""
 
     @property
     def parts(self) -> int:
@@ -78,7 +78,7 @@ class WorkJournal:
         return len(self._done)
 
     def is_done(self, row: int) -> bool:
-        """Return True if the outcome of a part is there."""
+        """Return whether the numbers of a part have been written."""
         return bool(self._done[row])
 
     @property
@@ -87,29 +87,32 @@ class WorkJournal:
         return [int(row) for row in np.flatnonzero(self._done == 0)]
 
     def keep(self, rows: Any, numbers: Array) -> None:
-        """Keep the numbers of parts, which then count as done."""
+        """Write the numbers of parts, which then count as done."""
         self.numbers[rows] = numbers
-        self._done[rows] = 1
+        self._done[rows] = 1  # last: work may be interrupted before it
 
 
 def no_longer_writable(folder: Path, error: OSError) -> UserError:
-    """Return the error for a journal that is there, and cannot be continued now."""
+    """Return the error for a journal that cannot be written any more; finished parts remain."""
     return UserError(
         f"{folder}: cannot be written ({error.strerror}); what is done stands there to go on with"
     )
 
 
 def count_done(folder: Path) -> tuple[int, int]:
-    """Return how many parts of the work in a folder are done, and of how many; 0, 0 of none."""
+    """Return the numbers of finished parts and of all parts in the journal of a folder.
+
+    Both are 0 without a journal.
+    """
     try:
         done = np.load(folder / DONE)
-    except (OSError, ValueError, EOFError):  # the last of an empty file
+    except (OSError, ValueError, EOFError):  # EOFError by an empty file
         return 0, 0
     return int(np.count_nonzero(done)), done.size
 
 
 def digest(*parts: Any) -> str:
-    """Return a digest of arrays, by their bytes, and of others by how they are written."""
+    """Return the SHA-256 digest of values: arrays by their bytes, all others by their ``repr``."""
     whole = hashlib.sha256()
     for part in parts:
         whole.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
@@ -117,8 +120,8 @@ def digest(*parts: Any) -> str:
 
 
 def _array(path: Path, mode: str, shape: tuple[int, ...], kind: str) -> Array:
-    """Map an array on disk, made anew with mode w+."""
-    if 0 in shape:
+    """Map an array from the disk; mode r+ opens an existing file, w+ makes one of zeros."""
+    if 0 in shape:  # which cannot be mapped
         return np.empty(shape, kind)
     if mode == "r+":
         return opened(path, "r+", shape, kind)

@@ -83,7 +83,7 @@ class LinearBlocks:
         """Return the blocks with some states as inputs, without the laws of these states."""
         states = [n for n in names if n in (*self.states, *self.discretes)]
         blocks = self._without(set(states))
-        return replace(blocks, inputs=(*self.inputs, *states))._from(self)
+        return replace(blocks, inputs=(*self.inputs, *states))._with_columns_from(self)
 
     def cut_at(self, state: str) -> LinearBlocks:
         """Return the blocks of a loop that is cut at a state.
@@ -91,29 +91,30 @@ class LinearBlocks:
         The new input ``cut(state)`` replaces the state in every law except that of the state
         itself, like a cut behind an integrator or a hold.
         """
-        blocks = replace(self, inputs=(*self.inputs, f"cut({state})"))._from(self)
-        place = self.columns.index(state)
-        last = len(blocks.columns) - 1
+        blocks = replace(self, inputs=(*self.inputs, f"cut({state})"))._with_columns_from(self)
+        state_column = self.columns.index(state)
+        cut_column = len(blocks.columns) - 1
 
-        def rewire(matrix: Array, own: Sequence[bool]) -> Array:
-            """Read the new input instead of the state, except in rows of its own law."""
-            others = ~np.array(own, dtype=bool)
+        def rewire(matrix: Array, is_of_state: Sequence[bool]) -> Array:
+            """Read the new input instead of the state, except in rows of laws of the state."""
+            others = ~np.array(is_of_state, dtype=bool)
             result = matrix.copy()
-            result[others, last] = matrix[others, place]
-            result[others, place] = 0.0
+            result[others, cut_column] = matrix[others, state_column]
+            result[others, state_column] = 0.0
             return result
 
-        discrete = place - len(self.states)
+        discrete = state_column - len(self.states)  # negative for a continuous state
         updates = tuple(
             replace(u, matrix=rewire(u.matrix, [row == discrete for row in u.rows]))
             for u in blocks.updates
         )
-        itself = {state, f"der({state})", f"next({state})"}
+        laws_of_state = {state, f"der({state})", f"next({state})"}
         names = list(blocks.signals)
-        rows = rewire(np.array(list(blocks.signals.values())), [n in itself for n in names])
+        signals = np.array(list(blocks.signals.values()))
+        rows = rewire(signals, [name in laws_of_state for name in names])
         return replace(
             blocks,
-            rates=rewire(blocks.rates, [n == state for n in blocks.states]),
+            rates=rewire(blocks.rates, [name == state for name in blocks.states]),
             updates=updates,
             signals=dict(zip(names, rows, strict=True)),
         )
@@ -123,6 +124,8 @@ class LinearBlocks:
 
         This is a master with Jacobi's method: at each communication point all inputs take the
         outputs of that point, including outputs that depend on inputs, and keep them for a step.
+        The inputs u at a point solve ``u = F u + R z`` with the feedthrough F of the connected
+        outputs and all other columns z.
 
         Parameters
         ----------
@@ -141,20 +144,21 @@ class LinearBlocks:
         UserError
             If an algebraic loop has no solution.
         """
-        sources = {str(c.target): c.factor * self.signals[str(c.source)] for c in connections}
-        names = tuple(sources)
-        places = [self.columns.index(name) for name in names]
-        rows = np.array(list(sources.values())).reshape(len(names), len(self.columns))
-        feedthrough = np.eye(len(names)) - rows[:, places]
-        if names and np.linalg.cond(feedthrough) > 1.0 / np.finfo(float).eps:
+        received = {str(c.target): c.factor * self.signals[str(c.source)] for c in connections}
+        names = tuple(received)
+        connected = [self.columns.index(name) for name in names]
+        rows = np.array(list(received.values())).reshape(len(names), len(self.columns))
+        loop_matrix = np.eye(len(names)) - rows[:, connected]
+        if names and np.linalg.cond(loop_matrix) > 1.0 / np.finfo(float).eps:
             raise UserError(f"{', '.join(names)}: an algebraic loop without a solution")
-        rows[:, places] = 0.0
-        solution = np.linalg.solve(feedthrough, rows)
+        rows[:, connected] = 0.0
+        solution = np.linalg.solve(loop_matrix, rows)
 
         def substitute(row: Array) -> Array:
+            """Return a row with the connected inputs at a communication point eliminated."""
             others = row.copy()
-            others[places] = 0.0
-            return np.asarray(others + row[places] @ solution)
+            others[connected] = 0.0
+            return np.asarray(others + row[connected] @ solution)
 
         first = len(self.discretes)
         indices = tuple(range(first, first + len(names)))
@@ -162,14 +166,16 @@ class LinearBlocks:
         blocks = replace(
             self,
             discretes=(*self.discretes, *names),
-            inputs=tuple(name for name in self.inputs if name not in sources),
+            inputs=tuple(name for name in self.inputs if name not in received),
             updates=(exchange, *self.updates),
             signals={name: substitute(row) for name, row in self.signals.items()},
         )
-        return blocks._from(self)
+        return blocks._with_columns_from(self)
 
     def between(self, inputs: Sequence[str], outputs: Sequence[str]) -> LinearBlocks:
-        """Return the blocks with some inputs, and the states on paths from these to some outputs.
+        """Return the blocks with only these inputs and the states between them and these outputs.
+
+        A state is between them if it depends on an input and an output depends on it.
 
         Raises
         ------
@@ -190,10 +196,10 @@ class LinearBlocks:
                     f"{_advice(name, self.signals)}"
                 )
         others = {*self.states, *self.discretes} - self._on_path(inputs, outputs)
-        return replace(self._without(others), inputs=tuple(inputs))._from(self)
+        return replace(self._without(others), inputs=tuple(inputs))._with_columns_from(self)
 
     def _on_path(self, inputs: Sequence[str], outputs: Sequence[str]) -> set[str]:
-        """Return the columns that depend on an input and on which an output depends."""
+        """Return the names of columns that depend on an input and on which an output depends."""
         columns = self.columns
 
         def dependencies(row: Array) -> set[str]:
@@ -213,16 +219,16 @@ class LinearBlocks:
         return _closure(set(inputs), targets) & _closure(ends, sources)
 
     def _without(self, dropped: set[str]) -> LinearBlocks:
-        """Return the blocks without the rows of some states; `_from` removes their columns."""
+        """Return the blocks without the rows of some states, but still with their columns."""
         states = [i for i, n in enumerate(self.states) if n not in dropped]
         discretes = [i for i, n in enumerate(self.discretes) if n not in dropped]
         places = {old: new for new, old in enumerate(discretes)}
         updates = []
         for update in self.updates:
-            members = [i for i, row in enumerate(update.rows) if row in places]
-            rows = tuple(places[update.rows[i]] for i in members)
+            remaining = [i for i, row in enumerate(update.rows) if row in places]
+            rows = tuple(places[update.rows[i]] for i in remaining)
             if rows:
-                updates.append(replace(update, rows=rows, matrix=update.matrix[members]))
+                updates.append(replace(update, rows=rows, matrix=update.matrix[remaining]))
         return replace(
             self,
             states=tuple(self.states[i] for i in states),
@@ -231,13 +237,17 @@ class LinearBlocks:
             updates=tuple(updates),
         )
 
-    def _from(self, before: LinearBlocks) -> LinearBlocks:
-        """Return the blocks with columns in the order of their names, from that of other blocks."""
-        places = {name: k for k, name in enumerate(before.columns)}
+    def _with_columns_from(self, source: LinearBlocks) -> LinearBlocks:
+        """Return the blocks with their own columns, while the matrices have those of the source.
+
+        Columns are reordered or dropped, and zero for new names. A new input is a signal as well.
+        """
+        places = {name: k for k, name in enumerate(source.columns)}
         width = len(places)
         order = [places.get(name, width) for name in self.columns]
 
         def arrange(matrix: Array) -> Array:
+            # the last column, of zeros, is that of new names
             padded = np.hstack([matrix, np.zeros((len(matrix), 1))])
             return np.asarray(padded[:, order])
 
@@ -256,7 +266,7 @@ class LinearBlocks:
 
 
 def _closure(start: set[str], edges: Mapping[str, set[str]]) -> set[str]:
-    """Return all nodes of a graph that can be reached from some of them."""
+    """Return all nodes of a directed graph that can be reached from some of them, and these."""
     nodes = set(start)
     queue = list(start)
     while queue:
@@ -294,7 +304,7 @@ def blocks_of(
     graph : Graph
     point : OperatingPoint
     function : casadi.Function, optional
-        Its Jacobians, if they are used at several points.
+        Result of `jacobians`, to use it at several points.
 
     Returns
     -------

@@ -130,15 +130,15 @@ def _transition(blocks: LinearBlocks, period: float) -> Array:
     n = len(blocks.states)
     generator = np.zeros((width, width))
     generator[:n] = blocks.rates
-    instants: list[tuple[float, int]] = []
-    for order, update in enumerate(blocks.updates):
+    samples: list[tuple[float, int]] = []  # instant, and index of the update
+    for index, update in enumerate(blocks.updates):
         shift = update.shift % update.period
         count = round(period / update.period)
-        instants += [(shift + k * update.period, order) for k in range(count)]
+        samples += [(shift + k * update.period, index) for k in range(count)]
     flows: dict[float, Array] = {}
 
     def flow(duration: float) -> Array:
-        # equal intervals differ by rounding
+        """Return the transition matrix between samples; equal durations differ by rounding."""
         key = round(duration / period, 12)
         if key not in flows:
             flows[key] = expm(generator * duration)
@@ -146,14 +146,14 @@ def _transition(blocks: LinearBlocks, period: float) -> Array:
 
     result = np.eye(width)
     now = 0.0
-    for instant, order in sorted(instants):
+    for instant, index in sorted(samples):  # those at one instant in the order of the updates
         if instant - now > _SAME * period:
             result = flow(instant - now) @ result
             now = instant
-        update = blocks.updates[order]
-        sample = np.eye(width)
-        sample[[n + row for row in update.rows]] = update.matrix
-        result = sample @ result
+        update = blocks.updates[index]
+        jump = np.eye(width)
+        jump[[n + row for row in update.rows]] = update.matrix
+        result = jump @ result
     if period - now > _SAME * period:
         result = flow(period - now) @ result
     return result

@@ -102,7 +102,7 @@ def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingP
             raise UserError(
                 f"{graph.name}: {option('free', [name])}: the equilibrium does not determine {name}"
             )
-    return _point(graph, start, equations, solution, request, undetermined)
+    return _operating_point(graph, start, equations, solution, request, undetermined)
 
 
 def _check(graph: Graph, request: TrimRequest, targets: Mapping[str, float]) -> None:
@@ -202,17 +202,18 @@ def _laws(
         if state.name not in request.drift:
             rows.append(f"the rate of {state.name} = 0")
             laws.append(graph.rates[k] / state.nominal)
-    sampled = graph.discretes
+    sampled = graph.discretes  # after the samples of all clocks, one after the other
     for update in graph.updates:
         (sampled,) = ca.substitute([update], [graph.discretes], [sampled])
     for k, discrete in enumerate(layout.discretes):
         rows.append(f"the same {discrete.name} after a sample")
         laws.append((sampled[k] - graph.discretes[k]) / discrete.nominal)
     if request.drift:
-        later = ca.jtimes(ca.vertcat(graph.rates, sampled), graph.states, graph.rates)
+        # derivatives of rates and samples with respect to time, while states follow their rates
+        changes = ca.jtimes(ca.vertcat(graph.rates, sampled), graph.states, graph.rates)
         for k, variable in enumerate((*layout.states, *layout.discretes)):
             rows.append(f"a constant rate of {variable.name}")
-            laws.append(later[k] / variable.nominal)
+            laws.append(changes[k] / variable.nominal)
     expressions = dict(
         zip([v.name for v in layout.states], ca.vertsplit(graph.states), strict=True)
     )
@@ -244,7 +245,7 @@ def _solve(equations: _Equations) -> tuple[Array, Array]:
             next_r, next_jacobian = _evaluate(equations, candidate)
             if np.linalg.norm(next_r) < np.linalg.norm(r):
                 break
-        else:
+        else:  # no step reduces the residual
             break
         x, r, jacobian = candidate, next_r, next_jacobian
     scale = 1.0 + np.abs(jacobian) @ np.abs(x) if r.size else np.ones(0)
@@ -258,19 +259,19 @@ def _evaluate(equations: _Equations, x: Array) -> tuple[Array, Array]:
 
 
 def _undetermined(equations: _Equations, x: Array) -> list[str]:
-    """Return the unknowns that the equations do not determine, from the null space."""
+    """Return the unknowns that have a share in the null space of the equations at a solution."""
     _, jacobian = _evaluate(equations, x)
     if not jacobian.size:
         return [v.name for v in equations.unknowns]
-    scale = np.abs(jacobian).max(axis=1, keepdims=True)
-    _, sizes, directions = np.linalg.svd(jacobian / np.where(scale > 0.0, scale, 1.0))
+    row_sizes = np.abs(jacobian).max(axis=1, keepdims=True)
+    _, sizes, directions = np.linalg.svd(jacobian / np.where(row_sizes > 0.0, row_sizes, 1.0))
     rank = int((sizes > _INDEPENDENT * sizes.max(initial=0.0)).sum())
     shares = np.abs(directions[rank:]).max(axis=0, initial=0.0)
     pairs = zip(equations.unknowns, shares, strict=True)
     return [unknown.name for unknown, share in pairs if share > _VISIBLE]
 
 
-def _point(
+def _operating_point(
     graph: Graph,
     start: OperatingPoint,
     equations: _Equations,
@@ -278,7 +279,7 @@ def _point(
     request: TrimRequest,
     undetermined: Sequence[str],
 ) -> OperatingPoint:
-    """Return the operating point of a solution."""
+    """Return the operating point of a solution, with the rates of the states that drift."""
     names = [v.name for v in equations.unknowns]
     unknowns = dict(zip(names, (solution * equations.nominal).tolist(), strict=True))
 

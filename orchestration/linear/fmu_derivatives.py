@@ -128,17 +128,19 @@ def _by_laws(request: FmuRequest, directional: bool) -> LinearModel | None:
         states = fmu.states
         simulated = _states_at(request, states)
         fmu.start()
-        fmu.hold(request.time, fmu.start_states() if simulated is None else simulated)
+        fmu.enter_continuous_time(
+            request.time, fmu.get_states() if simulated is None else simulated
+        )
         if fmu.samples:
             return None
-        state = fmu.start_states()
+        state = fmu.get_states()
         values = np.empty(len(request.inputs))
         fmu.reader(request.inputs)(values)
         if directional:
             knowns = [*states, *request.inputs]
             jacobian = fmu.directional_derivatives([*fmu.rates, *request.outputs], knowns)
         else:
-            jacobian = _differences(fmu, request, np.array(state), values)
+            jacobian = _central_differences(fmu, request, np.array(state), values)
     n = len(states)
     inputs = tuple(request.inputs)
     identity = np.eye(n + len(inputs))
@@ -147,8 +149,8 @@ def _by_laws(request: FmuRequest, directional: bool) -> LinearModel | None:
     blocks = LinearBlocks(tuple(states), (), inputs, jacobian[:n], (), signals)
     matrices = assemble(blocks.between(inputs, request.outputs), request.outputs)
     now = dict(zip(inputs, values.tolist(), strict=True))
-    point = _point(request, now, dict(zip(states, state, strict=True)))
-    return _model(request, matrices, point, _DIRECTIONAL if directional else _DIFFERENCES)
+    point = _operating_point(request, now, dict(zip(states, state, strict=True)))
+    return _linear_model(request, matrices, point, _DIRECTIONAL if directional else _DIFFERENCES)
 
 
 def _states_at(request: FmuRequest, states: Sequence[str]) -> list[float] | None:
@@ -171,7 +173,9 @@ def _advance(fmu: Fmu, request: FmuRequest) -> None:
             fmu.step(float(begin), float(end - begin))
 
 
-def _differences(fmu: ExchangeFmu, request: FmuRequest, states: Array, inputs: Array) -> Array:
+def _central_differences(
+    fmu: ExchangeFmu, request: FmuRequest, states: Array, inputs: Array
+) -> Array:
     """Return central differences of rates and outputs with respect to states and inputs."""
     write = fmu.writer(request.inputs)
     read = fmu.reader(request.outputs)
@@ -209,11 +213,12 @@ def _by_pulses(request: FmuRequest) -> LinearModel:
     }
     responses = _pulse_responses(request, levels, 0)
     delayed = _pulse_responses(request, levels, 1)
-    scale = np.abs(responses).max(axis=(1, 2), keepdims=True)
+    scale = np.abs(responses).max(axis=(1, 2), keepdims=True)  # of each output
     scale[scale == 0.0] = 1.0
     responses /= scale
+    # the response to a later pulse is the same one, later, if the model does not change with time
     change = np.abs(delayed[:, :, 1:] / scale - responses[:, :, :-1]).max(initial=0.0)
-    order, error = _order(responses[:, :, 1:])
+    order, error = _realisation_order(responses[:, :, 1:])
     if error > _FAITHFUL or change > _FAITHFUL:
         raise UserError(
             f"{request.model.name}: its responses are not those of a linear model of up to"
@@ -224,11 +229,14 @@ def _by_pulses(request: FmuRequest) -> LinearModel:
     D = responses[:, :, 0] * scale[:, :, 0]
     states = tuple(f"x{k + 1}" for k in range(order))
     matrices = Matrices(A, B, C * scale[:, :, 0], D, request.step, states)
-    return _model(request, matrices, _point(request, levels, {}), _PULSES)
+    return _linear_model(request, matrices, _operating_point(request, levels, {}), _PULSES)
 
 
 def _realisation(responses: Array, order: int) -> tuple[Array, Array, Array]:
-    """Return A, B and C of an order for pulse responses of shape (outputs, inputs, steps)."""
+    """Return A, B and C of the given order by the eigensystem realisation algorithm.
+
+    Responses are those to unit pulses, shape (outputs, inputs, steps).
+    """
     with optional():
         import control
 
@@ -240,10 +248,11 @@ def _realisation(responses: Array, order: int) -> tuple[Array, Array, Array]:
     return system.A, system.B, system.C
 
 
-def _order(responses: Array) -> tuple[int, float]:
-    """Return the order of a realisation, and its error relative to the Hankel matrix.
+def _realisation_order(responses: Array) -> tuple[int, float]:
+    """Return the order of a realisation of pulse responses, and its error.
 
-    The order is the number of singular values of the Hankel matrix above its noise.
+    The order is the number of singular values of the Hankel matrix of the responses above its
+    noise; the error is the first singular value after it, relative to the largest.
     """
     rows = responses.shape[2] // 2
     hankel = np.block([[responses[:, :, i + j] for j in range(rows)] for i in range(rows)])
@@ -256,7 +265,10 @@ def _order(responses: Array) -> tuple[int, float]:
 
 
 def _pulse_responses(request: FmuRequest, levels: Mapping[str, float], at: int) -> Array:
-    """Return responses, shape (outputs, inputs, steps), to pulses of height one in step `at`."""
+    """Return the responses to unit pulses in step `at`, shape (outputs, inputs, steps).
+
+    They are central differences about constant inputs at `levels`.
+    """
     responses = []
     for name in request.inputs:
         size = _PULSE * max(1.0, abs(levels[name]))
@@ -269,7 +281,10 @@ def _pulse_responses(request: FmuRequest, levels: Mapping[str, float], at: int) 
 def _response(
     request: FmuRequest, pulse: Mapping[str, float], levels: Mapping[str, float], at: int
 ) -> Array:
-    """Return the outputs, shape (outputs, steps), with inputs of a pulse in step `at`."""
+    """Simulate with the inputs of a pulse in step `at`, else constant ones; return the outputs.
+
+    Their shape is (outputs, steps).
+    """
     names = list(levels)
     responses = np.empty((_RESPONSE, len(request.outputs)))
     with Fmu(request.path, request.settings) as fmu:
@@ -285,7 +300,7 @@ def _response(
     return responses.T
 
 
-def _point(
+def _operating_point(
     request: FmuRequest, inputs: dict[str, float], states: dict[str, float]
 ) -> OperatingPoint:
     """Return the operating point, with the numeric parameters of the settings."""
@@ -294,7 +309,7 @@ def _point(
     return OperatingPoint(request.time, parameters, inputs, states, {})
 
 
-def _model(
+def _linear_model(
     request: FmuRequest, matrices: Matrices, point: OperatingPoint, method: str
 ) -> LinearModel:
     """Return the linear model of matrices, with the units of its signals."""

@@ -21,6 +21,7 @@ from orchestration.system import System
 _CYCLES = 12  # cycles that are evaluated, and least number of cycles before them
 _TREND = 3  # degree of the polynomial in time that removes a slow transient
 _FEWEST = 4.0  # least number of samples in a cycle
+_ROUNDING = 1e-9  # of a quotient that is a whole number but for the rounding of decimals
 
 
 @dataclass(frozen=True)
@@ -103,8 +104,8 @@ def sine_sweep(
             f" {1.0 / (_FEWEST * sweep.period):g} Hz, with {_FEWEST:g} values in a cycle"
         )
 
-    def signals(frequency: float, amplitude: float) -> tuple[Array, list[Array]]:
-        """Return the instants at which outputs are read, and the outputs for a sine."""
+    def simulate(frequency: float, amplitude: float) -> tuple[Array, list[Array]]:
+        """Return the instants, s, at which outputs are read, and the outputs for a sine."""
         instants, time, wave = _sine(sweep, frequency)
         inputs = {name: np.full(time.size, value) for name, value in (constant or {}).items()}
         inputs[input] = inputs.get(input, np.zeros(time.size)) + amplitude * wave
@@ -116,22 +117,24 @@ def sine_sweep(
 
     responses: dict[str, list[complex]] = {name: [] for name in outputs}
     for frequency in sweep.frequencies.tolist():
-        instants, up = signals(frequency, sweep.amplitude)
-        _, down = signals(frequency, -sweep.amplitude)
+        instants, positive = simulate(frequency, sweep.amplitude)
+        _, negative = simulate(frequency, -sweep.amplitude)
         last = slice(-ceil(_CYCLES / frequency / sweep.period), None)
-        for name, plus, minus in zip(outputs, up, down, strict=True):
-            half = (plus - minus)[last] / (2.0 * sweep.amplitude)
-            responses[name].append(_complex_amplitude(half, instants[last], frequency))
+        for name, plus, minus in zip(outputs, positive, negative, strict=True):
+            # without the operating point and the even part of a nonlinearity
+            odd = (plus - minus)[last] / (2.0 * sweep.amplitude)
+            responses[name].append(_complex_amplitude(odd, instants[last], frequency))
     return {name: np.array(values) for name, values in responses.items()}
 
 
 def _sine(sweep: SineSweep, frequency: float) -> tuple[Array, Array, Array]:
     """Return the instants of new values, the communication points, and the sine at the latter.
 
-    Instants are counted from the operating point, before which the sine is zero.
+    Instants, s, are counted from the operating point, before which the sine is zero; communication
+    points, s, from the start of the simulation.
     """
-    steps = ceil(sweep.period / sweep.step - 1e-9)
-    before = ceil(sweep.at / sweep.period - 1e-9)
+    steps = ceil(sweep.period / sweep.step - _ROUNDING)
+    before = ceil(sweep.at / sweep.period - _ROUNDING)
     cycles = _CYCLES / frequency
     after = ceil(cycles / sweep.period) + ceil(max(cycles, sweep.settling) / sweep.period)
     count = before + after
@@ -142,7 +145,10 @@ def _sine(sweep: SineSweep, frequency: float) -> tuple[Array, Array, Array]:
 
 
 def _complex_amplitude(values: Array, time: Array, frequency: float) -> complex:
-    """Return the complex amplitude of a sine in values with a slow trend, by least squares."""
+    """Return the complex amplitude of a sine in values with a slow trend, by least squares.
+
+    The real part is in phase with the sine; `time` is in s, `frequency` in Hz.
+    """
     angle = 2.0 * pi * frequency * time
     trend = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, time.size), _TREND)
     regressors = np.column_stack([np.sin(angle), np.cos(angle), trend])

@@ -175,18 +175,21 @@ class LinearModel(Displayable):
 
         part = self.part(input, output)
         plane = w_plane(part) if self.period else part
-        gain, phase, at_phase, at_gain = control.margin(plane)
-        if not _is_unity(plane, at_gain):
+        gain, phase, phase_crossover, crossover = control.margin(plane)
+        if not _is_unity(plane, crossover):  # margins by interpolation instead of polynomials
             omega = 2.0 * pi * self._plane(self.frequencies(_POINTS))
             data = control.frd(plane(1j * omega), omega, smooth=True)
-            gain, phase, at_phase, at_gain = control.margin(data)
+            gain, phase, phase_crossover, crossover = control.margin(data)
         at_nyquist = float(plane.D[0, 0]) if self.period else 0.0
         if at_nyquist < 0.0 and abs(np.log(-at_nyquist)) < abs(np.log(gain)):
-            # the limit in the w-plane, which python-control ignores
+            # half the sampling rate, infinite in the w-plane, where python-control does not look
             gain = -1.0 / at_nyquist
-            at_phase = np.inf
+            phase_crossover = np.inf
         return LoopMargins(
-            float(phase), self._hertz(float(at_gain)), float(gain), self._hertz(float(at_phase))
+            float(phase),
+            self._hertz(float(crossover)),
+            float(gain),
+            self._hertz(float(phase_crossover)),
         )
 
     def _plane(self, frequencies: Array) -> Array:
@@ -202,7 +205,10 @@ class LinearModel(Displayable):
         return float(np.arctan(0.5 * omega * self.period)) / (pi * self.period)
 
     def frequencies(self, count: int = 400) -> Array:
-        """Return frequencies, shape (count,), Hz, over all poles and zeros, up to half the rate."""
+        """Return frequencies, shape (count,), Hz, at equal ratios, that span all poles and zeros.
+
+        Those of a sampled model end below half its sampling rate.
+        """
         poles = self._angular_frequencies(self.poles())
         zeros = [
             self._angular_frequencies(self.zeros(i, o)) for i in self.inputs for o in self.outputs
@@ -357,7 +363,7 @@ def w_plane(sampled: control.StateSpace) -> control.StateSpace:
 
 
 def _is_unity(plane: Any, omega: float) -> bool:
-    """Return whether the gain is one at a crossover, which polynomials may compute inaccurately."""
+    """Return whether the gain is one at a crossover, rad/s, which may be inaccurate or missing."""
     return bool(np.isfinite(omega)) and abs(abs(plane(1j * omega)) - 1.0) <= _UNITY
 
 

@@ -35,17 +35,17 @@ def draw_linear_model(model: LinearModel) -> Figure:
     _draw_band(model, frequencies, gain, phase, step)
     models = (model, *model.further)
     for one, shade in zip(models, np.linspace(1.0, _PALEST, len(models)), strict=True):
-        _draw_one(one, frequencies, float(shade), (gain, phase, step, plane))
+        _draw_model(one, frequencies, float(shade), (gain, phase, step, plane))
     _label(model, gain, phase, step, plane)
     if len(models) > 1 or model.variations:
         gain.legend(fontsize=8)
     return figure
 
 
-def _draw_one(
+def _draw_model(
     model: LinearModel, frequencies: Array, shade: float, axes: tuple[Axes, Axes, Axes, Axes]
 ) -> None:
-    """Draw the model at one operating point."""
+    """Draw all curves, poles and zeros of the model at one operating point."""
     gain, phase, step, plane = axes
     decibel, degrees = _bode(model, frequencies)
     style: dict[str, Any] = {"color": pictures.MODEL, "alpha": shade}
@@ -55,15 +55,15 @@ def _draw_one(
         margins = model.margins()
         if np.isfinite(margins.crossover):
             gain.plot(margins.crossover, 0.0, "o", **style)
-            turns = np.interp(margins.crossover, frequencies, degrees)
-            phase.plot(margins.crossover, turns, "o", **style)
-    time, response = _step(model)
+            phase_there = np.interp(margins.crossover, frequencies, degrees)
+            phase.plot(margins.crossover, phase_there, "o", **style)
+    time, response = _step_response(model)
     if model.period:
         step.step(time, response, where="post", **style)
     else:
         step.plot(time, response, **style)
-    poles = _in_plane(model, model.poles())
-    zeros = _in_plane(model, model.zeros())
+    poles = _finite_roots(model, model.poles())
+    zeros = _finite_roots(model, model.zeros())
     farthest = FAR * np.abs(poles).max() if poles.size else np.inf
     near = zeros[np.abs(zeros) <= farthest]
     plane.plot(poles.real, poles.imag, "x", **style)
@@ -79,21 +79,22 @@ def _draw_band(model: LinearModel, frequencies: Array, gain: Axes, phase: Axes, 
     label = f"{len(curves)} values of parameters"
     for axis, values in ((gain, [c[0] for c in curves]), (phase, [c[1] for c in curves])):
         axis.fill_between(frequencies, np.min(values, 0), np.max(values, 0), label=label, **style)
-    time = _times(model)
-    steps = [_step(one, time)[1] for one in model.variations]
+    time = _step_times(model)
+    steps = [_step_response(one, time)[1] for one in model.variations]
     style["step"] = "post" if model.period else None
     step.fill_between(time, np.min(steps, 0), np.max(steps, 0), **style)
 
 
 def _label(model: LinearModel, gain: Axes, phase: Axes, step: Axes, plane: Axes) -> None:
     """Label all axes."""
-    units = model.units.get(model.outputs[0], "1"), model.units.get(model.inputs[0], "1")
-    denominator = units[1] if units[1].isalpha() else f"({units[1]})"
-    quotient = f"{units[0]}/{denominator}"
-    pictures.label(gain, "gain", "dB" if units[0] == units[1] else f"dB re {quotient}")
+    output_unit = model.units.get(model.outputs[0], "1")
+    input_unit = model.units.get(model.inputs[0], "1")
+    denominator = input_unit if input_unit.isalpha() else f"({input_unit})"
+    reference = f"{output_unit}/{denominator}"
+    pictures.label(gain, "gain", "dB" if output_unit == input_unit else f"dB re {reference}")
     pictures.label(phase, "phase", "deg")
     closed = ", loop closed" if model.loop else ""
-    pictures.label(step, f"{model.outputs[0]}\nafter a step{closed}", units[0])
+    pictures.label(step, f"{model.outputs[0]}\nafter a step{closed}", output_unit)
     pictures.label(plane, "imaginary part", "rad/s")
     for axis in (gain, phase):
         axis.set_xlabel("frequency [Hz]")
@@ -115,7 +116,7 @@ def _bode(model: LinearModel, frequencies: Array) -> tuple[Array, Array]:
     return 20.0 * np.log10(size), angles - 360.0 * np.ceil((angles[0] - 180.0) / 360.0)
 
 
-def _times(model: LinearModel) -> Array:
+def _step_times(model: LinearModel) -> Array:
     """Return instants of a step response, s, shape (n,), until it settles."""
     if model.loop and np.isfinite(model.margins().crossover):
         last = _CYCLES / model.margins().crossover
@@ -136,17 +137,17 @@ def _instants(model: LinearModel, last: float) -> Array:
     return np.asarray(np.linspace(0.0, last, _POINTS))
 
 
-def _step(model: LinearModel, time: Array | None = None) -> tuple[Array, Array]:
+def _step_response(model: LinearModel, time: Array | None = None) -> tuple[Array, Array]:
     """Return instants, s, and the step response, of the closed loop if the model is of a loop."""
     import control
 
-    instants = _times(model) if time is None else time
+    instants = _step_times(model) if time is None else time
     part = control.feedback(model.part(), 1) if model.loop else model.part()
     response = control.step_response(part, instants)
     return instants, np.asarray(response.outputs).ravel()
 
 
-def _in_plane(model: LinearModel, roots: Sequence[complex] | Array) -> Array:
+def _finite_roots(model: LinearModel, roots: Sequence[complex] | Array) -> Array:
     """Return finite roots in the s-plane, or in the w-plane for a sampled model."""
     finite = np.asarray(roots, dtype=complex)[np.isfinite(roots)]
     if not model.period:

@@ -46,7 +46,8 @@ class LinearSubject:
     outputs: dict[str, str]
     system: System | None = None
     cls: type[Component] | None = None
-    _parts: dict[tuple[tuple[Connection, ...], bool], tuple[Graph, ca.Function]] = field(
+    # by the connections that a graph is without
+    _graphs: dict[tuple[Connection, ...], tuple[Graph, ca.Function]] = field(
         default_factory=dict, repr=False, compare=False
     )
 
@@ -126,32 +127,29 @@ class LinearSubject:
     def _blocks(
         self, point: OperatingPoint, cuts: Sequence[Connection], step: float
     ) -> LinearBlocks:
-        """Return the blocks without some connections, with a step for the others unless it is 0."""
+        """Return the blocks without the connections to cut; `step` as in `linearise`."""
         if self.system is None or not (step or cuts):
-            return blocks_of(*self._part((), False, point))
+            graph, function = self._graph_without(())
+            return blocks_of(graph, point, function)
+        # connected inputs are variables of a graph without their connections
         values = self._complete(point).values
         connections = self.system.connections
         inputs = {str(c.target): c.factor * values[str(c.source)] + c.offset for c in connections}
         at = replace(point, inputs=point.inputs | inputs)
-        blocks = blocks_of(*self._part(tuple(cuts), step > 0.0, at))
+        graph, function = self._graph_without(connections if step else tuple(cuts))
+        blocks = blocks_of(graph, at, function)
         others = [c for c in connections if c not in cuts]
         return blocks.exchanging(others, step) if step else blocks
 
-    def _part(
-        self, cuts: tuple[Connection, ...], is_disconnected: bool, point: OperatingPoint
-    ) -> tuple[Graph, OperatingPoint, ca.Function]:
-        """Return arguments of `blocks_of`, for a graph without some or all connections."""
-        key = (cuts, is_disconnected)
-        if key not in self._parts:
+    def _graph_without(self, dropped: tuple[Connection, ...]) -> tuple[Graph, ca.Function]:
+        """Return the graph without some connections, and the function of its Jacobians."""
+        if dropped not in self._graphs:
             graph = self.graph
-            if self.system and is_disconnected:
-                graph = fuse(replace(self.system, connections=()))
-            elif self.system and cuts:
-                others = tuple(c for c in self.system.connections if c not in cuts)
+            if self.system and dropped:
+                others = tuple(c for c in self.system.connections if c not in dropped)
                 graph = fuse(replace(self.system, connections=others))
-            self._parts[key] = graph, jacobians(graph)
-        graph, function = self._parts[key]
-        return graph, point, function
+            self._graphs[dropped] = graph, jacobians(graph)
+        return self._graphs[dropped]
 
     @cached_property
     def compiled(self) -> CompiledModel:
@@ -194,6 +192,7 @@ class LinearSubject:
             output = cut
         path = blocks.between(list(factors), [output])
         matrices = assemble(path, [output], step)
+        # one input feeds all inputs behind the cut, each by its factor
         column = np.array(list(factors.values()))[:, None]
         loop = replace(matrices, B=matrices.B @ column, C=-matrices.C, D=-matrices.D @ column)
         notes = _notes(point)

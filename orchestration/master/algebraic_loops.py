@@ -57,7 +57,7 @@ class FixedPoint:
             return self._solve(v)
 
     def _solve(self, v: Array) -> Array:
-        """Return the fixed point near ``v``, searched in units of the nominal values.
+        """Do the work of `solve`, with variables x and residuals r over the nominal values.
 
         A step that more than doubles the error is halved until it does not. After a halved step,
         and after some updates, the Jacobian is measured anew.
@@ -100,7 +100,7 @@ class FixedPoint:
         return x * self._scale
 
     def _update_jacobian(self, step: Array, change: Array) -> None:
-        """Let the Jacobian explain the change of the residual over a step (Broyden's update)."""
+        """Correct the Jacobian by the change of the residual over a step (Broyden's update)."""
         if self._jacobian is not None:
             unexplained = change - self._jacobian @ step
             self._jacobian = self._jacobian + np.outer(unexplained, step) / (step @ step)

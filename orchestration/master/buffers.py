@@ -94,7 +94,7 @@ def list_transfers(
     ports_in_buffer = list(buffer.at)
     runs = _contiguous_runs(sorted(buffer.at[port] for port in kinds.pop("real", [])))
     reals = [BufferTransfer(verb, "real", ports_in_buffer[run[0] : run[-1] + 1]) for run in runs]
-    return reals + [BufferTransfer(verb, kind, own) for kind, own in kinds.items()]
+    return reals + [BufferTransfer(verb, kind, others) for kind, others in kinds.items()]
 
 
 def bind(transfer: BufferTransfer, fmu: Fmu, buffer: Buffer) -> FmiCall:
@@ -125,12 +125,13 @@ def bind(transfer: BufferTransfer, fmu: Fmu, buffer: Buffer) -> FmiCall:
 
 
 def _references(fmu: Fmu, ports: Sequence[Port]) -> tuple[object, ctypes.c_size_t]:
+    """Return the value references of ports and their number, as arguments of FMI functions."""
     references = [fmu.variables[port.variable].valueReference for port in ports]
     return ctypes.byref((ctypes.c_uint * len(ports))(*references)), ctypes.c_size_t(len(ports))
 
 
 def _contiguous_runs(places: list[int]) -> list[list[int]]:
-    """Split increasing numbers where they do not follow each other."""
+    """Split increasing whole numbers into runs of consecutive ones."""
     if not places:
         return []
     cuts = [k + 1 for k, (a, b) in enumerate(pairwise(places)) if b != a + 1]

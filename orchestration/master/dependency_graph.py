@@ -53,8 +53,8 @@ class Structure:
     wanted : Mapping of str to list of Port
         For each member the variables that are read.
     feedthrough : Mapping of Port to tuple of Port
-        For each variable that is read the inputs, of those that are fed, on which it depends at
-        once.
+        For each variable that is read the inputs, of those that are fed, on which it depends
+        without delay.
     assumed : Collection of Port
         Outputs that are assumed to depend on all inputs, for their FMU does not say on which.
     stateless : Collection of str
@@ -131,7 +131,10 @@ def order_exchange(structure: Structure, members: Collection[str]) -> Evaluation
 
 
 def _dependencies_to_ignore(structure: Structure, order: EvaluationOrder) -> list[Port]:
-    """Return outputs of the first loop that cannot be solved unless they depend on no input.
+    """Return outputs that are assumed to depend on inputs, and so close a loop without a solution.
+
+    These are the outputs, in the first loop that cannot be solved, of members that cannot restore
+    their state. Without such a loop there are none.
 
     Raises
     ------
@@ -163,7 +166,7 @@ class _Ordering:
     structure : Structure
     members : collection of str
     feedthrough : Mapping of Port to tuple of Port
-        For each variable that is read the inputs on which it depends at once.
+        For each variable that is read the inputs on which it depends without delay.
     """
 
     def __init__(
@@ -191,7 +194,7 @@ class _Ordering:
         """Divide the outputs of a member into those that are read early and those read later."""
         early = [port for port in wanted if not self._feedthrough[port]]
         if len(early) < len(wanted):
-            # those on which no input depends are read with the later ones, in one call
+            # those that no input receives are read together with the later ones, in one call
             early = [port for port in early if port in self._connected]
         self._to_read[member] = [port for port in wanted if port not in early]
         self._order.early[member] = tuple(early)
@@ -210,7 +213,7 @@ class _Ordering:
         """Append the reading of outputs that are ready; return False if none is.
 
         A call of an FMU reads several outputs at once. So members all of whose outputs are ready
-        come first, and only without one of these a member is read in part, if another waits for it.
+        are read first. If there are none, one member is read in part that others may wait for.
         """
         ready = {
             member: [port for port in ports if not self._unknown_sources(port)]
@@ -232,7 +235,7 @@ class _Ordering:
         return bool(chosen)
 
     def _append_loop(self) -> None:
-        """Append the solving of the algebraic loop that waits for no other."""
+        """Append the solving of an algebraic loop that waits for no output outside of it."""
         unread = [
             port for ports in self._to_read.values() for port in ports if port in self._connected
         ]
@@ -276,10 +279,16 @@ class _Ordering:
 def _strongly_connected(
     nodes: Collection[Node], before: Callable[[Node], Iterable[Node]]
 ) -> list[Node]:
-    """Return nodes that wait for each other and for no others, where every node waits for some.
+    """Return a set of nodes that wait for each other and for no other node.
 
-    Where every node waits, the smallest set of all that one waits for, directly or not, is strongly
-    connected.
+    Each node must wait for at least one. Of the sets of all nodes that one node waits for, directly
+    or not, the smallest is strongly connected.
+
+    Parameters
+    ----------
+    nodes : collection of Node
+    before : callable
+        Returns the nodes that a node waits for directly.
     """
 
     def all_before(node: Node) -> dict[Node, None]:
@@ -309,16 +318,17 @@ def order_steps(structure: Structure) -> list[str]:
         for member, ports in structure.fed.items()
     }
 
-    def before(member: str) -> list[str]:
+    def waiting_sources(member: str) -> list[str]:
         return [other for other in waiting if other in feeding[member]]
 
-    def unfed(member: str) -> bool:
+    def is_fed_by_none_that_stepped(member: str) -> bool:
         return feeding[member].isdisjoint(result)
 
     while waiting:
-        chosen = next((member for member in waiting if not before(member)), None)
+        chosen = next((member for member in waiting if not waiting_sources(member)), None)
         if chosen is None:
-            chosen = min(_strongly_connected(waiting, before), key=unfed)
+            circle = _strongly_connected(waiting, waiting_sources)
+            chosen = min(circle, key=is_fed_by_none_that_stepped)  # False comes first
         result.append(chosen)
         waiting.remove(chosen)
     return result

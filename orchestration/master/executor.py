@@ -55,13 +55,13 @@ class Executor:
     Attributes
     ----------
     outputs, inputs : Buffer
-        Of all members.
+        Outputs and inputs of all members.
     seconds : list of float
         Time spent in the steps of each member.
     loops : list of tuple
         Each algebraic loop, and its solver.
     saved_states : list of SavedState
-        Of loops, and of steps that can be taken back.
+        States that loops and adaptive steps go back to.
     complete : Schedule
         The schedule in which all members take part.
     """
@@ -136,7 +136,7 @@ class Executor:
         )
 
     def changes(self, points: int) -> list[bool]:
-        """Return for each communication point whether an external value differs from the last."""
+        """Return for each communication point whether an external value has changed there."""
         rows = np.array(list(self._external.values()))
         if not rows.size:
             return [False] * points
@@ -149,6 +149,11 @@ class Executor:
         return self._schedules[due]
 
     def _make_schedule(self, due: frozenset[str]) -> Schedule:
+        """Make the schedule in which these members take part.
+
+        A stage of the exchange begins with each setting of inputs; the readings after it belong to
+        the same stage.
+        """
         order = self._complete_order
         if len(due) != len(self.members):
             order = order_exchange(self.structure, due)
@@ -165,7 +170,7 @@ class Executor:
             member = self._by_name[operation.member]
             if not isinstance(operation, Read):
                 schedule.stages.append(self._make_stage(operation.ports))
-            elif not schedule.stages:
+            elif not schedule.stages:  # nothing is set before this reading
                 schedule.stages.append(self._make_stage(()))
             verb = "Get" if isinstance(operation, Read) else "Set"
             schedule.stages[-1].calls.extend(self._transfer_calls(verb, member, operation.ports))
@@ -200,22 +205,25 @@ class Executor:
         )
 
     def _add_step(self, schedule: Schedule, member: Instance, stepped: set[str]) -> None:
-        """Add the step of a member after those of the members that have stepped."""
+        """Add the calls of a member in a step, after those of the members that have stepped.
+
+        Its inputs from these members are updated first, then it steps, then outputs are read.
+        """
         settings = self.settings
         fed = self.structure.fed[member.name]
         connected = [port for port in fed if port in self._connections]
-        updated = []
+        updated = []  # inputs whose sources have stepped
         if settings.sequential:
             updated = [port for port in connected if self._source(port).member in stepped]
-        linear = []
+        linear = []  # inputs that change linearly over the step; all others are held
         if settings.extrapolation:
             linear = [port for port in connected if self._is_real(port)]
         early = schedule.order.early[member.name]
         reads = self._reads_after_step(member, early, stepped)
         calls: list[MemberCall] = []
-        held = [port for port in updated if port not in linear]
-        if held:
-            calls.append(self._update_call(member, held))
+        updated_held = [port for port in updated if port not in linear]
+        if updated_held:
+            calls.append(self._update_call(member, updated_held))
         parts = max(1, int(settings.rates.get(member.name, 1)))
         slow = member.name in self.slow
         if linear or parts > 1 or slow:
@@ -286,6 +294,7 @@ class Executor:
         return self._histories[member.name]
 
     def _plain_step_call(self, member: Instance) -> MemberCall:
+        """Return the call of a whole step, which the kernel makes if no step can be pending."""
         adaptive = self.settings.adaptive
         step = member.bind_step(self.present_step.now, self.present_step.size, adaptive)
         operation = None if member.may_be_pending else PlainStep(final=not adaptive)
@@ -326,7 +335,10 @@ class Executor:
     def _loop_function(
         self, loop: Loop, calls: Sequence[MemberCall], saved: SavedState
     ) -> Callable[[Array], Array]:
-        """Return the function whose fixed point solves a loop: from inputs once around the loop."""
+        """Return the function whose fixed point solves a loop.
+
+        It sets the inputs of the loop, and returns the values that they receive by its connections.
+        """
         closing = [self._connections[port] for port in loop.inputs]
         targets = np.array([c.target for c in closing])
         sources = np.array([c.source for c in closing])
@@ -352,7 +364,7 @@ class Executor:
     # --- execution
 
     def step(self, schedule: Schedule, start: float, end: float) -> None:
-        """Let the members of a schedule step; outputs that need no inputs at its end are read.
+        """Step the members of a schedule, and read outputs that need no inputs at the end.
 
         Raises
         ------
@@ -362,15 +374,15 @@ class Executor:
         self.present_step.set(start, end)
         seconds = self.seconds
         schedule.count += 1
-        then = perf_counter()
+        before = perf_counter()
         for number, calls in schedule.steps:
             for call, member, request, _ in calls:
                 status = call()
                 if status:
                     member.check_status(status, request, self.present_step)
-            now = perf_counter()
-            seconds[number] += now - then
-            then = now
+            after = perf_counter()
+            seconds[number] += after - before
+            before = after
 
     def enter_point(self, start: float, end: float, k: int) -> None:
         """Enter a step from `start` to `end` with the external values of point `k`."""
@@ -378,7 +390,7 @@ class Executor:
         self._point = k
 
     def read_early(self) -> None:
-        """Read the outputs that depend on no inputs, as after a step."""
+        """Read the outputs that are read right after a step, without making one."""
         self._carry_out(
             [call for _, calls in self.complete.steps for call in calls if call.request != STEP]
         )
@@ -398,7 +410,7 @@ class Executor:
         for copies, scaled, disturbances, external, calls in stages:
             for target, source in copies:
                 value = outputs[source]
-                if value - value:  # NaN or infinite
+                if value - value:  # not 0 if NaN or infinite; faster than a call of isfinite
                     self.raise_not_finite(source)
                 inputs[target] = value
             for target, source, factor, offset in scaled:
@@ -418,6 +430,7 @@ class Executor:
             step.update_slopes()
 
     def _carry_out(self, calls: Sequence[MemberCall]) -> None:
+        """Make calls of members; UserError if one fails."""
         for call, member, request, _ in calls:
             status = call()
             if status:

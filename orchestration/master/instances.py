@@ -29,7 +29,7 @@ class CommunicationStep:
     Attributes
     ----------
     start, end : float
-        In s.
+        Start and end of the step, s.
     now, size : ctypes double
         Start and length of the step, as arguments of FMI functions.
     """
@@ -41,7 +41,7 @@ class CommunicationStep:
         self.size = ctypes.c_double()
 
     def set(self, start: float, end: float) -> None:
-        """Begin a step."""
+        """Set the start and the end of the step, s."""
         self.start = start
         self.end = end
         self.now.value = start
@@ -68,7 +68,7 @@ class Instance:
         self.may_be_pending = bool(flags.canRunAsynchronuously)
 
     def dependencies(self, variable: str) -> list[str] | None:
-        """Return the inputs on which an output depends at once; None if the FMU does not say."""
+        """Return the inputs on which an output depends without delay; None if not stated."""
         for unknown in self.fmu.description.outputs:
             if unknown.variable.name == variable and unknown.dependencies is not None:
                 return [v.name for v in unknown.dependencies if v.causality == "input"]
@@ -152,7 +152,7 @@ class Instance:
         raise UserError(f"{self.name}: {self.fmu.failed(timed_request, status, remark)}")
 
     def _discard_remark(self) -> str:
-        """Tell how far a discarded step got, and whether the FMU asks to end the simulation."""
+        """Return how far a discarded step got, and whether the FMU asks to end the simulation."""
         remark = ""
         reached = self.last_time()
         if reached is not None:

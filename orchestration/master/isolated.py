@@ -118,7 +118,7 @@ def run_isolated(
         except Ended as end:
             description = process.progress.rows_description()
             points = description.points if description else ()
-            message = f"{end.state.words(points, system.name)}: {end.reason}"
+            message = f"{end.state.describe(points, system.name)}: {end.reason}"
             result = _partial_run(process.progress, description, end.state.row, message)
             if end.interrupted:
                 return result
@@ -127,8 +127,8 @@ def run_isolated(
             # FMUs may use up resources of their process, such as files
             message = f"{system.name}: {error.strerror or error}"
             description = process.progress.rows_description()
-            kept = process.progress.state().row
-            result = _partial_run(process.progress, description, kept, message)
+            unwritten = process.progress.state().row
+            result = _partial_run(process.progress, description, unwritten, message)
             raise Stopped(message, result) from error
     if message is not None:
         raise Stopped(message, result)
@@ -151,7 +151,7 @@ def _run(
 
 
 def _partial_run(
-    progress: SharedProgress, description: RowDescription | None, kept: int, message: str
+    progress: SharedProgress, description: RowDescription | None, unwritten: int, message: str
 ) -> Run:
     """Return the rows that were computed before the process ended.
 
@@ -160,16 +160,16 @@ def _partial_run(
     progress : SharedProgress
     description : RowDescription or None
         None if the run had not begun.
-    kept : int
-        Number of rows that the kernel had not handed over.
+    unwritten : int
+        Number of rows in the kernel's memory on disk that were not yet written to the file of rows.
     message : str
-        Why it ended.
+        Reason for which the process ended.
     """
     nothing = Statistics({}, 0, 0, 0, 0.0)
     if description is None:
         return Run(np.empty(0), {}, {}, False, message, nothing, {})
     table = _read_rows(progress.folder, description.width)
-    more = progress.read_rows(kept)
+    more = progress.read_rows(unwritten)
     if more is not None:
         table = np.concatenate([table, more])
     table = table[: len(description.points)]

@@ -52,7 +52,7 @@ class KernelRun:
         self._execution.__exit__(*error)
         execution = self._execution
         executor = self._executor
-        # a step that failed was begun
+        # points after the first, and the step to the next if it has begun: one that failed counts
         executor.complete.count += execution.point - 1 + execution.within_point
         for k, member in enumerate(executor.members):
             member.fmu.warnings += int(execution.warnings[k])
@@ -64,7 +64,7 @@ class KernelRun:
         return self._execution.point
 
     def advance(self, until: int) -> bool:
-        """Go on up to a communication point, not included; false if interrupted before.
+        """Make the steps to all communication points before `until`; false if interrupted.
 
         Raises
         ------
@@ -113,7 +113,11 @@ def translate(executor: Executor, points: Sequence[float], rows: Array) -> Progr
 
 
 class _Translation:
-    """A program to which calls and exchanges of a schedule are added one by one."""
+    """A program to which calls and exchanges of a schedule are added one by one.
+
+    Their `lag` is 1 for those of a step, which have the external values of the communication point
+    before, and 0 for those of the exchange at its end.
+    """
 
     def __init__(self, executor: Executor, points: Sequence[float]):
         self._executor = executor
@@ -123,14 +127,7 @@ class _Translation:
         self.program = Program(owners=[member.fmu.label for member in executor.members])
 
     def add_stage(self, stage: ExchangeStage, lag: int) -> None:
-        """Add an exchange of values.
-
-        Parameters
-        ----------
-        stage : ExchangeStage
-        lag : int
-            1 before the step, where external values are those of the point before, else 0.
-        """
+        """Add an exchange: values are copied to inputs, and then calls are made."""
         inputs = self._executor.inputs
         outputs = self._executor.outputs
         copies = [
@@ -150,7 +147,16 @@ class _Translation:
             self.add_call(call, lag)
 
     def _add_columns(self, kind: int, columns: Sequence[tuple[int, list[float]]], lag: int) -> None:
-        """Add copying external values, or adding disturbances, to inputs."""
+        """Add commands that set inputs to columns of values, or add these to inputs.
+
+        Parameters
+        ----------
+        kind : int
+            `library.DRIVE` or `library.DISTURB`.
+        columns : sequence of (int, list of float)
+            Place of an input, and its values at all points.
+        lag : int
+        """
         links = []
         for target, column in columns:
             values = np.array(column)
@@ -160,26 +166,30 @@ class _Translation:
         self.program.add_links(kind, links, self._not_finite_handler([], lag))
 
     def add_call(self, call: MemberCall, lag: int) -> None:
-        """Add a call; `lag` as in `add_stage`."""
+        """Add the kernel's commands for a call of a member, or its call by Python without these."""
         operation = call.operation
-        member = call.member
-        handler = self._call_handler(call, lag)
         if isinstance(operation, ExchangeStage):
             self.add_stage(operation, lag)
-        elif isinstance(operation, PlainStep):
-            ends = Values.in_rows(self._times)
-            self.program.add_step(
-                member.fmu.bound("fmi2DoStep"),
-                ends.shifted(-1),
-                ends,
-                handler,
-                owner=self._owners[member.name],
-                final=operation.final,
-            )
+            return
+        handler = self._call_handler(call, lag)
+        if isinstance(operation, PlainStep):
+            self._add_step(operation, call.member, handler)
         elif isinstance(operation, BufferTransfer):
-            self._add_transfer(operation, member, handler)
+            self._add_transfer(operation, call.member, handler)
         else:
             self.program.add_python_call(handler)
+
+    def _add_step(self, step: PlainStep, member: Instance, handler: Handler) -> None:
+        """Add a step of a member from each communication point to the next."""
+        ends = Values.in_rows(self._times)
+        self.program.add_step(
+            member.fmu.bound("fmi2DoStep"),
+            ends.shifted(-1),
+            ends,
+            handler,
+            owner=self._owners[member.name],
+            final=step.final,
+        )
 
     def _add_transfer(self, transfer: BufferTransfer, member: Instance, handler: Handler) -> None:
         """Add the call of a transfer.
@@ -207,11 +217,11 @@ class _Translation:
             )
 
     def _enter_point(self, point: int, lag: int) -> None:
-        """Let the executor be in the step to a point, so that messages tell its time."""
+        """Set the executor to the step to a point, so that messages have its time."""
         self._executor.enter_point(self._points[point - 1], self._points[point], point - lag)
 
     def _call_handler(self, call: MemberCall, lag: int) -> Handler:
-        """Return a handler that makes the call in Python, or reports its failure."""
+        """Return a handler that makes a call, or reports its failure if the kernel has made it."""
 
         def handle(returned: KernelReturn) -> None:
             self._enter_point(returned.point, lag)

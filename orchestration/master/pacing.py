@@ -130,9 +130,9 @@ class Pacer:
         self._interrupt = interrupt
         self._counts = [0] * (len(EDGES) + 1)
         self._missed = 0
-        self._lag = 0.0
-        self._worst = (0.0, points[0])
-        self._start = 0.0
+        self._lag = 0.0  # s, of the latest point
+        self._worst = (0.0, points[0])  # largest lag and its point, s
+        self._start = 0.0  # our clock at time 0 of the run, s
 
     def begin(self, values: Sequence[float]) -> None:
         """Start the clock at the first point, with the recorded values there."""
@@ -140,7 +140,7 @@ class Pacer:
         self._start = perf_counter() - self._points[0]
 
     def keep(self, k: int, values: Sequence[float]) -> None:
-        """Wait for point `k`, which has been computed.
+        """Wait for the time of point `k`, which has been computed, and record how late it is.
 
         Parameters
         ----------
@@ -165,18 +165,22 @@ class Pacer:
         self._counts[bisect_left(EDGES, lag)] += 1
         if lag > self._worst[0]:
             self._worst = (lag, self._points[k])
-        self._check_deadline(k, lag)
-
-    def _check_deadline(self, k: int, lag: float) -> None:
-        """Count a missed deadline; refuse one that the settings do not permit.
-
-        Unless lost time is made up, the later deadlines move by the lag, s.
-        """
         allowance = self._settings.allowance
         if allowance is None:
             allowance = self._points[k] - self._points[k - 1]
-        if lag <= allowance:
-            return
+        if lag > allowance:
+            self._miss_deadline(k, lag, allowance)
+
+    def _miss_deadline(self, k: int, lag: float, allowance: float) -> None:
+        """Count the missed deadline of point `k`; lag and allowance are in s.
+
+        Unless the run makes up for lost time, all later points are due later by the lag.
+
+        Raises
+        ------
+        UserError
+            If a missed deadline ends the run, or the lag is beyond its bound.
+        """
         self._missed += 1
         if not self._settings.makes_up:
             self._start += lag

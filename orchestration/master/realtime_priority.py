@@ -40,9 +40,9 @@ def realtime_priority(processor: int | None = None, priority: bool = False) -> I
             measures.append((f"running on processor {processor}", lambda: _bind(processor)))
         if priority:
             measures.append(("a higher priority", _raise_priority))
-        for name, take in measures:
+        for name, apply in measures:  # which returns a function that undoes it
             try:
-                cleanup.callback(take())
+                cleanup.callback(apply())
             except OSError as error:
                 notes.append(f"{name} is not to be had here: {error.strerror or error}")
         yield notes

@@ -78,7 +78,7 @@ class Run(Displayable):
     complete : bool
         Whether every member reached the last of the requested communication points.
     message : str
-        Why not; empty if complete.
+        Reason if it is not complete; else empty.
     statistics : Statistics
     guids : dict of str to str
         GUID of each member's FMU.

@@ -100,7 +100,7 @@ class Schedule:
     extrapolating : list of MemberStep
         Steps that follow the slopes of their inputs.
     count : int
-        How often it was carried out.
+        Number of steps in which it was used.
     """
 
     order: EvaluationOrder
@@ -132,7 +132,7 @@ class MemberStep:
     member : Instance
     present_step : CommunicationStep
     inputs, outputs : Buffer
-        Of all members.
+        Inputs and outputs of all members.
     linear : sequence of Port
         Inputs that change linearly; the others are held.
     updated : sequence of BufferedConnection
@@ -195,7 +195,13 @@ class MemberStep:
         )
 
     def __call__(self) -> int:
-        """Make the step; errors tell the times of the member's own step, not of the system's."""
+        """Make the step, part by part; return status 0.
+
+        Raises
+        ------
+        UserError
+            If the member fails, with the times of the part, not of the system's step.
+        """
         end = self.present_step.end
         start = self.history.time if self.resumes else self.present_step.start
         self.history.time = end
@@ -208,18 +214,20 @@ class MemberStep:
             slopes[k] = (factor * outputs[source] + offset - values[k]) / span
         self._start_values = values
         self._span = span
-        begin = start
+        part_start = start
         for part in range(1, self.parts + 1):
-            until = end if part == self.parts else start + span * part / self.parts
-            self._own_step.set(begin, until)
+            # the last part ends at the very end, without rounding
+            part_end = end if part == self.parts else start + span * part / self.parts
+            self._own_step.set(part_start, part_end)
             if self._places:
-                after = begin - start if self._interpolates else 0.5 * (begin + until) - start
-                self._set_inputs(values, slopes, after)
+                middle = 0.5 * (part_start + part_end)
+                instant = part_start if self._interpolates else middle
+                self._set_inputs(values, slopes, instant - start)
             if self._interpolates:
                 self._slopes[:] = slopes  # type: ignore[assignment]
                 self._check(self._set_slopes())
             self._check(self._step())
-            begin = until
+            part_start = part_end
         if self.set_at_end and self._places:
             self._set_inputs(values, slopes, span)
         return 0

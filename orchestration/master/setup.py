@@ -20,6 +20,8 @@ from orchestration.master.instances import Instance
 from orchestration.master.schedule import MasterSettings
 from orchestration.system import Port, System
 
+_SAME_SIZE = 1e-6  # relative difference of step sizes that counts as rounding
+
 # --- members
 
 
@@ -74,8 +76,9 @@ def check_capabilities(
     """
     sizes = np.diff(points)
     for member in members:
-        slow = 1 / settings.rates.get(member.name, Fraction(1))
-        uneven = np.ptp(sizes) > 1e-6 * sizes[0] or (slow > 1 and sizes.size % int(slow) != 0)
+        slow = 1 / settings.rates.get(member.name, Fraction(1))  # steps of the system in its step
+        has_rest = slow > 1 and sizes.size % int(slow) != 0  # which makes its last step shorter
+        uneven = np.ptp(sizes) > _SAME_SIZE * sizes[0] or has_rest
         if (uneven or settings.adaptive) and not member.can_vary_step:
             raise UserError(
                 f"{member.name}: its steps must all be of one size"
@@ -158,6 +161,7 @@ def disturbance_values(
 
 
 def _column(name: str, values: Array, points: int) -> list[float]:
+    """Return values as a list; UserError unless they are finite, one for each point."""
     array = np.asarray(values, dtype=float)
     if array.shape != (points,):
         raise UserError(
@@ -234,7 +238,7 @@ def _feedthrough(
     fed: Mapping[str, Sequence[Port]],
     read: Mapping[str, Sequence[Port]],
 ) -> tuple[dict[Port, tuple[Port, ...]], set[Port]]:
-    """Return the inputs that each variable depends on at once.
+    """Return the inputs that each variable depends on without delay.
 
     Parameters
     ----------
@@ -246,7 +250,7 @@ def _feedthrough(
     -------
     feedthrough : dict of Port to tuple of Port
     assumed : set of Port
-        Variables of which the FMU does not say so: they are taken to depend on every input.
+        Variables whose dependencies the FMU does not state: they are taken to be all inputs.
     """
     feedthrough: dict[Port, tuple[Port, ...]] = {}
     assumed: set[Port] = set()
@@ -307,14 +311,15 @@ def initialize(executor: Executor) -> list[str]:
         If a member refuses.
     """
     notes = []
+    # one exchange for each member that a start value may pass, and others to see that none changes
     for _ in range(len(executor.members) + 2):
         before = executor.inputs.values.copy()
         _propagate(executor)
-        settled = np.isclose(before, executor.inputs.values, rtol=1e-9, atol=1e-12)
-        if settled.all():
+        is_same = np.isclose(before, executor.inputs.values, rtol=1e-9, atol=1e-12)
+        if is_same.all():
             break
     else:
-        unsettled = ", ".join(str(port) for port, i in executor.inputs.at.items() if not settled[i])
+        unsettled = ", ".join(str(port) for port, i in executor.inputs.at.items() if not is_same[i])
         notes.append(
             f"start values depend on each other in a circle and do not settle: {unsettled}"
         )
@@ -324,6 +329,7 @@ def initialize(executor: Executor) -> list[str]:
 
 
 def _propagate(executor: Executor) -> None:
+    """Exchange all values once in the initialization mode."""
     try:
         executor.read_early()
         executor.exchange(executor.complete.stages, 0)
@@ -339,7 +345,7 @@ def _exit_initialization(executor: Executor) -> None:
 
 
 def _named(member: Instance, act: Callable[[Fmu], None]) -> None:
-    """Do something with the FMU of a member, and name the member if it fails."""
+    """Call a function with the FMU of a member; the message of a UserError begins with its name."""
     try:
         act(member.fmu)
     except UserError as error:

@@ -221,7 +221,13 @@ def _coupling(options: CouplingOptions) -> CouplingOptions:
 
 
 def _settings(system: System, coupling: CouplingOptions) -> MasterSettings:
-    """Return options as the master takes them; UserError for rates that cannot be."""
+    """Return the options in the form for the master.
+
+    Raises
+    ------
+    UserError
+        If a rate or its reciprocal is not a whole number, or there is no member of its name.
+    """
     return MasterSettings(
         sequential=coupling["method"] == "gauss-seidel",
         extrapolation=coupling["extrapolation"],
@@ -308,7 +314,13 @@ class _Runner:
         self._wall = 0.0
 
     def run(self) -> Run:
-        """Go through all communication points."""
+        """Go through all communication points; return the result, incomplete after Ctrl-C.
+
+        Raises
+        ------
+        Stopped
+            If a member fails or the run cannot keep pace with real time.
+        """
         begin = perf_counter()
         message = ""
         finished = False
@@ -353,6 +365,7 @@ class _Runner:
         return uniform and self._doubling is None and self._real_time is None
 
     def _advance_in_python(self, interrupt: Interrupt) -> None:
+        """Make the steps with one call after the other, also in real time and adaptively."""
         points = self._points
         linear = self._executor.settings.extrapolation
         changes = self._executor.changes(len(points)) if linear else []
@@ -402,6 +415,7 @@ class _Runner:
             executor.exchange(schedule.stages, k)
 
     def _advance_in_kernel(self, interrupt: Interrupt) -> None:
+        """Make the steps in the compiled kernel, which returns for reports of progress."""
         last = len(self._points) - 1
         every = self._progress_interval
         with KernelRun(self._executor, self._points, every) as kernel:
@@ -414,7 +428,7 @@ class _Runner:
                     break
 
     def _advance_kernel(self, kernel: KernelRun, until: int) -> bool:
-        """Go on in the kernel, and take the rows that it has computed, however it ends."""
+        """Let the kernel make steps, and take the rows that it has computed, even if it fails."""
         try:
             return kernel.advance(until)
         finally:

@@ -16,6 +16,7 @@ _SHORTEST = 1e-12  # relative to the time, or to a second
 _LARGEST_GROWTH = 5.0  # of the step size from step to step
 _LARGEST_REDUCTION = 0.2
 _SAFETY = 0.9
+_WHOLE = 0.999  # share of the rest of a communication step from which on a step covers all of it
 
 
 class Checkpoint:
@@ -103,13 +104,14 @@ class StepDoubling:
             if interrupt.pressed:
                 return False
             size = min(self._next_size, end - time)
-            reaches_end = size > 0.999 * (end - time)
+            reaches_end = size > _WHOLE * (end - time)
             target = end if reaches_end else time + size
             errors = self._step_twice(time, target, k)
             error = float(np.max(errors, initial=0.0))
             factor = self._size_factor(error)
             if error <= 1.0:
                 self.steps += 1
+                # a step that the communication point has cut short does not limit the next one
                 if not reaches_end or size == self._next_size:
                     self._next_size = size * factor
                 time = target
@@ -154,6 +156,7 @@ class StepDoubling:
         return errors
 
     def _step(self, start: float, end: float, k: int) -> None:
+        """Step all members and exchange values, with the external values of point `k`."""
         executor = self._executor
         executor.step(executor.complete, start, end)
         executor.exchange(executor.complete.stages, k)

@@ -33,22 +33,22 @@ def split_arrays(table: Table, signals: Collection[str]) -> Table:
     columns: list[Column] = []
     for column in table.columns:
         names = [name for name in signals if name.startswith(f"{column.name}[")]
-        if names and _has_several(column):
-            columns += _elements(table, column, names)
+        if names and _holds_arrays(column):
+            columns += _split_cells(table, column, names)
         else:
             columns.append(column)
     return replace(table, columns=columns)
 
 
-def _has_several(column: Column) -> bool:
-    """Return whether a cell has several values; else ``[1]`` in a header may be the unit 1."""
+def _holds_arrays(column: Column) -> bool:
+    """Return whether any cell has several values; a scalar ``u [1]`` may just have the unit 1."""
     if isinstance(column.cells, np.ndarray):
         return False
     return any(len(cell.split()) > 1 for cell in column.cells)
 
 
-def _elements(table: Table, column: Column, names: list[str]) -> list[Column]:
-    """Return a column for each element of an array."""
+def _split_cells(table: Table, column: Column, names: list[str]) -> list[Column]:
+    """Return a column for each element; raise if a cell has not one value for each name."""
     rows = [cell.split() for cell in column.cells]
     for number, words in zip(table.rows, rows, strict=True):
         if len(words) != len(names):

@@ -52,7 +52,7 @@ def table_of(data: Arrays) -> Table:
     arrays = _frame_columns(data) if isinstance(data, Frame) else data
     columns = []
     for title, values in arrays.items():
-        array = _array(values)
+        array = _as_array(values)
         if array.ndim != 1:
             raise refuse(path, f"column '{title}' has shape {array.shape} (allowed: (n,))")
         name, unit = read_header_cell(str(title))
@@ -89,12 +89,12 @@ def _frame_columns(frame: Any) -> dict[str, Any]:
     return columns
 
 
-def _array(values: Any) -> np.ndarray:
-    """Return a NumPy array of values, with instants in UTC and NaN for missing numbers."""
+def _as_array(values: Any) -> np.ndarray:
+    """Return an array_like or a column of a DataFrame, with instants in UTC and NaN if missing."""
     dtype = getattr(values, "dtype", None)
     if getattr(dtype, "tz", None) is not None:
         return np.asarray(values.dt.tz_convert(None).to_numpy())
-    is_masked = dtype is not None and not isinstance(dtype, np.dtype)
-    if is_masked and getattr(dtype, "kind", "O") in "biuf":
+    is_extension = dtype is not None and not isinstance(dtype, np.dtype)  # such as pandas.Int64
+    if is_extension and getattr(dtype, "kind", "O") in "biuf":
         return np.asarray(values.to_numpy(dtype=float, na_value=np.nan))
     return np.asarray(values)

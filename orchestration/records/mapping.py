@@ -58,18 +58,18 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
     for entry in entries:
         column, equals, target = (part.strip() for part in entry.rpartition("="))
         signal, unit = split_header_cell(target)
-        if (
-            not (equals and column and signal)
-            or set("[]") & set(INDEX.sub("", signal))
-            or (unit is None and "[" in target)
-        ):
+        # the index of an array element, A[2,1], is a part of its name; other brackets have a unit
+        has_stray_bracket = set("[]") & set(INDEX.sub("", signal)) or (
+            unit is None and "[" in target
+        )
+        if not (equals and column and signal) or has_stray_bracket:
             raise UserError(
                 f"{option('mapping', entry)}: the form is file_column=signal or"
                 " file_column=signal[unit]"
             )
         if column in mapping:
             raise UserError(f"{option('mapping', entry)}: column '{column}' is mapped twice")
-        is_element = INDEX.sub("", target) == signal  # whose index is no unit
+        is_element = INDEX.sub("", target) == signal  # A[2] is split like A in a unit 2
         if not is_element and signal in (split_header_cell(t)[0] for t in mapping.values()):
             raise UserError(f"{option('mapping', entry)}: signal '{signal}' is mapped twice")
         mapping[column] = target
@@ -77,7 +77,10 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
 
 
 def _find_column(table: Table, name: str, entry: str) -> Column:
-    """Return the column of a name or a header cell ``name [unit]``; raise if it is not unique."""
+    """Return the column with a name, or a header cell ``name [unit]``; raise if it is not unique.
+
+    `entry` is the option for the message.
+    """
     matches = [
         column
         for column in table.columns
@@ -119,7 +122,7 @@ def match_columns(
         If a mapped column, a required signal, the time or every signal is missing, or a name is not
         unique.
     """
-    matches = _mapped(table, signals, mapping)
+    matches = _stated_matches(table, signals, mapping)
     matched = [match.column for match in matches.values()]
     if len({id(column) for column in matched}) != len(matched):
         raise refuse(table.path, f"{option('mapping')} gives one column to two signals")
@@ -130,7 +133,7 @@ def match_columns(
     for signal in signals:
         if signal not in matches:
             _match_name(table, signal, matches, matched)
-    _match_members(table, signals, matches, matched)
+    _match_member_signals(table, signals, matches, matched)
     unmatched = _unmatched(table, matched)
     ignored = [column.name for column in unmatched]
     missing = {signal: unit for signal, unit in signals.items() if signal not in matches}
@@ -165,10 +168,10 @@ def _advice(table: Table, unmatched: Sequence[Column], missing: Mapping[str, str
     return f"; say which column it is: {option('mapping', {'column': 'signal'})}"
 
 
-def _mapped(
+def _stated_matches(
     table: Table, signals: Mapping[str, str], mapping: Mapping[str, str]
 ) -> dict[str, Match]:
-    """Return the matches that the user states, by signal."""
+    """Return the matches that the user states, by signal; raise if one cannot be made."""
     matches: dict[str, Match] = {}
     for name, target in mapping.items():
         signal, unit = (target, None) if target in signals else split_header_cell(target)
@@ -218,10 +221,13 @@ def _match_name(
         matches[signal] = Match(column, signal, None)
 
 
-def _match_members(
+def _match_member_signals(
     table: Table, signals: Iterable[str], matches: dict[str, Match], matched: list[Column]
 ) -> None:
-    """Match ``member.signal``, a name in results of systems, to a signal without a column."""
+    """Match a column ``member.signal`` of a system's result to a signal without a column.
+
+    Only if there is one such column; the match is added to the repairs.
+    """
     for signal in signals:
         columns = [
             column for column in _unmatched(table, matched) if column.name.endswith(f".{signal}")

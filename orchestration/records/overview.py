@@ -194,13 +194,13 @@ def _column_overview(table: Table, column: Column) -> ColumnOverview:
         content=content,
         smallest=float(known.min()) if known.size else float("nan"),
         largest=float(known.max()) if known.size else float("nan"),
-        missing=_missing(column, values, content),
+        missing=_count_missing(column, values, content),
         example=first_text(column).strip() if content in ("dates", "text") else "",
     )
 
 
 def _content(table: Table, column: Column) -> tuple[str, Array]:
-    """Return the content of a column, see `ColumnOverview`, and its numbers if it has any."""
+    """Return the content of a column, see `ColumnOverview`, and its numbers; empty for others."""
     none = np.zeros(0)
     if holds_instants(column):
         return "dates", none
@@ -211,7 +211,8 @@ def _content(table: Table, column: Column) -> tuple[str, Array]:
     return ("numbers", values) if np.isfinite(values).any() else ("nothing", none)
 
 
-def _missing(column: Column, values: Array, content: str) -> int:
+def _count_missing(column: Column, values: Array, content: str) -> int:
+    """Return the number of cells without a value: NaN among numbers, else empty cells."""
     if content == "numbers":
         return int((~np.isfinite(values)).sum())
     return sum(not str(cell).strip() for cell in column.cells)

@@ -109,27 +109,33 @@ def propose(columns: Mapping[str, tuple[str, str]], signals: Mapping[str, str]) 
 def _clearest(
     scores: Mapping[tuple[str, str], float], matched: Mapping[str, str]
 ) -> tuple[str, str] | None:
-    """Return the pair of the greatest score without an equal rival for its signal or its column."""
+    """Return the pair (signal, column) of the greatest score that has no rival; None without one.
+
+    A rival shares the signal or the column of the pair and has at least its score.
+    """
     candidates = {
         (signal, name): score
         for (signal, name), score in scores.items()
         if score > 0.0 and signal not in matched and name not in matched.values()
     }
     for pair, score in sorted(candidates.items(), key=lambda item: -item[1]):
-        rivals = [
+        signal, name = pair
+        rivals = (
             other
             for other, other_score in candidates.items()
-            if other != pair
-            and other_score >= score
-            and (other[0] == pair[0] or other[1] == pair[1])
-        ]
-        if not rivals:
+            if other != pair and other_score >= score and (other[0] == signal or other[1] == name)
+        )
+        if not any(rivals):
             return pair
     return None
 
 
 def _score(column: str, unit: str, signal: str, expected: str) -> float:
-    """Return the score of a column for a signal; 0 if units or names do not match."""
+    """Return the score of a column for a signal; 0 if units or names do not match.
+
+    A unit of the same dimension gives 1, the name 4 if equal, 2 for a word of the same quantity,
+    else the share of letters in common if that is high.
+    """
     fits = bool(unit) and _alike(unit, expected)
     if unit and not fits:
         return 0.0
@@ -138,7 +144,7 @@ def _score(column: str, unit: str, signal: str, expected: str) -> float:
     if column.casefold() == signal.casefold():
         return score + _SAME_NAME
     others = _words(signal, True)
-    if any(_name(words, quantity) and _name(others, quantity) for quantity in _WORDS):
+    if any(_denote(words, quantity) and _denote(others, quantity) for quantity in _WORDS):
         return score + _SAME_QUANTITY
     ratio = SequenceMatcher(None, column.casefold(), signal.casefold()).ratio()
     return score + (ratio if ratio >= _SIMILAR else 0.0)
@@ -157,8 +163,8 @@ def _words(name: str, with_letters: bool) -> set[str]:
     return {word for word in words if with_letters or len(word) > 1}
 
 
-def _name(words: set[str], quantity: set[str]) -> bool:
-    """Return whether one of the words is a word for a quantity, or a compound with one."""
+def _denote(words: set[str], quantity: set[str]) -> bool:
+    """Return whether one of the words is among those for a quantity, or a compound of one."""
     return any(
         word == known or (len(known) >= _COMPOUND and known in word)
         for word in words

@@ -66,8 +66,10 @@ def read_record(
     UserError
         If the file cannot be used; the message has file, row and reason.
     """
-    samples = _samples(_table(path, signals, required, inputs), signals, mapping or {}, required)
-    return _record(samples, signals, required, inputs, jumps=jumps)
+    samples = _unrepaired_samples(
+        _checked_table(path, signals, required, inputs), signals, mapping or {}, required
+    )
+    return _repaired_record(samples, signals, required, inputs, jumps=jumps)
 
 
 def read_columns(
@@ -93,7 +95,7 @@ def read_columns(
     UserError
         If the file cannot be used, or has no such column.
     """
-    table = _read(path)
+    table = _raw_table(path)
     units = {column.name: column.unit or "1" for column in table.columns if column.name in names}
     for name in names:
         if name not in units:
@@ -101,7 +103,7 @@ def read_columns(
             raise UserError(
                 f"{table.path}: no column {name!r}{suggestion(name, known, few=len(known))}"
             )
-    return _record(_samples(table, units, {}, names), units, names, inputs)
+    return _repaired_record(_unrepaired_samples(table, units, {}, names), units, names, inputs)
 
 
 def read_runs(
@@ -132,17 +134,17 @@ def read_runs(
     UserError
         If the file or a run in it cannot be used.
     """
-    table = _table(path, signals, required, inputs)
+    table = _checked_table(path, signals, required, inputs)
     labels = None
     if column is not None:
         labels = run_labels(table, column, mapping or {})
         table.columns = [c for c in table.columns if c.name != column]
-    samples = _samples(table, signals, mapping or {}, required)
+    samples = _unrepaired_samples(table, signals, mapping or {}, required)
     runs = divide_at_restarts(samples) if labels is None else divide_by_label(samples, labels)
-    return [_record(run, signals, required, inputs, label) for label, run in runs]
+    return [_repaired_record(run, signals, required, inputs, label) for label, run in runs]
 
 
-def _table(
+def _checked_table(
     path: str | Path | Arrays,
     signals: Mapping[str, str],
     required: Collection[str],
@@ -152,24 +154,24 @@ def _table(
     for name in (*required, *inputs):
         if name not in signals:
             raise UserError(f"'{name}' is not a signal of the model; it has: {', '.join(signals)}")
-    return split_arrays(_read(path), signals)
+    return split_arrays(_raw_table(path), signals)
 
 
-def _read(path: str | Path | Arrays) -> Table:
+def _raw_table(path: str | Path | Arrays) -> Table:
     return read_table(Path(path)) if isinstance(path, str | Path) else table_of(path)
 
 
-def _samples(
+def _unrepaired_samples(
     table: Table, signals: Mapping[str, str], mapping: Mapping[str, str], required: Collection[str]
 ) -> Samples:
-    """Return the samples of the signals in the units of the model, before any repair."""
+    """Return the samples of the matched signals in the units of the model, before any repair."""
     matches = match_columns(table, signals, mapping, required)
-    values = {
-        match.signal: time_in_seconds(table, match)
-        if match.signal == TIME
-        else _column_in_unit(table, match, signals[match.signal])
-        for match in matches
-    }
+    values = {}
+    for match in matches:
+        if match.signal == TIME:
+            values[TIME] = time_in_seconds(table, match)
+        else:
+            values[match.signal] = _column_in_unit(table, match, signals[match.signal])
     return Samples(table.path, values.pop(TIME), values, table.rows, table.repairs)
 
 
@@ -187,7 +189,7 @@ def time_in_seconds(table: Table, match: Match) -> np.ndarray:
     return seconds(table, match.column, match.unit or "")
 
 
-def _record(
+def _repaired_record(
     samples: Samples,
     signals: Mapping[str, str],
     required: Collection[str],

@@ -47,6 +47,7 @@ class BackgroundWriter:
         return self.error is None and not self._thread.is_alive()
 
     def _run(self) -> None:
+        """Write the queued contents until None comes; after an error drop them."""
         while (content := self._queue.get()) is not None:
             try:
                 if self.error is None:

@@ -42,7 +42,7 @@ _verbose = False
 
 @contextmanager
 def verbosity(quiet: bool = False, verbose: bool = False) -> Iterator[None]:
-    """Set how much is printed while the context lasts.
+    """Print more or less than usual while the context lasts.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ class Tell:
             self._bar.update(self._task, completed=part, total=whole, description=self._text)
         elif text and (self._lines < _FIRST_PARTS or _verbose):
             self._print_progress()
-        elif not self._timer.is_alive():
+        elif not self._timer.is_alive():  # print the newest report when the interval is over
             delay = self._last_line + _INTERVAL - monotonic()
             self._timer = Timer(delay, self._print_progress)
             self._timer.daemon = True
@@ -218,12 +218,12 @@ class Tell:
             return
         now = monotonic()
         remaining = ""
-        first, start = self._first_report or (0, self._step_start)
-        if self._part == first:  # no part since the first report: take the rate before it
-            first = 0
+        first_part, start = self._first_report or (0, self._step_start)
+        if self._part == first_part:  # no part since the first report: take the rate before it
+            first_part = 0
             start = self._step_start
         if self._part:
-            seconds_per_part = (now - start) / (self._part - first)
+            seconds_per_part = (now - start) / (self._part - first_part)
             seconds = round(seconds_per_part * (self._whole - self._part))
             remaining = f", {timedelta(seconds=seconds)} left" if seconds else ""
         err.print(f"{self._text} ({self._part:,} of {self._whole:,}{remaining})", soft_wrap=True)

@@ -63,7 +63,7 @@ def make_page(result: object, command: str = "") -> Page:
 
 
 def registered(functions: Any, kind: type, module: str) -> Callable[..., Any]:
-    """Return the function registered for a type.
+    """Import the module that registers a function for a type, and return the function.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def registered(functions: Any, kind: type, module: str) -> Callable[..., Any]:
         A function of `functools.singledispatch`.
     kind : type
     module : str
-        Name of the module that registers it, in the package of the type or of one of its bases.
+        Name of that module, in the package of the type or of one of its bases.
 
     Raises
     ------

@@ -107,6 +107,7 @@ def one_line(text: str) -> str:
 
 
 def _html(part: RenderableType) -> str:
+    """Return a table, a text or a group of these as HTML; empty for a blank text."""
     from rich.console import Group
     from rich.table import Table
 

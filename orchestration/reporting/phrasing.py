@@ -58,6 +58,7 @@ def option(name: str, value: Any = None) -> str:
 
 
 def _flag_with(name: str, value: Any) -> str:
+    """Return an option as a flag, with its value quoted for the shell."""
     if value is None or value is True:
         return flag(name)
     if value is False:

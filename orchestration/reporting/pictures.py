@@ -118,9 +118,9 @@ def label(axis: Axes, name: str, unit: str) -> None:
 
 
 def fit_values(axis: Axes, boolean: bool = False) -> None:
-    """Set the range of the vertical axis for lines that are constant or boolean.
+    """Set the range of the vertical axis if its lines are constant or boolean.
 
-    The axis of a constant is so wide that its rounding errors are not visible; that of a boolean
+    The axis of constant lines is so wide that rounding errors are not visible; that of boolean ones
     reaches from false to true.
     """
     low, high = axis.dataLim.intervaly
@@ -133,7 +133,7 @@ def fit_values(axis: Axes, boolean: bool = False) -> None:
 
 
 def logarithmic(axes: list[Axes], time: Array) -> None:
-    """Make the time axis logarithmic if the sampling is, as in creep tests."""
+    """Make the time axis logarithmic if steps differ by a factor above 1000, as in creep tests."""
     steps = np.diff(time)
     if len(steps) and steps.max() > 1000.0 * steps.min():
         axes[-1].set_xscale("log")

@@ -149,7 +149,10 @@ def access_control(
 def _answer(
     sockets: Sequence[zmq.Socket[bytes]], known: Mapping[bytes, KeyHolder] | None, ending: Event
 ) -> None:
-    """Answer one question of each context in turn: a flood at one does not hold up the others."""
+    """Answer ZeroMQ's questions until the end, one of each context in turn.
+
+    A flood at one context thus does not hold up the others.
+    """
     poller = zmq.Poller()
     for socket in sockets:
         poller.register(socket, zmq.POLLIN)

@@ -90,21 +90,22 @@ class _Lane:
     def carry(self, ready: set[object], now: float) -> None:
         """Carry messages in both directions."""
         if self.router in ready:
-            for name, frame in _requests(self.router):
+            for name, frame in _read_requests(self.router):
                 self._client(name).send(frame, now)
         for name, client in self._clients.items():
             if client.socket in ready:
-                for frame in _frames(client.socket):
+                for frame in _read_frames(client.socket):
                     self.router.send_multipart((name, frame), zmq.DONTWAIT)
             if client.waits:
                 client.flush(now)
 
     def _client(self, name: bytes) -> _Client:
+        """Return the connection of a client, opened if need be; clients are kept by last use."""
         client = self._clients.get(name)
         if client is None:
             if len(self._clients) >= _MOST_CLIENTS:
-                _, silent = self._clients.popitem(last=False)
-                silent.socket.close()
+                _, longest_silent = self._clients.popitem(last=False)
+                longest_silent.socket.close()
             client = _Client(self.router.context, self._remote, self._address)
             self._clients[name] = client
         self._clients.move_to_end(name)
@@ -177,12 +178,13 @@ class Bridge:
         return {socket for socket, _ in poller.poll(round(1000 * wait))}
 
     def _turn(self, ready: set[object]) -> None:
+        """Carry the messages of the sockets that have some."""
         now = monotonic()
         for lane in self._lanes:
             lane.carry(ready, now)
         if self._source in ready:
             self._heard = now
-            for frame in _frames(self._source):
+            for frame in _read_frames(self._source):
                 self._telemetry.send(frame, zmq.DONTWAIT)
         self._report_contact(now)
 
@@ -208,6 +210,7 @@ class Bridge:
 def _listening(
     context: zmq.Context[zmq.Socket[bytes]], kind: int, port: int
 ) -> Iterator[zmq.Socket[bytes]]:
+    """Yield a socket that is bound to a port of the loopback address; close it afterwards."""
     address = f"tcp://{LOOPBACK}:{port}"
     with context.socket(kind) as socket:
         bound_queues(socket)
@@ -221,7 +224,7 @@ def _listening(
         yield socket
 
 
-def _requests(router: zmq.Socket[bytes]) -> Iterator[tuple[bytes, bytes]]:
+def _read_requests(router: zmq.Socket[bytes]) -> Iterator[tuple[bytes, bytes]]:
     """Yield messages of clients that have arrived, a bounded number, with the clients' names."""
     for _ in range(_AT_ONCE):
         try:
@@ -232,7 +235,7 @@ def _requests(router: zmq.Socket[bytes]) -> Iterator[tuple[bytes, bytes]]:
             yield peer.connection, frames[0]
 
 
-def _frames(socket: zmq.Socket[bytes]) -> Iterator[bytes]:
+def _read_frames(socket: zmq.Socket[bytes]) -> Iterator[bytes]:
     """Yield messages of the server that have arrived, a bounded number."""
     for _ in range(_AT_ONCE):
         try:

@@ -43,6 +43,8 @@ _TWO_NUMBERS = "[low, high] of two finite numbers is wanted, the lower one first
 
 
 def _one_of(*allowed: Any) -> BeforeValidator:
+    """Return a validator of one of these values, of the same type: 1.0 and True are not 1."""
+
     def check(value: Any) -> Any:
         if not any(value == one and type(value) is type(one) for one in allowed):
             raise ValueError(f"allowed are {', '.join(map(repr, allowed))}")
@@ -51,13 +53,13 @@ def _one_of(*allowed: Any) -> BeforeValidator:
     return BeforeValidator(check)
 
 
-def _not_zero(value: float) -> float:
+def _check_not_zero(value: float) -> float:
     if value == 0.0:
         raise ValueError("must not be zero")
     return value
 
 
-def _rising(bounds: tuple[float, float]) -> tuple[float, float]:
+def _check_rising(bounds: tuple[float, float]) -> tuple[float, float]:
     if not bounds[0] < bounds[1]:
         raise ValueError(_TWO_NUMBERS)
     return bounds
@@ -79,7 +81,7 @@ Texts = Annotated[
     tuple[Annotated[str, Field(strict=True)], ...], Field(description="a list of texts is wanted")
 ]
 Interval = Annotated[
-    tuple[Number, Number], AfterValidator(_rising), Field(description=_TWO_NUMBERS)
+    tuple[Number, Number], AfterValidator(_check_rising), Field(description=_TWO_NUMBERS)
 ]
 Date = Annotated[
     InstanceOf[datetime.date], Field(description="a date is wanted, such as 2007-05-01")
@@ -123,7 +125,7 @@ class _ChannelTable(TomlTable):
     si: Text = ""
     channel: Text = ""
     instrument: Text = ""
-    gain: Annotated[Number, AfterValidator(_not_zero)]
+    gain: Annotated[Number, AfterValidator(_check_not_zero)]
     offset: Number = 0.0
     range: Interval
     sign: Annotated[int, _one_of(1, -1)] = 1
@@ -198,7 +200,7 @@ class Channel:
     Attributes
     ----------
     name, unit : str
-        Of the signal; SI.
+        Name and SI unit of the signal.
     place : str
         Channel of a device, such as ``ai0``, or the name of an instrument.
     command : str
@@ -212,7 +214,7 @@ class Channel:
     sign : int
         1 or -1.
     low, high : float
-        Volts that make sense.
+        Range of the volts.
     safe : float
         SI value in the safe state.
     factor, zero : float
@@ -240,7 +242,7 @@ class Channel:
     source: str
 
     def measured(self, volts: float) -> float:
-        """Return the value that volts stand for, SI; NaN beyond the range, as with a broken wire.
+        """Return the value of measured volts, SI; NaN beyond the range, as with a broken wire.
 
         Parameters
         ----------
@@ -258,7 +260,7 @@ class Channel:
         return self.factor * (self.sign * (self.gain * volts + self.offset)) + self.zero
 
     def volts(self, value: float) -> float:
-        """Return the volts that stand for a value.
+        """Return the volts that command a value.
 
         Parameters
         ----------
@@ -391,14 +393,15 @@ def _read_channel(
     instruments: Mapping[str, Instrument],
     where: str,
 ) -> Channel:
-    unit, factor, zero = _si(name, table, where)
+    """Return the channel that a table of the file describes."""
+    unit, factor, zero = _conversion_to_si(name, table, where)
     # absolute: a safe temperature of 20 degC is one of 293.15 K
     safe = factor * table.safe + zero if isinstance(table, _InputTable) else 0.0
     low, high = table.range
     return Channel(
         name=name,
         unit=unit,
-        place=_place(table, instruments, where),
+        place=_checked_place(table, instruments, where),
         command=table.message,
         query=table.query if isinstance(table, _InputTable) else "",
         terminal=table.terminal,
@@ -415,52 +418,54 @@ def _read_channel(
     )
 
 
-def _si(name: str, table: _ChannelTable, where: str) -> tuple[str, float, float]:
+def _conversion_to_si(name: str, table: _ChannelTable, where: str) -> tuple[str, float, float]:
     """Return the SI unit of a signal, and factor and zero that convert the channel's unit to it."""
     si = table.si or UNITS.get(name, table.unit)
     try:
         factor, zero = _conversion(table.unit, si, name)
         base = units.base_unit(si)
     except UserError as error:
-        raise _refusal(where, "unit", table.unit, str(error)) from error
+        raise _value_error(where, "unit", table.unit, str(error)) from error
     if (base.factor, base.offset) != (1.0, 0.0):
         allowed = f"{name} is not known by name, so write its SI unit, too: si = ..."
-        raise _refusal(where, "unit", table.unit, allowed)
+        raise _value_error(where, "unit", table.unit, allowed)
     return si, factor, zero
 
 
 def _conversion(unit: str, si: str, name: str) -> tuple[float, float]:
+    """Return factor and zero of a conversion between units: ``si = factor * value + zero``."""
     one = float(units.convert(1.0, unit, si, name))
     zero = float(units.convert(0.0, unit, si, name))
     return one - zero, zero
 
 
-def _place(
+def _checked_place(
     table: _InputTable | _OutputTable, instruments: Mapping[str, Instrument], where: str
 ) -> str:
     """Return the channel of a device, or the name of an instrument, that has a signal."""
     if not table.instrument:
         if not table.channel:
-            raise _refusal(where, "channel", None, "a text is wanted")
+            raise _value_error(where, "channel", None, "a text is wanted")
         for verb, message in ((table.verb, table.message), ("query", table.query)):
             if message:
-                raise _refusal(where, verb, message, "needs an instrument = ...")
+                raise _value_error(where, verb, message, "needs an instrument = ...")
         return table.channel
     if table.channel:
         allowed = "a signal is either on a channel of a device or on an instrument"
-        raise _refusal(where, "channel", table.channel, allowed)
+        raise _value_error(where, "channel", table.channel, allowed)
     if table.instrument not in instruments:
         allowed = f"there is no [instruments.{table.instrument}]"
-        raise _refusal(where, "instrument", table.instrument, allowed)
+        raise _value_error(where, "instrument", table.instrument, allowed)
     if not table.message:
-        raise _refusal(where, table.verb, None, "a text is wanted")
+        raise _value_error(where, table.verb, None, "a text is wanted")
     if isinstance(table, _InputTable) and not _takes_a_number(table.message):
         allowed = "a message is wanted with {volts} where the number goes"
-        raise _refusal(where, table.verb, table.message, allowed)
+        raise _value_error(where, table.verb, table.message, allowed)
     return table.instrument
 
 
 def _takes_a_number(message: str) -> bool:
+    """Return whether a message has a valid place for the volts, with which it becomes another."""
     try:
         return message.format(volts=0.125) != message
     except (LookupError, ValueError):
@@ -470,6 +475,7 @@ def _takes_a_number(message: str) -> bool:
 def _read_limits(
     tables: TableByName, inputs: dict[str, Channel], outputs: dict[str, Channel], path: Path
 ) -> dict[str, Limit]:
+    """Return the limits by signal; those of a command without a table are its channel's range."""
     limits = {name: channel.reachable() for name, channel in inputs.items()}
     for name, values in tables.items():
         where = f"{path}: [limits.{name}]"
@@ -479,29 +485,29 @@ def _read_limits(
         if name in inputs:
             limits[name] = _command_limit(table, inputs[name], f"{where} ")
         else:
-            limits[name] = _limit(table, outputs[name], Limit(), f"{where} ")
+            limits[name] = _limit_in_si(table, outputs[name], Limit(), f"{where} ")
     return limits
 
 
 def _command_limit(table: _LimitTable, channel: Channel, where: str) -> Limit:
     """Return the limits of a command, which must lie within the range of its channel."""
     reach = channel.reachable()
-    limit = _limit(table, channel, reach, where)
+    limit = _limit_in_si(table, channel, reach, where)
     room = _ROUNDING * (reach.max - reach.min)
     for key in ("min", "max"):
         if not reach.min - room <= getattr(limit, key) <= reach.max + room:
             able = f"{reach.min:.6g} … {reach.max:.6g} {channel.unit}"
             allowed = f"the range of {channel.place} allows {able} only"
-            raise _refusal(where, key, getattr(table, key), allowed)
+            raise _value_error(where, key, getattr(table, key), allowed)
     return limit
 
 
-def _limit(table: _LimitTable, channel: Channel, default: Limit, where: str) -> Limit:
+def _limit_in_si(table: _LimitTable, channel: Channel, default: Limit, where: str) -> Limit:
     """Return limits in SI, with defaults where the table has none."""
     try:
         factor, zero = _conversion(table.unit or channel.unit, channel.unit, channel.name)
     except UserError as error:
-        raise _refusal(where, "unit", table.unit, str(error)) from error
+        raise _value_error(where, "unit", table.unit, str(error)) from error
     given = table.model_fields_set
     least = factor * table.min + zero if "min" in given else default.min
     greatest = factor * table.max + zero if "max" in given else default.max
@@ -509,7 +515,7 @@ def _limit(table: _LimitTable, channel: Channel, default: Limit, where: str) -> 
     if not least < greatest:
         key = "max" if "max" in given else "min"
         allowed = "the lower limit must be below the upper one"
-        raise _refusal(where, key, getattr(table, key), allowed)
+        raise _value_error(where, key, getattr(table, key), allowed)
     return Limit(least, greatest, rate)
 
 
@@ -550,11 +556,11 @@ def _checked(kind: type[AnyTable], values: Mapping[str, Any], where: str) -> Any
             allowed = str(problem["ctx"]["error"])
         else:
             allowed = str(kind.model_fields[key].description)
-        raise _refusal(where, key, values.get(key), allowed) from error
+        raise _value_error(where, key, values.get(key), allowed) from error
 
 
-def _refusal(where: str, key: str, value: Any, allowed: str) -> UserError:
-    """Return the error for a value, None if it is missing; the caller raises it."""
+def _value_error(where: str, key: str, value: Any, allowed: str) -> UserError:
+    """Return the error for the value of a key; a value of None is missing in the file."""
     if value is None:
         return UserError(f"{where}{key} is missing: {allowed}")
     if isinstance(value, float):

@@ -62,7 +62,7 @@ class Endpoint:
         socket.heartbeat_ivl = _HEARTBEAT
         socket.heartbeat_timeout = 3 * _HEARTBEAT
         if self.keys is not None:
-            self.keys.unlock(socket)
+            self.keys.secure(socket)
         socket.connect(address)
 
 

@@ -92,12 +92,12 @@ def read_server_keys(path: Path, warn: Callable[[str], None] = lambda text: None
     clients = table.get("clients")
     if not isinstance(clients, list):
         raise UserError(f"{path}: clients must be a list of those who may connect")
-    allowed = dict(_client(row, f"{path}: clients[{k}]") for k, row in enumerate(clients))
+    allowed = dict(_read_client(row, f"{path}: clients[{k}]") for k, row in enumerate(clients))
     return ServerKeys(key(table, "public_key", path), key(table, "secret_key", path), allowed)
 
 
-def _client(row: Any, where: str) -> tuple[str, KeyHolder]:
-    """Return key, name and role of a client as the server's file has it."""
+def _read_client(row: Any, where: str) -> tuple[str, KeyHolder]:
+    """Return the public key and its holder from a client's row in the server's file."""
     if not isinstance(row, dict):
         raise UserError(f"{where} must be {{ key = ..., name = ..., role = ... }}")
     name = row.get("name")
@@ -140,10 +140,10 @@ def make_keys(folder: Path) -> tuple[Path, Path]:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UserError(f"cannot make {folder}: {error.strerror}") from error
-    allowed = _write_client(client, public)
-    keys = ServerKeys(public, secret, {allowed: KeyHolder(_FIRST_CLIENT, ROLES[-1])})
+    client_key = _write_client(client, public)
+    keys = ServerKeys(public, secret, {client_key: KeyHolder(_FIRST_CLIENT, ROLES[-1])})
     try:
-        _write_new(server, _server_text(keys))
+        _write_new(server, _encode_server_file(keys))
     except UserError:
         client.unlink(missing_ok=True)
         raise
@@ -189,7 +189,7 @@ def add_client(folder: Path, name: str, role: str = "command") -> Path:
         clients = {**keys.clients, public: KeyHolder(name, role)}
         extended = ServerKeys(keys.public_key, keys.secret_key, clients)
         try:
-            replacement.write_text(_server_text(extended), encoding="utf-8")
+            replacement.write_text(_encode_server_file(extended), encoding="utf-8")
             replacement.replace(server)
         except OSError as error:
             client.unlink(missing_ok=True)
@@ -224,7 +224,8 @@ def _write_client(path: Path, server: str) -> str:
     return public
 
 
-def _server_text(keys: ServerKeys) -> str:
+def _encode_server_file(keys: ServerKeys) -> str:
+    """Return the contents of a server's key file."""
     clients = "".join(
         f'  {{ key = "{public}", name = "{holder.name}", role = "{holder.role}" }},\n'
         for public, holder in keys.clients.items()

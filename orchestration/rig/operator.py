@@ -115,6 +115,7 @@ def acknowledge(remote: Endpoint, latch: str, timeout: float = 5.0) -> dict[str,
     """
     until = monotonic() + timeout
     answer = ask(remote, "acknowledge", timeout, latch=latch)
+    # without a name only an alarm was acknowledged, and there is nothing to wait for
     return _wait_while(remote, answer, lambda now: now["latch"] == latch != "", _LOOK, until)
 
 
@@ -125,7 +126,7 @@ def _wait_while(
     pause: float,
     until: float,
 ) -> dict[str, Any]:
-    """Ask for the status again and again as long as it is such that one has to wait."""
+    """Ask for the status until `waits` is False of it or the time is up; return the last one."""
     while waits(answer) and monotonic() + pause < until:
         sleep(pause)
         answer = ask(remote, "status", max(_PATIENCE, until - monotonic()))

@@ -29,7 +29,7 @@ class ResponseTimes:
     step : float
         In s, between two of them.
     times : ndarray, shape (n,)
-        From when each was due to its answer, in s, ascending.
+        Times from when each request was due to its answer, in s, ascending.
     watchdog : float
         Of the rig, s.
     """
@@ -76,7 +76,7 @@ def measure_response_times(link: Link, step: float) -> ResponseTimes | None:
     UserError
         If the rig does not answer.
     """
-    first = _asked(link, _OPENING)
+    first = _ask_status(link, _OPENING)
     if first["mode"] == LOCKSTEP:
         return None
     interval = min(step, _SLOWEST)
@@ -85,7 +85,7 @@ def measure_response_times(link: Link, step: float) -> ResponseTimes | None:
     for k in range(times.size):
         due = begin + k * interval
         sleep(max(0.0, due - perf_counter()))
-        _asked(link, _OPENING)
+        _ask_status(link, _OPENING)
         times[k] = perf_counter() - due
     return ResponseTimes(step, np.sort(times), first["watchdog"])
 
@@ -116,7 +116,8 @@ def check_response_times(measured: ResponseTimes, endpoint: str) -> None:
     )
 
 
-def _asked(link: Link, timeout: float) -> dict[str, Any]:
+def _ask_status(link: Link, timeout: float) -> dict[str, Any]:
+    """Return the status of a rig; UserError without an answer in time."""
     status = link.status(timeout)
     if status is None:
         raise UserError(

@@ -71,6 +71,7 @@ class CommandFilter:
         ):
             fault = "is no finite number"
             if isfinite(value):
+                # the change may use the time since the last one, and what remained of its budget
                 fault = excess(limit, value, before, elapsed, unit, elapsed + remainder)
                 spent = abs(value - before) / limit.rate if limit.rate > 0.0 else 0.0
                 remainders.append(min(max(0.0, elapsed + remainder - spent), _EARLY))
@@ -260,7 +261,7 @@ def expired(accepted: float, now: float, watchdog: float) -> bool:
     -------
     bool
     """
-    return not now - accepted < watchdog
+    return not now - accepted < watchdog  # a time that is not a number has expired, too
 
 
 def stale(seen: float, now: float, watchdog: float) -> str:

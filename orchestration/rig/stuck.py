@@ -13,9 +13,8 @@ from orchestration.rig.signals import Limit
 
 # of the range of a command, by which it changes much, and by which a device may round it
 _CHANGE = 0.01
-_NOISY = (
-    0.5  # of the samples in which nothing changed, that show another number than the one before
-)
+# of the samples in which no input changed, that show another number than the one before
+_NOISY = 0.5
 
 
 class StuckMonitor:
@@ -38,7 +37,7 @@ class StuckMonitor:
         samples: int,
     ) -> None:
         self._inputs, self._outputs = signals
-        self._much = [_CHANGE * _span(limits.get(name)) for name in self._inputs]
+        self._much = [_CHANGE * _range_width(limits.get(name)) for name in self._inputs]
         self._samples = samples
         self._sensors = {name: _Sensor(self._much, samples) for name in self._outputs}
         self._ignored = dict.fromkeys(self._inputs, 0)
@@ -81,17 +80,18 @@ class StuckMonitor:
         return alarms + self._ignored_writes(applied, read_back)
 
     def _ignored_writes(self, applied: Sequence[float], read_back: Sequence[float]) -> list[str]:
+        """Return an alarm for each input that the device has not taken for a number of samples."""
         alarms = []
-        for name, wanted, there, much in zip(
+        for name, wanted, reported, much in zip(
             self._inputs, applied, read_back, self._much, strict=True
         ):
-            is_ignored = abs(there - wanted) > much
+            is_ignored = abs(reported - wanted) > much  # False where the device reports none
             self._ignored[name] = self._ignored[name] + 1 if is_ignored else 0
             if self._ignored[name] == self._samples:
                 unit = self._inputs[name]
                 alarms.append(
                     f"{name} was written as {wanted:.6g} {unit} in {self._samples} samples, and the"
-                    f" device has {there:.6g} {unit}"
+                    f" device has {reported:.6g} {unit}"
                 )
         return alarms
 
@@ -102,9 +102,9 @@ class _Sensor:
     Parameters
     ----------
     much : sequence of float
-        By which each input changes much.
+        Smallest change of each input that counts.
     samples : int
-        That are looked at together.
+        Length of the window in which changes of the sensor and of inputs belong together.
 
     Attributes
     ----------
@@ -149,10 +149,10 @@ class _Sensor:
         self._applied = applied
 
     def missed(self) -> frozenset[int]:
-        """Return the inputs that changed while the value, against its past, did not.
+        """Return the inputs that the sensor should have followed while its value stayed the same.
 
-        A noisy sensor never stays the same for long. Another one has followed some of these inputs
-        before.
+        These are all that changed, if the sensor is noisy, so that it never stays the same for
+        long, or has followed some of them before; else none.
         """
         moved = self._meanwhile.moved(self._much)
         is_noisy = self._still >= self._samples and self._noisy > _NOISY * self._still
@@ -175,13 +175,13 @@ class _Span:
         self.count += 1
 
     def moved(self, much: Sequence[float]) -> frozenset[int]:
-        """Return the inputs that have changed by much."""
+        """Return the indices of the inputs whose change counts."""
         spans = zip(self._least, self._most, much, strict=True)
         return frozenset(k for k, (low, high, least) in enumerate(spans) if high - low > least)
 
 
-def _span(limit: Limit | None) -> float:
-    """Return how far a signal can change; 0 where nothing limits it."""
+def _range_width(limit: Limit | None) -> float:
+    """Return the width of a signal's range; 0 if it is not limited."""
     if limit is None or not isfinite(limit.max - limit.min):
         return 0.0
     return limit.max - limit.min

@@ -41,10 +41,11 @@ class Chunks:
 
     def next(self) -> list[int]:
         """Remove the next chunk from the queue and return its rows."""
-        share = -(-len(self._waiting) // (2 * self._count))  # rounded up
+        # half of a worker's share at most, rounded up, so that all workers end at about one time
+        share = -(-len(self._waiting) // (2 * self._count))
         return [self._waiting.popleft() for _ in range(min(self._size, share))]
 
     def adapt(self, cases: int, seconds: float) -> None:
-        """Adapt the size of chunks to the time that a number of cases took."""
+        """Adapt the size of chunks to `SECONDS`, from the time that a number of cases took."""
         target = int(SECONDS * cases / max(seconds, 1e-9))
         self._size = max(1, min(self._most, target, _GROWTH * max(cases, self._size)))

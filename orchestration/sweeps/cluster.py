@@ -94,13 +94,14 @@ def run_on_cluster(
         task_bundle = client.submit(identity, bundle(task), pure=False)
         while chunks or running or suspects:
             is_alone = not chunks and not running  # a suspect runs alone
-            while (chunks or is_alone) and len(running) < (1 if is_alone else QUEUED * threads):
+            most_running = 1 if is_alone else QUEUED * threads
+            while (chunks or is_alone) and len(running) < most_running:
                 rows = suspects.popleft() if is_alone else chunks.next()
                 # not pure, so that a chunk that is submitted again is run again
                 running[client.submit(work, task_bundle, cases[rows], pure=False)] = rows
             for future in _wait_for_chunks(client, running, address):
                 rows = running.pop(future)
-                outcomes = _result(future, task, is_alone, address)
+                outcomes = _outcomes_of(future, task, is_alone, address)
                 if outcomes is None:
                     suspects.extend([row] for row in rows)
                     continue
@@ -147,9 +148,9 @@ def _check_address(address: str) -> None:
         raise UserError(
             f"{option('scheduler', address)}: no address of a scheduler, such as tcp://10.0.0.5:8786"
         ) from error
-    has_certificates = Security().get_connection_args("client").get(
-        "ssl_context"
-    ) is not None or dask.config.get("distributed.client.security-loader", None)
+    context = Security().get_connection_args("client").get("ssl_context")
+    loader = dask.config.get("distributed.client.security-loader", None)
+    has_certificates = context is not None or loader
     if address.startswith(("tls:", "wss:")) and not has_certificates:
         raise UserError(
             f"{option('scheduler', address)}: Dask has no certificates for it"
@@ -173,7 +174,7 @@ def _wait_for_chunks(client: Any, running: dict[Any, list[int]], address: str) -
                 ) from error
 
 
-def _result(future: Any, task: Task, is_alone: bool, address: str) -> Outcomes | None:
+def _outcomes_of(future: Any, task: Task, is_alone: bool, address: str) -> Outcomes | None:
     """Return the outcomes of a chunk; None if its worker ended, perhaps because of another chunk.
 
     Dask reports every chunk in the queue of a worker that ended, also those that had not begun.
@@ -198,7 +199,7 @@ def _result(future: Any, task: Task, is_alone: bool, address: str) -> Outcomes |
 
 _lock = Lock()  # a worker may have several threads, an FMU instance only one
 # digest, runner and folder of the newest task
-_open: tuple[str, CaseRunner, Any] | None = None
+_open_task: tuple[str, CaseRunner, Any] | None = None
 
 
 def identity(task_bundle: TaskBundle) -> TaskBundle:
@@ -209,14 +210,14 @@ def identity(task_bundle: TaskBundle) -> TaskBundle:
 def work(task_bundle: TaskBundle, cases: Array) -> Outcomes:
     """Run a chunk of cases, shape (k, p), in this worker; the task stays open for the next."""
     with _lock, _in_worker_folder():
-        return _runner(task_bundle).run(cases)
+        return _runner_of(task_bundle).run(cases)
 
 
 def release() -> None:
     """Close the open task of a worker and remove its files, unless it is running."""
     if _lock.acquire(blocking=False):
         try:
-            _close()
+            _close_task()
         finally:
             _lock.release()
 
@@ -237,20 +238,21 @@ def _in_worker_folder() -> Iterator[None]:
         tempfile.tempdir = before
 
 
-def _close() -> None:
-    global _open
-    if _open is not None:
-        _open[1].__exit__(None, None, None)
-        scratch.remove(_open[2])
-        _open = None
+def _close_task() -> None:
+    """Close the runner of the open task, if there is one, and remove its files."""
+    global _open_task
+    if _open_task is not None:
+        _open_task[1].__exit__(None, None, None)
+        scratch.remove(_open_task[2])
+        _open_task = None
 
 
-def _runner(task_bundle: TaskBundle) -> CaseRunner:
+def _runner_of(task_bundle: TaskBundle) -> CaseRunner:
     """Return the open runner of a task, which replaces that of another task."""
-    global _open
-    if _open is not None and _open[0] == task_bundle.digest:
-        return _open[1]
-    _close()
+    global _open_task
+    if _open_task is not None and _open_task[0] == task_bundle.digest:
+        return _open_task[1]
+    _close_task()
     folder = scratch.make("sweep")
     try:
         with scratch.written(folder):
@@ -259,7 +261,7 @@ def _runner(task_bundle: TaskBundle) -> CaseRunner:
     except BaseException:
         scratch.remove(folder)
         raise
-    _open = task_bundle.digest, runner, folder
+    _open_task = task_bundle.digest, runner, folder
     return runner
 
 

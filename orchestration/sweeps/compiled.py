@@ -16,7 +16,7 @@ from orchestration.reporting import option
 ENGINES = ("auto", "fmu", "compiled")
 # Most internal steps of a case: a few tenths of a second, during which Ctrl-C has no effect. A case
 # of more steps is run by the FMU, which is as fast then, as the equations take most of the time.
-_MOST = 2e6
+_MOST_STEPS = 2e6
 
 
 @dataclass(frozen=True)
@@ -73,15 +73,15 @@ def choose_equations(model: Model, engine: str) -> Equations | None:
     if engine == "fmu":
         return None
     try:
-        return _equations(model)
+        return _compile(model)
     except UserError as error:
         if engine == "auto":
             return None
         raise UserError(f"{option('engine', 'compiled')}: {error}") from error
 
 
-def _equations(model: Model) -> Equations:
-    """Return the equations of a model; raise if it is not a native build of a component here."""
+def _compile(model: Model) -> Equations:
+    """Compile the equations of a model; raise if it is not a native build of a component here."""
     from fmus.kit.record import plain_library
 
     cls = model.cls
@@ -167,34 +167,36 @@ class CompiledCases:
             False for cases that are left to the FMU.
         """
         count = len(next(iter(over.values())))
-        parameters, has_valid_parameters = self._parameters(count, settings, over)
-        tables, has_valid_inputs = self._tables(len(time), count, inputs, settings, over)
+        parameters, has_valid_parameters = self._parameter_table(count, settings, over)
+        tables, has_valid_inputs = self._input_tables(len(time), count, inputs, settings, over)
         columns = [self._column[name] for name in outputs]
         decided = has_valid_parameters & has_valid_inputs
         parameters[~decided] = self._starts  # compiled code must not see invalid values
         tables[~has_valid_inputs] = 0.0
         tolerance = self._equations.tolerance
-        effort = _MOST / len(time)
-        traces, done = self._library.cases(time, tables, parameters, tolerance, effort, columns)
+        steps_per_point = _MOST_STEPS / len(time)
+        traces, done = self._library.cases(
+            time, tables, parameters, tolerance, steps_per_point, columns
+        )
         decided &= done
         traces[~decided] = np.nan
         return traces, decided
 
-    def _parameters(
+    def _parameter_table(
         self, count: int, settings: Mapping[str, Value], over: Mapping[str, Array]
     ) -> tuple[Array, Mask]:
-        """Return parameters, shape (k, p), and whether the FMU accepts them, shape (k,)."""
+        """Return parameters, shape (k, p), and a mask (k,) of the cases that the FMU accepts."""
         values = np.tile(self._starts, (count, 1))
         is_valid = np.ones(count, bool)
         for name, value in {**settings, **over}.items():
-            if isinstance(value, str):
+            if isinstance(value, str):  # compiled code has numbers only
                 is_valid[:] = False
             elif name in self._index:
                 values[:, self._index[name]] = value
         is_valid &= ((values >= self._smallest) & (values <= self._largest)).all(axis=1)
         return values, is_valid & (values[:, self._periods] > 0.0).all(axis=1)
 
-    def _tables(
+    def _input_tables(
         self,
         points: int,
         count: int,
@@ -202,7 +204,7 @@ class CompiledCases:
         settings: Mapping[str, Value],
         over: Mapping[str, Array],
     ) -> tuple[Array, Mask]:
-        """Return inputs, shape (k, n, u), and whether the FMU accepts them, shape (k,).
+        """Return inputs, shape (k, n, u), and a mask (k,) of the cases that the FMU accepts.
 
         Inputs without a trace are constant. With the same inputs in all cases k is 1.
         """

@@ -47,10 +47,10 @@ def draw_curves(data: xarray.Dataset) -> Figure:
     UserError
         If there are no numbers.
     """
-    names = names_to_draw(_numbers(data))
+    names = names_to_draw(_names_of_numbers(data))
     if not names:
         raise no_numbers()
-    first = _parameters(data)[0]
+    first = _names_of_parameters(data)[0]
     x, unit = results.displayed(data[first])
     figure, panels = pictures.panels(len(names), str(data.attrs["model"]))
     for panel, name in zip(panels, names, strict=True):
@@ -76,18 +76,18 @@ def no_numbers() -> UserError:
 
 def omissions(data: xarray.Dataset) -> list[str]:
     """Return a line on each part of a sweep that its picture does not show."""
-    numbers = _numbers(data)
-    first, *others = _parameters(data)
+    numbers = _names_of_numbers(data)
+    first, *others = _names_of_parameters(data)
     return [*describe_omission(numbers), *_describe_others(data[numbers[0]], first, others)]
 
 
-def _numbers(data: xarray.Dataset) -> list[str]:
+def _names_of_numbers(data: xarray.Dataset) -> list[str]:
     return [
         str(name) for name, value in data.items() if name != "failure" and "time" not in value.dims
     ]
 
 
-def _parameters(data: xarray.Dataset) -> list[str]:
+def _names_of_parameters(data: xarray.Dataset) -> list[str]:
     return [str(name) for name in data.coords if name != "time"]
 
 
@@ -113,7 +113,7 @@ def _describe_others(value: xarray.DataArray, first: str, others: Sequence[str])
 def _draw_grid(
     panel: Any, data: xarray.Dataset, value: xarray.DataArray, first: str, x: Any
 ) -> None:
-    """Draw a number over the first parameter of a grid, a curve per combination of the others."""
+    """Draw a number over the first parameter of a grid, a curve for each combination of others."""
     others = [str(dim) for dim in value.dims if dim != first]
     curves = value.transpose(first, *others).values.reshape(len(x), -1).T
     shades = np.linspace(1.0, 0.25, len(curves))

@@ -169,7 +169,8 @@ def _design_of_samples(
     """Return a design of points between the ends of the ranges."""
     if samples is None or not 1 <= samples <= MOST:
         raise UserError(f"{option('kind', kind)} needs {option('samples')}, from 1 to {MOST:,}")
-    if kind != "latin-hypercube" and samples & (samples - 1):
+    is_power_of_two = not samples & (samples - 1)
+    if kind != "latin-hypercube" and not is_power_of_two:
         raise UserError(
             f"{option('samples', samples)}: Sobol points are balanced only for powers of two, such"
             " as 128 and 256"

@@ -78,9 +78,9 @@ def run_sweep(
         count = len(cases.cases)
         done = count - len(open_cases)
         progress(done, count)
-        repeats = _repeats(cases, open_cases)
-        for rows, outcomes in _run_all(task, cases.cases, [*repeats], workers, scheduler):
-            done += _write(journal, rows, outcomes, repeats)
+        repeats = _group_repeats(cases, open_cases)
+        for rows, outcomes in _run_cases(task, cases.cases, [*repeats], workers, scheduler):
+            done += _write_repeats(journal, rows, outcomes, repeats)
             progress(done, count)
         result = dataset(model, task, cases, journal)
         if folder is None:
@@ -89,7 +89,7 @@ def run_sweep(
     return result.assign_attrs(model=model.name, guid=guid, engine=task.engine)
 
 
-def _write(
+def _write_repeats(
     journal: SweepJournal,
     rows: Sequence[int],
     outcomes: Outcomes,
@@ -97,28 +97,28 @@ def _write(
 ) -> int:
     """Write the outcomes of rows for all their repeats, and return the number of written cases."""
     written: list[int] = []
-    places: list[int] = []
-    for place, row in enumerate(rows):
+    indices: list[int] = []  # of the outcome of each written row
+    for k, row in enumerate(rows):
         written += repeats[row]
-        places += [place] * len(repeats[row])
-    journal.write(written, outcomes.at(places))
+        indices += [k] * len(repeats[row])
+    journal.write(written, outcomes.select(indices))
     return len(written)
 
 
-def _run_all(
+def _run_cases(
     task: Task, cases: Array, rows: list[int], workers: int, scheduler: str | None
 ) -> Iterator[RowsAndOutcomes]:
     """Run cases; at the end the FMU runs those that compiled code left undecided."""
     undecided: list[int] = []
-    for chunk, outcomes in _run(task, cases, rows, workers, scheduler):
-        undecided += [chunk[place] for place in outcomes.undecided]
-        decided = [place for place in range(len(chunk)) if place not in outcomes.undecided]
-        yield [chunk[place] for place in decided], outcomes.at(decided)
+    for chunk, outcomes in _run_by_workers(task, cases, rows, workers, scheduler):
+        undecided += [chunk[k] for k in outcomes.undecided]
+        decided = [k for k in range(len(chunk)) if k not in outcomes.undecided]
+        yield [chunk[k] for k in decided], outcomes.select(decided)
     if undecided:
-        yield from _run(task.by_fmu, cases, undecided, workers, scheduler)
+        yield from _run_by_workers(task.by_fmu, cases, undecided, workers, scheduler)
 
 
-def _run(
+def _run_by_workers(
     task: Task, cases: Array, rows: list[int], workers: int, scheduler: str | None
 ) -> Iterator[RowsAndOutcomes]:
     """Run cases by local workers, or on a cluster if there is a scheduler."""
@@ -146,8 +146,11 @@ def check_memory(task: Task, cases: Design) -> None:
         )
 
 
-def _repeats(cases: Design, open_cases: Sequence[int]) -> Mapping[int, Sequence[int]]:
-    """Return groups of identical cases by the first row, which is run; only lists have repeats."""
+def _group_repeats(cases: Design, open_cases: Sequence[int]) -> Mapping[int, Sequence[int]]:
+    """Return the rows of identical cases by the first of them, which is run for all.
+
+    Only lists have repeats.
+    """
     if cases.kind != "list":
         return {row: (row,) for row in open_cases}
     groups: dict[bytes, list[int]] = {}
@@ -179,7 +182,7 @@ def dataset(model: Model, task: Task, cases: Design, journal: SweepJournal) -> S
     dims = tuple(cases.names) if cases.kind == "grid" else ("case",)
     values: dict[str, _Variable] = {}
     for m, output in enumerate(task.outputs):
-        about = _about(model.outputs[output])
+        about = _attributes_of(model.outputs[output])
         for r, name in enumerate(reductions):
             values[f"{output}_{name}"] = (dims, numbers[:, r, m].reshape(cases.shape), about)
         if TRACE in task.keep:
@@ -201,16 +204,17 @@ def _coordinates(model: Model, cases: Design) -> dict[str, _Variable]:
     """Return the parameters of a design as coordinates: dimensions of a grid, or values by case."""
     signals = {**model.parameters, **model.inputs}
     coordinates: dict[str, _Variable] = {}
-    for one, column in zip(cases.ranges, cases.cases.T, strict=True):
-        about = _about(signals[one.name])
+    for parameter, column in zip(cases.ranges, cases.cases.T, strict=True):
+        name = parameter.name
+        about = _attributes_of(signals[name])
         if cases.kind == "grid":
-            coordinates[one.name] = ((one.name,), one.values, about)
+            coordinates[name] = ((name,), parameter.values, about)
         else:
-            coordinates[one.name] = (("case",), column, about)
+            coordinates[name] = (("case",), column, about)
     return coordinates
 
 
-def _about(signal: Signal) -> dict[str, str]:
+def _attributes_of(signal: Signal) -> dict[str, str]:
     """Return units and description of a signal as attributes."""
     return {
         "units": signal.unit,

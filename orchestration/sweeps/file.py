@@ -14,7 +14,7 @@ from fmus.kit.arrays import Array
 from fmus.kit.files import is_file
 from orchestration.experiment import Experiment, parse, read, shipped
 from orchestration.experiment.preparation import prepare
-from orchestration.experiment.subjects import subject
+from orchestration.experiment.subjects import open_subject
 from orchestration.experiment.system_model import find_system, system_model
 from orchestration.experiment.values import ValueTable, checked, read_toml
 from orchestration.fmu import Model, Value, find_model
@@ -118,18 +118,17 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> S
         reason = "a folder" if path.is_dir() else "no such file"
         raise UserError(f"{where}: {reason}")
     table = checked(SweepTable, read_toml(path), where, str(path.parent))
-    stated = _experiment(table.experiment, path)
-    model = _model(stated, where)
+    stated = _read_experiment(table.experiment, path)
+    model = _model_of(stated, where)
     fit = read_fitted(path.parent / table.fitted, model) if table.fitted is not None else None
-    over: Mapping[str, str | Array] = (
-        _over(table) if fit is None else fit.draws(table.samples, table.seed)
-    )
+    over: Mapping[str, str | Array]
+    over = _values_as_text(table) if fit is None else fit.draws(table.samples, table.seed)
     # in a tornado a parameter keeps the value of the experiment while another one changes
     replaced = {} if table.design == TORNADO else over
-    experiment = _without(stated, replaced)
-    with subject(experiment, where) as target:
-        inputs = {name: signal for name, signal in target.inputs.items() if name not in over}
-        prepared = prepare(experiment, replace(target, inputs=inputs), where, note)
+    experiment = _without_swept(stated, replaced)
+    with open_subject(experiment, where) as subject:
+        inputs = {name: signal for name, signal in subject.inputs.items() if name not in over}
+        prepared = prepare(experiment, replace(subject, inputs=inputs), where, note)
     settings = {name: value for name, value in prepared.settings.items() if name not in replaced}
     if fit is not None:
         for line in fit.differences(settings):
@@ -139,7 +138,7 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> S
         over=over,
         kind=table.design if fit is None else DRAWS,
         samples=table.samples if fit is None else None,
-        keep=table.keep or [*(KEPT if fit is None else (TRACE,))],
+        keep=table.keep or list(KEPT if fit is None else (TRACE,)),
         time=prepared.time,
         inputs=prepared.inputs,
         settings=settings,
@@ -148,7 +147,7 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> S
     )
 
 
-def _model(stated: Experiment, where: str) -> Model:
+def _model_of(stated: Experiment, where: str) -> Model:
     """Return the model of an experiment that can be swept."""
     if stated.noise:
         raise UserError(f"{where}: a sweep cannot have noise of measurements")
@@ -158,7 +157,7 @@ def _model(stated: Experiment, where: str) -> Model:
     return find_model(stated.component, stated.chosen_runtime, stated.effects)
 
 
-def _over(table: SweepTable) -> dict[str, str]:
+def _values_as_text(table: SweepTable) -> dict[str, str]:
     """Return values of parameters in the notation of the command line."""
     over = {}
     for name, values in table.over.items():
@@ -166,15 +165,18 @@ def _over(table: SweepTable) -> dict[str, str]:
     return over
 
 
-def _experiment(entry: str | dict[str, Any], path: Path) -> Experiment:
-    """Return the experiment of a sweep file: a table, or the name of a shipped one or a file."""
+def _read_experiment(entry: str | dict[str, Any], path: Path) -> Experiment:
+    """Return the experiment of a sweep file: a table, or the name of a shipped one or of a file.
+
+    A file is searched beside the sweep file first, but a shipped name is never a file.
+    """
     if isinstance(entry, dict):
         return parse(entry, f"{path}: experiment", str(path.parent))
     file = path.parent / entry
     return read(str(file) if entry not in shipped() and is_file(file) else entry)
 
 
-def _without(experiment: Experiment, swept: Mapping[str, Any]) -> Experiment:
+def _without_swept(experiment: Experiment, swept: Mapping[str, Any]) -> Experiment:
     """Return an experiment without the parameters and inputs of a sweep."""
     update = {}
     for group in ("parameters", "inputs"):

@@ -183,7 +183,8 @@ def _estimate(path: Path, name: str, parameter: _Parameter, model: Model) -> Est
 def _correlations(path: Path, fitted: _Fitted) -> dict[tuple[str, str], float]:
     """Return the correlations by pair; raise if a pair of parameters does not have exactly one."""
     missing = {frozenset(pair) for pair in combinations(fitted.parameters, 2)}
-    for one, other in (correlation.between for correlation in fitted.correlations):
+    for correlation in fitted.correlations:
+        one, other = correlation.between
         for name in (one, other):
             if name not in fitted.parameters:
                 raise UserError(f"{path}: a correlation with {name}, which was not fitted")

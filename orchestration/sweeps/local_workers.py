@@ -66,8 +66,8 @@ def run_cases(
 def _pool(task: Task, count: int) -> Iterator[Submit]:
     """Yield a function that submits cases to workers."""
     if not task.equations:
-        with Pool(task.limits or Limits(inf, inf), count, _open, task) as processes:
-            yield lambda values: processes.submit(_work, values)
+        with Pool(task.limits or Limits(inf, inf), count, _open_runner, task) as processes:
+            yield lambda values: processes.submit(_run_in_worker, values)
         return
     with CaseRunner(task) as runner, ThreadPoolExecutor(count) as threads:
         try:
@@ -99,21 +99,21 @@ def _run_in_parallel(
                 if half:
                     suspects += [rows[:half], rows[half:]]
                 else:
-                    where = end.state.words(task.source.points(task.time), task.source.name)
+                    where = end.state.describe(task.source.points(task.time), task.source.name)
                     yield rows, failed_case(task, f"{where}: {end.reason}")
                 continue
             chunks.adapt(len(rows), outcomes.seconds)
             yield rows, outcomes
 
 
-def _open(task: Task) -> None:
+def _open_runner(task: Task) -> None:
     """Open the runner of a worker process for its lifetime."""
     global _runner
     _runner = CaseRunner(task)
     _runner.__enter__()
 
 
-def _work(cases: Array) -> Outcomes:
+def _run_in_worker(cases: Array) -> Outcomes:
     """Run cases, shape (k, p), in a worker process."""
     assert _runner is not None
     return _runner.run(cases)

@@ -145,13 +145,13 @@ def _range_sentence(data: xarray.Dataset, ranges: list[Extreme]) -> str:
 def _verdict(data: xarray.Dataset, ranges: list[Extreme]) -> str:
     """Return a sentence on the parameters with the largest effect on the first number."""
     correlations = _correlations(data, ranges[0].name) if ranges else {}
-    moves = [
+    effects = [
         f"{'rises' if r > 0.0 else 'falls'} with {in_words(name)} (rank correlation {r:+.2f})"
         for name, r in sorted(correlations.items(), key=lambda item: -abs(item[1]))
         if abs(r) > _NOTABLE
     ]
-    if moves:
-        return f"It {' and '.join(moves[:_MENTIONS])}."
+    if effects:
+        return f"It {' and '.join(effects[:_MENTIONS])}."
     return f"Swept: {', '.join(map(in_words, parameters_of(data)))}."
 
 

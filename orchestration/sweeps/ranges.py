@@ -76,28 +76,28 @@ def read_range(text: str, model: Model) -> Range:
     """
     name, equals, notation = (part.strip() for part in text.partition("="))
     if not equals or not notation:
-        raise UserError(f"{_over(text)}: write name=from..to:count or name=value, value, ...")
-    signal = _signal(name, model, text)
+        raise UserError(f"{_option(text)}: write name=from..to:count or name=value, value, ...")
+    signal = _swept_signal(name, model, text)
     match = _RANGE.match(notation)
     if match is None:
-        numbers = [_value(word, signal, text) for word in notation.split(",")]
+        numbers = [_read_value(word, signal, text) for word in notation.split(",")]
         return Range(name, signal.unit, np.array(numbers))
-    low = _value(_with_unit_of(match["high"], match["low"]), signal, text)
-    high = _value(match["high"], signal, text)
+    low = _read_value(_with_unit_of(match["high"], match["low"]), signal, text)
+    high = _read_value(match["high"], signal, text)
     is_logarithmic = bool(match["log"])
     if not low < high:
         raise UserError(
-            f"{_over(text)}: a range goes up, but {low:g} to {high:g} {signal.unit} does not"
+            f"{_option(text)}: a range goes up, but {low:g} to {high:g} {signal.unit} does not"
         )
     if is_logarithmic and low <= 0.0:
         raise UserError(
-            f"{_over(text)}: equal ratios need positive ends, not {low:g} {signal.unit}"
+            f"{_option(text)}: equal ratios need positive ends, not {low:g} {signal.unit}"
         )
     if match["count"] is None:
         ends = np.array((low, high))
         return Range(name, signal.unit, ends, is_logarithmic, counted=False)
     spaced = np.geomspace if is_logarithmic else np.linspace
-    values = spaced(low, high, _count(match["count"].strip(), text))
+    values = spaced(low, high, _read_count(match["count"].strip(), text))
     return Range(name, signal.unit, values, is_logarithmic)
 
 
@@ -116,18 +116,18 @@ def given_range(name: str, values: Sequence[float] | Array, model: Model) -> Ran
     UserError
         If the model has no such parameter, or a value is not allowed.
     """
-    signal = _signal(name, model, name)
+    signal = _swept_signal(name, model, name)
     array = np.array(values, dtype=float)
     if array.ndim != 1 or not array.size:
         raise UserError(f"{name}: values of shape {array.shape}; a row of them is swept")
     if not np.isfinite(array).all():
         raise UserError(f"{name}: a value is not a number, or not finite")
-    for extreme in (array.min(), array.max()):  # all values between them are allowed if they are
-        _value(repr(float(extreme)), signal, f"{name}={extreme:g}")
+    for extreme in (array.min(), array.max()):  # if both are allowed, so are values between them
+        _read_value(repr(float(extreme)), signal, f"{name}={extreme:g}")
     return Range(name, signal.unit, array)
 
 
-def _signal(name: str, model: Model, text: str) -> Signal:
+def _swept_signal(name: str, model: Model, text: str) -> Signal:
     """Return the real parameter or input of a name; raise if the model has none."""
     known = {**model.parameters, **model.inputs}
     if name not in known:
@@ -136,39 +136,39 @@ def _signal(name: str, model: Model, text: str) -> Signal:
         )
     if known[name].type != "real":
         raise UserError(
-            f"{_over(text)}: {name} is of type {known[name].type}; real numbers can be swept"
+            f"{_option(text)}: {name} is of type {known[name].type}; real numbers can be swept"
         )
     return known[name]
 
 
-def _over(text: str) -> str:
+def _option(text: str) -> str:
     """Return the option with a range, for messages."""
     name, equals, values = (part.strip() for part in text.partition("="))
     return option("over", {name: values} if equals else name)
 
 
-def _count(word: str, text: str) -> int:
+def _read_count(word: str, text: str) -> int:
     """Return the number of values of a range; raise if it is not 2 to `MOST`."""
     if not word.isdigit() or not 2 <= int(word) <= MOST:
         raise UserError(
-            f"{_over(text)}: {word or 'nothing'} is no number of values (allowed: 2 to {MOST:,})"
+            f"{_option(text)}: {word or 'nothing'} is no number of values (allowed: 2 to {MOST:,})"
         )
     return int(word)
 
 
 def _with_unit_of(other: str, amount: str) -> str:
     """Return a value with the unit of another one if it has none."""
-    return f"{amount} {_unit(other)}" if not _unit(amount) else amount
+    return f"{amount} {_unit_of(other)}" if not _unit_of(amount) else amount
 
 
-def _unit(amount: str) -> str:
+def _unit_of(amount: str) -> str:
     number = _NUMBER.match(amount.strip())
     return amount.strip()[number.end() :].strip() if number else ""
 
 
-def _value(word: str, signal: Signal, text: str) -> float:
+def _read_value(word: str, signal: Signal, text: str) -> float:
     """Return a finite value in the unit of a signal."""
-    value = read_setting(word.strip(), signal, _over(text))
+    value = read_setting(word.strip(), signal, _option(text))
     if isinstance(value, str) or not np.isfinite(value):
-        raise UserError(f"{_over(text)}: {word.strip()!r} is not a number")
+        raise UserError(f"{_option(text)}: {word.strip()!r} is not a number")
     return float(value)

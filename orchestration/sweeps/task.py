@@ -88,12 +88,11 @@ class Outcomes:
     undecided: tuple[int, ...] = ()
     seconds: float = 0.0
 
-    def at(self, places: Sequence[int]) -> Outcomes:
+    def select(self, indices: Sequence[int]) -> Outcomes:
         """Return the outcomes at indices, which may be repeated."""
-        failures = {
-            k: self.failures[place] for k, place in enumerate(places) if place in self.failures
-        }
-        return Outcomes(self.numbers[[*places]], self.traces[[*places]], failures, (), self.seconds)
+        failures = {k: self.failures[i] for k, i in enumerate(indices) if i in self.failures}
+        numbers = self.numbers[[*indices]]
+        return Outcomes(numbers, self.traces[[*indices]], failures, (), self.seconds)
 
 
 def failed_case(task: Task, reason: str) -> Outcomes:

@@ -36,7 +36,7 @@ def interface(member: Member) -> Model:
 
 @lru_cache(maxsize=64)
 def _read_interface(path: Path, modified: int) -> Model:
-    """Read an FMU; the cache is valid until its file is modified."""
+    """Return the model of an FMU; `modified`, ns, makes the cache valid for this file only."""
     return find_model(str(path))
 
 
@@ -79,6 +79,7 @@ def check(system: System) -> None:
 
 
 def _check(system: System) -> None:
+    """Do the work of `check`, whose messages begin with the name of the system."""
     times = (system.step, system.stop)
     if not all(math.isfinite(time) and time > 0.0 for time in times):
         raise UserError(
@@ -99,6 +100,7 @@ def _check(system: System) -> None:
 
 
 def _check_names(system: System) -> None:
+    """Raise UserError without members, or if a name is not valid or occurs twice."""
     if not system.members:
         raise UserError("it has no members")
     names_of = {
@@ -179,7 +181,10 @@ def _check_units(connection: Connection, unit: str, to: str) -> None:
 
 
 def conversion(unit: str, to: str) -> tuple[float, float] | None:
-    """Return the factor and the offset of a conversion of units; None if it is not possible."""
+    """Return the factor and the offset that convert values in a unit to another one.
+
+    None if the dimensions of the units differ or a unit is unknown.
+    """
     if unit == to:
         return _IDENTITY
     try:
@@ -190,6 +195,7 @@ def conversion(unit: str, to: str) -> tuple[float, float] | None:
 
 
 def _describe(transformation: tuple[float, float]) -> str:
+    """Return a factor and an offset as text, without an offset of 0."""
     factor, offset = transformation
     return f"factor {factor:.12g}" + (f" and offset {offset:.12g}" if offset else "")
 

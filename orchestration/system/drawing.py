@@ -77,7 +77,7 @@ def _draw_net(
     lane: Lane,
     color: str,
 ) -> None:
-    """Draw the wires from one output."""
+    """Draw the wires from one output, with arrows, factors and offsets at the inputs."""
     routes = [route(boxes, connection, lane) for connection in connections]
     for connection, points in zip(connections, routes, strict=True):
         x, y = points[-1]
@@ -201,10 +201,11 @@ def _draw_title(
 def _right_border(
     system: System, boxes: Mapping[str, DiagramBox], lanes: Mapping[Port, Lane]
 ) -> float:
-    """Return x of the right border of the picture."""
+    """Return x of the right border of the picture, in inches, beyond all boxes, pins and tracks."""
+    # letters of the longest name of an output of the system, by column
     longest = dict.fromkeys((box.column for box in boxes.values()), 0)
     for name, port in system.outputs.items():
         column = boxes[port.member].column
         longest[column] = max(longest[column], len(name))
     rights = [box.x + box.width + 0.6 + LETTER * longest[box.column] for box in boxes.values()]
-    return max([*rights, *(lane.own + 0.2 for lane in lanes.values()), 5.0])
+    return max([*rights, *(lane.source_track + 0.2 for lane in lanes.values()), 5.0])

@@ -73,7 +73,7 @@ class Lane:
 
     Attributes
     ----------
-    own : float
+    source_track : float
         x of the track after the column of the source.
     entries : Mapping of int to float
         x of the tracks before other columns, by column.
@@ -81,7 +81,7 @@ class Lane:
         y of the lane between these tracks.
     """
 
-    own: float
+    source_track: float
     entries: Mapping[int, float]
     y: float
 
@@ -92,7 +92,7 @@ class _NetTracks:
 
     Attributes
     ----------
-    own : int
+    source_track : int
         Track in the gap after the column of the source.
     entries : Mapping of int to int
         Tracks in the gaps before other columns, by column.
@@ -100,7 +100,7 @@ class _NetTracks:
         From 1 upwards above the boxes, from -1 downwards below them; 0 without a lane.
     """
 
-    own: int
+    source_track: int
     entries: Mapping[int, int]
     lane: int
 
@@ -138,7 +138,7 @@ def arrange(system: System) -> tuple[dict[str, DiagramBox], dict[Port, Lane]]:
     height = _place_rows(boxes)
     lanes = {
         source: Lane(
-            own=gaps[boxes[source.member].column] + _TRACK * (net.own + 1),
+            source_track=gaps[boxes[source.member].column] + _TRACK * (net.source_track + 1),
             entries={c: gaps[c - 1] + _TRACK * (n + 1) for c, n in net.entries.items()},
             y=(0.15 if net.lane > 0 else -height - 0.15) + _TRACK * net.lane,
         )
@@ -148,6 +148,7 @@ def arrange(system: System) -> tuple[dict[str, DiagramBox], dict[Port, Lane]]:
 
 
 def _make_boxes(system: System) -> dict[str, DiagramBox]:
+    """Return the box of each member with its connected variables, still without a position."""
     connected_inputs = {c.target for c in system.connections} | {
         port for ports in system.inputs.values() for port in ports
     }
@@ -212,16 +213,17 @@ def _visit_depth_first(
 
 
 def _choose_tracks(system: System, boxes: Mapping[str, DiagramBox]) -> Mapping[Port, _NetTracks]:
-    """Return the tracks and lane of every net, by its source."""
+    """Return the numbers of the tracks and of the lane of every net, by its source."""
     nets = nets_of(system)
     used: dict[int, int] = {}
 
     def next_track(gap: int) -> int:
+        """Return the number of a further track in the gap after a column."""
         used[gap] = used.get(gap, 0) + 1
         return used[gap] - 1
 
     # in a gap, the tracks from the column before it are left of those to the column behind it
-    own_tracks = {source: next_track(boxes[source.member].column) for source in nets}
+    source_tracks = {source: next_track(boxes[source.member].column) for source in nets}
     lanes_over = 0
     lanes_under = 0
     tracks = {}
@@ -230,29 +232,33 @@ def _choose_tracks(system: System, boxes: Mapping[str, DiagramBox]) -> Mapping[P
         targets = {boxes[connection.target.member].column for connection in connections}
         distant = sorted(targets - {column + 1})
         lane = 0
-        if distant and distant[0] <= column:
+        if distant and distant[0] <= column:  # backward wires run below the boxes
             lanes_under -= 1
             lane = lanes_under
         elif distant:
             lanes_over += 1
             lane = lanes_over
         entries = {other: next_track(other - 1) for other in distant}
-        tracks[source] = _NetTracks(own_tracks[source], entries, lane)
+        tracks[source] = _NetTracks(source_tracks[source], entries, lane)
     return tracks
 
 
 def _place_columns(
     system: System, boxes: Mapping[str, DiagramBox], tracks: Mapping[Port, _NetTracks]
 ) -> dict[int, float]:
-    """Set x of every box, and return x of the first track of each gap by the column before it."""
+    """Set x of every box, and return x of each gap's tracks, by the column before the gap.
+
+    From left to right follow the pins of outputs of a column, the tracks of the gap, the pins of
+    inputs of the next column, and its boxes.
+    """
     columns = _boxes_by_column(boxes)
     input_pins = [(name, port) for name, ports in system.inputs.items() for port in ports]
     input_widths = _pin_widths(input_pins, boxes, len(columns))
     output_widths = _pin_widths(list(system.outputs.items()), boxes, len(columns))
     track_counts = dict.fromkeys(range(-1, len(columns)), 0)
     for source, net in tracks.items():
-        own_gap = boxes[source.member].column
-        track_counts[own_gap] = max(track_counts[own_gap], net.own + 1)
+        source_gap = boxes[source.member].column
+        track_counts[source_gap] = max(track_counts[source_gap], net.source_track + 1)
         for column, number in net.entries.items():
             track_counts[column - 1] = max(track_counts[column - 1], number + 1)
     gaps = {}
@@ -285,7 +291,7 @@ def _pin_widths(
 
 
 def _place_rows(boxes: Mapping[str, DiagramBox]) -> float:
-    """Set y of every box in centred columns, and return the height of the tallest column."""
+    """Set y of every box so that columns are centred; return the height of the tallest column."""
     columns = _boxes_by_column(boxes)
     heights = [sum(box.height for box in column) + _SPACE * (len(column) - 1) for column in columns]
     tallest = max(heights)
@@ -301,12 +307,23 @@ def _place_rows(boxes: Mapping[str, DiagramBox]) -> float:
 def route(
     boxes: Mapping[str, DiagramBox], connection: Connection, lane: Lane
 ) -> list[tuple[float, float]]:
-    """Return the corners (x, y) of a wire, with both of its ends."""
+    """Return both ends of a wire and its corners between them, as (x, y) in inches.
+
+    A wire to the next column needs the track of its source only; to another column it goes along
+    the lane to the track before that column.
+    """
     source = boxes[connection.source.member]
     target = boxes[connection.target.member]
     start = source.end(connection.source.variable, output=True)
     end = target.end(connection.target.variable, output=False)
     if target.column == source.column + 1:
-        return [start, (lane.own, start[1]), (lane.own, end[1]), end]
-    x = lane.entries[target.column]
-    return [start, (lane.own, start[1]), (lane.own, lane.y), (x, lane.y), (x, end[1]), end]
+        return [start, (lane.source_track, start[1]), (lane.source_track, end[1]), end]
+    entry = lane.entries[target.column]
+    return [
+        start,
+        (lane.source_track, start[1]),
+        (lane.source_track, lane.y),
+        (entry, lane.y),
+        (entry, end[1]),
+        end,
+    ]

@@ -73,7 +73,7 @@ def _port(text: str) -> Port:
 
 
 def with_voltmeter(system: System, source: str, runtime: str = "native") -> System:
-    """Return a system in which a voltage is measured by a voltmeter before it is received.
+    """Return a system with a voltmeter in the connections from a voltage to its inputs.
 
     Parameters
     ----------

@@ -150,12 +150,12 @@ class System:
         raise UserError(f"system {self.name}: no member named {name!r}{suggestion(name, names)}")
 
     def port(self, text: str) -> Port:
-        """Return the port of a text ``member.variable``.
+        """Return the port that a text ``member.variable`` names.
 
         Raises
         ------
         UserError
-            If it has not that form, or there is no such member.
+            If the text is not of this form, or there is no such member.
         """
         name, dot, variable = text.partition(".")
         if not dot or not variable:
@@ -184,7 +184,7 @@ class System:
         )
 
     def disconnected(self, target: str, value: float) -> System:
-        """Return the system without the connection to an input, which is constant then.
+        """Return the system with a constant value in place of the connection to an input.
 
         Parameters
         ----------
@@ -198,10 +198,10 @@ class System:
         UserError
             If the input is not connected.
         """
-        kept = tuple(c for c in self.connections if c.target != self.port(target))
-        if len(kept) == len(self.connections):
+        others = tuple(c for c in self.connections if c.target != self.port(target))
+        if len(others) == len(self.connections):
             raise UserError(f"system {self.name}: {target} is not connected")
-        return replace(self, connections=kept).given({target: value})
+        return replace(self, connections=others).given({target: value})
 
 
 def connect(*pairs: str) -> tuple[Connection, ...]:
@@ -216,6 +216,7 @@ def connect(*pairs: str) -> tuple[Connection, ...]:
 
 
 def _connection(text: str) -> Connection:
+    """Return the connection of one text of `connect`."""
     parts = [end.strip().partition(".") for end in text.split("->")]
     if len(parts) != 2 or not all(member and variable for member, _, variable in parts):
         raise UserError(f"{text!r} is not of the form member.output -> member.input")

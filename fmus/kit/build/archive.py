@@ -32,6 +32,7 @@ def pack(files: Mapping[str, bytes]) -> bytes:
         for name in sorted(files, key=lambda n: (n != "modelDescription.xml", n)):
             entry = zipfile.ZipInfo(name, _EPOCH)
             entry.compress_type = zipfile.ZIP_DEFLATED
+            # type and permissions of a file of Unix, the system 3
             entry.external_attr = (0o100755 if name.startswith("binaries/") else 0o100644) << 16
             entry.create_system = 3
             archive.writestr(entry, files[name])

@@ -81,7 +81,7 @@ def plan_build(cls: type[Component], runtime: str, fmi: int = 2) -> BuildPlan:
     from fmus.kit.build.sources import UNIT, c_sources, engine_sources
     from fmus.kit.symbolic import trace
 
-    _check(runtime, RUNTIMES)
+    _check_runtime(runtime, RUNTIMES)
     _check_version(cls, runtime, fmi)
     graph = trace(cls)
     native = runtime == "native"
@@ -169,14 +169,14 @@ def build(
         If no compiler, or for a stock archive no pythonfmu, is installed; if a platform fails and
         `failed` is not given, or if every platform fails.
     """
-    _check(runtime, (*RUNTIMES, STOCK))
+    _check_runtime(runtime, (*RUNTIMES, STOCK))
     if runtime == STOCK:
         _check_version(cls, runtime, fmi)
         from fmus.kit.build.stock import stock_archive
 
         return stock_archive(cls, version(), platforms, progress)
     targets = platforms or toolchain.available_platforms()
-    return _packed(plan_build(cls, runtime, fmi), targets, progress, failed)
+    return _compile_and_pack(plan_build(cls, runtime, fmi), targets, progress, failed)
 
 
 def check_build(
@@ -195,7 +195,7 @@ def check_build(
         If there is no such runtime, version or platform, the component has no such build, or the
         compiler or pythonfmu is not installed.
     """
-    _check(runtime, (*RUNTIMES, STOCK))
+    _check_runtime(runtime, (*RUNTIMES, STOCK))
     _check_version(cls, runtime, fmi)
     if runtime == STOCK:
         from fmus.kit.build.stock import check_stock
@@ -231,10 +231,10 @@ def build_cached(cls: type[Component], runtime: str, fmi: int = 2) -> Path:
     target = toolchain.host_platform()
     key = library_key(planned.sources, planned.libraries.get(target, ()), target)
     name = f"{planned.guid.strip('{}')}-{key}/{cls.name}.fmu"
-    return cache.cached_file(name, lambda: _packed(planned, [target], lambda text: None))
+    return cache.cached_file(name, lambda: _compile_and_pack(planned, [target], lambda text: None))
 
 
-def _check(runtime: str, known: Sequence[str]) -> None:
+def _check_runtime(runtime: str, known: Sequence[str]) -> None:
     """Raise an error unless a runtime is known."""
     if runtime not in known:
         raise UserError(f"unknown runtime {runtime!r}; there are: {', '.join(known)}")
@@ -250,7 +250,7 @@ def _check_version(cls: type[Component], runtime: str, fmi: int) -> None:
         raise UserError(f"{cls.name} has no laws, which a build of FMI 3.0 needs; build FMI 2.0")
 
 
-def _packed(
+def _compile_and_pack(
     planned: BuildPlan,
     platforms: Sequence[str],
     progress: Callable[[str], None],
@@ -260,7 +260,7 @@ def _packed(
     binaries: dict[str, bytes] = {}
     for target in platforms:
         try:
-            binaries |= _binary(planned, target, progress)
+            binaries |= _compile_binary(planned, target, progress)
         except UserError as error:
             all_failed = target == platforms[-1] and not binaries
             if failed is None or all_failed:
@@ -269,7 +269,9 @@ def _packed(
     return archive.pack(planned.files | binaries)
 
 
-def _binary(planned: BuildPlan, target: str, progress: Callable[[str], None]) -> dict[str, bytes]:
+def _compile_binary(
+    planned: BuildPlan, target: str, progress: Callable[[str], None]
+) -> dict[str, bytes]:
     """Compile the binary of a plan for a platform; return it by its paths in the archive."""
     from fmus.kit.build.sources import compiled
 

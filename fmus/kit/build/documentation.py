@@ -60,7 +60,7 @@ def documents(cls: type[Component]) -> dict[str, bytes]:
     declared = {p.name: p for p in cls.layout.parameters}
     for name, preset in cls.presets.items():
         files[f"resources/presets/{name}.ssv"] = to_ssv(name, preset.values, declared, preset.doc)
-    files |= _reference(cls, folder / "reference")
+    files |= _reference_files(cls, folder / "reference")
     return files | {f"{_REFERENCES}/fmi-ls-manifest.xml": _manifest(files)}
 
 
@@ -89,6 +89,7 @@ def relaxed_assumption(cls: type[Component], effect: type[Effect]) -> tuple[str,
     text = readme.read_text(encoding="utf-8") if readme.exists() else ""
     listed = text.partition("\n## Assumptions\n")[2]
     number = f"assumption {assumption} of its documentation"
+    # "5. `name`, `name`: words." or "5. words."
     sentence = re.search(
         rf"^{assumption}\. (?:(?:`\w+`, )*`\w+`: )?(.+?){_END_OF_SENTENCE}", listed, re.M | re.S
     )
@@ -103,7 +104,7 @@ def _folder(cls: type[Component]) -> Path:
     return Path(getattr(sys.modules.get(cls.__module__), "__file__", None) or "").parent
 
 
-def _reference(cls: type[Component], folder: Path) -> dict[str, bytes]:
+def _reference_files(cls: type[Component], folder: Path) -> dict[str, bytes]:
     """Return the files of the reference result: an MA-HS experiment with its inputs and outputs.
 
     There are none for a component with effects.

@@ -106,7 +106,7 @@ def _entry(cls: type[Component], places: dict[type[Component], tuple[str, str]],
     if cls is base:
         model = parts[base]
     else:
-        stacked = ", ".join(_part(used, parts) for used in (base, *effects))
+        stacked = ", ".join(_class_expression(used, parts) for used in (base, *effects))
         values = stacked_with(cls)
         defaults = f", defaults={values!r}" if values else ""
         model = f"stack({stacked}, name={cls.name!r}{defaults})"
@@ -131,10 +131,18 @@ def _argument_imports(effects: Iterable[type[Component]]) -> set[str]:
     return {f"from .{place_of(kind.__module__)} import {kind.__name__}" for kind in kinds}
 
 
-def _part(cls: type[Component], parts: dict[type[Component], str]) -> str:
+def _class_expression(cls: type[Component], parts: dict[type[Component], str]) -> str:
     """Return the expression for a class in the entry module.
 
-    For an effect that was made for an output, a law or an input it is the call that makes it.
+    For an effect that was made for an output, a law or an input it is the call that makes it. The
+    first argument of the call is then a class that has this output, law or input.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        Component or effect.
+    parts : dict of type to str
+        Names in the entry module, of classes or of functions that make them.
     """
     arguments = made_with(cls)
     if not arguments:
@@ -182,11 +190,11 @@ def bundle(
         collected.add(module)
     places = {}
     for cls in classes:
-        places[cls] = _imported_from(cls, collected)
+        places[cls] = _collect_class(cls, collected)
     return collected.files, places
 
 
-def _imported_from(cls: type[Component], collected: Bundle) -> tuple[str, str]:
+def _collect_class(cls: type[Component], collected: Bundle) -> tuple[str, str]:
     """Collect the module of a class, or of the function that makes it; return module and name."""
     source: Any = made_by(cls) or cls
     module = source.__module__
@@ -240,7 +248,7 @@ class Bundle:
         """
         if module in self.places:
             return self.places[module]
-        source = _source(module)
+        source = _source_file(module)
         place = self._place(module, source)
         self.places[module] = place
         is_package = source.name == "__init__.py"
@@ -272,7 +280,7 @@ class Bundle:
             if isinstance(node, ast.Import):
                 _check_plain_import(node, source, self.needs)
                 continue
-            target = self._target(module, source, node)
+            target = self._collect_target(module, source, node)
             if target is None or node.level:
                 continue
             # columns of ast count bytes
@@ -285,12 +293,18 @@ class Bundle:
             )
         return "\n".join(lines).encode()
 
-    def _target(self, module: str, source: Path, node: ast.ImportFrom) -> str | None:
-        """Add the module that a statement imports from, and return its dotted name in the package.
+    def _collect_target(self, module: str, source: Path, node: ast.ImportFrom) -> str | None:
+        """Add the modules that a statement imports from, and return the dotted name to write.
 
-        None if it is in the standard library or in a package that must be installed.
+        None if they are in the standard library or in a package that must be installed.
+
+        Raises
+        ------
+        UserError
+            If an FMU cannot contain them.
         """
         where = f"{source}, line {node.lineno}"
+        # `__package__` of the module, in which a relative import is resolved
         package = module if source.name == "__init__.py" else module.rpartition(".")[0]
         written = "." * node.level + (node.module or "")
         if node.level and not package:
@@ -361,7 +375,7 @@ def _is_module(name: str) -> bool:
         return False
 
 
-def _source(module: str) -> Path:
+def _source_file(module: str) -> Path:
     """Return the source file of a module, which need not be loaded."""
     loaded = sys.modules.get(module)
     path = getattr(loaded, "__file__", None)

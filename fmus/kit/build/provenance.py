@@ -121,17 +121,20 @@ def _made_from(cls: type[Component], graph: Graph) -> Element | None:
     """Return the element for the provenance of a component; None if it has none."""
     base, effects = unstack(cls)
     origin = _origin(base)
+    # not for a user's class alone, whose FMU would depend on the rest of its file
     if origin is None or (cls is base and "file" in origin):
         return None
     made_from = Element("MadeFrom", origin, laws=graph.digest)
     for effect in effects:
-        SubElement(made_from, "Effect", {"name": effect_name(effect)} | _sampling_of(effect))
+        SubElement(
+            made_from, "Effect", {"name": effect_name(effect)} | _sampling_attributes(effect)
+        )
     for remark in cls.remark.splitlines():
         SubElement(made_from, "Remark").text = remark
     return made_from
 
 
-def _sampling_of(effect: type[Effect]) -> dict[str, str]:
+def _sampling_attributes(effect: type[Effect]) -> dict[str, str]:
     """Return the attributes for the sampling of the record that an effect was made for."""
     sampling = made_with(effect).get("sampling")
     return {name: repr(value) for name, value in vars(sampling).items()} if sampling else {}
@@ -188,13 +191,13 @@ def read_provenance(root: Element) -> Provenance | None:
         effects=tuple(effects),
         remarks=tuple(remark.text or "" for remark in element.iterfind("Remark")),
         samplings={
-            name: _sampling(name, given) for name, given in effects.items() if "step" in given
+            name: _read_sampling(name, given) for name, given in effects.items() if "step" in given
         },
     )
 
 
-def _sampling(effect: str, given: Mapping[str, str]) -> Sampling:
-    """Return the sampling from the attributes that `_sampling_of` writes."""
+def _read_sampling(effect: str, given: Mapping[str, str]) -> Sampling:
+    """Return the sampling from the attributes that `_sampling_attributes` writes."""
     try:
         return Sampling(float(given["step"]), float(given["duration"]))
     except (KeyError, ValueError) as error:

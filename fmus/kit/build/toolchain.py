@@ -264,7 +264,7 @@ def compile_library(
             paths = [*(f"-I{place}" for place in include), *map(str, sources), "-o", str(output)]
             command = [*compiler.command, *paths, *options]
             try:
-                _compile(compiler, command, target, until - time.monotonic())
+                _run_compiler(compiler, command, target, until - time.monotonic())
             except subprocess.TimeoutExpired as error:
                 raise UserError(
                     f"{compiler.label} failed for {target}: not done after {limit:g} s, and ended;"
@@ -276,7 +276,7 @@ def compile_library(
     return binaries[0] if len(binaries) == 1 else _universal(binaries)
 
 
-def _compile(compiler: Compiler, command: Sequence[str], target: str, limit: float) -> None:
+def _run_compiler(compiler: Compiler, command: Sequence[str], target: str, limit: float) -> None:
     """Run a compiler; raise UserError if it fails, TimeoutExpired after `limit` s."""
     failure = f"{compiler.label} failed for {target}"
     try:
@@ -344,12 +344,12 @@ def run_program(command: Sequence[str], limit: float) -> subprocess.CompletedPro
         try:
             output, errors = process.communicate(timeout=limit)
         except BaseException:
-            _end(process)
+            _kill(process)
             raise
     return subprocess.CompletedProcess(command, process.returncode, output, errors)
 
 
-def _end(process: subprocess.Popen[str]) -> None:
+def _kill(process: subprocess.Popen[str]) -> None:
     """Kill a program with all its child processes."""
     if sys.platform == "win32":
         subprocess.run(["taskkill", "/F", "/T", "/PID", str(process.pid)], capture_output=True)

@@ -45,14 +45,15 @@ def placements(cls: type[Component]) -> dict[str, str]:
     inputs = [v.name for v in cls.layout.inputs if v.name not in at_ports]
     outputs = [v.name for v in cls.layout.shown]
     connectors = [name for port in cls.ports for name in port.connectors]
-    places = {name: (-_EDGE, -y) for name, y in _spread(inputs)}
-    places |= {name: (_EDGE, -y) for name, y in _spread(outputs)}
-    places |= {name: (x, -_EDGE) for name, x in _spread(connectors)}
+    # in an icon y increases upwards
+    places = {name: (-_EDGE, -y) for name, y in _positions_along_side(inputs)}
+    places |= {name: (_EDGE, -y) for name, y in _positions_along_side(outputs)}
+    places |= {name: (x, -_EDGE) for name, x in _positions_along_side(connectors)}
     return {name: _placement(*place) for name, place in places.items()}
 
 
-def _spread(names: Sequence[str]) -> list[tuple[str, int]]:
-    """Return a position for each name, evenly over the side of the box from -100 to 100."""
+def _positions_along_side(names: Sequence[str]) -> list[tuple[str, int]]:
+    """Return each name with its position on a side of the box, evenly between -100 and 100."""
     return [(name, round(200 * (k + 0.5) / len(names)) - 100) for k, name in enumerate(names)]
 
 

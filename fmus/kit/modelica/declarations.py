@@ -38,8 +38,8 @@ def declarations(cls: type[Component], states: bool = True) -> list[str]:
         _declaration(f"parameter {SIGNALS[p.type]}", p, {}, value=_literal(p.start, p.type))
         for p in cls.layout.parameters
     ]
-    lines += _inputs(cls, places)
-    lines += _states(cls, places) if states else []
+    lines += _input_declarations(cls, places)
+    lines += _state_declarations(cls, places) if states else []
     lines += [
         _declaration(signal_class(v.type, "Output"), v, {}, annotation=places[v.name])
         for v in (cls.layout.outputs if states else cls.layout.shown)
@@ -52,7 +52,7 @@ def declarations(cls: type[Component], states: bool = True) -> list[str]:
     return lines
 
 
-def _inputs(cls: type[Component], places: Mapping[str, str]) -> list[str]:
+def _input_declarations(cls: type[Component], places: Mapping[str, str]) -> list[str]:
     """Write the declarations of inputs: as connectors, except those of ports."""
     at_ports = {name for port in cls.ports for name in port.variables}
     lines = []
@@ -63,7 +63,7 @@ def _inputs(cls: type[Component], places: Mapping[str, str]) -> list[str]:
     return lines
 
 
-def _states(cls: type[Component], places: Mapping[str, str]) -> list[str]:
+def _state_declarations(cls: type[Component], places: Mapping[str, str]) -> list[str]:
     """Write the declarations of continuous and discrete states, with their start values."""
     layout = cls.layout
     states: list[StateDeclaration | DiscreteDeclaration] = [*layout.states, *layout.discretes]

@@ -14,7 +14,8 @@ from fmus.kit.modelica.names import identifier
 
 _RELATION = re.compile("[<>]")
 _SIGNS = {ca.OP_NEG, ca.OP_NOT}
-_WRITTEN_TWICE = {ca.OP_EQ, ca.OP_NE}  # their operands; Modelica has no equality of Real
+# operations whose text has the operands twice, as Modelica has no equality of Reals
+_OPERANDS_WRITTEN_TWICE = {ca.OP_EQ, ca.OP_NE}
 
 
 @dataclass(frozen=True)
@@ -92,11 +93,11 @@ def define(
     """
     names: dict[ExpressionNode, str] = {}
     for target in targets:
-        is_real_variable = target.type == "real" and "(" not in target.text
+        is_real_variable = target.type == "real" and "(" not in target.text  # no der(x)
         if is_real_variable and not (target.node.is_boolean or target.node.is_leaf):
             names.setdefault(target.node, target.text)
     auxiliaries = []
-    for node in _shared([t.node for t in targets], laws):
+    for node in _nodes_with_names([t.node for t in targets], laws):
         if node not in names:
             law = laws.get(node, "")
             name = _name_of_law(law, taken) if law else _name_of_term(taken)
@@ -127,32 +128,36 @@ def _name_of_term(taken: set[str]) -> str:
     return f"term_{number}"
 
 
-def _shared(
+def _nodes_with_names(
     roots: Sequence[ExpressionNode], laws: Mapping[ExpressionNode, str]
 ) -> list[ExpressionNode]:
-    """Return the values of laws and the common subexpressions, operands first."""
+    """Return the nodes that become variables: values of laws, and common subexpressions.
+
+    Operands come before the nodes that use them. A common subexpression is one that the text of the
+    equations would have more than once; the text of a node with a name is written once.
+    """
     order: dict[ExpressionNode, None] = {}
     for root in roots:
-        _visit(root, order)
-    uses = Counter(roots)
-    shared = []
+        _append_after_operands(root, order)
+    uses = Counter(roots)  # how often each node would be written
+    named = []
     for node in reversed(order):
         is_sign = node.operation in _SIGNS and node.operands[0].is_leaf
         has_name = node in laws or (uses[node] > 1 and not is_sign)
         if has_name and not node.is_boolean:
-            shared.append(node)
+            named.append(node)
             times = 1
         else:
             times = uses[node]
         for operand in node.operands:
-            uses[operand] += 2 * times if node.operation in _WRITTEN_TWICE else times
-    return shared[::-1]
+            uses[operand] += 2 * times if node.operation in _OPERANDS_WRITTEN_TWICE else times
+    return named[::-1]
 
 
-def _visit(node: ExpressionNode, order: dict[ExpressionNode, None]) -> None:
-    """Append an expression to an order, after its operands."""
+def _append_after_operands(node: ExpressionNode, order: dict[ExpressionNode, None]) -> None:
+    """Append an expression to an ordered set after its operands; omit symbols and constants."""
     if node in order or node.is_leaf:
         return
     for operand in node.operands:
-        _visit(operand, order)
+        _append_after_operands(operand, order)
     order[node] = None

@@ -106,10 +106,10 @@ def apply(operation: int, operands: list[ExpressionNode]) -> ExpressionNode:
     """
     if operation == ca.OP_ADD:
         for first, second in (operands, operands[::-1]):
-            if _chooses(first, second):
+            if _are_branches(first, second):
                 branches = first.operands[1], second.operands[1]
                 return ExpressionNode(
-                    _IF, (first.operands[0], *branches), is_boolean=_are_boolean(*branches)
+                    _IF, (first.operands[0], *branches), is_boolean=_is_boolean_choice(*branches)
                 )
     is_boolean = operation in _TRUTHS
     if operation == ca.OP_IF_ELSE_ZERO:
@@ -117,15 +117,15 @@ def apply(operation: int, operands: list[ExpressionNode]) -> ExpressionNode:
     return ExpressionNode(operation, tuple(operands), is_boolean=is_boolean)
 
 
-def _chooses(first: ExpressionNode, second: ExpressionNode) -> bool:
-    """Return whether two summands are the two branches of a choice."""
+def _are_branches(first: ExpressionNode, second: ExpressionNode) -> bool:
+    """Return whether two summands are ``c ? a : 0`` and ``!c ? b : 0`` for one condition c."""
     if not first.operation == second.operation == ca.OP_IF_ELSE_ZERO:
         return False
     otherwise = second.operands[0]
     return otherwise.operation == ca.OP_NOT and otherwise.operands[0] is first.operands[0]
 
 
-def _are_boolean(yes: ExpressionNode, no: ExpressionNode) -> bool:
+def _is_boolean_choice(yes: ExpressionNode, no: ExpressionNode) -> bool:
     """Return whether a choice is Boolean: one branch is Boolean, the other is too, or is 0 or 1."""
     if not (yes.is_boolean or no.is_boolean):
         return False
@@ -172,14 +172,16 @@ class Writer:
         written = self._operation(node) if self.names.get(node) == variable else self._named(node)
         if type == "boolean":
             return _to_boolean(node, written).text
-        if type == "integer":
+        if type == "integer":  # Modelica's integer() rounds down
             return f"integer({_to_real(node, written).within(_SUM)} + 0.5)"
         return _to_real(node, written).text
 
     def _real(self, node: ExpressionNode) -> _Text:
+        """Write an expression, or the variable that replaces it, as a Real."""
         return _to_real(node, self._named(node))
 
     def _boolean(self, node: ExpressionNode) -> _Text:
+        """Write an expression, or the variable that replaces it, as a Boolean."""
         return _to_boolean(node, self._named(node))
 
     def _named(self, node: ExpressionNode) -> _Text:
@@ -189,13 +191,14 @@ class Writer:
         return self._operation(node)
 
     def _operation(self, node: ExpressionNode) -> _Text:
+        """Write an expression by its operation, also if a variable replaces it."""
         operation = node.operation
         if operation == _SYMBOL:
             return _Text(node.text, _PRIMARY)
         if operation == _CONSTANT:
             return _Text(real(node.value), _PRIMARY if node.value >= 0.0 else _SUM)
         if node.is_boolean:
-            return self._truth(node)
+            return self._boolean_operation(node)
         if operation in _INFIX:
             sign, precedence = _INFIX[operation]
             left, right = map(self._real, node.operands)
@@ -204,9 +207,9 @@ class Writer:
         if operation in _FUNCTIONS:
             arguments = ", ".join(self._real(o).text for o in node.operands)
             return _Text(f"{_FUNCTIONS[operation]}({arguments})", _PRIMARY)
-        return self._other(node)
+        return self._special_operation(node)
 
-    def _other(self, node: ExpressionNode) -> _Text:
+    def _special_operation(self, node: ExpressionNode) -> _Text:
         """Write a choice, a negation, a power, or CasADi's operations for 2 x and 1 / x."""
         match node.operation:
             case ca.OP_NEG:
@@ -229,14 +232,14 @@ class Writer:
                 if condition.operation == ca.OP_NOT and condition not in self.names:
                     return self._choice(condition.operands[0], *branches[::-1])
                 return self._choice(condition, *branches)
-        raise UserError(f"a law calls {_name(node.operation)}, which Modelica does not have")
+        raise UserError(f"a law calls {_casadi_name(node.operation)}, which Modelica does not have")
 
     def _choice(self, condition: ExpressionNode, yes: _Text, no: _Text) -> _Text:
         # a choice as the last branch needs no brackets: `else if`
         text = f"if {self._boolean(condition).text} then {yes.within(_OR)} else {no.text}"
         return _Text(text, _CHOICE)
 
-    def _truth(self, node: ExpressionNode) -> _Text:
+    def _boolean_operation(self, node: ExpressionNode) -> _Text:
         """Write an expression of type Boolean."""
         operation = node.operation
         if operation in _RELATIONS:
@@ -270,7 +273,7 @@ class Writer:
         return _Text(f"{left} < {right} or {left} > {right}", _OR)
 
 
-def _name(operation: int) -> str:
+def _casadi_name(operation: int) -> str:
     """Return CasADi's name of an operation, in lower case."""
     names = (name for name in dir(ca) if getattr(ca, name) == operation)
     return next(n.removeprefix("OP_").lower() for n in names if n.startswith("OP_"))

@@ -72,6 +72,7 @@ class _ModelEquations:
 
     @property
     def auxiliaries(self) -> list[Auxiliary]:
+        """Auxiliary variables of all equations."""
         return [a for part in (self.continuous, *self.sampled) for a in part.auxiliaries]
 
 
@@ -93,6 +94,7 @@ class _Model:
 
     @property
     def layout(self) -> Layout:
+        """Variables of the component."""
         return self.graph.layout
 
     @cached_property
@@ -103,6 +105,7 @@ class _Model:
         return units_of_laws(self.cls, [*laws, *(o.name for o in layout.outputs)])
 
     def text(self) -> str:
+        """Write the class."""
         name = class_name(self.cls.name)
         kind = "model" if self.cls.ports else "block"
         equations = self._equations()
@@ -133,7 +136,11 @@ class _Model:
         lines = [line for port in self.cls.ports for line in wrapped(port_equations(port))]
         lines += wrapped(equations.continuous.lines)
         for (clock, _), part in zip(self.layout.sampled, equations.sampled, strict=True):
-            lines += [f"  when {_sample(clock)} then", *wrapped(part.lines, "    "), "  end when;"]
+            lines += [
+                f"  when {_sample_condition(clock)} then",
+                *wrapped(part.lines, "    "),
+                "  end when;",
+            ]
         return lines
 
     def _auxiliary(self, auxiliary: Auxiliary) -> str:
@@ -152,7 +159,7 @@ class _Model:
         layout = self.layout
         texts = {v.name: identifier(v.name) for v in layout.variables}
         graph = self.graph
-        rates, outputs, signs, laws = self._nodes(
+        rates, outputs, signs, laws = self._expression_nodes(
             texts, [graph.rates, graph.outputs, graph.indicators > 0.0]
         )
         targets = [
@@ -164,7 +171,7 @@ class _Model:
             for o, node in zip(layout.outputs, outputs, strict=True)
         ]
         targets += [Target(name, "boolean", node) for name, node in zip(events, signs, strict=True)]
-        return define(targets, self._by_node(laws), taken, literal=True)
+        return define(targets, self._laws_by_node(laws), taken, literal=True)
 
     def _sampled(self, group: int, taken: set[str]) -> EquationSet:
         """Write the equations of one clock.
@@ -178,27 +185,42 @@ class _Model:
         for v in (*layout.inputs, *layout.discretes):
             if v.name not in before:
                 texts[v.name] = f"pre({texts[v.name]})"
-        after, laws = self._nodes(texts, [self.graph.updates[group]])
+        after, laws = self._expression_nodes(texts, [self.graph.updates[group]])
         members = {d.name for d in layout.sampled[group][1]}
         targets = [
             Target(identifier(d.name), d.type, node)
             for d, node in zip(layout.discretes, after, strict=True)
             if d.name in members
         ]
-        return define(targets, self._by_node(laws), taken)
+        return define(targets, self._laws_by_node(laws), taken)
 
-    def _nodes(self, texts: Mapping[str, str], results: list[ca.SX]) -> list[list[ExpressionNode]]:
-        """Return the expressions for the elements of each column, and last those for all laws."""
+    def _expression_nodes(
+        self, texts: Mapping[str, str], results: list[ca.SX]
+    ) -> list[list[ExpressionNode]]:
+        """Return the expression of every element of some columns, a list for each column.
+
+        Parameters
+        ----------
+        texts : Mapping of str to str
+            Text of each variable by its name.
+        results : list of casadi.SX
+            Columns in the symbols of the graph.
+
+        Returns
+        -------
+        list of list of ExpressionNode
+            The last list is that of the values of all laws. Equal subexpressions are one object.
+        """
         graph = self.graph
         columns = [ca.densify(c) for c in (*results, ca.vertcat(ca.SX(0, 1), *self.laws.values()))]
         function = ca.Function("laws", graph.arguments, ca.cse(columns))
         layout = self.layout
-        groups = (layout.parameters, layout.inputs, layout.states, layout.discretes)
         arguments = [[symbol("time")]]
-        arguments += [[symbol(texts[v.name], v.type == "boolean") for v in g] for g in groups]
+        for group in (layout.parameters, layout.inputs, layout.states, layout.discretes):
+            arguments.append([symbol(texts[v.name], v.type == "boolean") for v in group])
         return carry_out(function, arguments, constant, apply)
 
-    def _by_node(self, laws: list[ExpressionNode]) -> dict[ExpressionNode, str]:
+    def _laws_by_node(self, laws: list[ExpressionNode]) -> dict[ExpressionNode, str]:
         """Return the law of each expression; the first one if several laws have the same value."""
         names: dict[ExpressionNode, str] = {}
         for name, node in zip(self.laws, laws, strict=True):
@@ -207,7 +229,7 @@ class _Model:
         return names
 
 
-def _sample(clock: Clock) -> str:
+def _sample_condition(clock: Clock) -> str:
     """Write the condition that is true at the instants of a clock."""
     period = identifier(clock.period) if isinstance(clock.period, str) else real(clock.period)
     shift = " + ".join(map(identifier, clock.shift)) or "0.0"

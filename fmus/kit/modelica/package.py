@@ -70,9 +70,11 @@ def package_files(
         packages.append(WRAPPERS)
         files = _wrapper_files(classes, fmus)
     texts = (
-        _folder(PACKAGE, "", models, _ABOUT, packages, version)
-        | _folder(INTERFACES, PACKAGE, interface_classes(), "Connectors")
-        | _folder(_FUNCTIONS, PACKAGE, function_classes(), "Functions that equations call")
+        _files_of_package(PACKAGE, "", models, _ABOUT, packages, version)
+        | _files_of_package(INTERFACES, PACKAGE, interface_classes(), "Connectors")
+        | _files_of_package(
+            _FUNCTIONS, PACKAGE, function_classes(), "Functions that equations call"
+        )
     )
     return {path: text.encode() for path, text in texts.items()} | files
 
@@ -97,12 +99,12 @@ def _wrapper_files(
     for name in ("fmi2FunctionTypes.h", "fmi2TypesPlatform.h"):
         resources[f"Include/{name}"] = (headers / name).read_bytes()
     resources[f"Include/{_GLUE.name}"] = _GLUE.read_bytes()
-    texts = _folder(WRAPPERS, PACKAGE, models, "Components as their FMUs compute them")
+    texts = _files_of_package(WRAPPERS, PACKAGE, models, "Components as their FMUs compute them")
     files = {path: text.encode() for path, text in texts.items()}
     return files | {f"{PACKAGE}/Resources/{path}": data for path, data in resources.items()}
 
 
-def _folder(
+def _files_of_package(
     name: str,
     within: str,
     classes: Mapping[str, str],

@@ -94,7 +94,7 @@ def wrapper_text(cls: type[Component], guid: str) -> str:
     fmu = identifier("fmu", taken)
     values = identifier("results", taken)
     places = {v.name: k for k, v in enumerate(layout.variables)}
-    inputs = _array([_number(v, before=True) for v in layout.inputs])
+    inputs = _array([_as_real(v, before=True) for v in layout.inputs])
     outputs = _array([str(places[v.name]) for v in layout.shown])
     about = f"{summary(cls)}, computed by its FMU"
     lines = [
@@ -103,7 +103,7 @@ def wrapper_text(cls: type[Component], guid: str) -> str:
         f'  parameter Real {step}(unit="s", min=1e-09) = {real(cls.experiment[1])}'
         ' "time between communication points";',
         "protected",
-        *_instance(cls, guid, fmu),
+        *_instance_declaration(cls, guid, fmu),
         f"  Real {values}[{len(layout.shown)}];",
         "equation",
     ]
@@ -114,7 +114,7 @@ def wrapper_text(cls: type[Component], guid: str) -> str:
         *wrapped([f"{values} = communicate({fmu}, time, {inputs}, {outputs});"], "    "),
         "  end when;",
         *wrapped(
-            f"{identifier(v.name)} = {_read(f'{values}[{k}]', v.type)};"
+            f"{identifier(v.name)} = {_from_real(f'{values}[{k}]', v.type)};"
             for k, v in enumerate(layout.shown, 1)
         ),
         f"  {annotation(cls)}",
@@ -123,12 +123,12 @@ def wrapper_text(cls: type[Component], guid: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _instance(cls: type[Component], guid: str, name: str) -> list[str]:
+def _instance_declaration(cls: type[Component], guid: str, name: str) -> list[str]:
     """Write the declaration of the FMU's instance: types of variables, values of parameters."""
     layout = cls.layout
     types = "".join(v.type[0] for v in layout.variables)
     arguments = f"{string(cls.name)}, {string(guid)}, {string(types)}, {len(layout.parameters)}"
-    parameters = _array([_number(p) for p in layout.parameters])
+    parameters = _array([_as_real(p) for p in layout.parameters])
     return [f"  Instance {name} = Instance({arguments},", *wrapped([f"{parameters});"], "    ")]
 
 
@@ -137,14 +137,14 @@ def _array(elements: list[str]) -> str:
     return f"{{{', '.join(elements)}}}" if elements else "fill(0, 0)"
 
 
-def _number(v: Declaration, before: bool = False) -> str:
-    """Write a variable as a Real, now or before an instant."""
+def _as_real(v: Declaration, before: bool = False) -> str:
+    """Write the value of a variable, now or before an instant, converted to a Real."""
     name = identifier(v.name)
     text = f"pre({name})" if before else name
     return f"if {text} then 1.0 else 0.0" if v.type == "boolean" else text
 
 
-def _read(value: str, type: str) -> str:
+def _from_real(value: str, type: str) -> str:
     """Write the conversion of a Real to a type."""
     if type == "boolean":
         return f"{value} > 0.5"

@@ -78,12 +78,13 @@ class CompiledModel:
             self._hoisted = BufferedFunction(values, [self._parameters])
             layout = hoisted.layout
             laws = record_model_sources(hoisted) if _has_compiler() else Interpreted(hoisted)
-            del base, hoisted, values
+            del base, hoisted, values  # within the lock; see `_EXPRESSIONS`
         self._engine = (
             laws if isinstance(laws, Interpreted) else RecordLibrary.from_sources(layout, laws)
         )
 
     def __del__(self) -> None:
+        """Delete the expressions within the lock; see `_EXPRESSIONS`."""
         with _EXPRESSIONS:
             self.__dict__.clear()
 
@@ -134,8 +135,8 @@ class CompiledModel:
         ]
         table = np.ascontiguousarray(np.column_stack(columns)) if columns else np.empty((n, 0))
         times = np.ascontiguousarray(time, dtype=float)
-        names = {v.name for v in layout.inputs} if linear is True else linear or ()
-        interpolated = np.array([float(v.name in names) for v in layout.inputs])
+        linear_names = {v.name for v in layout.inputs} if linear is True else linear or ()
+        interpolated = np.array([float(v.name in linear_names) for v in layout.inputs])
         # a ladder creates expressions at its first use, and the buffers allow one thread at a time
         with _EXPRESSIONS:
             self._parameters[:] = vector
@@ -214,7 +215,7 @@ def plain_library(cls: type[Component]) -> tuple[Path, float]:
         graph = _graph(cls)
         tolerance = graph.tolerance
         sources = record_sources(graph)
-        del graph
+        del graph  # within the lock
     return compiled(sources), tolerance
 
 

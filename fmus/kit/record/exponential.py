@@ -90,7 +90,7 @@ class ExponentialIntegrator:
         self._steps += 1
         with np.errstate(all="ignore"):  # a trial step that overflows is rejected
             change, error = (
-                self._affine(now, h, level, x, sloped)
+                self._exact_step(now, h, level, x, sloped)
                 if ladder.affine
                 else self._step_and_halves(now, h, level, x)
             )
@@ -101,6 +101,7 @@ class ExponentialIntegrator:
             self.level = max(level - 1, 0)
         if h < remaining * (1.0 - ROUNDED):
             return now + h, x + change
+        # the step ends at the target but for the rounding of the sampling clock
         gap = remaining - h
         last = gap * self._rates(target, x + change) if abs(gap) > SAME * remaining else 0.0
         return target, x + change + last
@@ -113,14 +114,14 @@ class ExponentialIntegrator:
         return product.ravel()
 
     def _phi(self, level: int, order: int, v: Array) -> Array:
-        """Return ``phi_order(A) v``, A being the matrix of a level."""
+        """Return ``phi_order(h A) v`` for the step h of a level."""
         return self._product(self._ladder.phi[level, order - 1], v)
 
     def _nonlinear(self, now: float, x: Array, rate: Array, change: Array) -> Array:
         """Return the change of the rates less that of their linear part, A x."""
         return self._rates(now, x + change) - rate - self._product(self._ladder.matrix, change)
 
-    def _affine(
+    def _exact_step(
         self, now: float, h: float, level: int, x: Array, sloped: bool
     ) -> tuple[Array, float]:
         """Return the change of the states in an exact step, and its error: 0, or infinity."""
@@ -131,8 +132,11 @@ class ExponentialIntegrator:
         change = change + h * self._phi(level, 1, rate)
         return change, 0.0 if np.isfinite(change).all() else math.inf
 
-    def _krogstad(self, now: float, h: float, level: int, x: Array) -> Array:
-        """Return the change of the states in a step of Krogstad's method."""
+    def _krogstad_step(self, now: float, h: float, level: int, x: Array) -> Array:
+        """Return the change of the states in a step of Krogstad's method, of order 4.
+
+        Krogstad: Generalized integrating factor methods for stiff PDEs, J. Comput. Phys. 203, 2005.
+        """
         rate = self._rates(now, x)
         half = 0.5 * h * self._phi(level + 1, 1, rate)
         d2 = self._nonlinear(now + 0.5 * h, x, rate, half)
@@ -147,10 +151,13 @@ class ExponentialIntegrator:
         )
 
     def _step_and_halves(self, now: float, h: float, level: int, x: Array) -> tuple[Array, float]:
-        """Return the change of the states by Richardson extrapolation, and its relative error."""
-        one = self._krogstad(now, h, level, x)
-        half = self._krogstad(now, 0.5 * h, level + 1, x)
-        both = half + self._krogstad(now + 0.5 * h, 0.5 * h, level + 1, x + half)
-        difference = (both - one) / 15.0
+        """Return the change of the states by Richardson extrapolation, and its relative error.
+
+        One step of length h is compared with two of half the length.
+        """
+        one = self._krogstad_step(now, h, level, x)
+        half = self._krogstad_step(now, 0.5 * h, level + 1, x)
+        both = half + self._krogstad_step(now + 0.5 * h, 0.5 * h, level + 1, x + half)
+        difference = (both - one) / 15.0  # 2**4 - 1, as the method has order 4
         error = np.abs(difference) / (SHARE * self._tolerance) / (self._nominal + np.abs(x))
         return both + difference, float(error.max()) if np.isfinite(error).all() else math.inf

@@ -41,10 +41,12 @@ class Interpreted:
         self._z_starts = [index[layout.start_of[discrete.name]] for discrete in layout.discretes]
         self._nominal = np.array([state.nominal for state in layout.states])
         clocks = [clock for clock, _ in layout.sampled]
-        self._periods = [
+        # seconds, or the index of a parameter
+        self._periods: list[int | float] = [
             index[c.period] if isinstance(c.period, str) else float(c.period) for c in clocks
         ]
         self._shifts = [[index[name] for name in clock.shift] for clock in clocks]
+        # memory that the functions read: time, parameters, inputs, states, discrete states
         self._now = np.zeros(1)
         self._parameters = np.zeros(len(layout.parameters))
         self._inputs = np.zeros(len(layout.inputs))
@@ -142,30 +144,34 @@ class Interpreted:
             self._check(states[k], now)
             if k + 1 == len(time):
                 break
-            h = float(time[k + 1]) - now
-            if not 0.0 < h < math.inf:
-                raise UserError(
-                    f"times must increase, but {time[k + 1]:.10g} s follows {now:.10g} s"
-                )
-            self._last_inputs = table[k]
-            self._last_time = now
-            self._slope = None
-            if linear.any():
-                self._slope = np.where(linear, table[k + 1] - table[k], 0.0) / h
-            self._step_limit = int(min(MAX_STEPS, allowed - steps))
-            self._budget = self._step_limit
+            h = self._start_interval(time[k : k + 2], table[k : k + 2], linear)
+            limit = int(min(MAX_STEPS, allowed - steps))
+            self._budget = limit
             try:
                 self._advance(now, now + h)
             except _ExhaustedError:
-                if self._step_limit == MAX_STEPS:
+                if limit == MAX_STEPS:
                     raise
                 raise UserError(
                     f"more than {effort:g} internal steps per sample up to {time[k + 1]:.10g} s:"
                     " with these parameters a time constant is that much shorter than the time"
                     " between samples"
                 ) from None
-            steps += self._step_limit - self._budget
+            steps += limit - self._budget
         return outputs, states, steps
+
+    def _start_interval(self, times: Array, table: Array, linear: Array) -> float:
+        """Set the inputs between two samples, and return the length of the interval, s."""
+        now, end = times.tolist()
+        h: float = end - now
+        if not 0.0 < h < math.inf:
+            raise UserError(f"times must increase, but {end:.10g} s follows {now:.10g} s")
+        self._last_inputs = table[0]
+        self._last_time = now
+        self._slope = None
+        if linear.any():
+            self._slope = np.where(linear, table[1] - table[0], 0.0) / h
+        return h
 
     def _check(self, states: Array, now: float) -> None:
         """Raise an error unless inputs, states and outputs are finite."""
@@ -229,7 +235,7 @@ class Interpreted:
             h = self._hint if self._hint <= 0.999 * remaining else remaining
             x = self._x.copy()
             with np.errstate(all="ignore"):  # a trial step that overflows is rejected
-                error = self._try(now, h, x)
+                error = self._try_step(now, h, x)
             next_step = h * _step_factor(error)
             if error <= 1.0:
                 now += h
@@ -251,8 +257,11 @@ class Interpreted:
                 f"more than {MAX_STEPS} internal steps in one communication step at {now:.10g} s"
             )
 
-    def _try(self, now: float, h: float, x: Array) -> float:
-        """Set the states to the end of a step, and return its error relative to the tolerance."""
+    def _try_step(self, now: float, h: float, x: Array) -> float:
+        """Set the states to the end of a step, and return its error relative to the tolerance.
+
+        The method, its error estimate included, is that of `fmus.kit.integrate`.
+        """
         k1 = self._rate(now, x)
         k2 = self._rate(now + 0.5 * h, x + 0.5 * h * k1)
         k3 = self._rate(now + 0.5 * h, x + 0.5 * h * k2)

@@ -163,7 +163,7 @@ class RecordLibrary:
             len(time),
             _pointer(time),
             _pointer(tables),
-            tables[0].size * (len(tables) > 1),
+            tables[0].size * (len(tables) > 1),  # from the inputs of one case to the next
             _pointer(parameters),
             tolerance,
             effort,
@@ -211,6 +211,7 @@ def _load_engine(path: Path) -> tuple[Any, Any]:
     library = load_library(path)
     simulate = library.ppy_simulate
     cases = library.ppy_cases
+    # as in the prototypes in fmi/record.c
     simulate.argtypes = [
         ctypes.c_void_p,
         ctypes.c_size_t,

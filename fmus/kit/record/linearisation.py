@@ -84,7 +84,7 @@ class Ladder:
 
 
 @dataclass(frozen=True)
-class _Clock:
+class _SampleTimes:
     """The sample times of a record, as far as a ladder depends on them."""
 
     samples: int  # without the first
@@ -94,7 +94,7 @@ class _Clock:
     is_uneven: bool
 
     @classmethod
-    def of(cls, time: Array) -> _Clock | None:
+    def of(cls, time: Array) -> _SampleTimes | None:
         """Return the properties of sample times; None unless they increase."""
         steps = np.diff(time)
         if not (steps.size and np.isfinite(steps).all() and (steps > 0.0).all()):
@@ -110,13 +110,16 @@ class _Clock:
             is_uneven=float(np.mean(others)) >= 0.5,
         )
 
-    def stiff(self, affine: bool) -> float:
-        """Return the eigenvalue, 1/s, above which a ladder costs less than short steps."""
+    def stiffness_limit(self, affine: bool) -> float:
+        """Return the eigenvalue, 1/s, above which a ladder costs less than Runge-Kutta steps.
+
+        `affine` tells whether steps with a ladder are exact.
+        """
         if not affine:
             return WORTH / self.usual_step
         if self.is_uneven:
             return _UNEVEN / self.usual_step
-        if self.samples >= _SETTING_UP:
+        if self.samples >= _SETTING_UP:  # even one Runge-Kutta step a sample costs more
             return 0.0
         return min(_STIFF, _ACCURATE * _SETTING_UP / self.samples) / self.usual_step
 
@@ -139,8 +142,10 @@ class Linearisation:
         self._extended = extended
         nominal = np.array([state.nominal for state in base.layout.states])
         self._to_nominal = nominal / nominal[:, None]
-        self._known_affine: dict[tuple[bool, tuple[bool, ...]], bool] = {}  # see `_affine`
-        self._clock: tuple[Array, _Clock | None] = np.empty(0), None  # of the last record
+        # results of `_is_affine`, by its arguments
+        self._known_affine: dict[tuple[bool, tuple[bool, ...]], bool] = {}
+        self._last_times = np.empty(0)  # of the last record
+        self._sample_times: _SampleTimes | None = None
         # arguments of `_blocks`
         self._start = np.zeros(1)
         self._parameters = np.zeros(len(extended.layout.parameters))
@@ -166,33 +171,34 @@ class Linearisation:
         Ladder or None
             None if the component is not stiff, so that the Runge-Kutta method costs less.
         """
-        clock = self._clock_of(time)
-        if not self._to_nominal.size or clock is None:
+        sample_times = self._sample_times_of(time)
+        if not self._to_nominal.size or sample_times is None:
             return None
-        affine = self._affine(linear, self._resampled(clock.duration, parameters))
+        affine = self._is_affine(linear, self._resampled(sample_times.duration, parameters))
         matrices = self._matrices(float(time[0]), table, parameters)
         norms = np.abs(matrices[:, 0] * self._to_nominal).sum(2).max(1)
         # a norm bounds all eigenvalues, and costs less
-        stiff = clock.stiff(affine)
-        candidates = np.flatnonzero(np.isfinite(norms) & (norms > stiff))
+        limit = sample_times.stiffness_limit(affine)
+        candidates = np.flatnonzero(np.isfinite(norms) & (norms > limit))
         if not candidates.size:
             return None
         speeds = np.abs(np.linalg.eigvals(matrices[candidates, 0])).max(1)
         fastest = float(speeds.max())
         index = candidates[speeds.argmax()]
         matrix = matrices[index]
-        if not (fastest > stiff and np.isfinite(matrix).all()):
+        if not (fastest > limit and np.isfinite(matrix).all()):
             return None
-        halvings = max(2, math.ceil(math.log2(clock.largest * norms[index] / _SHORTEST)))
+        halvings = max(2, math.ceil(math.log2(sample_times.largest * norms[index] / _SHORTEST)))
         worth = math.inf if affine else fastest / WORTH
-        phi = _phi(matrix * (clock.largest * 0.5**halvings), halvings)
-        return Ladder(clock.largest, affine, worth, matrix, phi)
+        phi = _phi(matrix * (sample_times.largest * 0.5**halvings), halvings)
+        return Ladder(sample_times.largest, affine, worth, matrix, phi)
 
-    def _clock_of(self, time: Array) -> _Clock | None:
+    def _sample_times_of(self, time: Array) -> _SampleTimes | None:
         """Return the properties of the sample times; in a fit they are those of the last call."""
-        if not np.array_equal(time, self._clock[0]):
-            self._clock = time.copy(), _Clock.of(time)
-        return self._clock[1]
+        if not np.array_equal(time, self._last_times):
+            self._last_times = time.copy()
+            self._sample_times = _SampleTimes.of(time)
+        return self._sample_times
 
     def _matrices(self, start: float, table: Array, parameters: Array) -> Array:
         """Return the stacks (k, 1 + p, n, n) of J and all H with the inputs of k samples."""
@@ -244,7 +250,7 @@ class Linearisation:
         memory = [self._start, self._parameters, self._first_inputs, self._inputs]
         return BufferedFunction(function, memory), bool(depends_on_inputs)
 
-    def _affine(self, linear: bool, resampled: tuple[bool, ...]) -> bool:
+    def _is_affine(self, linear: bool, resampled: tuple[bool, ...]) -> bool:
         """Return whether the rates are affine in the states, with the same coefficients throughout.
 
         Parameters
@@ -256,12 +262,12 @@ class Linearisation:
         """
         key = (linear, resampled)
         if key not in self._known_affine:
-            self._known_affine[key] = self._is_affine(linear, resampled)
+            self._known_affine[key] = self._find_affine(linear, resampled)
         return self._known_affine[key]
 
     @uninterrupted()
-    def _is_affine(self, linear: bool, resampled: tuple[bool, ...]) -> bool:
-        """Compute the result of `_affine`, which stores it."""
+    def _find_affine(self, linear: bool, resampled: tuple[bool, ...]) -> bool:
+        """Compute the result of `_is_affine`, which stores it."""
         graph = self._base
         if ca.depends_on(graph.rates, graph.time):
             return False
@@ -273,16 +279,22 @@ class Linearisation:
         return not ca.depends_on(ca.jacobian(graph.rates, arguments), varying)
 
 
-def _times(a: Array, b: Array) -> Array:
-    """Return the products of one matrix with several, all stored as stacks of blocks."""
+def _block_products(a: Array, b: Array) -> Array:
+    """Return the products a @ b of one matrix with several, all stored as stacks of blocks.
+
+    A product has the block J_a J_b, and for each parameter H_a J_b + J_a H_b.
+    """
     product: Array = a[0] @ b
     product[:, 1:] += a[1:] @ b[:, :1]
     return product
 
 
 @cache
-def _shares(n: int) -> Array:
-    """Return the coefficients 1 / (k - j)! of phi_j(z) in 2**k phi_k(2 z), times identities."""
+def _doubling_coefficients(n: int) -> Array:
+    """Return the coefficients 1 / (k - j)! of phi_j(z) in 2**k phi_k(2 z), times identities (n, n).
+
+    See `_phi`. Rows are by j from 1, columns by k from 0.
+    """
     shares = [
         [1 / math.factorial(k - j) if k >= j else 0.0 for k in range(_ORDERS)]
         for j in range(1, _ORDERS)
@@ -303,15 +315,15 @@ def _phi(z: Array, doublings: int) -> Array:
     powers = np.zeros((_TERMS + 1, *z.shape))
     powers[0, 0] = np.eye(n)
     powers[1] = z
-    for m in (1, 2, 4):
-        powers[m + 1 : 2 * m + 1] = _times(powers[m], powers[1 : m + 1])
+    for m in (1, 2, 4):  # z^m times z, ..., z^m gives the next m powers
+        powers[m + 1 : 2 * m + 1] = _block_products(powers[m], powers[1 : m + 1])
     width = _ORDERS * n
     rows = np.empty((doublings + 1, blocks, n, width))
     series = np.einsum("kj,jbrc->brkc", _SERIES, powers)
     rows[doublings] = series.reshape(blocks, n, width)
     doubling = np.empty((width, width))
-    doubling[n:] = _shares(n)
-    halves = np.repeat(0.5 ** np.arange(_ORDERS), n)
+    doubling[n:] = _doubling_coefficients(n)
+    halves = np.repeat(0.5 ** np.arange(_ORDERS), n)  # 1 / 2**k
     # rates that grow without bounds overflow; a step that is not finite is halved
     with np.errstate(over="ignore", invalid="ignore"):
         for level in reversed(range(doublings)):
@@ -319,7 +331,8 @@ def _phi(z: Array, doublings: int) -> Array:
             doubling[:n] = row[0]
             doubled = rows[level]
             np.matmul(row.reshape(-1, width), doubling, out=doubled.reshape(-1, width))
-            doubled[1:] += row[0, :, :n] @ row[1:]  # the derivative of the matrix
+            # the product rule for the blocks H: phi_0(z), the first factor, times their change
+            doubled[1:] += row[0, :, :n] @ row[1:]
             doubled *= halves
     by_order = rows.reshape(doublings + 1, blocks, n, _ORDERS, n)[..., 1:, :]
     return np.ascontiguousarray(np.moveaxis(by_order, 3, 1))

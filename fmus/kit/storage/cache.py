@@ -56,7 +56,7 @@ def cached_file(name: str, make: Callable[[], bytes], place: Path | None = None)
     with _write_errors(root):
         _make_private(root)
         for parent in reversed(path.parents):
-            if root in parent.parents:
+            if root in parent.parents:  # a folder within the cache
                 _make_private(parent)
     if not is_sound(path):
         contents = make()
@@ -90,7 +90,7 @@ def _write_errors(root: Path) -> Iterator[None]:
 def is_sound(path: Path) -> bool:
     """Return whether an entry exists, is undamaged, and was written by this user."""
     try:
-        return _read(_digest_file(path)) == _digest_line(path, _read(path))
+        return _read_private(_digest_file(path)) == _digest_line(path, _read_private(path))
     except OSError:
         return False
 
@@ -125,7 +125,7 @@ def _unusable(place: Path, why: str) -> UserError:
     return UserError(f"{place}: the cache {why}; name a folder of your own in PPY_CACHE")
 
 
-def _read(path: Path) -> bytes:
+def _read_private(path: Path) -> bytes:
     """Return the contents of a file of this user; raise OSError for any other file."""
 
     def opened(name: str, flags: int) -> int:

@@ -135,7 +135,7 @@ def no_room(place: Path, error: OSError) -> UserError:
 
 @functools.cache
 def _sweep(place: str) -> None:
-    """Remove the temporary folders of processes that have ended."""
+    """Remove the temporary folders of this user whose processes have ended; once in a process."""
     for path in Path(place).absolute().glob(f"{_PREFIX}*{_LOCK}"):
         with contextlib.suppress(OSError):
             folder = path.with_suffix("")
@@ -148,7 +148,7 @@ def _sweep(place: str) -> None:
 
 
 def _is_ours(path: Path, is_kind: Callable[[int], bool]) -> bool:
-    """Return whether a path has a type of file and belongs to this user."""
+    """Return whether a path itself, not the target of a link, is of a type and of this user."""
     about = path.lstat()
     return is_kind(about.st_mode) and (sys.platform == "win32" or about.st_uid == os.geteuid())
 

@@ -32,8 +32,8 @@ class Calls:
         self.values: dict[str, list[Any]] = {}
         self._running: list[str] = []
 
-        def get(one: Any, name: str) -> Any:
-            value = object.__getattribute__(one, name)
+        def get(instance: Any, name: str) -> Any:
+            value = object.__getattribute__(instance, name)
             if name in signals:
                 if self._running:
                     self.reads[self._running[-1]].add(name)
@@ -41,7 +41,7 @@ class Calls:
             is_law = callable(value) and not name.startswith("_") and not hasattr(Component, name)
             return self._recorded(name, value) if is_law else value
 
-        self.one = type(cls.__name__, (cls,), {"__getattribute__": get})()
+        self.instance = type(cls.__name__, (cls,), {"__getattribute__": get})()
 
     def _recorded(self, name: str, law: Callable[..., Any]) -> Callable[..., Any]:
         """Return a function that calls a law and records the call."""

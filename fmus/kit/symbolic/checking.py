@@ -95,14 +95,14 @@ def check_component(cls: type[Component]) -> None:
     if cls.engine is not None or cls in _checked:
         return
     _check_declared(cls)
-    one = _symbolic_instance(cls)
-    attributes = set(vars(one))
+    instance = _symbolic_instance(cls)
+    attributes = set(vars(instance))
     for required in _required_units(cls):
-        _check_law(one, required)
-    new = sorted(vars(one).keys() - attributes)
+        _check_law(instance, required)
+    new = sorted(vars(instance).keys() - attributes)
     if new:
         raise UserError(
-            f"{_place_in_class(cls, rf'self[.]{new[0]} *=')}: a law keeps {new[0]!r} in self, where"
+            f"{_line_in_class(cls, rf'self[.]{new[0]} *=')}: a law keeps {new[0]!r} in self, where"
             " nothing is kept from one evaluation to the next; declare it as a State or Discrete"
         )
     _checked.add(cls)
@@ -115,10 +115,10 @@ def _check_declared(cls: type[Component]) -> None:
         try:
             units.check(v.unit)
         except UserError as error:
-            place = _place_in_class(cls, rf"^ *{v.name} *=")
+            place = _line_in_class(cls, rf"^ *{v.name} *=")
             raise UserError(f"{place}: {v.name}: {error}") from error
         if v.name in clocks and units.base_unit(v.unit) != units.base_unit("s"):
-            place = _place_in_class(cls, rf"^ *{v.name} *=")
+            place = _line_in_class(cls, rf"^ *{v.name} *=")
             raise UserError(
                 f"{place}: {v.name} is in {v.unit}, but a sample period is in s;"
                 f" declare it in s, with display={v.unit!r}"
@@ -144,27 +144,31 @@ def _required_units(cls: type[Component]) -> Iterator[_RequiredUnit]:
 
 def _symbolic_instance(cls: type[Component]) -> Component:
     """Return an instance whose variables are symbols in their units."""
-    one = _instance(cls, lambda unit: Symbol(units.powers_of_names(unit)))
-    free = _instance(cls, lambda unit: ANY)
+    instance = _instance_of_symbols(cls, lambda unit: Symbol(units.powers_of_names(unit)))
+    free = _instance_of_symbols(cls, lambda unit: ANY)
     for name in cls.unchecked:
         if law_of(cls, name) is None:
-            place = _place_in_class(cls, r"^ *unchecked *=")
-            raise UserError(f"{place}: no law named {name!r}{suggestion(name, _names(one))}")
-        vars(one)[name] = _of_any_unit(getattr(free, name))
-    return one
+            place = _line_in_class(cls, r"^ *unchecked *=")
+            raise UserError(
+                f"{place}: no law named {name!r}{suggestion(name, _variables_and_laws(instance))}"
+            )
+        vars(instance)[name] = _without_unit_check(getattr(free, name))
+    return instance
 
 
-def _instance(cls: type[Component], make: Any) -> Component:
-    """Return an instance whose variables are symbols that a function makes from their units."""
-    one = cls()
+def _instance_of_symbols(cls: type[Component], make: Any) -> Component:
+    """Return an instance whose variables are the symbols that ``make(unit)`` returns."""
+    instance = cls()
     # not setattr: an effect of an input is a descriptor with the name of the input
-    vars(one).update({v.name: make(v.unit) for v in cls.layout.variables if hasattr(v, "start")})
-    one.time = Symbol({"s": 1.0}, ANY.numbers)  # a function of time may have bare numbers
-    return one
+    vars(instance).update(
+        {v.name: make(v.unit) for v in cls.layout.variables if hasattr(v, "start")}
+    )
+    instance.time = Symbol({"s": 1.0}, ANY.numbers)  # a function of time may have bare numbers
+    return instance
 
 
-def _of_any_unit(law: Any) -> Any:
-    """Return a law whose arguments and results are symbols of any unit."""
+def _without_unit_check(law: Any) -> Any:
+    """Return a law that takes and returns symbols of any unit in place of those with a unit."""
 
     def free(value: Any) -> Any:
         if isinstance(value, tuple | list):
@@ -174,54 +178,54 @@ def _of_any_unit(law: Any) -> Any:
     return lambda *arguments: free(law(*free(arguments)))
 
 
-def _check_law(one: Component, required: _RequiredUnit) -> None:
+def _check_law(instance: Component, required: _RequiredUnit) -> None:
     """Evaluate a law, and check the unit of its value."""
     try:
-        value = getattr(one, required.law)()
+        value = getattr(instance, required.law)()
     except Exception as error:
-        raise UserError(_evaluation_message(one, required, error)) from error
+        raise UserError(_evaluation_message(instance, required, error)) from error
     try:
         if isinstance(value, Symbol):
-            value.meet(Symbol(required.powers))
+            value.match(Symbol(required.powers))
         else:
             check_number(value)
     except LawError as error:
-        raise UserError(_unit_message(one, required, value, error)) from error
+        raise UserError(_unit_message(instance, required, value, error)) from error
 
 
-def _unit_message(one: Component, required: _RequiredUnit, value: Any, error: LawError) -> str:
+def _unit_message(instance: Component, required: _RequiredUnit, value: Any, error: LawError) -> str:
     """Return the message for the value of a law that is no number or has another unit."""
-    place = _place_of_law(type(one), required.law)
+    place = _place_of_law(type(instance), required.law)
     if not isinstance(value, Symbol):
         return f"{place}: the value of {required.law} is no number: {error}; {error.remedy}"
     reason = f"{place}: {required.law} gives {value.unit}, but {required.words}"
     if isinstance(error, ScaleError):
-        return f"{reason}: {error}; {_scale_remedy(one)}"
-    return f"{reason}; {_units_in(one, _source_of(type(one), required.law))}"
+        return f"{reason}: {error}; {_scale_remedy(instance)}"
+    return f"{reason}; {_unit_hints(instance, _source_of(type(instance), required.law))}"
 
 
-def _evaluation_message(one: Component, required: _RequiredUnit, error: Exception) -> str:
+def _evaluation_message(instance: Component, required: _RequiredUnit, error: Exception) -> str:
     """Return the message for an error in the evaluation of a law: place, mistake and remedy."""
     place = _place_of(error)
     if place is None:
-        where = f"{_place_of_law(type(one), required.law)}: in {required.law}"
+        where = f"{_place_of_law(type(instance), required.law)}: in {required.law}"
     else:
         quoted = f" in {place.text!r}" if place.text else ""
         where = f"{shown(place.file)}, line {place.line}: in {place.law}{quoted}"
     if isinstance(error, ScaleError):
-        return f"{where}: {error}; {error.remedy or _scale_remedy(one)}"
+        return f"{where}: {error}; {error.remedy or _scale_remedy(instance)}"
     if isinstance(error, ValueNeeded):
         return f"{where}: {error}; {_value_remedy(place) or error.remedy}"
     if isinstance(error, LawError):
-        remedy = error.remedy or _units_in(one, place.text if place else "")
+        remedy = error.remedy or _unit_hints(instance, place.text if place else "")
         return f"{where}: {error}; {remedy}"
-    return f"{where}: {_python_message(one, place, error)}"
+    return f"{where}: {_python_message(instance, place, error)}"
 
 
-def _python_message(one: Component, place: _Place | None, error: Exception) -> str:
+def _python_message(instance: Component, place: _Place | None, error: Exception) -> str:
     """Return the message for an exception of Python in a law."""
     name = getattr(error, "name", None) or ""
-    known = _names(one)
+    known = _variables_and_laws(instance)
     match error:
         case UserError():
             return str(error)
@@ -233,25 +237,25 @@ def _python_message(one: Component, place: _Place | None, error: Exception) -> s
             return f"{name} is not there{suggestion(name, [*known, *kit.__all__], few=0)}"
         case AttributeError() if isinstance(error.obj, Component | super):
             return f"there is no variable or law {name!r}{suggestion(name, known)}"
-        case TypeError() if without_self := _without_self(one):
+        case TypeError() if without_self := _without_self(instance):
             return f"{error}; write self between the brackets of {without_self}"
-        case TypeError() if _calls_a_variable(one, place):
+        case TypeError() if _calls_a_variable(instance, place):
             return "a variable is called like a law; leave out the brackets behind its name"
         case RecursionError():
             return "the law calls itself without end; call super().law() or another law"
     return f"{type(error).__name__}: {error}"
 
 
-def _without_self(one: Component) -> str:
+def _without_self(instance: Component) -> str:
     """Return the first law that lacks the argument ``self``; empty if there is none."""
-    laws = ((name, _code_of(type(one), name)) for name in _names(one))
+    laws = ((name, _code_of(type(instance), name)) for name in _variables_and_laws(instance))
     return next((name for name, code in laws if code and not code.co_argcount), "")
 
 
-def _calls_a_variable(one: Component, place: _Place | None) -> bool:
+def _calls_a_variable(instance: Component, place: _Place | None) -> bool:
     """Return whether an expression calls a variable as if it were a law."""
     call = re.match(r"self\.(\w+)\(", place.text) if place else None
-    return call is not None and any(call[1] == v.name for v in type(one).layout.variables)
+    return call is not None and any(call[1] == v.name for v in type(instance).layout.variables)
 
 
 def _value_remedy(place: _Place | None) -> str:
@@ -271,42 +275,42 @@ def _value_remedy(place: _Place | None) -> str:
     return f"write {', and '.join(remedies)}, of fmus.kit" if remedies else ""
 
 
-def _scale_remedy(one: Component) -> str:
+def _scale_remedy(instance: Component) -> str:
     """Return the remedy for units of different scale."""
     others = [
         f"{v.name} ({v.unit})"
-        for v in type(one).layout.variables
+        for v in type(instance).layout.variables
         if units.base_unit(v.unit).factor != 1.0 and not getattr(v, "starts", None)
     ]
     declare = f", or declare {', '.join(others)} in SI, with display= for people" if others else ""
     return f"write this factor into the law{declare}"
 
 
-def _units_in(one: Component, text: str) -> str:
-    """Return the units of the variables and laws in an expression, as a hint."""
-    layout = type(one).layout
+def _unit_hints(instance: Component, text: str) -> str:
+    """Return a hint for an expression: the units of its variables and laws."""
+    layout = type(instance).layout
     declared = {v.name: v.unit for v in layout.variables if hasattr(v, "start")}
     hints = []
     for name in dict.fromkeys(re.findall(r"\bself\.(\w+)", text)):
         if name in declared:
             hints.append(f"{name} is declared in {declared[name]}")
-        elif law_of(type(one), name):
-            hints.append(_unit_of_law(one, name))
+        elif law_of(type(instance), name):
+            hints.append(_unit_of_law(instance, name))
     return ", ".join(filter(None, hints)) or "check the units in this expression"
 
 
-def _unit_of_law(one: Component, law: str) -> str:
+def _unit_of_law(instance: Component, law: str) -> str:
     """Return the unit of a law without arguments, as a hint; empty if it has none."""
     try:
-        value = getattr(one, law)()
+        value = getattr(instance, law)()
     except Exception:
         return ""
     return f"{law}() gives {value.unit}" if isinstance(value, Symbol) else ""
 
 
-def _names(one: Component) -> list[str]:
+def _variables_and_laws(instance: Component) -> list[str]:
     """Return the variables and laws of a component."""
-    cls = type(one)
+    cls = type(instance)
     laws = [n for n in dir(cls) if not n.startswith("_") and not hasattr(Component, n)]
     return [*(v.name for v in cls.layout.variables), *laws]
 
@@ -327,20 +331,22 @@ def _place_of(error: BaseException) -> _Place | None:
     for at in _tracebacks(error):
         code = at.tb_frame.f_code
         if not Path(code.co_filename).is_relative_to(_KIT):
-            text = _text(code, at.tb_lasti)
+            text = _expression_of(code, at.tb_lasti)
             place = _Place(code.co_filename, at.tb_lineno, code.co_name, text)
     return place
 
 
 def _tracebacks(error: BaseException) -> Iterator[TracebackType]:
+    """Yield the traceback of every frame that an error passed, the innermost last."""
     at = error.__traceback__
     while at:
         yield at
         at = at.tb_next
 
 
-def _text(code: CodeType, instruction: int) -> str:
-    """Return the expression of an instruction, if it is in one line."""
+def _expression_of(code: CodeType, instruction: int) -> str:
+    """Return the text of the expression of an instruction; empty if it is not in one line."""
+    # an offset in the bytecode, where every instruction has two bytes
     start, end, left, right = list(code.co_positions())[instruction // 2]
     if start is None or start != end:
         return ""
@@ -373,18 +379,22 @@ def _source_of(cls: type[Component], law: str) -> str:
     return "".join(linecache.getline(code.co_filename, line) for line in sorted(lines))
 
 
-def _place_in_class(cls: type[Component], pattern: str) -> str:
-    """Return file and line of a pattern's first match in the source of a class or its bases."""
+def _line_in_class(cls: type[Component], pattern: str) -> str:
+    """Return file and line of the first match in the source of a class or an author's base of it.
+
+    If there is no match, it is the name of the component.
+    """
     import inspect
 
-    for part in cls.__mro__[:-2]:
+    for part in cls.__mro__[:-2]:  # without `Component` and `object`
         try:
             lines, first = inspect.getsourcelines(part)
-        except (OSError, TypeError):
+        except (OSError, TypeError):  # no file has its source
             continue
-        if Path(inspect.getsourcefile(part) or "").is_relative_to(_KIT):
+        file = inspect.getsourcefile(part) or ""
+        if Path(file).is_relative_to(_KIT):
             continue
         for number, line in enumerate(lines, first):
             if re.search(pattern, line):
-                return f"{shown(inspect.getsourcefile(part) or '')}, line {number}"
+                return f"{shown(file)}, line {number}"
     return cls.name or cls.__name__

@@ -100,6 +100,7 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
     starts = [index[layout.start_of[s.name]] for s in (*layout.states, *layout.discretes)]
     clocks = [f"    {_clock(clock, index)}," for clock, _ in layout.sampled]
     texts = [f"    {{{_c_string(t.name)}, {_c_string(t.start)}}}," for t in layout.texts]
+    # C has no empty arrays
     body = [
         f"static const char model_name[] = {_c_string(graph.name)};",
         f"static const char model_guid[] = {_c_string(guid)};",
@@ -138,15 +139,15 @@ def _variable_rows(layout: Layout) -> list[str]:
 
 
 def _clock(clock: Clock, index: Mapping[str, int]) -> str:
-    """Write a clock: period in s, index of its parameter or -1, and indices for the shift."""
-    at = -1
+    """Write a clock: period in s, or index of its parameter, and indices for the shift, or -1."""
+    parameter = -1
     seconds = 0.0
     if isinstance(clock.period, str):
-        at = index[clock.period]
+        parameter = index[clock.period]
     else:
         seconds = clock.period
     shifts = ([index[name] for name in clock.shift] + [-1] * LONGEST_SHIFT)[:LONGEST_SHIFT]
-    return f"{{{_c_double(seconds)}, {at}, {{{', '.join(map(str, shifts))}}}}}"
+    return f"{{{_c_double(seconds)}, {parameter}, {{{', '.join(map(str, shifts))}}}}}"
 
 
 @uninterrupted()
@@ -191,7 +192,7 @@ def native_sources(graph: Graph, guid: str, hosted: bool = True, fmi: int = 2) -
     ]
     files["model.h"] += "\n".join(lines) + "\n"
     laws = _generate(functions)
-    if not hosted:
+    if not hosted:  # the record library passes all arrays
         laws = _RESULT.sub("", _OPERAND.sub(r"\2", laws))
     files["laws.c"] = _LAWS.format(laws)
     return files

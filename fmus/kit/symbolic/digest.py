@@ -36,23 +36,24 @@ def digest(graph: Graph) -> str:
     results = [ca.densify(part) for part in (graph.rates, graph.outputs, *graph.updates)]
     function = ca.Function("laws", graph.arguments, results)
     symbols = [
-        [_of(index, element) for element in range(function.nnz_in(index))]
+        [_digest_of(index, element) for element in range(function.nnz_in(index))]
         for index in range(function.n_in())
     ]
-    laws = carry_out(function, symbols, _of, _of_operation)
-    return _of(laws, _declared(graph.layout), graph.tolerance, graph.restorable)
+    laws = carry_out(function, symbols, _digest_of, _digest_of_operation)
+    return _digest_of(laws, _attributes_in_digest(graph.layout), graph.tolerance, graph.restorable)
 
 
-def _of(*parts: Any) -> str:
+def _digest_of(*parts: Any) -> str:
     """Return the digest of numbers, texts, and tuples or lists of these."""
     return sha256(repr(parts).encode()).hexdigest()
 
 
-def _of_operation(operation: int, operands: Sequence[str]) -> str:
-    return _of(operation, *operands)
+def _digest_of_operation(operation: int, operands: Sequence[str]) -> str:
+    """Return the digest of an operation from the digests of its operands."""
+    return _digest_of(operation, *operands)
 
 
-def _declared(layout: Layout) -> list[Any]:
+def _attributes_in_digest(layout: Layout) -> list[Any]:
     """Return the attributes of variables that a simulation depends on."""
     variables = [
         (v.name, v.unit, v.type, float(v.min), float(v.max), float(v.nominal))

@@ -221,7 +221,7 @@ def list_laws(cls: type[Component]) -> list[LawOfModel]:
     signals = [v.name for v in (*layout.inputs, *layout.states) if v.type == "real"]
     calls = Calls(cls, set(signals))
     for name in (*rates, *outputs):
-        getattr(calls.one, name)()
+        getattr(calls.instance, name)()
     reads = calls.reads
     units_of = units_of_laws(cls, reads)
     laws = []
@@ -267,7 +267,7 @@ def families_for(
         # errors of outputs are effects of sensors, and a definition cannot be wrong
         if law.is_output or not law.unit or law.name in definitions:
             continue
-        signals = [s for s in law.reads if not (law.is_rate and s in inputs)]
+        signals = [s for s in law.reads if not law.is_rate or s not in inputs]
         signals += _undamped_velocities(cls, law, rates)
         effects += _effects_of_law(cls, law, signals, scale, sampling)
         effects += _walls(cls, law, scale, sampling)
@@ -292,23 +292,22 @@ def _effects_of_law(
     unit_of = {v.name: v.unit for v in (*cls.layout.inputs, *cls.layout.states)}
     inputs = {v.name for v in cls.layout.inputs}
     nominal = scale.get(law.name, 1.0)
+    several = len(signals) > 1
     for signal in signals:
-        several = len(signals) > 1
         qualifier = f"{law.name}, {signal}" if several else law.name
         prefix = f"{law.name}_of_{signal}" if several else law.name
-        for shape, name in _shapes(law.unit, unit_of[signal]).items():
+        for shape, name in _shapes_for_units(law.unit, unit_of[signal]).items():
             stem = f"{prefix}_{name}"
             if shape in ARMS:
-                if law.is_rate:
-                    continue  # a rate already has a memory, its state
-                if shape == "hysteresis" and signal in inputs:
-                    continue  # it needs the rate of its signal, which an input does not have
+                # a rate already has a memory, its state; hysteresis needs the rate of its signal
+                if law.is_rate or (shape == "hysteresis" and signal in inputs):
+                    continue
                 yield lag_effect(
                     cls,
                     law.name,
                     signal,
                     shape,
-                    _first_constant(shape, signal, scale, sampling),
+                    _start_of_constant(shape, signal, scale, sampling),
                     law.unit,
                     nominal=nominal,
                     scale=scale[signal],
@@ -340,15 +339,16 @@ def _walls(
     sides = [s for s in law.reads if _same_dimension(declared[s].unit, "K")]
     if law.is_rate or not _same_dimension(law.unit, "W") or len(sides) != 2:
         return
-    one = cls()
-    base = getattr(one, law.name)()
-    setattr(one, sides[0], getattr(one, sides[0]) + declared[sides[0]].nominal)
-    first, second = sides if getattr(one, law.name)() > base else sides[::-1]
+    # the first side is the one whose temperature increases the flow
+    instance = cls()
+    base = getattr(instance, law.name)()
+    setattr(instance, sides[0], getattr(instance, sides[0]) + declared[sides[0]].nominal)
+    first, second = sides if getattr(instance, law.name)() > base else sides[::-1]
     yield storing_wall(
         cls,
         law.name,
         (first, second),
-        _first_constant("leading", first, scale, sampling),
+        _start_of_constant("leading", first, scale, sampling),
         law.unit,
         nominal=scale.get(law.name, 1.0),
         scale=declared[first].nominal,
@@ -365,7 +365,7 @@ def _is_definition(state: str, rate: ca.SX) -> bool:
     return bool(slope.is_constant() and at_zero.is_zero())
 
 
-def _first_constant(
+def _start_of_constant(
     kind: str, signal: str, scale: Mapping[str, float], sampling: Sampling | None
 ) -> float:
     """Return the start value of an arm's constant: a displacement of a loop, or a time in s."""
@@ -396,17 +396,17 @@ def _contains_shape(cls: type[Component], law: str, signal: str, shape: str) -> 
     its parameters.
     """
     rng = np.random.default_rng(0)
-    one = cls()
+    instance = cls()
     for v in (*cls.layout.inputs, *cls.layout.states):
         if v.type == "real":
-            setattr(one, v.name, v.nominal * rng.normal(size=_POINTS))
-    x = getattr(one, signal)
+            setattr(instance, v.name, v.nominal * rng.normal(size=_POINTS))
+    x = getattr(instance, signal)
     target = SHAPES[shape].form(x, 1.0, variable(cls, signal).nominal)
     columns = []
     for p in cls.layout.parameters:
         if p.type != "real":
             continue
-        slope = _slope(one, law, p)
+        slope = _derivative_by_parameter(instance, law, p)
         if slope is None:
             return False
         if np.isfinite(slope).all():
@@ -420,28 +420,31 @@ def _contains_shape(cls: type[Component], law: str, signal: str, shape: str) -> 
     return bool(np.std(residual) < _TOLERANCE * np.std(target))
 
 
-def _slope(one: Component, law: str, parameter: ParameterDeclaration) -> Array | None:
+def _derivative_by_parameter(
+    instance: Component, law: str, parameter: ParameterDeclaration
+) -> Array | None:
     """Return the derivative of a law by a parameter from central differences; None if undefined."""
-    value = getattr(one, parameter.name)
+    value = getattr(instance, parameter.name)
     step = 1e-6 * parameter.nominal
     ends = []
     for shifted in (value - step, value + step):
-        setattr(one, parameter.name, shifted)
+        setattr(instance, parameter.name, shifted)
         try:
-            result = np.asarray(getattr(one, law)(), dtype=float)
+            result = np.asarray(getattr(instance, law)(), dtype=float)
             ends.append(np.broadcast_to(result, (_POINTS,)))
         except (ArithmeticError, TypeError, ValueError):
             return None
-    setattr(one, parameter.name, value)
+    setattr(instance, parameter.name, value)
     slope: Array = (ends[1] - ends[0]) / (2.0 * step)
     return slope
 
 
-def _shapes(law: str, signal: str) -> dict[str, str]:
-    """Return the effects that fit a law in one unit over a signal in another: name by shape."""
-    for above, below, shapes in _KNOWN:
-        if (not above or _same_dimension(law, above)) and _same_dimension(signal, below):
-            return shapes
+def _shapes_for_units(law_unit: str, signal_unit: str) -> dict[str, str]:
+    """Return the names of the effects for a law and a signal in some units, by shape."""
+    for of_law, of_signal, names in _KNOWN:
+        fits_law = not of_law or _same_dimension(law_unit, of_law)
+        if fits_law and _same_dimension(signal_unit, of_signal):
+            return names
     return _ANYTHING
 
 
@@ -494,23 +497,25 @@ def units_of_laws(cls: type[Component], laws: Iterable[str]) -> dict[str, str]:
     calls = Calls(cls, set())
     for v in (*layout.parameters, *layout.inputs, *layout.states, *layout.discretes):
         if v.type == "real":
-            calls.one.__dict__[v.name] = Quantity(_size(v), units.powers_of_names(v.unit))
-    calls.one.time = Quantity(1.0, {"s": 1.0})
+            calls.instance.__dict__[v.name] = Quantity(
+                _nonzero_value(v), units.powers_of_names(v.unit)
+            )
+    calls.instance.time = Quantity(1.0, {"s": 1.0})
     for law in laws:
         try:
-            value = getattr(calls.one, law)()
+            value = getattr(calls.instance, law)()
             if law in declared and isinstance(value, Quantity):
-                declared[law].meet(value.unit)
+                declared[law].match(value.unit)
         except Exception:  # a law may raise any exception on a number with a unit
             continue
     known = {}
     for law, values in calls.values.items():
         law_units = [value.unit for value in values if isinstance(value, Quantity)]
-        if law_units:
+        if law_units:  # of several calls, one after which the unit is determined
             known[law] = min(law_units, key=lambda unit: unit.is_open)
     return {law: _usual_spelling(unit) for law, unit in (known | declared).items()}
 
 
-def _size(v: Declaration) -> float:
+def _nonzero_value(v: Declaration) -> float:
     """Return a typical value of a variable that is not zero."""
     return float(getattr(v, "start", 0.0) or v.nominal)

@@ -26,7 +26,9 @@ from fmus.kit.symbolic.tracing import Graph, trace
 Values = Mapping[str, float]
 _Numbers = Mapping[str, Any]  # floats, or arrays with a value for each setting
 _Laws = tuple[list[Any], list[Any]]  # rates and outputs
-_GAMMA = 1.0 - 0.5**0.5  # makes the Rosenbrock method for several states L-stable
+# states and discrete states of an effect itself by name, (k, n), or (k, 1) if constant
+_EffectTrajectory = dict[str, Array]
+_GAMMA = 1.0 - 0.5**0.5  # makes the Rosenbrock method ROS2 for several states L-stable
 _NEAR_ZERO = 1e-6  # replaces smaller arguments of the functions phi
 _LITTLE = 1e-6  # step of a switch for a numerical derivative, relative to its nominal value
 _EVEN = 1e-9  # relative difference below which steps have the same length
@@ -115,20 +117,26 @@ class ComponentAlong:
         outputs = graph.outputs.numel()
         return StateJacobians(_by_point(a, (n, states, states)), _by_point(c, (n, outputs, states)))
 
-    def outputs(self, place: int) -> tuple[Array, Array]:
-        """Return an output at begin and end of every step, (n,); states count after outputs."""
-        count = len(self.cls.layout.outputs)
-        if place >= count:
-            return self.begin.states[place - count], self.end.states[place - count]
+    def outputs(self, index: int) -> tuple[Array, Array]:
+        """Return an output, or a state, at begin and end of every step, each (n,), SI.
+
+        Parameters
+        ----------
+        index : int
+            Index among the outputs followed by the states.
+        """
+        state = index - len(self.cls.layout.outputs)
+        if state >= 0:
+            return self.begin.states[state], self.end.states[state]
         begin, end = (
-            np.broadcast_to(outputs[place], self.begin.time.shape[1]) for _, outputs in self.laws
+            np.broadcast_to(outputs[index], self.begin.time.shape[1]) for _, outputs in self.laws
         )
         return begin, end
 
     @cached_property
     def laws(self) -> tuple[_Laws, _Laws]:
         """Rates and outputs at begin and end of every step, as arrays or numbers."""
-        begin, end = (_evaluated(self.cls, at, self.parameters) for at in (self.begin, self.end))
+        begin, end = (_evaluate(self.cls, at, self.parameters) for at in (self.begin, self.end))
         return begin, end
 
     @cached_property
@@ -185,10 +193,10 @@ class EffectForcing:
         _refuse_feedback(self._cls, parameters, duration, effect)
         layout = self._cls.layout
         known = component.cls.layout
-        self._states = _places(layout.states, known.states)
-        self._own_states = _others(len(layout.states), self._states)
-        self._outputs = _places(layout.outputs, known.outputs)
-        self._own_discretes = _added(layout.discretes, known.discretes)
+        self._states = _indices_of(layout.states, known.states)
+        self._effect_states = _other_indices(len(layout.states), self._states)
+        self._outputs = _indices_of(layout.outputs, known.outputs)
+        self._effect_discretes = _without_known(layout.discretes, known.discretes)
 
     def of(self, settings: Sequence[Values]) -> Forcing:
         """Evaluate the effect in k settings along the trajectory.
@@ -204,18 +212,23 @@ class EffectForcing:
         -------
         Forcing
         """
-        active, per = self._activated(settings)
+        active, divisors = self._with_active_switch(settings)
         columns = {name: np.array([[one[name]] for one in active]) for name in active[0]}
         parameters = self._parameters | columns
-        own = self._own_courses(parameters, len(settings))
+        trajectory = self._effect_trajectory(parameters, len(settings))
         component = self._component
         at_begin, at_end = component.laws
-        begin, shown = self._additions(component.begin, at_begin, parameters, own, per)
-        end, _ = self._additions(component.end, at_end, parameters, own.at_end(), per)
+        begin, shown = self._additions(component.begin, at_begin, parameters, trajectory, divisors)
+        end, _ = self._additions(component.end, at_end, parameters, _at_end(trajectory), divisors)
         return Forcing(begin, end, shown)
 
-    def _activated(self, settings: Sequence[Values]) -> tuple[list[dict[str, float]], Array]:
-        """Return settings with a small step of neutral switches, and the divisors (k,)."""
+    def _with_active_switch(
+        self, settings: Sequence[Values]
+    ) -> tuple[list[dict[str, float]], Array]:
+        """Return the settings with neutral switches moved by a step, and divisors (k,).
+
+        The divisor is the step, so that the quotient is a derivative; it is 1 for other settings.
+        """
         layout = self._cls.layout
         switch = layout.parameters[layout.parameter_index[self._switch]]
         neutral = float(switch.start)
@@ -223,126 +236,136 @@ class EffectForcing:
         if neutral + little > switch.max:
             little = -little
         active = [dict(values) for values in settings]
-        per = np.ones(len(settings))
+        divisors = np.ones(len(settings))
         for k, values in enumerate(active):
             if values[self._switch] == neutral:
                 values[self._switch] = neutral + little
-                per[k] = little
-        return active, per
+                divisors[k] = little
+        return active, divisors
 
     def _additions(
-        self, at: Points, base: _Laws, parameters: _Numbers, own: _OwnCourses, per: Array
+        self,
+        at: Points,
+        base: _Laws,
+        parameters: _Numbers,
+        trajectory: _EffectTrajectory,
+        divisors: Array,
     ) -> tuple[Array, Array]:
         """Return additions to rates and outputs, divided by the divisors, each (n, rows, k)."""
         known = self._component.cls
-        rates, outputs = _evaluated(self._cls, at, parameters, known, own.values)
+        rates, outputs = _evaluate(self._cls, at, parameters, known, trajectory)
         base_rates, base_outputs = base
         return (
-            _difference([rates[i] for i in self._states], base_rates, per, at),
-            _difference([outputs[i] for i in self._outputs], base_outputs, per, at),
+            _difference([rates[i] for i in self._states], base_rates, divisors, at),
+            _difference([outputs[i] for i in self._outputs], base_outputs, divisors, at),
         )
 
-    def _own_courses(self, parameters: _Numbers, count: int) -> _OwnCourses:
-        """Return the effect's own states and discrete states along the trajectory."""
+    def _effect_trajectory(self, parameters: _Numbers, count: int) -> _EffectTrajectory:
+        """Return the states and discrete states of the effect in `count` settings."""
         layout = self._cls.layout
-        starts = {
+        trajectory = {
             v.name: np.broadcast_to(parameters[layout.start_of[v.name]], (count, 1))
-            for v in (*(layout.states[i] for i in self._own_states), *self._own_discretes)
+            for v in (*(layout.states[i] for i in self._effect_states), *self._effect_discretes)
         }
-        own = _OwnCourses(starts)
-        if self._own_discretes:
-            own = self._sampled_at_start(parameters, own)
-        if self._own_states and self._component.begin.time.shape[1] > 1:
-            own = self._integrated(parameters, own, count)
-        return own
+        if self._effect_discretes:
+            trajectory = self._sample_at_start(parameters, trajectory)
+        if self._effect_states and self._component.begin.time.shape[1] > 1:
+            trajectory = self._integrate_effect_states(parameters, trajectory, count)
+        return trajectory
 
-    def _sampled_at_start(self, parameters: _Numbers, own: _OwnCourses) -> _OwnCourses:
-        """Return the effect's own states, with discrete ones after the sample at the start."""
+    def _sample_at_start(
+        self, parameters: _Numbers, trajectory: _EffectTrajectory
+    ) -> _EffectTrajectory:
+        """Return a trajectory with the discrete states after the sample at the start."""
         at = self._component.begin.part(slice(1))
-        one = _instance(self._cls, at, parameters, self._component.cls, own.values)
-        updates = one.laws([d.update for d in self._own_discretes])
-        shape = next(iter(own.values.values())).shape
+        instance = _instance_at(self._cls, at, parameters, self._component.cls, trajectory)
+        updates = instance.laws([d.update for d in self._effect_discretes])
+        shape = next(iter(trajectory.values())).shape
         after = {
             d.name: np.broadcast_to(np.asarray(law(), dtype=float), shape)
-            for d, law in zip(self._own_discretes, updates, strict=True)
+            for d, law in zip(self._effect_discretes, updates, strict=True)
         }
-        return _OwnCourses(own.values | after)
+        return trajectory | after
 
     @uninterrupted()
-    def _integrated(self, parameters: _Numbers, own: _OwnCourses, count: int) -> _OwnCourses:
-        """Integrate the effect's own states in all settings.
+    def _integrate_effect_states(
+        self, parameters: _Numbers, trajectory: _EffectTrajectory, count: int
+    ) -> _EffectTrajectory:
+        """Return a trajectory with the states of the effect, integrated in all settings at once.
 
-        It is a Rosenbrock method of order 2 for any time constant. For a single state it is
-        exponential, and exact if the rate is linear in the state and its arguments are linear in
+        The method is a Rosenbrock method of order 2 for any time constant. For a single state it
+        is exponential, and exact if the rate is linear in the state and its arguments are linear in
         time (Hochbruck, Ostermann: Acta Numerica 19, 2010). For several states it is L-stable
         (Verwer and others: SIAM J. Sci. Comput. 20, 1999). The Jacobian is that at the end of a
         step, so that an element that starts to yield within the step has yielded at its end.
         """
         graph = trace(self._cls)
-        varied = [d.name for d in (*graph.layout.parameters, *self._own_discretes)]
-        values = {**parameters, **own.values}
-        numbers = np.hstack(
-            [np.broadcast_to(np.asarray(values[n], dtype=float), (count, 1)) for n in varied]
-        )
-        step = self._step(graph)
-        rows = self._component.steps
-        states = ca.SX.sym("states", len(self._own_states), count)
-        symbols, known = _symbols(rows)
+        constants = [d.name for d in (*graph.layout.parameters, *self._effect_discretes)]
+        values = {**parameters, **trajectory}
+        columns = [np.broadcast_to(np.asarray(values[n], float), (count, 1)) for n in constants]
+        numbers = np.hstack(columns)
+        step = self._step_function(graph)
+        states = ca.SX.sym("states", len(self._effect_states), count)
+        symbols, known = _symbols_of_row(self._component.steps)
         copies = [step(states[:, k], ca.DM(numbers[k]), known) for k in range(count)]
         function = ca.Function("all", [ca.vec(states), symbols], ca.cse([ca.vertcat(*copies)]))
-        names = [graph.layout.states[i].name for i in self._own_states]
-        start = np.hstack([own.values[name] for name in names]).ravel()
-        path = np.ascontiguousarray(_path(function, start, rows).T)
-        courses = path.reshape(count, len(names), -1)
-        return _OwnCourses(own.values | {name: courses[:, i] for i, name in enumerate(names)})
+        names = [graph.layout.states[i].name for i in self._effect_states]
+        start = np.hstack([trajectory[name] for name in names]).ravel()
+        path = np.ascontiguousarray(_integrate_steps(function, start, self._component.steps).T)
+        by_setting = path.reshape(count, len(names), -1)
+        return trajectory | {name: by_setting[:, i] for i, name in enumerate(names)}
 
-    def _step(self, graph: Graph) -> ca.Function:
-        """Return the function for a step of the effect's own states.
+    def _step_function(self, graph: Graph) -> ca.Function:
+        """Return the function for a step of the states of the effect.
 
-        Its arguments are these states, the parameters with the effect's own discrete states, and a
-        row of `ComponentAlong.steps`.
+        Its arguments are these states, the parameters followed by the discrete states of the
+        effect, and a row of `ComponentAlong.steps`.
         """
         known = {d.name for d in self._component.cls.layout.discretes}
         discretes = graph.layout.discretes
         inherited = [i for i, d in enumerate(discretes) if d.name in known]
-        own = _others(len(discretes), inherited)
-        of_component = _some(graph.states, self._states)
-        arguments = [graph.time, graph.inputs, of_component, _some(graph.discretes, inherited)]
+        of_effect = _other_indices(len(discretes), inherited)
+        of_component = _entries(graph.states, self._states)
+        arguments = [graph.time, graph.inputs, of_component, _entries(graph.discretes, inherited)]
         at_end = [ca.SX.sym("end", a.numel()) for a in arguments]
         h = ca.SX.sym("h")
-        states = _some(graph.states, self._own_states)
-        rates = _some(graph.rates, self._own_states)
+        states = _entries(graph.states, self._effect_states)
+        rates = _entries(graph.rates, self._effect_states)
         end_rates = ca.substitute([rates], [ca.vertcat(*arguments)], [ca.vertcat(*at_end)])[0]
         result = _rosenbrock(states, rates, end_rates, h)
-        numbers = ca.vertcat(graph.parameters, _some(graph.discretes, own))
+        numbers = ca.vertcat(graph.parameters, _entries(graph.discretes, of_effect))
         return ca.Function("step", [states, numbers, ca.vertcat(h, *arguments, *at_end)], [result])
 
 
-@dataclass(frozen=True)
-class _OwnCourses:
-    """The effect's own states and discrete states by name, (k, n) or (k, 1)."""
-
-    values: dict[str, Array]
-
-    def at_end(self) -> _OwnCourses:
-        """Return the values at the end of every step."""
-        return _OwnCourses({n: np.hstack([v[:, 1:], v[:, -1:]]) for n, v in self.values.items()})
+def _at_end(trajectory: _EffectTrajectory) -> _EffectTrajectory:
+    """Return the values at the end of every step: those at the begin of the next one."""
+    return {n: np.hstack([values[:, 1:], values[:, -1:]]) for n, values in trajectory.items()}
 
 
-def _symbols(rows: Array) -> tuple[ca.SX, ca.SX]:
-    """Return symbols for the arguments of n steps (n, m), and the arguments.
+def _symbols_of_row(rows: Array) -> tuple[ca.SX, ca.SX]:
+    """Return symbols for the m arguments of a step, and the same with numbers for constant ones.
 
-    An argument that is the same in all steps is a number, such as their length in an even record.
+    A constant argument is the same in all n steps, whose arguments are the rows (n, m), such as the
+    length of the steps in an even record.
     """
-    symbols = ca.SX.sym("given", rows.shape[1])
-    known = ca.SX(symbols)
+    symbols = ca.SX.sym("arguments", rows.shape[1])
+    arguments = ca.SX(symbols)
     for i in np.flatnonzero(np.ptp(rows, axis=0) == 0.0):
-        known[int(i)] = rows[0, i]
-    return symbols, known
+        arguments[int(i)] = rows[0, i]
+    return symbols, arguments
 
 
-def _path(function: ca.Function, start: Array, rows: Array) -> Array:
-    """Return states (n + 1, k) from a function of states and arguments, a row for each step."""
+def _integrate_steps(function: ca.Function, start: Array, rows: Array) -> Array:
+    """Return the states (n + 1, k) before and after n steps.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        Returns the states after a step, from those before it and the arguments of the step.
+    start : ndarray, shape (k,)
+    rows : ndarray, shape (n, m)
+        Arguments of the steps.
+    """
     # a function of some steps is built faster than one of all, and works in place
     several: Any = function.mapaccum("several", _AT_ONCE)
     buffer, evaluate = several.buffer()
@@ -359,7 +382,20 @@ def _path(function: ca.Function, start: Array, rows: Array) -> Array:
 
 
 def _rosenbrock(states: ca.SX, rates: ca.SX, at_end: ca.SX, h: ca.SX) -> ca.SX:
-    """Return states after a step h, from rates with the arguments at its begin and at its end."""
+    """Return the states after a step h, as expressions.
+
+    For one state it is the exponential Rosenbrock-Euler method, for several it is ROS2; see
+    `EffectForcing._integrate_effect_states` for the sources.
+
+    Parameters
+    ----------
+    states : casadi.SX
+        States before the step.
+    rates, at_end : casadi.SX
+        Their rates, with the arguments at begin and at end of the step.
+    h : casadi.SX
+        Length of the step, s.
+    """
     slope = ca.jacobian(at_end, states)
     if states.numel() == 1:
         first, second = _phi(h * slope)
@@ -384,12 +420,12 @@ def _with_defaults(cls: type[Component], parameters: _Numbers) -> dict[str, Any]
     return declared | {name: parameters[name] for name in declared if name in parameters}
 
 
-def _instance(
+def _instance_at(
     cls: type[Component],
     at: Points,
     parameters: _Numbers,
     known: type[Component],
-    own: Mapping[str, Array],
+    further: Mapping[str, Array],
 ) -> Component:
     """Return an instance whose variables are arrays over points.
 
@@ -400,7 +436,7 @@ def _instance(
     parameters : Mapping of str to float or ndarray
     known : type[Component]
         Component whose variables the points are.
-    own : Mapping of str to ndarray
+    further : Mapping of str to ndarray
         Further states and discrete states of `cls`.
     """
     component = cls()
@@ -409,32 +445,45 @@ def _instance(
     groups = (known.layout.inputs, known.layout.states, known.layout.discretes)
     for group, values in zip(groups, at.arguments[1:], strict=True):
         values_by_name.update(zip((v.name for v in group), values, strict=True))
-    values_by_name.update(own)
+    values_by_name.update(further)
     component.time = at.time[0]
     return component
 
 
-def _evaluated(
+def _evaluate(
     cls: type[Component],
     at: Points,
     parameters: _Numbers,
     known: type[Component] | None = None,
-    own: Mapping[str, Array] | None = None,
+    further: Mapping[str, Array] | None = None,
 ) -> _Laws:
-    """Return rates and outputs of a component; see `_instance`."""
-    component = _instance(cls, at, parameters, known or cls, own or {})
+    """Return rates and outputs of a component; see `_instance_at`."""
+    component = _instance_at(cls, at, parameters, known or cls, further or {})
     with np.errstate(all="ignore"):  # values that are not finite are rejected where they are used
         return component.rates(), component.outputs()
 
 
-def _difference(values: Sequence[Any], base: Sequence[Any], per: Array, at: Points) -> Array:
-    """Return differences of values (k, n) from the base, divided by `per` (k,): (n, values, k)."""
-    shape = len(per), at.time.shape[1]
+def _difference(values: Sequence[Any], base: Sequence[Any], divisors: Array, at: Points) -> Array:
+    """Return divided differences of rates or outputs from those without the effect.
+
+    Parameters
+    ----------
+    values, base : sequence of float or ndarray
+        Of m laws with the effect, each (k, n) or less, and without it, each (n,) or less.
+    divisors : ndarray, shape (k,)
+    at : Points
+        The n points.
+
+    Returns
+    -------
+    ndarray, shape (n, m, k)
+    """
+    shape = len(divisors), at.time.shape[1]
     result = np.zeros((shape[1], len(values), shape[0]))
     for i, (one, other) in enumerate(zip(values, base, strict=True)):
         difference = np.asarray(one, dtype=float) - np.asarray(other, dtype=float)
         if difference.any():
-            result[:, i] = (np.broadcast_to(difference, shape) / per[:, np.newaxis]).T
+            result[:, i] = (np.broadcast_to(difference, shape) / divisors[:, np.newaxis]).T
     return result
 
 
@@ -463,43 +512,53 @@ def _refuse_feedback(
     if not sampled:
         return
     graph = trace(cls)
-    own = set(effect.declared) if effect is not None else set()
-    known = _with_parameters(graph, [ca.vertcat(graph.rates, graph.outputs)], parameters)
-    acting = known[0]
+    of_effect = set(effect.declared) if effect is not None else set()
+    expressions = ca.vertcat(graph.rates, graph.outputs)
+    (expressions,) = _with_parameters(graph, [expressions], parameters)
     seen: set[str] = set()
-    while read := sorted({s.name() for s in ca.symvar(acting)} & sampled - seen):
+    # discrete states in rates and outputs, then discrete states in their updates, and so on
+    while read := sorted(_names_in(expressions) & (sampled - seen)):
         seen.update(read)
         updates = ca.vertcat(*(_update_of(graph, name) for name in read))
-        if own & {s.name() for s in ca.symvar(updates)}:
+        if of_effect & _names_in(updates):
             raise UserError(f"the effect acts through {read[0]}, which is sampled")
-        acting = _with_parameters(graph, [updates], parameters)[0]
-        if ca.depends_on(acting, graph.states):
+        (expressions,) = _with_parameters(graph, [updates], parameters)
+        if ca.depends_on(expressions, graph.states):
             raise UserError(f"{read[0]} is sampled, and depends on a state")
+
+
+def _names_in(expressions: ca.SX) -> set[str]:
+    """Return the names of the symbols in expressions."""
+    return {symbol.name() for symbol in ca.symvar(expressions)}
 
 
 def _update_of(graph: Graph, name: str) -> ca.SX:
     """Return the expression for the update of a discrete state."""
-    place = [d.name for d in graph.layout.discretes].index(name)
-    groups = zip(graph.updates, graph.layout.sampled, strict=True)
-    return next(update[place] for update, (_, group) in groups if name in {d.name for d in group})
+    index = [d.name for d in graph.layout.discretes].index(name)
+    for update, (_, members) in zip(graph.updates, graph.layout.sampled, strict=True):
+        if name in {d.name for d in members}:
+            return update[index]
+    raise KeyError(name)
 
 
-def _places(group: Sequence[Declaration], known: Sequence[Declaration]) -> list[int]:
+def _indices_of(group: Sequence[Declaration], known: Sequence[Declaration]) -> list[int]:
     """Return the indices of known variables in a group, in the order of the known variables."""
-    place = {variable.name: i for i, variable in enumerate(group)}
-    return [place[variable.name] for variable in known]
+    index = {variable.name: i for i, variable in enumerate(group)}
+    return [index[variable.name] for variable in known]
 
 
-def _some(vector: ca.SX, places: Sequence[int]) -> ca.SX:
+def _entries(vector: ca.SX, indices: Sequence[int]) -> ca.SX:
     """Return entries of a vector as a column, which may be empty."""
-    return ca.vec(vector[places])
+    return ca.vec(vector[indices])
 
 
-def _others(count: int, places: Sequence[int]) -> list[int]:
-    return [i for i in range(count) if i not in places]
+def _other_indices(count: int, indices: Sequence[int]) -> list[int]:
+    """Return the indices below a count that are not among some indices."""
+    return [i for i in range(count) if i not in indices]
 
 
-def _added(group: Sequence[Any], known: Sequence[Declaration]) -> list[Any]:
+def _without_known(group: Sequence[Any], known: Sequence[Declaration]) -> list[Any]:
+    """Return the variables of a group that are not among known ones, by name."""
     names = {variable.name for variable in known}
     return [variable for variable in group if variable.name not in names]
 

@@ -36,10 +36,10 @@ def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
     casadi.Function
         Values of the additional parameters, as a column, from the original parameters.
     """
-    replacing = _Replacing(graph)
-    rates, outputs, *updates = replacing.rewritten_laws()
-    symbols = [symbol for symbol, _ in replacing.hoisted.values()]
-    expressions = [expression for _, expression in replacing.hoisted.values()]
+    rewriter = _Rewriter(graph)
+    rates, outputs, *updates = rewriter.rewritten_laws()
+    symbols = [symbol for symbol, _ in rewriter.hoisted.values()]
+    expressions = [expression for _, expression in rewriter.hoisted.values()]
     declared = [
         name_declaration(ParameterDeclaration(start=0.0, unit="1"), f"hoisted {k}")
         for k in range(len(symbols))
@@ -67,8 +67,8 @@ def _constant(value: float) -> _Expression:
     return _Expression(ca.SX(value), is_fixed=True)
 
 
-class _Replacing:
-    """Rewriting of a graph's laws with symbols for expressions that depend only on parameters.
+class _Rewriter:
+    """Rewriter of a graph's laws with symbols for expressions that depend only on parameters.
 
     Parameters
     ----------
@@ -94,14 +94,14 @@ class _Replacing:
             [_Expression(symbol, is_fixed=k == _PARAMETERS) for symbol in ca.vertsplit(column)]
             for k, column in enumerate(self._arguments)
         ]
-        rewritten = carry_out(laws, arguments, _constant, self._applied)
+        rewritten = carry_out(laws, arguments, _constant, self._apply)
         results = [ca.SX.ones(laws.sparsity_out(i)) for i in range(laws.n_out())]
         for result, elements in zip(results, rewritten, strict=True):
             for k, element in enumerate(elements):
                 result.nz[k] = self._symbol_if_fixed(element)
         return results
 
-    def _applied(self, operation: int, operands: list[_Expression]) -> _Expression:
+    def _apply(self, operation: int, operands: list[_Expression]) -> _Expression:
         """Apply an operation; the result is fixed (depends only on parameters) if all operands are.
 
         Otherwise fixed operands are replaced by their symbols.
@@ -114,7 +114,7 @@ class _Replacing:
         return _Expression(apply_to_symbols(operation, values), is_fixed)
 
     def _symbol_if_fixed(self, expression: _Expression) -> ca.SX:
-        """Return the symbol of an expression that is hoisted, else the expression."""
+        """Hoist an expression that is fixed and no leaf: return its symbol, else the expression."""
         value = expression.value
         if not expression.is_fixed or value.is_constant() or value.is_symbolic():
             return value

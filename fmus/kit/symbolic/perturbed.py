@@ -78,7 +78,8 @@ class PerturbedLaws:
         self._perturbed = trace(self._recording_class(cls))
         self.graph: Graph = trace(cls)
         self.names = list(self._additions)
-        self._mapped: dict[int, ca.Function] = {}  # `_function` over a number of points
+        # `_function` over n points, by n
+        self._functions_over_points: dict[int, ca.Function] = {}
 
     def _recording_class(self, cls: type[Component]) -> type[Component]:
         """Make a class that records the laws and signals that are read, and adds to the laws."""
@@ -86,11 +87,11 @@ class PerturbedLaws:
         names = set(dir(cls)) - set(dir(Component))
         laws = {n for n in names if law_of(cls, n) is not None and not n.startswith("_")}
 
-        def get(one: Any, name: str) -> Any:
-            value = object.__getattribute__(one, name)
+        def get(instance: Any, name: str) -> Any:
+            value = object.__getattribute__(instance, name)
             if name in self._signals and self._calling:
                 self._read[self._calling[-1]].add(name)
-            return self._with_addition(name, value) if name in laws else value
+            return self._perturbed_law(name, value) if name in laws else value
 
         return type(
             cls.__name__,
@@ -98,41 +99,43 @@ class PerturbedLaws:
             {"__getattribute__": get, "name": cls.name, "__module__": cls.__module__},
         )
 
-    def _with_addition(self, name: str, law: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a law with its addition, which records its value and the signals it reads."""
+    def _perturbed_law(self, name: str, law: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a law that adds its symbol to the value, and records value and signals read."""
 
         def perturbed(*arguments: Any, **named: Any) -> Any:
+            # added before the call, because `names` has the order of the calls
             addition = self._additions.setdefault(name, ca.SX.sym(name))
-            caller = self._read[self._calling[-1]] if self._calling else set()
+            read_by_caller = self._read[self._calling[-1]] if self._calling else set()
             read = self._read.setdefault(name, set())
             for argument in (*arguments, *named.values()):
-                read |= set(self._sources(argument))
+                read |= set(self._names_of_value(argument))
             self._calling.append(name)
             try:
                 value = law(*arguments, **named)
             finally:
                 self._calling.pop()
-            if not isinstance(value, _NUMBERS):
+            if not isinstance(value, _NUMBERS):  # several numbers, a part of the caller
                 del self._additions[name]
-                caller |= read
+                read_by_caller |= read
                 return value
-            caller.add(name)
+            read_by_caller.add(name)
             self._values.setdefault(name, ca.SX(value))
             return value + addition
 
         return perturbed
 
-    def _sources(self, argument: Any) -> list[str]:
-        """Return the signal or the laws that have the value of an argument."""
+    def _names_of_value(self, argument: Any) -> list[str]:
+        """Return the names of the signal, or of the laws, whose value an argument is."""
         if not isinstance(argument, ca.SX):
             return []
         if argument.is_symbolic() and argument.name() in self._signals:
             return [argument.name()]
-        return [
-            n
-            for n, value in self._values.items()
-            if ca.is_equal(argument, value + self._additions[n], 1)
-        ]
+        names = []
+        for name, value in self._values.items():
+            # to depth 1, because this sum is another object, with the same operands
+            if ca.is_equal(argument, value + self._additions[name], 1):
+                names.append(name)
+        return names
 
     def is_definition(self, law: str) -> bool:
         """Return whether a law is a definition, which cannot be wrong.
@@ -160,7 +163,7 @@ class PerturbedLaws:
         return is_state and law in {s.rate for s in layout.states}
 
     def is_count(self, law: str) -> bool:
-        """Return whether a law is the rate of a state that counts an input, as charge a current.
+        """Return whether a law is the rate of the integral of an input, such as a charge.
 
         Raises
         ------
@@ -326,20 +329,20 @@ class PerturbedLaws:
         outputs = len(layout.outputs)
         laws = len(self.names)
         shapes = ((states, states), (states, laws), (outputs, states), (outputs, laws), (1, laws))
-        return Jacobians(*self._evaluated(points, shapes))
+        return Jacobians(*self._evaluate(points, shapes))
 
-    def _evaluated(self, points: Sequence[Array], shapes: Sequence[tuple[int, int]]) -> list[Array]:
+    def _evaluate(self, points: Sequence[Array], shapes: Sequence[tuple[int, int]]) -> list[Array]:
         """Evaluate `_function` at n points with arguments (n, ...) and results (n, height, width).
 
         CasADi reads and writes the memory of the arrays column by column, because converting its
         matrices takes longer than the evaluation.
         """
         n = len(points[0])
-        if n not in self._mapped:
-            self._mapped[n] = self._function.map(n)
+        if n not in self._functions_over_points:
+            self._functions_over_points[n] = self._function.map(n)
         results = [np.zeros((n, width, height)) for height, width in shapes]
         buffer: Any  # CasADi's stubs require a size in addition to the memoryview
-        buffer, evaluate = self._mapped[n].buffer()
+        buffer, evaluate = self._functions_over_points[n].buffer()
         for i, argument in enumerate(points):
             buffer.set_arg(i, argument.data)
         for i, result in enumerate(results):

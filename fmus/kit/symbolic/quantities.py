@@ -88,8 +88,8 @@ class Unit:
         """True if the unit has no dimension; an angle has none."""
         return not self.exponents.keys() - {"rad"}
 
-    def meet(self, other: Unit) -> None:
-        """Check this unit and that of a number that is added or compared, and determine open units.
+    def match(self, other: Unit) -> None:
+        """Check that numbers in this and another unit can be added or compared.
 
         If the units differ, an open one becomes the other.
 
@@ -130,15 +130,15 @@ class Quantity:
         self.value = value
         self.unit = unit if isinstance(unit, Unit) else Unit(unit)
 
-    def _same(self, other: Any) -> Any:
-        """Return the value of another number that must have the same dimension."""
+    def _matching_value(self, other: Any) -> Any:
+        """Return the value of another number; raise UnitError if its dimension differs."""
         if isinstance(other, Quantity):
-            self.unit.meet(other.unit)
+            self.unit.match(other.unit)
             return other.value
         return other
 
     def __add__(self, other: Any) -> Quantity:
-        return Quantity(self.value + self._same(other), self.unit)
+        return Quantity(self.value + self._matching_value(other), self.unit)
 
     __radd__ = __add__
 
@@ -160,23 +160,23 @@ class Quantity:
     def __mul__(self, other: Any) -> Quantity:
         if isinstance(other, Quantity):
             return Quantity(self.value * other.value, _product(self.unit, other.unit, 1.0))
-        return Quantity(self.value * other, _converted(self.unit, other, 1.0))
+        return Quantity(self.value * other, _times_constant(self.unit, other, 1.0))
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Quantity:
         if isinstance(other, Quantity):
             return Quantity(self.value / other.value, _product(self.unit, other.unit, -1.0))
-        return Quantity(self.value / other, _converted(self.unit, other, 1.0))
+        return Quantity(self.value / other, _times_constant(self.unit, other, 1.0))
 
     def __rtruediv__(self, other: Any) -> Quantity:
-        return Quantity(other / self.value, _converted(self.unit, other, -1.0))
+        return Quantity(other / self.value, _times_constant(self.unit, other, -1.0))
 
     __floordiv__ = __truediv__
     __rfloordiv__ = __rtruediv__
 
     def __mod__(self, other: Any) -> Quantity:
-        return Quantity(self.value % self._same(other), self.unit)
+        return Quantity(self.value % self._matching_value(other), self.unit)
 
     def __rmod__(self, other: Any) -> Quantity:
         return Quantity(other % self.value, self.unit)
@@ -202,23 +202,23 @@ class Quantity:
 
     def __eq__(self, other: object) -> Any:
         try:
-            return self.value == self._same(other)
+            return self.value == self._matching_value(other)
         except UnitError:
             return False
 
     __hash__ = None  # type: ignore[assignment]
 
     def __lt__(self, other: Any) -> Any:
-        return self.value < self._same(other)
+        return self.value < self._matching_value(other)
 
     def __le__(self, other: Any) -> Any:
-        return self.value <= self._same(other)
+        return self.value <= self._matching_value(other)
 
     def __gt__(self, other: Any) -> Any:
-        return self.value > self._same(other)
+        return self.value > self._matching_value(other)
 
     def __ge__(self, other: Any) -> Any:
-        return self.value >= self._same(other)
+        return self.value >= self._matching_value(other)
 
     def __array_ufunc__(self, function: Any, method: str, *inputs: Any, **named: Any) -> Any:
         """Apply an elementwise function of NumPy."""
@@ -232,8 +232,8 @@ class Quantity:
         if len(inputs) > 1:
             if name not in _OF_TWO:
                 raise UnitError(f"{function.__name__} of numbers with a unit")
-            return _of_two(name, first, function(*map(first._same, inputs)))
-        return _of_one(name, first, function)
+            return _result_of_two(name, first, function(*map(first._matching_value, inputs)))
+        return _result_of_one(name, first, function)
 
     def __array_function__(
         self, function: Any, types: Any, inputs: Sequence[Any], named: Mapping[str, Any]
@@ -247,12 +247,12 @@ class Quantity:
         if first is None:
             return function(*plain)
         for each in values:
-            first._same(each)
+            first._matching_value(each)
         return Quantity(function(*plain), first.unit)
 
 
-def _of_two(name: str, first: Quantity, value: Any) -> Any:
-    """Return the result of a NumPy function of two numbers in the unit of the first."""
+def _result_of_two(name: str, first: Quantity, value: Any) -> Any:
+    """Return the value of a NumPy function of two numbers with the unit that it has."""
     if name in ("add", "subtract") or name in MATCHING:
         return Quantity(value, first.unit)
     if name == "arctan2":
@@ -260,7 +260,7 @@ def _of_two(name: str, first: Quantity, value: Any) -> Any:
     return value  # of a comparison
 
 
-def _of_one(name: str, one: Quantity, function: Any) -> Any:
+def _result_of_one(name: str, one: Quantity, function: Any) -> Any:
     """Return the result of a NumPy function of one number."""
     if name in MATCHING:
         return Quantity(function(one.value), one.unit)
@@ -292,7 +292,7 @@ def _product(one: Unit, other: Unit, sign: float) -> Unit:
     return Unit(powers, one.is_open or other.is_open)
 
 
-def _converted(unit: Unit, by: Any, sign: float) -> Unit:
+def _times_constant(unit: Unit, by: Any, sign: float) -> Unit:
     """Return a unit, or for sign -1 its inverse, times a numeric constant of a law."""
     powers = {name: sign * power for name, power in unit.powers.items()}
     return Unit(powers, unit.is_open or bool(abs(by) != 1))

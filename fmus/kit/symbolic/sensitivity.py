@@ -49,7 +49,7 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
         which no derivative is computed.
     """
     layout = graph.layout
-    positions = _positions(graph, names)
+    positions = _parameter_indices(graph, names)
     parameters = [layout.parameters[k] for k in positions]
     theta = ca.vertcat(ca.SX(0, 1), *(graph.parameters[k] for k in positions))
     state_sensitivities = ca.SX.sym("S", graph.states.numel(), theta.numel())
@@ -93,7 +93,7 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
     )
 
 
-def _positions(graph: Graph, names: Sequence[str]) -> list[int]:
+def _parameter_indices(graph: Graph, names: Sequence[str]) -> list[int]:
     """Return the indices of parameters; raise a UserError for unknown ones and those of clocks."""
     layout = graph.layout
     index = layout.parameter_index

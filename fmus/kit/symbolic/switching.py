@@ -25,10 +25,11 @@ _BOUNDS = {ca.OP_FMIN, ca.OP_FMAX}
 # mean difference between a value and the rounded value
 _ROUNDED = {ca.OP_FLOOR: 0.5, ca.OP_CEIL: -0.5}
 
-_ALIKE = 1e-10  # hosts see no smaller difference of indicators; see `keep_off_zero` in exchange.c
+# hosts see no smaller difference of indicators; see `keep_off_zero` in exchange.c
+_NO_DIFFERENCE = 1e-10
 _FAR = 1e6  # largest scale of an indicator relative to its changes
-_POINTS = 32
-_SEED = 36
+_POINTS = 32  # number of random points, and of changed ones, for each indicator
+_SEED = 36  # any; the C code depends on the points through the scales
 
 
 @dataclass(frozen=True)
@@ -73,41 +74,41 @@ def event_indicators(
     casadi.SX
         A column, one function for each switch.
     """
-    places = _places(laws, arguments, moving)
-    if not places:
+    expressions = _switching_expressions(laws, arguments, moving)
+    if not expressions:
         return ca.SX(0, 1)
-    values = _at_random_points(places, arguments, layout, moving)
-    scaled = []
-    rows: list[npt.NDArray[np.float64]] = []
-    for place, row in zip(places, values, strict=True):
-        scale = _power_of_two(row)
-        if not any(_alike(scale * row, other) for other in rows):
-            scaled.append(scale * place)
-            rows.append(scale * row)
-    return ca.vertcat(*scaled)
+    indicators = []
+    known: list[npt.NDArray[np.float64]] = []  # values of the indicators
+    values_at_points = _at_random_points(expressions, arguments, layout, moving)
+    for expression, values in zip(expressions, values_at_points, strict=True):
+        scale = _scale(values)
+        if not any(_are_same_but_for_sign(scale * values, others) for others in known):
+            indicators.append(scale * expression)
+            known.append(scale * values)
+    return ca.vertcat(*indicators)
 
 
-def _places(
+def _switching_expressions(
     laws: Sequence[ca.SX], arguments: Sequence[ca.SX], moving: Collection[int]
 ) -> list[ca.SX]:
     """Return an expression for each operation that switches, which is zero where it switches."""
     function = ca.Function("laws", list(arguments), ca.cse([ca.densify(law) for law in laws]))
-    places: dict[frozenset[int], ca.SX] = {}
+    expressions: dict[frozenset[int], ca.SX] = {}
 
     def apply(operation: int, operands: list[_Term]) -> _Term:
-        place = _place(operation, operands)
-        if place is not None:
+        expression = _switching_expression(operation, operands)
+        if expression is not None:
             # a magnitude switches where a comparison of the same value with zero does
             key = frozenset(o.value.element_hash() for o in operands if not o.value.is_zero())
-            places.setdefault(key, place)
-        return _result(operation, operands)
+            expressions.setdefault(key, expression)
+        return _apply(operation, operands)
 
     terms = [
         [_Term(symbol, k in moving, symbol) for symbol in ca.vertsplit(column)]
         for k, column in enumerate(arguments)
     ]
     carry_out(function, terms, _constant, apply)
-    return list(places.values())
+    return list(expressions.values())
 
 
 def _constant(value: float) -> _Term:
@@ -115,14 +116,14 @@ def _constant(value: float) -> _Term:
     return _Term(number, False, number)
 
 
-def _place(operation: int, operands: Sequence[_Term]) -> ca.SX | None:
+def _switching_expression(operation: int, operands: Sequence[_Term]) -> ca.SX | None:
     """Return the expression that is zero where an operation switches; None if it never switches."""
     if not any(o.moves for o in operands):
         return None
-    is_bounded = not any(o.value.is_constant() and math.isinf(float(o.value)) for o in operands)
     if operation in _AT_ZERO:
         return operands[0].inner
-    if operation not in _COMPARED or not is_bounded:
+    has_infinity = any(o.value.is_constant() and math.isinf(float(o.value)) for o in operands)
+    if operation not in _COMPARED or has_infinity:
         return None
     first, second = operands
     if first.moves and second.moves:
@@ -131,7 +132,7 @@ def _place(operation: int, operands: Sequence[_Term]) -> ca.SX | None:
     return first.inner - second.inner
 
 
-def _result(operation: int, operands: Sequence[_Term]) -> _Term:
+def _apply(operation: int, operands: Sequence[_Term]) -> _Term:
     """Return the result of an operation; for rounding, the operand less the mean difference."""
     moves = any(o.moves for o in operands)
     if moves and operation in _ROUNDED:
@@ -144,30 +145,35 @@ def _result(operation: int, operands: Sequence[_Term]) -> _Term:
 
 
 def _at_random_points(
-    places: Sequence[ca.SX],
+    expressions: Sequence[ca.SX],
     arguments: Sequence[ca.SX],
     layout: Layout,
     moving: Collection[int],
 ) -> npt.NDArray[np.float64]:
-    """Return values of expressions, (n, 2, points); the two differ only in moving arguments."""
+    """Return the values of n expressions at random points, (n, 2, points).
+
+    The second values are at points that differ from the first only in moving arguments.
+    """
     draw = random.Random(_SEED)  # NumPy's generators may change from version to version
     groups = (layout.parameters, layout.inputs, layout.states, layout.discretes)
 
     def arguments_at_points() -> list[npt.NDArray[np.float64]]:
         times = [draw.random() for _ in range(_POINTS)]
-        values = [[_typical(v, draw) for v in group for _ in range(_POINTS)] for group in groups]
-        return [np.reshape(column, (-1, _POINTS)) for column in (times, *values)]
+        columns = [times]
+        for group in groups:
+            columns.append([_draw_typical(v, draw) for v in group for _ in range(_POINTS)])
+        return [np.reshape(column, (-1, _POINTS)) for column in columns]
 
     first = arguments_at_points()
     second = arguments_at_points()
     for i, column in enumerate(first):
         if i not in moving:
             second[i] = column
-    function = ca.Function("places", list(arguments), [ca.vertcat(*places)])
+    function = ca.Function("expressions", list(arguments), [ca.vertcat(*expressions)])
     return np.stack([function(*points).full() for points in (first, second)], axis=1)
 
 
-def _typical(variable: Declaration, draw: random.Random) -> float:
+def _draw_typical(variable: Declaration, draw: random.Random) -> float:
     """Draw a value of typical magnitude within the range of a variable."""
     share = draw.random()
     if variable.type == "boolean":
@@ -177,14 +183,14 @@ def _typical(variable: Declaration, draw: random.Random) -> float:
         value = start * (0.5 + share)
     else:
         value = max(variable.nominal, abs(start)) * (2.0 * share - 1.0)
-    if value < variable.min:
+    if value < variable.min:  # as far above the minimum as it is from zero
         value = min(variable.max, variable.min + abs(value))
     value = min(max(value, variable.min), variable.max)
     return float(round(value)) if variable.type == "integer" else value
 
 
-def _power_of_two(values: npt.NDArray[np.float64]) -> float:
-    """Return a power of two that scales values, shape (2, points), to about one.
+def _scale(values: npt.NDArray[np.float64]) -> float:
+    """Return the power of two that scales the values of an indicator, (2, points), to about one.
 
     It is larger if the values are far above their changes, as for a limit of 1e9 that means no
     limit, because a user may set another limit.
@@ -200,13 +206,15 @@ def _median(values: npt.NDArray[np.float64]) -> float:
     return float(np.median(sizes)) if sizes.size else 0.0
 
 
-def _alike(one: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> bool:
+def _are_same_but_for_sign(one: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> bool:
     """Return whether two indicators are equal at all points, except for the sign.
 
     A NaN is equal only to a NaN.
     """
-    tolerance = _ALIKE * np.maximum(1.0, np.abs(one))
-    neither = np.isnan(one) & np.isnan(other)
-    return bool(np.any(np.isfinite(one))) and any(
-        bool(np.all((np.abs(one - sign * other) <= tolerance) | neither)) for sign in (1.0, -1.0)
+    if not np.isfinite(one).any():
+        return False
+    tolerance = _NO_DIFFERENCE * np.maximum(1.0, np.abs(one))
+    both_nan = np.isnan(one) & np.isnan(other)
+    return any(
+        bool(np.all((np.abs(one - sign * other) <= tolerance) | both_nan)) for sign in (1.0, -1.0)
     )

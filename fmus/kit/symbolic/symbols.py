@@ -84,8 +84,8 @@ class Symbol:
         self.unit = Unit(powers)
         self.numbers = numbers
 
-    def meet(self, other: Any) -> Symbol:
-        """Return the sum of this and another number.
+    def match(self, other: Any) -> Symbol:
+        """Return the sum of this and another number, after a check of their units.
 
         Raises
         ------
@@ -97,6 +97,7 @@ class Symbol:
         if not isinstance(other, Symbol):
             check_number(other)
             return self
+        # of the two, the one without numeric factors, whose unit is certain
         known = min(self, other, key=lambda symbol: bool(symbol.numbers))
         if self.unit.powers == other.unit.powers:
             return known
@@ -107,11 +108,11 @@ class Symbol:
             return known
         larger, smaller = sorted((self.unit, other.unit), key=lambda unit: -unit.factor)
         ratio = larger.factor / smaller.factor
-        if not isclose(ratio, 1.0, rel_tol=1e-9) and not _explain(numbers, ratio):
+        if not isclose(ratio, 1.0, rel_tol=1e-9) and not _may_convert(numbers, ratio):
             raise ScaleError(f"1 {larger} is {ratio:g} {smaller}")
         return known
 
-    def pure(self, name: str) -> None:
+    def check_pure(self, name: str) -> None:
         """Raise an error unless the number can be the argument of a function of pure numbers.
 
         Parameters
@@ -125,7 +126,7 @@ class Symbol:
             If its unit has a dimension or a scale.
         """
         try:
-            self.meet(Symbol({}))
+            self.match(Symbol({}))
         except LawError as error:
             reason = f"{name} of a number in {self.unit}"
             remedy = "divide by a parameter in this unit"
@@ -136,10 +137,10 @@ class Symbol:
         if isinstance(other, Constant):
             other = Symbol(powers_of_names(other.unit))
         if isinstance(other, Symbol):
-            powers = _sum(self.unit.powers, other.unit.powers, sign)
+            powers = _sum_of_powers(self.unit.powers, other.unit.powers, sign)
             return Symbol(powers, self.numbers + other.numbers)
         check_number(other)
-        return Symbol(self.unit.powers, self.numbers + _conversion(other))
+        return Symbol(self.unit.powers, self.numbers + _converting_factors(other))
 
     def __mul__(self, other: Any) -> Symbol:
         return self._times(other, 1.0)
@@ -154,8 +155,8 @@ class Symbol:
 
     def __pow__(self, other: Any) -> Symbol:
         if isinstance(other, Symbol):
-            other.pure("a power to the exponent")
-            self.pure("a power, to an exponent that varies,")
+            other.check_pure("a power to the exponent")
+            self.check_pure("a power, to an exponent that varies,")
             return Symbol({})
         check_number(other)
         power = float(other)
@@ -163,7 +164,7 @@ class Symbol:
         return Symbol(powers, self.numbers)
 
     def __rpow__(self, other: Any) -> Symbol:
-        self.pure("a power to the exponent")
+        self.check_pure("a power to the exponent")
         return Symbol({})
 
     def __neg__(self) -> Symbol:
@@ -172,12 +173,12 @@ class Symbol:
     __pos__ = __abs__ = __neg__
 
     def __add__(self, other: Any) -> Symbol:
-        return self.meet(other)
+        return self.match(other)
 
     __radd__ = __sub__ = __rsub__ = __add__
 
     def __lt__(self, other: Any) -> Symbol:
-        self.meet(other)
+        self.match(other)
         return Symbol({})
 
     __le__ = __gt__ = __ge__ = __lt__
@@ -221,7 +222,7 @@ class Symbol:
 
     def __array_ufunc__(self, function: Any, method: str, *inputs: Any, **named: Any) -> Any:
         """Apply an elementwise function of NumPy, to which the functions of fmus.kit dispatch."""
-        return _applied(function.__name__, inputs)
+        return _apply_numpy_function(function.__name__, inputs)
 
     def __array_function__(
         self, function: Any, types: Any, inputs: Sequence[Any], named: Mapping[str, Any]
@@ -229,12 +230,12 @@ class Symbol:
         """Apply ``numpy.where``."""
         if function is not np.where or len(inputs) != 3:
             raise LawError(f"there is no {function.__name__} for laws", "use fmus.kit's functions")
-        return _met(inputs[1:])
+        return _common_symbol(inputs[1:])
 
     def looked_up(self, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
         """Return a value of a table at this number (:func:`fmus.kit.table`)."""
-        _met([self, *xs])
-        return _met([ANY, *ys])
+        _common_symbol([self, *xs])
+        return _common_symbol([ANY, *ys])
 
 
 ANY = Symbol({}, (nan,))  # a number of any unit
@@ -264,35 +265,35 @@ def check_number(value: Any) -> None:
     raise LawError(f"{value!r} is no number")
 
 
-def _met(values: Sequence[Any]) -> Any:
-    """Return the common symbol of values in one unit; a number of any unit if none has a unit."""
+def _common_symbol(values: Sequence[Any]) -> Any:
+    """Return the symbol of values that must have one unit; `ANY` if none of them has a unit."""
     symbols = [each for each in values if isinstance(each, Symbol)]
     if not symbols:
         return ANY
     known = symbols[0]
     for each in values:
-        known = known.meet(each)
+        known = known.match(each)
     return known
 
 
-def _applied(name: str, inputs: Sequence[Any]) -> Any:
-    """Return the result of a function of NumPy, by its name."""
+def _apply_numpy_function(name: str, inputs: Sequence[Any]) -> Any:
+    """Return the symbol that is the result of a function of NumPy, by the function's name."""
     plain = [_without_numpy(each) for each in inputs]
     if name in _OPERATORS:
         return _OPERATORS[name](*plain)
     first = next(each for each in plain if isinstance(each, Symbol))
     if name in MATCHING:
-        return _met(plain)
+        return _common_symbol(plain)
     if name in ROOTS:
         return first ** ROOTS[name]
     if name in PURE:
-        first.pure(name)
+        first.check_pure(name)
         return Symbol({})
     if name in COMPARISONS or name in ("arctan2", *_LOGICAL):
-        _met(plain if name not in _LOGICAL else [first])
+        _common_symbol(plain if name not in _LOGICAL else [first])
         return Symbol({"rad": 1.0} if name == "arctan2" else {})
     if name in ANGLES:
-        first.pure(name)
+        first.check_pure(name)
         return Symbol({"rad": 1.0})
     raise LawError(f"there is no {name} for laws", "use the functions of fmus.kit")
 
@@ -304,13 +305,15 @@ def _without_numpy(one: Any) -> Any:
     return one.item() if isinstance(one, np.generic) else one
 
 
-def _sum(one: Mapping[str, float], other: Mapping[str, float], sign: float) -> dict[str, float]:
-    """Return the powers of a product, or for sign -1 of a quotient."""
+def _sum_of_powers(
+    one: Mapping[str, float], other: Mapping[str, float], sign: float
+) -> dict[str, float]:
+    """Return the powers of units of a product, or for sign -1 of a quotient."""
     return {n: one.get(n, 0.0) + sign * other.get(n, 0.0) for n in {**one, **other}}
 
 
-def _conversion(factor: Any) -> tuple[float, ...]:
-    """Return a numeric factor if it may convert or have a unit; empty for a simple number."""
+def _converting_factors(factor: Any) -> tuple[float, ...]:
+    """Return a numeric factor that may convert or have a unit; none for a simple number."""
     if isinstance(factor, np.ndarray) or not factor or isnan(factor):
         return (nan,)  # zero times any unit is zero, and an array may have any values
     size = abs(float(factor))
@@ -328,8 +331,11 @@ def _is_plain(size: float) -> bool:
     return False
 
 
-def _explain(numbers: Sequence[float], ratio: float) -> bool:
-    """Return whether one of the numeric factors, or their product, can be a conversion."""
+def _may_convert(numbers: Sequence[float], ratio: float) -> bool:
+    """Return whether one of the numeric factors, or their product, can convert by a ratio.
+
+    It can if it, or its inverse, is about the ratio, and it is not about one.
+    """
     if any(map(isnan, numbers)):
         return True
     candidates = (*numbers, prod(numbers)) if numbers else ()

@@ -141,11 +141,12 @@ class Graph:
         Returns
         -------
         list of casadi.Function
-            Time derivatives of the outputs for constant inputs; adjoint derivatives.
+            ``output_rates``: time derivatives of the outputs for constant inputs. ``adjoint``: a
+            weighted sum of the derivatives of rates and outputs, by each argument.
         """
         arguments = self.arguments
         moving = ca.vertcat(self.time, self.states)
-        rate = ca.jtimes(self.outputs, moving, ca.vertcat(1.0, self.rates))
+        output_rates = ca.jtimes(self.outputs, moving, ca.vertcat(1.0, self.rates))
         laws = ca.vertcat(self.rates, self.outputs)
         weights = [
             ca.SX.sym("wrates", self.rates.numel()),
@@ -154,15 +155,15 @@ class Graph:
         known = ca.vertcat(*arguments)
         adjoint = ca.densify(ca.jtimes(laws, known, ca.vertcat(*weights), True))
         ends = np.cumsum([0, *(group.numel() for group in arguments)]).tolist()
-        parts = ca.cse([adjoint[a:b] for a, b in itertools.pairwise(ends)])
+        parts = ca.cse([adjoint[begin:end] for begin, end in itertools.pairwise(ends)])
         return [
-            ca.Function("output_rates", arguments, ca.cse([ca.densify(rate)])),
+            ca.Function("output_rates", arguments, ca.cse([ca.densify(output_rates)])),
             ca.Function("adjoint", [*arguments, *weights], parts),
         ]
 
     @uninterrupted()
     def depends(self, expressions: ca.SX, symbols: ca.SX) -> list[list[int]]:
-        """Return the sparsity of expressions.
+        """Return the symbols that each expression depends on.
 
         Parameters
         ----------
@@ -265,7 +266,7 @@ def trace_with_laws(cls: type[Component]) -> tuple[Graph, dict[str, ca.SX]]:
         Values by name, for laws without arguments that return one number.
     """
     calls = Calls(cls, ())
-    graph = _traced(cls, calls.one)
+    graph = _traced(cls, calls.instance)
     laws = {}
     for name, values in calls.values.items():
         if all(isinstance(value, ca.SX) for value in values) and values[0].is_scalar():
@@ -284,9 +285,9 @@ def _traced(cls: type[Component], component: Component) -> Graph:
     discretes = _set_symbols(component, layout.discretes)
     updates = []
     for _, members in layout.sampled:
-        names = [d.name for d in members]
         laws = component.laws([d.update for d in members])
-        after = {name: law() for name, law in zip(names, laws, strict=True)}
+        after = {d.name: law() for d, law in zip(members, laws, strict=True)}
+        # the states of other clocks stay
         updates.append(
             _column([after.get(d.name, component.__dict__[d.name]) for d in layout.discretes])
         )

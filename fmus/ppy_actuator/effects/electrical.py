@@ -203,7 +203,7 @@ class NonlinearLeakage(ActuatorEffect):
         voltage = share * (resistance * current + self.capacitor_voltage())
         unloaded = maximum(abs(voltage) - self.leakage_onset, 0.0)
         slope = self.leakage_growth * (share * resistance)
-        # |V| - V_on: the leakage itself lowers the voltage
+        # |V| - V_on, positive root of slope x^2 + x = unloaded: leakage itself lowers the voltage
         excess = 2.0 * unloaded / (1.0 + sqrt(1.0 + 4.0 * slope * unloaded))
         return current - sign(voltage) * (self.leakage_growth * (excess * excess))
 

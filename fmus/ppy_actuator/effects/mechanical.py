@@ -274,7 +274,8 @@ class SmoothSlack(ActuatorEffect):
         """Inverse of :meth:`spring_elongation`, the positive root of a quadratic
         equation in |F|.
         """
+        # with e, the force of the base model: |F|^2 + ((1 + m) P - |e|) |F| - |e| P = 0
         force, scale = super().spring_force(elongation), self.fading_load
         half = 0.5 * ((1.0 + self.fading_compliance) * scale - absolute(force))
         root = force * scale / (half + sqrt(half * half + absolute(force) * scale))
-        return force - self.sagging(root)
+        return force - self.sagging(root)  # the root, but exactly e at m = 0

@@ -23,13 +23,13 @@ def check_archive(archive: Archive) -> Iterator[Finding]:
     ------
     Finding
     """
-    yield from _entries(archive)
-    yield from _identity(archive)
-    yield from _documents(archive)
-    yield from _sources(archive)
+    yield from _check_entries(archive)
+    yield from _check_identity(archive)
+    yield from _check_documents(archive)
+    yield from _check_sources(archive)
 
 
-def _entries(archive: Archive) -> Iterator[Finding]:
+def _check_entries(archive: Archive) -> Iterator[Finding]:
     """Check paths, compression, permissions and integrity of all entries."""
     seen: set[str] = set()
     for entry in archive.entries():
@@ -57,7 +57,7 @@ def _entries(archive: Archive) -> Iterator[Finding]:
             yield Finding(10, "error", f"{name!r} is damaged, encrypted or cannot be unpacked")
 
 
-def _identity(archive: Archive) -> Iterator[Finding]:
+def _check_identity(archive: Archive) -> Iterator[Finding]:
     """Check that the GUID and all times depend on the contents alone."""
     attribute = STANDARDS[archive.version].token
     word = attribute.replace("guid", "GUID")
@@ -105,7 +105,7 @@ def _is_same_day(date: str, newest_entry: tuple[int, ...]) -> bool:
         return False
 
 
-def _documents(archive: Archive) -> Iterator[Finding]:
+def _check_documents(archive: Archive) -> Iterator[Finding]:
     """Check documentation, icon, licence, reference result and external dependencies."""
     names = set(archive.names)
     if not names & {"documentation/index.html", "documentation/_main.html"}:
@@ -138,7 +138,7 @@ def _documents(archive: Archive) -> Iterator[Finding]:
         )
 
 
-def _sources(archive: Archive) -> Iterator[Finding]:
+def _check_sources(archive: Archive) -> Iterator[Finding]:
     """Check that the listed source files exist, and that existing ones are listed."""
     if archive.version == 3:
         yield from check_build_description(archive)

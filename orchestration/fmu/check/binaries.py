@@ -74,7 +74,7 @@ def check_binaries(archive: Archive) -> Iterator[Finding]:
         for identifier, required in _required_functions(archive, standard).items():
             name = f"binaries/{folder}/{identifier}{platform.extension}"
             if name in archive.names:
-                yield from _binary(archive, name, platform, standard, required)
+                yield from _check_binary(archive, name, platform, standard, required)
             else:
                 yield Finding(
                     10, "error", f"{name} is missing; the model identifier is {identifier!r}"
@@ -92,7 +92,7 @@ def _required_functions(archive: Archive, standard: Standard) -> dict[str, set[s
     return functions
 
 
-def _binary(
+def _check_binary(
     archive: Archive, name: str, platform: Platform, standard: Standard, required: set[str]
 ) -> Iterator[Finding]:
     """Check a binary.
@@ -131,7 +131,7 @@ def _binary(
             f"{name} lacks {len(missing)} functions of FMI {standard.version}: {listed(missing)}",
         )
     files = {entry.rsplit("/", 1)[-1] for entry in archive.names}
-    yield from _required_libraries(name, library, files)
+    yield from _report_required_libraries(name, library, files)
     if library.format == "ELF":
         others = sorted(
             symbol for symbol in library.exports if not symbol.startswith(standard.prefix)
@@ -145,7 +145,7 @@ def _binary(
             )
 
 
-def _required_libraries(name: str, library: Library, files: set[str]) -> Iterator[Finding]:
+def _report_required_libraries(name: str, library: Library, files: set[str]) -> Iterator[Finding]:
     """Report required libraries and symbols that not every system has.
 
     Parameters

@@ -38,13 +38,13 @@ def check_description(archive: Archive) -> Iterator[Finding]:
         yield Finding(1, "error", str(error).removeprefix(f"{archive.path}: "))
         return
     original_names = _NAMES_IN_FMI_3 if archive.version == 3 else {}
-    yield from _structure(root, original_names)
-    yield from _units(root)
-    yield from _descriptions(root)
-    yield from _ranges(root)
-    yield from _capabilities(root, original_names)
+    yield from _check_structure(root, original_names)
+    yield from _check_units(root)
+    yield from _check_descriptions(root)
+    yield from _check_ranges(root)
+    yield from _check_capabilities(root, original_names)
     if archive.version == 3:
-        yield from _ignored_parts(archive.description)
+        yield from _report_ignored_parts(archive.description)
 
 
 def _fmpy_problems(archive: Archive) -> Iterator[str]:
@@ -69,7 +69,7 @@ def _concerns_aliases(problem: str, aliases: Set[str]) -> bool:
     return expected - aliases == actual
 
 
-def _ignored_parts(root: Element) -> Iterator[Finding]:
+def _report_ignored_parts(root: Element) -> Iterator[Finding]:
     """Report the parts of an FMU of FMI 3.0 that this program ignores."""
     variables = root.findall("ModelVariables/*")
     groups = {
@@ -102,7 +102,7 @@ def _variables(root: Element) -> Iterator[tuple[Element, Element, dict[str, str]
             yield variable, node, declared | dict(node.attrib)
 
 
-def _structure(root: Element, original_names: Mapping[str, str]) -> Iterator[Finding]:
+def _check_structure(root: Element, original_names: Mapping[str, str]) -> Iterator[Finding]:
     """Report unknowns of the model structure without declared dependencies."""
     names = [
         variable.get("name", "") for variable in root.iterfind("ModelVariables/ScalarVariable")
@@ -132,7 +132,7 @@ def _name_of(unknown: Element, names: list[str]) -> str:
 # --- units
 
 
-def _units(root: Element) -> Iterator[Finding]:
+def _check_units(root: Element) -> Iterator[Finding]:
     """Check unit definitions, and report real variables without a unit."""
     units = list(root.iterfind("UnitDefinitions/Unit"))
     without_unit = [
@@ -145,7 +145,7 @@ def _units(root: Element) -> Iterator[Finding]:
     if without_unit:
         yield Finding(2, "warning", f"no unit for {listed(without_unit)}")
     for unit in units:
-        yield from _unit(unit)
+        yield from _check_unit(unit)
 
 
 def _is_time(variable: Element) -> bool:
@@ -153,7 +153,7 @@ def _is_time(variable: Element) -> bool:
     return variable.get("causality") == "independent"
 
 
-def _unit(unit: Element) -> Iterator[Finding]:
+def _check_unit(unit: Element) -> Iterator[Finding]:
     """Check the base units and the conversions of a unit."""
     name = unit.get("name", "")
     base = unit.find("BaseUnit")
@@ -167,12 +167,14 @@ def _unit(unit: Element) -> Iterator[Finding]:
                 "error",
                 f"unit {name!r}: exponent {attribute}={base.get(attribute)!r}, expected an integer",
             )
-    yield from _conversion(base, f"unit {name!r}")
+    yield from _check_conversion(base, f"unit {name!r}")
     for display in unit.iterfind("DisplayUnit"):
-        yield from _conversion(display, f"display unit {display.get('name', '')!r} of {name!r}")
+        yield from _check_conversion(
+            display, f"display unit {display.get('name', '')!r} of {name!r}"
+        )
 
 
-def _conversion(node: Element, label: str) -> Iterator[Finding]:
+def _check_conversion(node: Element, label: str) -> Iterator[Finding]:
     """Check the factor and the offset of a unit, named `label` in messages."""
     factor = _number(node, "factor", 1.0)
     offset = _number(node, "offset", 0.0)
@@ -204,7 +206,8 @@ def _number(
 # --- descriptions and ranges
 
 
-def _descriptions(root: Element) -> Iterator[Finding]:
+def _check_descriptions(root: Element) -> Iterator[Finding]:
+    """Report a model and variables without a description."""
     if not root.get("description", "").strip():
         yield Finding(2, "warning", "the model has no description")
     undescribed = [
@@ -216,7 +219,7 @@ def _descriptions(root: Element) -> Iterator[Finding]:
         yield Finding(2, "warning", f"no description for {listed(undescribed)}")
 
 
-def _ranges(root: Element) -> Iterator[Finding]:
+def _check_ranges(root: Element) -> Iterator[Finding]:
     """Check ranges, start values and nominal values; report parameters without a range."""
     unlimited = []
     for variable, node, attributes in _variables(root):
@@ -227,7 +230,7 @@ def _ranges(root: Element) -> Iterator[Finding]:
         if low is not None and high is not None and low > high:
             yield Finding(2, "error", f"{name}: min = {low:g} is above max = {high:g}")
         elif node.tag != "Boolean":
-            yield from _start_value(name, _number(attributes, "start"), low, high)
+            yield from _check_start_value(name, _number(attributes, "start"), low, high)
         if nominal is not None and not 0.0 < nominal < math.inf:
             yield Finding(2, "error", f"{name}: nominal = {nominal:g}, expected a positive number")
         is_number = node.tag in ("Real", "Integer")
@@ -237,7 +240,7 @@ def _ranges(root: Element) -> Iterator[Finding]:
         yield Finding(2, "note", f"no range (min, max) for the parameters {listed(unlimited)}")
 
 
-def _start_value(
+def _check_start_value(
     name: str, start: float | None, low: float | None, high: float | None
 ) -> Iterator[Finding]:
     """Check that a start value is finite and within its range."""
@@ -255,7 +258,7 @@ def _start_value(
 # --- capabilities
 
 
-def _capabilities(root: Element, original_names: Mapping[str, str]) -> Iterator[Finding]:
+def _check_capabilities(root: Element, original_names: Mapping[str, str]) -> Iterator[Finding]:
     """Check the interface for co-simulation and the default experiment."""
     interface = root.find("CoSimulation")
     if interface is None:
@@ -264,7 +267,7 @@ def _capabilities(root: Element, original_names: Mapping[str, str]) -> Iterator[
     identifier = interface.get("modelIdentifier", "")
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", identifier):
         yield Finding(1, "error", f"modelIdentifier {identifier!r} is no identifier of C")
-    yield from _flags(interface, original_names)
+    yield from _check_flags(interface, original_names)
     if root.find("LogCategories") is None:
         yield Finding(4, "note", "no LogCategories are declared: hosts cannot choose messages")
     for fault in experiment_faults(root):
@@ -275,7 +278,7 @@ def _capabilities(root: Element, original_names: Mapping[str, str]) -> Iterator[
         )
 
 
-def _flags(interface: Element, original_names: Mapping[str, str]) -> Iterator[Finding]:
+def _check_flags(interface: Element, original_names: Mapping[str, str]) -> Iterator[Finding]:
     """Check the capability flags of co-simulation.
 
     Parameters

@@ -62,11 +62,11 @@ def read_library(contents: bytes) -> Library:
         outside of it.
     """
     readers = {
-        b"\x7fELF": _elf,
-        b"MZ": _pe,
-        _UNIVERSAL: _universal,
-        _MACH_64: _mach,
-        _MACH_32: _mach,
+        b"\x7fELF": _read_elf,
+        b"MZ": _read_pe,
+        _UNIVERSAL: _read_universal,
+        _MACH_64: _read_mach,
+        _MACH_32: _read_mach,
     }
     for magic, reader in readers.items():
         if contents.startswith(magic):
@@ -79,14 +79,14 @@ def read_library(contents: bytes) -> Library:
     raise LibraryError("neither ELF nor PE nor Mach-O")
 
 
-def _text(contents: bytes, offset: int) -> str:
+def _read_text(contents: bytes, offset: int) -> str:
     """Return the zero-terminated text at an offset; ValueError if there is none."""
     if not 0 <= offset < len(contents):
         raise ValueError(offset)
     return contents[offset : contents.index(b"\0", offset)].decode("utf-8", "replace")
 
 
-def _rows(contents: bytes, layout: str, offset: int, size: int) -> Iterator[tuple[int, ...]]:
+def _read_rows(contents: bytes, layout: str, offset: int, size: int) -> Iterator[tuple[int, ...]]:
     """Yield the rows of a table of `size` bytes; struct.error if it exceeds the file."""
     if offset < 0 or size < 0 or offset + size > len(contents):
         raise struct.error
@@ -127,6 +127,7 @@ _VERSIONS = 0x6FFFFFF0
 # bindings of symbols
 _GLOBAL = 1
 _WEAK = 2
+_VERSION_INDEX = 0x7FFF  # the highest bit of a version marks a hidden symbol
 _NO_VERSION = 1  # largest version index that means no version: local or global
 
 
@@ -151,12 +152,12 @@ class _ElfFile:
 
     def rows(self, layout: str, offset: int, size: int) -> Iterator[tuple[int, ...]]:
         """Yield the rows of a table of `size` bytes in the byte order of the file."""
-        return _rows(self.contents, self._order + layout, offset, size)
+        return _read_rows(self.contents, self._order + layout, offset, size)
 
     def segments(self) -> tuple[list[_Section], list[tuple[int, ...]]]:
         """Return the loaded segments, and the tags and values of the table for dynamic loading."""
-        table_offset = self.unpack(self._word, 32 if self.is_64_bit else 28)[0]
-        width, count = self.unpack("HH", 54 if self.is_64_bit else 42)
+        table_offset = self.unpack(self._word, 32 if self.is_64_bit else 28)[0]  # e_phoff
+        width, count = self.unpack("HH", 54 if self.is_64_bit else 42)  # e_phentsize, e_phnum
         loaded = []
         dynamic: list[tuple[int, ...]] = []
         for k in range(count):
@@ -176,8 +177,9 @@ class _ElfFile:
         if _SYSV_HASH in hash_offsets:
             return self.unpack("II", hash_offsets[_SYSV_HASH])[1]  # one chain for each symbol
         offset = hash_offsets[_GNU_HASH]
-        bucket_count, first, bloom, _ = self.unpack("IIII", offset)
-        buckets = offset + 16 + bloom * (8 if self.is_64_bit else 4)
+        # without a count: the end of the last chain is the last symbol
+        bucket_count, first, bloom_size, _ = self.unpack("IIII", offset)
+        buckets = offset + 16 + bloom_size * (8 if self.is_64_bit else 4)
         last = max((row[0] for row in self.rows("I", buckets, 4 * bucket_count)), default=0)
         if last < first:
             return first
@@ -198,10 +200,10 @@ class _ElfFile:
             yield _ElfSymbol(name_offset, info >> 4, section)
 
 
-def _elf(contents: bytes) -> Library:
+def _read_elf(contents: bytes) -> Library:
     """Read an ELF library."""
     file = _ElfFile(contents)
-    kind, machine = file.unpack("HH", 16)
+    kind, machine = file.unpack("HH", 16)  # e_type, e_machine
     if kind != _SHARED_OBJECT:
         raise LibraryError("an ELF file, but not a shared library")
     loaded, dynamic = file.segments()
@@ -218,19 +220,19 @@ def _elf(contents: bytes) -> Library:
     for k, symbol in enumerate(file.symbols(symbols, file.symbol_count(hashes))):
         if not symbol.name_offset or symbol.binding not in (_GLOBAL, _WEAK):
             continue
-        name = _text(contents, strings + symbol.name_offset)
+        name = _read_text(contents, strings + symbol.name_offset)
         if symbol.section:
             exports.add(name)
         elif symbol.binding == _GLOBAL:
             version = _NO_VERSION
             if _VERSIONS in tables:
                 version = file.unpack("H", _file_offset(loaded, tables[_VERSIONS]) + 2 * k)[0]
-            if version & 0x7FFF <= _NO_VERSION:
+            if version & _VERSION_INDEX <= _NO_VERSION:
                 unsupplied.append(name)
     return Library(
         format="ELF",
         machines=(_ELF_MACHINES.get(machine, hex(machine)),),
-        needs=tuple(_text(contents, strings + offset) for offset in needed),
+        needs=tuple(_read_text(contents, strings + offset) for offset in needed),
         exports=frozenset(exports),
         unsupplied=tuple(sorted(unsupplied)),
     )
@@ -253,22 +255,24 @@ def _dynamic_entries(dynamic: Sequence[tuple[int, ...]]) -> tuple[list[int], dic
 # --- PE
 
 _PE_MACHINES = {0x14C: "x86", 0x8664: "x86_64", 0xAA64: "arm64"}
-_DLL = 0x2000
+_DLL = 0x2000  # flag of the COFF header
+_PE32_PLUS = 0x20B  # format with addresses of 64 bits
 
 
-def _pe(contents: bytes) -> Library:
+def _read_pe(contents: bytes) -> Library:
     """Read a PE library."""
-    start = struct.unpack_from("<I", contents, 60)[0]
+    start = struct.unpack_from("<I", contents, 60)[0]  # e_lfanew, where the PE signature is
     if contents[start : start + 4] != b"PE\0\0":
         raise LibraryError("an MS-DOS program, no Windows library")
     header = struct.unpack_from("<HHIIIHH", contents, start + 4)
     machine, section_count, _, _, _, optional_size, flags = header
     if not flags & _DLL:
         raise LibraryError("a Windows program, but no DLL")
-    optional = start + 24
-    is_64_bit = struct.unpack_from("<H", contents, optional)[0] == 0x20B
+    optional = start + 24  # header, after the signature and the COFF header
+    is_64_bit = struct.unpack_from("<H", contents, optional)[0] == _PE32_PLUS
+    # the directory of exports is the first one, that of imports follows after 8 bytes
     directories = optional + (112 if is_64_bit else 96)
-    section_rows = _rows(contents, "<8xIIII16x", optional + optional_size, 40 * section_count)
+    section_rows = _read_rows(contents, "<8xIIII16x", optional + optional_size, 40 * section_count)
     sections = [
         _Section(address, max(size, raw), offset) for size, address, raw, offset in section_rows
     ]
@@ -286,11 +290,11 @@ def _pe_exports(contents: bytes, sections: Sequence[_Section], entry: int) -> It
     if not address:
         return
     table = _file_offset(sections, address)
-    count, _, names = struct.unpack_from("<III", contents, table + 24)
+    count, _, names = struct.unpack_from("<III", contents, table + 24)  # NumberOfNames, ...
     if not count:
         return
-    for (name,) in _rows(contents, "<I", _file_offset(sections, names), 4 * count):
-        yield _text(contents, _file_offset(sections, name))
+    for (name,) in _read_rows(contents, "<I", _file_offset(sections, names), 4 * count):
+        yield _read_text(contents, _file_offset(sections, name))
 
 
 def _pe_imports(contents: bytes, sections: Sequence[_Section], entry: int) -> Iterator[str]:
@@ -300,7 +304,7 @@ def _pe_imports(contents: bytes, sections: Sequence[_Section], entry: int) -> It
         return
     row = _file_offset(sections, address)
     while name := struct.unpack_from("<IIIII", contents, row)[3]:
-        yield _text(contents, _file_offset(sections, name))
+        yield _read_text(contents, _file_offset(sections, name))
         row += 20
 
 
@@ -316,15 +320,15 @@ _SYMBOL_TABLE = 0x2  # commands
 _LOADS = {0xC, 0x80000018, 0x8000001F, 0x80000023}  # plain, weak, re-exported, upward
 
 
-def _universal(contents: bytes) -> Library:
+def _read_universal(contents: bytes) -> Library:
     """Read a Mach-O library with a part for each of several processors."""
     count = struct.unpack_from(">I", contents, 4)[0]
     parts = []
-    for _, _, offset, size, _ in _rows(contents, ">IIIII", 8, 20 * count):
+    for _, _, offset, size, _ in _read_rows(contents, ">IIIII", 8, 20 * count):
         part = contents[offset : offset + size]
         if len(part) != size or part[:4] not in (_MACH_64, _MACH_32):
             raise LibraryError("damaged: a part of the universal library is not in it")
-        parts.append(_mach(part))
+        parts.append(_read_mach(part))
     if not parts:
         raise LibraryError("a universal library with nothing in it")
     needs = dict.fromkeys(name for part in parts for name in part.needs)
@@ -332,7 +336,7 @@ def _universal(contents: bytes) -> Library:
     return Library("Mach-O", tuple(part.machines[0] for part in parts), tuple(needs), exports)
 
 
-def _mach(contents: bytes) -> Library:
+def _read_mach(contents: bytes) -> Library:
     """Read a Mach-O library for one processor."""
     is_64_bit = contents.startswith(_MACH_64)
     machine, _, kind, count = struct.unpack_from("<IIII", contents, 4)
@@ -345,10 +349,10 @@ def _mach(contents: bytes) -> Library:
         command, size = struct.unpack_from("<II", contents, command_offset)
         if command in _LOADS:
             name_offset = struct.unpack_from("<I", contents, command_offset + 8)[0]
-            needs.append(_text(contents, command_offset + name_offset))
+            needs.append(_read_text(contents, command_offset + name_offset))
         elif command == _SYMBOL_TABLE:
             exports.update(_mach_exports(contents, command_offset + 8, is_64_bit))
-        if size < 8:
+        if size < 8:  # a command has at least its kind and size; with 0 the loop would not advance
             raise ValueError(size)
         command_offset += size
     return Library(
@@ -360,7 +364,7 @@ def _mach_exports(contents: bytes, offset: int, is_64_bit: bool) -> Iterator[str
     """Yield the exported names in the symbol table of a load command at an offset."""
     symbols, count, strings, _ = struct.unpack_from("<IIII", contents, offset)
     layout = "<IBBHQ" if is_64_bit else "<IBBHI"
-    for name, flags, *_ in _rows(contents, layout, symbols, count * struct.calcsize(layout)):
+    for name, flags, *_ in _read_rows(contents, layout, symbols, count * struct.calcsize(layout)):
         # defined in a section, external, neither private nor for debuggers
         if flags & 0x0E == 0x0E and flags & 0x01 and not flags & 0xF0:
-            yield _text(contents, strings + name).removeprefix("_")
+            yield _read_text(contents, strings + name).removeprefix("_")

@@ -32,7 +32,7 @@ def check_terminals(archive: Archive) -> Iterator[Finding]:
         return
     for problem in _schema_problems(contents):
         yield Finding(1, "error", f"{_FILE}: {problem}")
-    yield from _references(archive, root)
+    yield from _check_references(archive, root)
     icons = {node.get("iconBaseName", "") for node in root.iter("TerminalGraphicalRepresentation")}
     absent = [name for name in sorted(icons) if f"{_FOLDER}/{name}.png" not in archive.names]
     if absent:
@@ -49,7 +49,7 @@ def _schema_problems(contents: bytes) -> list[str]:
     return [f"{entry.message} (line {entry.line})" for entry in schema.error_log]
 
 
-def _references(archive: Archive, root: Element) -> Iterator[Finding]:
+def _check_references(archive: Archive, root: Element) -> Iterator[Finding]:
     """Check that variables of terminals exist, and that names of terminals are unique."""
     variables = {node.get("name") for node in archive.description.iterfind("ModelVariables/*")}
     variables |= {node.get("name") for node in archive.description.iter("Alias")}

@@ -56,6 +56,7 @@ def _take_standard_streams() -> tuple[BinaryIO, BinaryIO]:
 
 
 def _limit_memory(memory: int) -> None:
+    """Limit the data of this process to a number of bytes, 0 for no limit; write no core dump."""
     with suppress(ImportError, ValueError, OSError):  # not supported on every platform
         import resource
 

@@ -62,6 +62,7 @@ class Pool:
         return self._threads.submit(self._call, function, arguments)
 
     def _call(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+        """Call a function in an idle process, or in a new one if there is none."""
         try:
             process = self._idle.get_nowait()
         except Empty:
@@ -75,6 +76,7 @@ class Pool:
                 self._idle.put(process)
 
     def _start(self, retry: bool = True) -> Process:
+        """Return a new process after the call of `begin`; UserError if it ends twice in that."""
         process = Process(self._limits)
         process.__enter__()
         self._started.append(process)
@@ -82,11 +84,9 @@ class Pool:
             process.call(self._begin, *self._arguments)
         except BaseException as error:
             process.__exit__(type(error), error, None)
-            if (
-                isinstance(error, Ended) and retry
-            ):  # the cause may be outside, such as a lack of memory
+            if not isinstance(error, Ended):
+                raise
+            if retry:  # the cause may be outside, such as a lack of memory
                 return self._start(retry=False)
-            if isinstance(error, Ended):
-                raise UserError(f"{error.state.doing or 'to begin'}: {error.reason}") from error
-            raise
+            raise UserError(f"{error.state.doing or 'to begin'}: {error.reason}") from error
         return process

@@ -27,6 +27,7 @@ _PERIOD = 0.1  # s between two checks of the progress
 _GRACE = 2.0  # s that a call may take after Ctrl-C, and a process to end after its last answer
 # share of the memory limit; a process that ends above it very likely exceeded the limit
 _MUCH_MEMORY = 0.8
+_PAGE = 4096  # bytes
 
 
 class Ended(Exception):
@@ -197,8 +198,8 @@ class Process:
             except Empty:
                 if has_ended:  # while a child process of it keeps the pipe open
                     return None
-                watch.look()
-                self._look_at_memory()
+                watch.check()
+                self._note_memory()
 
     def _send(self, message: Any) -> None:
         stream = self._process.stdin
@@ -213,10 +214,11 @@ class Process:
         self._process.wait()
         return Ended(reason, state, interrupted)
 
-    def _look_at_memory(self) -> None:
+    def _note_memory(self) -> None:
+        """Update the largest size of the data and stack of the process, which Linux limits."""
         with suppress(OSError, ValueError, IndexError):  # where there is no /proc
-            pages = int(Path(f"/proc/{self._process.pid}/statm").read_text().split()[5])
-            self._largest_memory = max(self._largest_memory, 4096 * pages)
+            pages = int(Path(f"/proc/{self._process.pid}/statm").read_text().split()[5])  # proc(5)
+            self._largest_memory = max(self._largest_memory, _PAGE * pages)
 
     def _describe_end(self) -> str:
         """Return a description of the end of the process, which has ended by itself."""
@@ -267,8 +269,8 @@ class _Watch:
         """True after Ctrl-C."""
         return self.interrupted_at > 0.0
 
-    def look(self) -> None:
-        """Compare the progress with that of the last check.
+    def check(self) -> None:
+        """Compare the progress with that of the last check, and end a process that hangs.
 
         Raises
         ------

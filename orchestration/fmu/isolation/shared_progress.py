@@ -53,9 +53,9 @@ class ProgressState(NamedTuple):
         Number of rows that the kernel has copied and Python has not read yet.
     beat : tuple of int
         Counters that differ after any begin or end of a call since the last snapshot.
-    listed : bool
+    in_kernel : bool
         Whether the call is an operation of the kernel, executed at every point.
-    step : bool
+    is_step : bool
         Whether this operation is a step to the point.
     """
 
@@ -63,10 +63,10 @@ class ProgressState(NamedTuple):
     point: int
     row: int
     beat: tuple[int, int, int]
-    listed: bool = False
-    step: bool = False
+    in_kernel: bool = False
+    is_step: bool = False
 
-    def words(self, time: Sequence[float] | Array, otherwise: str) -> str:
+    def describe(self, time: Sequence[float] | Array, otherwise: str) -> str:
         """Return a description of the current call with its time.
 
         Parameters
@@ -76,9 +76,9 @@ class ProgressState(NamedTuple):
         otherwise : str
             Description if there is no current call.
         """
-        if not self.listed or not 0 <= self.point < len(time):
+        if not self.in_kernel or not 0 <= self.point < len(time):
             return self.doing or otherwise
-        if self.step:
+        if self.is_step:
             return f"{self.doing} from {time[self.point - 1]:g} s"
         return f"{self.doing} at {time[self.point]:g} s"
 
@@ -194,8 +194,8 @@ class SharedProgress:
             point=run.point,
             row=run.row,
             beat=(head.beat, run.point, position),
-            listed=bool(operation and not call),
-            step=is_step,
+            in_kernel=bool(operation and not call),
+            is_step=is_step,
         )
 
     def _operation(self, slot: int, position: int) -> tuple[str, bool]:
@@ -260,9 +260,8 @@ class activity:  # a generator would take as long as some calls of an FMU
             current.begin_call(self._description.encode())
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
-        if (
-            current is not None and kind is None
-        ):  # after an error the description remains until the next call
+        # after an error the description remains until the next call
+        if current is not None and kind is None:
             current.end_call()
 
 

@@ -61,6 +61,7 @@ class PreparedRun:
         _add_transfers(program, fmu, "Get", outputs, result, failures.reading(outputs))
         program.hold(course)  # the program points to the times of its parts
         columns = _reals_first(fmu, outputs)
+        # `columns` are the outputs in the order of the result; argsort inverts the permutation
         self._order = None if columns == sorted(columns) else np.argsort(columns)
         self._execution = Execution(program, skipped=before_first_point, pulse=pulse)
 
@@ -87,12 +88,13 @@ class PreparedRun:
             If a call fails or the run takes longer.
         """
         points = len(self._result)
+        reported = range(0, points, every) if every else ()
         execution = self._execution
         end = monotonic() + longest
         execution.restart()
         with execution:
             try:
-                for k in range(0, points if every else 0, max(1, every)):
+                for k in reported:
                     self._advance(k + 1, end)
                     progress(k)
                 self._advance(points, end)
@@ -104,6 +106,7 @@ class PreparedRun:
                     self._result[:] = self._result[:, self._order]
 
     def _advance(self, until: int, end: float) -> None:
+        """Execute the program up to a point; UserError after `end` on the monotonic clock, s."""
         while not self._execution.advance(until):  # the pulse lets Python handle Ctrl-C
             if monotonic() > end:
                 raise UserError(

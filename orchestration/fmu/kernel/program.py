@@ -146,6 +146,7 @@ class Program:
         owner: int = 0,
     ) -> None:
         """Add an operation that sets or gets contiguous reals, or sets slopes of inputs."""
+        # of derivatives, which only slopes have: all are first derivatives
         orders = self._address((ctypes.c_int * len(references))(*[1] * len(references)))
         self._add(
             handler,

@@ -90,7 +90,7 @@ def known_effects(
     """
     from fmus.kit.sensors import measurement_effects
 
-    if cls.engine is not None:
+    if cls.engine is not None:  # without laws of its own, which an effect could change
         return {}
     return {
         effect_name(effect): effect
@@ -121,7 +121,7 @@ def families(
     """
     from fmus.kit.symbolic import families_for
 
-    if cls.engine is not None:
+    if cls.engine is not None:  # without laws of its own
         return {}
     catalogue_terms = {_term_key(effect) for effect in catalogue(cls).values()}
     return {

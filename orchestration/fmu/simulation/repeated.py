@@ -117,6 +117,7 @@ class RepeatedFmu:
 
         Preparing it takes as long as a thousand steps. Arrays are compared by identity.
         """
+        # it is kept, so that no new object can have the identity of one of these
         key = [time, *inputs, *inputs.values(), *outputs]
         if self._prepared is None or [*map(id, key)] != [*map(id, self._prepared_for)]:
             check_inputs(self._fmu, inputs)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST_STEPS = 1e7
+_ROUNDING = 1e-9  # of a step, by which two times may differ and be the same point
 
 
 def grid(start: float, stop: float, step: float) -> Array:
@@ -54,9 +55,10 @@ def grid(start: float, stop: float, step: float) -> Array:
             f"{(stop - start) / step:.3g} steps from {start:g} s to {stop:g} s by {step:g} s; at"
             " most 1e7 are made"
         )
+    # rounding of the division must not lose the last whole step
     count = int((stop - start) / step * (1 + 1e-12)) + 1
     points: Array = start + step * np.arange(count, dtype=np.float64)
-    if stop - points[-1] < 1e-9 * min(step, stop - start):
+    if stop - points[-1] < _ROUNDING * min(step, stop - start):
         return points
     return np.concatenate([points, [stop]])
 
@@ -111,7 +113,7 @@ def held(record: Record, name: str, time: Array) -> Array:
     ndarray, shape (n,)
         In the unit of the record.
     """
-    tolerance = 1e-9 * np.median(np.diff(record.time))
+    tolerance = _ROUNDING * np.median(np.diff(record.time))
     index = np.searchsorted(record.time, time + tolerance, side="right") - 1
     return record.signals[name][np.clip(index, 0, None)]
 
@@ -173,7 +175,7 @@ def simulate(
                 raise KeyboardInterrupt from end
             rows = process.progress.read_rows(end.state.point)
             names = process.progress.rows_description() or outputs
-            message = f"{end.state.words(time, model.path.name)}: {end.reason}"
+            message = f"{end.state.describe(time, model.path.name)}: {end.reason}"
             raise _unfinished(message, time, names, rows) from end
         return results
 
@@ -188,6 +190,7 @@ def _simulate(
     progress: Callable[[int], None],
     note: Callable[[str], None],
 ) -> dict[str, Array]:
+    """Simulate an FMU in this process; see `simulate`."""
     with Fmu(path, parameters) as fmu:
         fmu.start(float(time[0]))
         results = simulate_instance(fmu, time, inputs, outputs, progress)
@@ -204,6 +207,7 @@ def _simulate_system(
     parameters: Mapping[str, Value],
     isolation: Limits | None,
 ) -> dict[str, Array]:
+    """Simulate a system; see `simulate`. A failure has no results of the points before."""
     arguments = (system, time, inputs, parameters, outputs)
     if isolation is None:
         results = _run_once(*arguments)
@@ -214,7 +218,7 @@ def _simulate_system(
             except Ended as end:
                 if end.interrupted:
                     raise KeyboardInterrupt from end
-                where = end.state.words(system.points(time), system.name)
+                where = end.state.describe(system.points(time), system.name)
                 raise UserError(f"{where}: {end.reason}") from end
     return {name: results[:, k] for k, name in enumerate(outputs)}
 

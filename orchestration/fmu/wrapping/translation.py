@@ -21,10 +21,12 @@ from orchestration.fmu.wrapping.variables import (
 )
 
 _COUNT = "1"  # unit of wide integers
+# ranges of the integers, as far as the 32 bits of FMI 2.0 hold them
 _RANGES = {"Int8": (-128, 127), "UInt8": (0, 255), "Int16": (-(2**15), 2**15 - 1)}
 _RANGES |= {"UInt16": (0, 2**16 - 1)} | dict.fromkeys(("UInt32", "UInt64"), (0, 2**31 - 1))
 _MOST_DEPENDENCIES = 1_000_000  # above, none are declared, so that FMI 2.0 assumes all
 
+# names of attributes in FMI 2.0 by those in FMI 3.0
 _OF_MODEL = {
     name: name
     for name in (
@@ -52,6 +54,7 @@ _OF_CO_SIMULATION = {
     "canHandleVariableCommunicationStepSize": "canHandleVariableCommunicationStepSize",
     "maxOutputDerivativeOrder": "maxOutputDerivativeOrder",
 }
+# attributes of the types of FMI 2.0
 _OF_TYPE = {
     "Real": ("quantity", "unit", "displayUnit", "relativeQuantity", "min", "max", "nominal"),
     "Integer": ("quantity", "min", "max"),
@@ -59,6 +62,7 @@ _OF_TYPE = {
     "Boolean": (),
     "String": (),
 }
+# sections of the model structure of FMI 2.0, and the elements of FMI 3.0 that they contain
 _STRUCTURE = {
     "Outputs": "Output",
     "Derivatives": "ContinuousStateDerivative",

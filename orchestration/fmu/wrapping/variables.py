@@ -30,7 +30,7 @@ _SCALARS |= {kind: kind for kind in ("Boolean", "String", "Enumeration")}
 _WIDE = ("UInt32", "Int64", "UInt64")  # exceed the integers of FMI 2.0
 _PARAMETERS = ("parameter", "calculatedParameter", "structuralParameter")
 MOST_ELEMENTS = 200_000  # of all variables
-_MOST_DIGITS = len(str(2**32))
+_MOST_DIGITS = len(str(2**32))  # int() refuses a text of thousands
 
 
 class DeclaredVariable(NamedTuple):
@@ -197,9 +197,10 @@ class Fmi3Description:
         for reference, node in nodes.items():
             if number_type(node.tag) not in NUMBERS:
                 continue
-            shape = tuple(self._size(size, node, nodes) for size in node.iterfind("Dimension"))
+            dimensions = node.iterfind("Dimension")
+            shape = tuple(self._size_of(dimension, node, nodes) for dimension in dimensions)
             variable = Fmi3Variable(node, reference, shape, first)
-            variable.attributes = self._declared(node) | node.attrib
+            variable.attributes = self._type_attributes(node) | node.attrib
             first += variable.count
             if first > MOST_ELEMENTS:
                 raise UserError(
@@ -208,20 +209,20 @@ class Fmi3Description:
                 )
             self.variables[reference] = variable
 
-    def _declared(self, node: Element) -> dict[str, str]:
+    def _type_attributes(self, node: Element) -> dict[str, str]:
         """Return the attributes of the declared type of a variable, without its description."""
         declared = self.types.get(node.get("declaredType", ""))
         if declared is None:
             return {}
         return {name: text for name, text in declared.attrib.items() if name != "description"}
 
-    def _size(self, size: Element, node: Element, nodes: Mapping[int, Element]) -> int:
+    def _size_of(self, dimension: Element, node: Element, nodes: Mapping[int, Element]) -> int:
         """Return a size of an array: a number, or the start value of a structural parameter."""
         name = node.get("name", "")
-        if size.get("start") is not None:
-            return self.whole_number(size.get("start"), name, "the size")
+        if dimension.get("start") is not None:
+            return self.whole_number(dimension.get("start"), name, "the size")
         reference = self.whole_number(
-            size.get("valueReference"), name, "valueReference of a dimension"
+            dimension.get("valueReference"), name, "valueReference of a dimension"
         )
         if reference not in nodes:
             raise self.error(name, f"there is no variable {reference}, which is its dimension")

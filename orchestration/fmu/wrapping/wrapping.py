@@ -16,7 +16,7 @@ from fmus.kit.storage import scratch
 from orchestration.fmu.wrapping.translation import Translation, translate
 
 _SOURCES = ("all.c", "table.c", "values.c", "wrapper.c", "wrapper.h")
-_UNIT = "all.c"
+_UNIT = "all.c"  # includes the other sources
 _LIBRARIES = {"linux64": ("dl",)}
 
 
@@ -40,7 +40,7 @@ def wrap(folder: Path, root: Element, label: str) -> None:
     """
     translation = translate(root, label)
     try:
-        wrapper = _library()
+        wrapper = _compiled_wrapper()
     except UserError as error:
         raise UserError(f"{label}: an FMU of FMI 3.0 needs a C compiler here: {error}") from error
     binaries = folder / "binaries" / fmpy.platform
@@ -58,12 +58,12 @@ def wrap(folder: Path, root: Element, label: str) -> None:
         with scratch.written(folder):
             binaries.mkdir(exist_ok=True)
             shutil.copyfile(wrapper, binaries / name)
-            table = _table(translation, library, resources)
+            table = _encode_table(translation, library, resources)
             (binaries / f"{identifier}.table").write_bytes(table)
 
 
-def _library() -> Path:
-    """Return the path of the wrapper, which is compiled if it is not in the cache."""
+def _compiled_wrapper() -> Path:
+    """Return the path of the wrapper's library, which is compiled if it is not in the cache."""
     here = Path(__file__).parent
     sources = {name: (here / name).read_bytes() for name in _SOURCES}
     for version in (2, 3):
@@ -73,9 +73,13 @@ def _library() -> Path:
     return cached_library(sources, _UNIT, target, _LIBRARIES.get(target, ()))
 
 
-def _table(translation: Translation, library: Path, resources: Path) -> bytes:
-    """Return the table of variables that the wrapper reads when it is instantiated."""
-    place = f"{resources}{os.sep}" if resources.is_dir() else ""
-    lines = [str(library), place, str(len(translation.table))]
+def _encode_table(translation: Translation, library: Path, resources: Path) -> bytes:
+    """Return the table that the wrapper reads when it is instantiated.
+
+    Its lines are the path of the library, that of the resources, the number of variables, and the
+    type, the value reference and the number of elements of each variable.
+    """
+    resource_path = f"{resources}{os.sep}" if resources.is_dir() else ""
+    lines = [str(library), resource_path, str(len(translation.table))]
     lines += [f"{row.type} {row.reference} {row.elements}" for row in translation.table]
     return os.fsencode("\n".join([*lines, ""]))

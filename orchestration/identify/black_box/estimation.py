@@ -16,17 +16,17 @@ from orchestration.identify.black_box.prediction_error import Coefficients, Pred
 from orchestration.identify.black_box.result import Identification, Parameter
 from orchestration.identify.black_box.search import (
     Optimum,
-    evaluated,
+    cost_near,
     is_contained,
     optimum,
-    refined,
+    refine,
 )
 from orchestration.identify.noise import Noise, fit_autoregression
 from orchestration.identify.uncertainty import Covariance, parameter_covariance, sandwich_covariance
 
-# If a model costs more without the offset than BIC grants an offset, times this factor, no search
-# without it is made.
-_HOPELESS = 10.0
+# A model without an offset is not searched if it costs more than so many times what BIC grants for
+# one parameter.
+_HOPELESS_PENALTIES = 10.0
 # sum of the coefficients of A, relative to that of their absolute values, below which A has a root
 # at one
 _INTEGRATES = 1e-9
@@ -142,9 +142,8 @@ def identify(
     """Identify a polynomial model.
 
     Signals are taken as deviations from their means, and a constant is estimated with the
-    parameters, because the mean of an output that still drifts is no operating point. Where BIC
-    does not prefer it to the constant that makes the output zero where all inputs are, it is that
-    one.
+    parameters, because the mean of an output that still drifts is no operating point. Unless BIC
+    prefers an estimated constant, the output is zero where all inputs are.
 
     Parameters
     ----------
@@ -156,7 +155,8 @@ def identify(
         First sample whose error counts, so that models of different orders are judged by the same
         samples.
     contained : sequence of Identification
-        Models of the same data and samples that this one contains: its loss is above that of none.
+        Models nested in this one, of the same data and samples; its loss is not above any of
+        theirs.
 
     Returns
     -------
@@ -174,18 +174,18 @@ def identify(
     problem = PredictionError(inputs, output, chosen, first)
     known = [_as_optimum(smaller) for smaller in contained]
     best = optimum(problem, known)
-    plain = PredictionError(data.inputs, data.output, chosen, first, offset=False)
-    messages = (*messages, *_search_doubts(problem, best, known))
-    through_zero = _through_zero(plain, best, known)
+    without_offset = PredictionError(data.inputs, data.output, chosen, first, offset=False)
+    messages = (*messages, *_describe_failed_search(problem, best, known))
+    through_zero = _search_without_offset(without_offset, best, known)
     if through_zero is not None:
-        return _result(data, structure, plain, through_zero, messages)
-    return _result(data, structure, problem, best, messages)
+        return _assemble(data, structure, without_offset, through_zero, messages)
+    return _assemble(data, structure, problem, best, messages)
 
 
-def _search_doubts(
+def _describe_failed_search(
     problem: PredictionError, best: Optimum, contained: Sequence[Optimum]
 ) -> list[str]:
-    """Return a message for each contained model whose loss is lower, which is a fault of ours."""
+    """Return a message for each nested model whose loss is lower: the search has failed then."""
     return [
         f"a model with {smaller.orders} has a lower loss, although this one contains it: the search"
         " failed, please report it"
@@ -195,7 +195,7 @@ def _search_doubts(
 
 
 def _as_optimum(identification: Identification) -> Optimum:
-    """Return the optimum that an identified polynomial model is."""
+    """Return an identified polynomial model as an optimum of the search."""
     model = identification.model
     assert isinstance(model, PolynomialModel)
     delays = model.orders.nk
@@ -216,79 +216,79 @@ def _as_optimum(identification: Identification) -> Optimum:
     )
 
 
-def _through_zero(
-    plain: PredictionError, best: Optimum, contained: Sequence[Optimum]
+def _search_without_offset(
+    without_offset: PredictionError, best: Optimum, contained: Sequence[Optimum]
 ) -> Optimum | None:
-    """Search without an offset; return None where BIC prefers one.
+    """Return the optimum without an offset; None if BIC prefers an offset.
 
-    None, too, where a contained model would then be better, because its offset is estimated.
+    None, too, if a nested model with an estimated offset would then be better than this one.
 
     Parameters
     ----------
-    plain : PredictionError
+    without_offset : PredictionError
         Without an offset.
     best : Optimum
         With an offset.
     contained : sequence of Optimum
     """
-    granted = np.log(plain.samples) / plain.samples
-    if evaluated(plain, best.parts) > best.cost * np.exp(_HOPELESS * granted):
+    # BIC per sample is log V + d log(N) / N: the loss may rise by this factor for a parameter less
+    penalty = np.log(without_offset.samples) / without_offset.samples
+    if cost_near(without_offset, best.parts) > best.cost * np.exp(_HOPELESS_PENALTIES * penalty):
         return None
-    through_zero = refined(plain, best.parts)
+    through_zero = refine(without_offset, best.parts)
     limits = [smaller.cost for smaller in contained if smaller.cost >= best.cost]
-    limit = min([best.cost * np.exp(granted), *limits])
+    limit = min([best.cost * np.exp(penalty), *limits])
     return through_zero if through_zero.cost <= limit else None
 
 
-def _result(
+def _assemble(
     data: InputOutputData,
     structure: str,
     problem: PredictionError,
     best: Optimum,
     messages: tuple[str, ...],
 ) -> Identification:
-    """Assemble the result: model, standard errors, residual and messages."""
+    """Return the result at an optimum: model, standard errors, residual and messages."""
     count = problem.orders.parameters
     variance = best.cost / max(problem.samples - problem.size, 1)
     theta = problem.vector(best.parts)
     jacobian = problem.jacobian(theta)
     residual = problem.errors(theta)
-    spread = _spread(problem, jacobian, residual, variance)
-    model = _model(data, structure, problem, best.parts, variance)
-    values = zip(problem.orders.names(), theta, spread.standard_errors, strict=False)
+    covariance = _estimate_covariance(problem, jacobian, residual, variance)
+    model = _make_model(data, structure, problem, best.parts, variance)
+    values = zip(problem.orders.names(), theta, covariance.standard_errors, strict=False)
     return Identification(
         model=model,
         data=data,
         parameters=tuple(Parameter(name, float(x), float(s)) for name, x, s in values),
-        covariance=spread.matrix[:count, :count],
+        covariance=covariance.matrix[:count, :count],
         count=count + problem.offset,
         residual=residual,
         converged=best.converged,
         messages=(
             _describe_offset(model, problem.offset),
             *messages,
-            *_doubts(model, best.converged),
+            *_describe_doubts(model, best.converged),
         ),
     )
 
 
-def _spread(
+def _estimate_covariance(
     problem: PredictionError, jacobian: Array, residual: Array, variance: float
 ) -> Covariance:
-    """Return the covariance of the estimates (Ljung, section 9.4).
+    """Return the covariance of all estimates (Ljung, section 9.4).
 
     Where the model has no noise model, it allows for the colour of the residual.
     """
     bread = parameter_covariance(jacobian.T @ jacobian)
-    n = problem.orders
-    if n.na or n.nc or n.nd:
+    if problem.orders.has_noise_model:
         return replace(bread, matrix=variance * bread.matrix)
     coefficients, innovation_variance = fit_autoregression(residual)
     noise = Noise(coefficients, float(np.sqrt(innovation_variance)))
     return sandwich_covariance(bread, [jacobian], [noise])
 
 
-def _model(
+def _make_model(
     data: InputOutputData,
     structure: str,
     problem: PredictionError,
@@ -326,12 +326,12 @@ def _model(
 
 
 def _describe_offset(model: PolynomialModel, estimated: bool) -> str:
-    """Describe the operating point about which the model is linear, and whence it is known."""
+    """Describe the operating point about which the model is linear, and its source."""
     text = model.describe_operating_point()
     return text if estimated else f"{text}, and zero where all inputs are, as far as the data tell"
 
 
-def _doubts(model: PolynomialModel, converged: bool) -> list[str]:
+def _describe_doubts(model: PolynomialModel, converged: bool) -> list[str]:
     """Return messages on an unstable model and on a search that did not converge."""
     doubts = []
     if not model.is_stable():

@@ -30,7 +30,7 @@ _POOR = 0.25
 _GOOD = 0.75
 _LOWERED = 0.25
 _RAISED = 2.0
-_AT_EDGE = 0.9  # of the radius, a step that had all of it
+_EDGE = 0.9  # of the radius, a step that had all of it
 _ALIKE = 0.05  # relative difference of a step's length from the radius
 _TRIALS = 20  # of the damping that makes a step so long
 
@@ -93,7 +93,8 @@ class _Linearised(NamedTuple):
     def step(self, radius: float) -> Array:
         """Return the Gauss-Newton step (r,), along the directions, within a radius.
 
-        It is damped by as much as makes it so long (Nocedal and Wright, algorithm 4.3).
+        A longer one is damped until its length is the radius, by Newton's method for the damping
+        (Nocedal and Wright, algorithm 4.3).
         """
         gradient = self.slopes * self.errors
         step = -self.errors / self.slopes
@@ -103,8 +104,8 @@ class _Linearised(NamedTuple):
             if length <= (1.0 + _ALIKE) * radius:
                 break
             stiffness = self.slopes**2 + damping
-            fall = float(step**2 @ (1.0 / stiffness)) / length
-            damping += (length / radius - 1.0) * length / fall
+            decline = float(step**2 @ (1.0 / stiffness)) / length  # of the length, by the damping
+            damping += (length / radius - 1.0) * length / decline
             step = -gradient / (self.slopes**2 + damping)
         return step
 
@@ -136,10 +137,10 @@ def minimise(
     -------
     GaussNewtonMinimum
     """
-    best = _point(problem, theta)
+    best = _evaluate(problem, theta)
     radius = _RADIUS
     for _ in range(iterations if theta.size else 0):
-        linearised = _linearised(problem, best)
+        linearised = _linearise(problem, best)
         if linearised.promised(linearised.step(_FARTHEST)) <= enough * best.cost:
             return GaussNewtonMinimum(best.theta, best.cost, True)
         better = None
@@ -160,19 +161,19 @@ def _next_radius(radius: float, step: Array, share: float) -> float:
     length = float(np.linalg.norm(step))
     if share < _POOR:
         return _LOWERED * min(length, radius)
-    is_all = share > _GOOD and length > _AT_EDGE * radius
+    is_all = share > _GOOD and length > _EDGE * radius
     return _RAISED * radius if is_all else radius
 
 
-def _point(problem: ResidualProblem, theta: Array) -> _Point:
+def _evaluate(problem: ResidualProblem, theta: Array) -> _Point:
     """Evaluate the prediction errors at a point."""
     e = problem.errors(theta)
     return _Point(theta, e, float(e @ e))
 
 
-def _linearised(problem: ResidualProblem, point: _Point) -> _Linearised:
+def _linearise(problem: ResidualProblem, point: _Point) -> _Linearised:
     """Linearise the prediction errors about a point."""
-    # the triangle holds all there is in many thousand samples
+    # R of the QR decomposition has the same least squares as the many thousand samples
     reduced = triangle(np.vstack([problem.jacobian(point.theta).T, point.errors]))
     u, s, v = np.linalg.svd(reduced[:, :-1], full_matrices=False)
     kept = s > _UNDETERMINED * s.max(initial=0.0)
@@ -184,5 +185,5 @@ def _lower_point(problem: ResidualProblem, begin: _Point, step: Array) -> _Point
     theta = begin.theta + step
     if not problem.admissible(theta):
         return None
-    tried = _point(problem, theta)
+    tried = _evaluate(problem, theta)
     return tried if tried.cost < begin.cost else None

@@ -88,7 +88,7 @@ class OrderSearch:
     criterion: str
     left_out: tuple[str, ...]
 
-    def _value(self, row: Row) -> float:
+    def _criterion(self, row: Row) -> float:
         return row.aic if self.criterion == "AIC" else row.bic
 
     @property
@@ -103,7 +103,7 @@ class OrderSearch:
         The criterion, which judges predictions by one sample, parts fits that are shown as equal.
         """
         return tuple(
-            sorted(self.best, key=lambda row: (-round(row.validation_fit, 1), self._value(row)))
+            sorted(self.best, key=lambda row: (-round(row.validation_fit, 1), self._criterion(row)))
         )
 
     @property
@@ -113,7 +113,7 @@ class OrderSearch:
         for structure in STRUCTURES:
             rows = [row for row in self.rows if row.structure == structure]
             if rows:
-                best.append(min(rows, key=self._value))
+                best.append(min(rows, key=self._criterion))
         return tuple(best)
 
     def table(self, rows: Sequence[Row] | None = None) -> str:
@@ -196,7 +196,7 @@ def search_orders(
     left_out: list[str] = []
     for trial in _grid(inputs, structures, path_orders, noise_orders):
         try:
-            planned.append((trial, _orders(estimation, trial, nk)))
+            planned.append((trial, _orders_of_trial(estimation, trial, nk)))
         except UserError as error:
             left_out.append(f"{trial}: {error}")
     first = max((chosen.first for _, chosen in planned), default=0)
@@ -204,9 +204,9 @@ def search_orders(
         progress(done, len(planned))
         try:
             contained = [
-                row.identification for row in rows if _contains(chosen, row.identification)
+                row.identification for row in rows if _is_nested(chosen, row.identification)
             ]
-            rows.append(_row(estimation, validation, trial, chosen, first, contained))
+            rows.append(_identify_row(estimation, validation, trial, chosen, first, contained))
         except UserError as error:
             left_out.append(f"{trial}: {error}")
     if not rows:
@@ -259,7 +259,7 @@ def _grid(
     """Yield every structure with every combination of orders that it has."""
     combinations = sorted(set(product(path_orders, repeat=inputs)))
     states = [(total,) for total in sorted({sum(path) for path in combinations})]
-    # models that others contain come before them
+    # nested models come before those that contain them
     for structure in sorted(set(structures), key=STRUCTURES.index):
         paths = states if structure == "SS" else combinations
         noises = sorted(set(noise_orders)) if structure in ("ARMAX", "BJ") else [0]
@@ -267,27 +267,27 @@ def _grid(
             yield _Trial(structure, path, noise)
 
 
-def _orders(data: InputOutputData, trial: _Trial, nk: Count) -> Orders:
-    """Return the orders of every polynomial of a model on the grid."""
+def _orders_of_trial(data: InputOutputData, trial: _Trial, nk: Count) -> Orders:
+    """Return the orders of every polynomial of a trial; raise if the data are too few for it."""
     inputs = len(data.input_names)
     delays = list(nk) if isinstance(nk, Sequence) else [nk] * inputs
     path = trial.path_orders
     noise = trial.noise_order
     if trial.structure == "SS":
-        return orders(data, 1, nk, nf=1)  # how far back it looks, and the delays
+        return orders(data, 1, nk, nf=1)  # only for its delays and its first sample
     nb = [order + (delay == 0) for order, delay in zip(path, delays, strict=False)]
     if trial.structure in ("ARX", "ARMAX"):
         return orders(data, nb, nk, na=max(path), nc=noise)
     return orders(data, nb, nk, nf=path, nc=noise, nd=noise)
 
 
-def _contains(chosen: Orders, identification: Identification) -> bool:
-    """Tell whether models of some orders contain one that is identified."""
+def _is_nested(chosen: Orders, identification: Identification) -> bool:
+    """Tell whether an identified model is nested in those of some orders."""
     model = identification.model
     return isinstance(model, PolynomialModel) and chosen.contains(model.orders)
 
 
-def _row(
+def _identify_row(
     estimation: InputOutputData,
     validation: InputOutputData,
     trial: _Trial,

@@ -62,39 +62,44 @@ class Orders:
         return max(self.na + self.nd, self.nc)
 
     def contains(self, other: Orders) -> bool:
-        """Tell whether every model of other orders is one of these, if its A is stable.
+        """Tell whether models of other orders are nested in those of these, if their A is stable.
 
         A is a factor of every F and of D where there is no A: ``A y = B u + C e`` is
         ``y = B/A u + C/A e``.
         """
-        moved = other.na if self.na < other.na else 0
+        shared = other.na if self.na < other.na else 0  # order of A as a factor of F and D
         denominators = [(self.nd, other.nd), *zip(self.nf, other.nf, strict=True)]
         return (
-            self.na + moved >= other.na
+            self.na + shared >= other.na
             and self.nc >= other.nc
-            and all(own >= count + moved for own, count in denominators)
-            and all(own <= delay for own, delay in zip(self.nk, other.nk, strict=True))
+            and all(order >= other_order + shared for order, other_order in denominators)
+            and all(
+                delay <= other_delay for delay, other_delay in zip(self.nk, other.nk, strict=True)
+            )
             and all(
                 b + k >= other_b + other_k
                 for b, k, other_b, other_k in zip(self.nb, self.nk, other.nb, other.nk, strict=True)
             )
         )
 
-    def beneath(self) -> tuple[Orders, ...]:
-        """Return the largest orders of simpler structures that these contain.
+    def nested_structures(self) -> tuple[Orders, ...]:
+        """Return the largest orders of simpler structures that are nested in these.
 
-        Of Box-Jenkins those of output error and of ARMAX; of ARMAX with one input those of output
-        error, which it contains but for the free response.
+        In Box-Jenkins those of output error and of ARMAX; in ARMAX with one input those of output
+        error, which is nested but for the free response.
         """
-        white = replace(self, nc=0, nd=0)
-        shared = min(*self.nf, self.nd)
-        none = tuple(0 for _ in self.nf)
+        without_noise = replace(self, nc=0, nd=0)
         if not self.na:
-            output_error = (white,) if any(self.nf) and self.nc + self.nd else ()
-            armax = (replace(self, na=shared, nd=0, nf=none),) if shared else ()
-            return (*output_error, *armax)
-        single = min(self.na, self.nc) if len(self.nf) == 1 else 0
-        return (replace(white, na=0, nf=(single,)),) if single else ()
+            nested = []
+            if any(self.nf) and self.nc + self.nd:
+                nested.append(without_noise)
+            common = min(*self.nf, self.nd)  # the order of an A that is a factor of every F and D
+            if common:
+                nested.append(replace(self, na=common, nd=0, nf=tuple(0 for _ in self.nf)))
+            return tuple(nested)
+        # B/F u + e is B/A u + C/A e with A = C = F
+        order = min(self.na, self.nc) if len(self.nf) == 1 else 0
+        return (replace(without_noise, na=0, nf=(order,)),) if order else ()
 
     def excitation(self, i: int) -> int:
         """Return the order to which input i must excite persistently (Ljung, section 13.2).
@@ -163,11 +168,11 @@ def orders(
     inputs = len(data.input_names)
     made = Orders(
         whole("na", na, 0),
-        _each("nb", nb, inputs, 1),
+        _one_per_input("nb", nb, inputs, 1),
         whole("nc", nc, 0),
         whole("nd", nd, 0),
-        _each("nf", nf, inputs, 0),
-        _each("nk", nk, inputs, 0),
+        _one_per_input("nf", nf, inputs, 0),
+        _one_per_input("nk", nk, inputs, 0),
     )
     # with the free response of every F, and the offset
     estimated = made.parameters + sum(made.nf) + 1
@@ -180,7 +185,7 @@ def orders(
     return made
 
 
-def _each(name: str, value: Count, inputs: int, least: int) -> tuple[int, ...]:
+def _one_per_input(name: str, value: Count, inputs: int, least: int) -> tuple[int, ...]:
     """Return one whole number for each input, not below the least that is allowed."""
     values = tuple(value) if isinstance(value, Sequence) else (value,) * inputs
     if len(values) != inputs:

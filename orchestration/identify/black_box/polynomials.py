@@ -87,6 +87,7 @@ def from_reflections(coefficients: Array) -> tuple[Array, Array]:
     polynomial : ndarray, shape (p + 1,)
     slopes : ndarray, shape (p + 1, p)
     """
+    # p_{i+1}(q) = p_i(q) + k_i q^-(i+1) p_i(1/q): the coefficients, and k times them reversed
     order = len(coefficients)
     polynomial = np.zeros(order + 1)
     polynomial[0] = 1.0
@@ -100,7 +101,10 @@ def from_reflections(coefficients: Array) -> tuple[Array, Array]:
 
 
 def reflections(polynomial: Array) -> Array:
-    """Return the reflection coefficients (p,) of a stable monic polynomial (p + 1,)."""
+    """Return the reflection coefficients (p,) of a stable monic polynomial (p + 1,).
+
+    It is the recursion of :func:`from_reflections`, backwards.
+    """
     coefficients = []
     remaining = np.asarray(polynomial, dtype=np.float64)
     while len(remaining) > 1:
@@ -110,7 +114,7 @@ def reflections(polynomial: Array) -> Array:
     return np.array(coefficients[::-1])
 
 
-def solved(columns: Array, target: Array) -> Array:
+def solve_least_squares(columns: Array, target: Array) -> Array:
     """Return the solution of linear least squares, the shortest where there are several."""
     return np.asarray(np.linalg.lstsq(columns, target, rcond=None)[0], dtype=np.float64)
 
@@ -118,7 +122,8 @@ def solved(columns: Array, target: Array) -> Array:
 def triangle(rows: Array) -> Array:
     """Return the factor R (q, q) of the QR decomposition of a transposed matrix.
 
-    It holds all there is in many thousand samples about the least squares of one row over others.
+    The least squares of one row over others are those of the columns of R, instead of many thousand
+    samples.
 
     Parameters
     ----------

@@ -101,7 +101,7 @@ class PredictionError:
         return self.orders.parameters + self.offset + sum(self.orders.nf)
 
     def _past(self, values: Array, lag: int) -> Array:
-        """Return a signal delayed by so many samples, from the first sample on."""
+        """Return a signal delayed by ``lag`` samples, from the first sample on."""
         return values[self.first - lag : len(values) - lag]
 
     def _delayed(self, values: Array, first: int, count: int) -> Array:
@@ -172,36 +172,36 @@ class PredictionError:
         return slopes.T
 
     def linear_slopes(self, parts: Coefficients) -> Array:
-        """Return the derivatives by A, B, the offset and the free responses, one a row.
+        """Return the derivatives by A, B, the offset and the free responses, a row each.
 
-        They depend on F, C and D alone.
+        They depend on F, C and D alone, by which the module's equations filter the signals.
         """
         n = self.orders
         count = n.na + sum(n.nb) + self.offset + sum(n.nf)
         slopes = np.zeros((count, self.samples))
         slopes[: n.na] = filtered(parts.d, parts.c, self._past_outputs)
-        own = n.na
-        free = count - sum(n.nf)
+        b_row = n.na
+        transient_row = count - sum(n.nf)
         for regressors, f in zip(self._past_inputs, parts.f, strict=True):
             nb, nf = len(regressors), len(f) - 1
             # one filter after the other: the product of polynomials with roots near one is inexact
-            begun = filtered(_ONE, f, np.array([self._impulse, regressors[0]]))
-            impulse, driven = -filtered(parts.d, parts.c, begun)
-            _delay(slopes[free : free + nf], impulse)
-            # a delayed input passes the filter as the input itself does, but for its values
-            # before the first sample
-            _delay(slopes[own : own + nb], driven)
+            through_f = filtered(_ONE, f, np.array([self._impulse, regressors[0]]))
+            impulse, driven = -filtered(parts.d, parts.c, through_f)
+            _delay(slopes[transient_row : transient_row + nf], impulse)
+            # an input delayed by k more samples passes the filter as the input itself does, but for
+            # its k values before the first sample, each of which adds an impulse response
+            _delay(slopes[b_row : b_row + nb], driven)
             for k in range(nb):
                 for j in range(k):
-                    slopes[own + k, j:] += regressors[k, j] * impulse[: self.samples - j]
-            own += nb
-            free += nf
+                    slopes[b_row + k, j:] += regressors[k, j] * impulse[: self.samples - j]
+            b_row += nb
+            transient_row += nf
         if self.offset:
-            slopes[own] = -filtered(parts.d, parts.c, np.ones(self.samples))
+            slopes[b_row] = -filtered(parts.d, parts.c, np.ones(self.samples))
         return slopes
 
     def nonlinear_slopes(self, parts: Coefficients) -> Array:
-        """Return the derivatives by the coefficients of every F, C and D, one a row."""
+        """Return the derivatives by the coefficients of every F, C and D, a row each."""
         paths = self._paths(parts)
         v = self._disturbance(parts, paths)
         e = filtered(parts.d, parts.c, v)
@@ -210,8 +210,8 @@ class PredictionError:
         for f, w in zip(parts.f, paths, strict=True):
             nf = len(f) - 1
             if nf:
-                answer = filtered(parts.d, parts.c, filtered(_ONE, f, w))
-                _delay(slopes[position : position + nf], answer, 1)
+                filtered_path = filtered(parts.d, parts.c, filtered(_ONE, f, w))
+                _delay(slopes[position : position + nf], filtered_path, 1)
             position += nf
         nc = self.orders.nc
         _delay(slopes[position : position + nc], -filtered(_ONE, parts.c, e), 1)

@@ -118,48 +118,48 @@ def residual_tests(
         raise UserError(f"lags = {lags}: must be from 1 to a quarter of the {len(e)} samples")
     if not (np.isfinite(e).all() and np.isfinite(u).all()) or np.ptp(e) == 0.0:
         raise UserError("residual and inputs must be finite numbers, and the residual not constant")
-    auto = _covariance(e, e, lags)[lags:]
+    r_e = _cross_covariance(e, e, lags)[lags:]
     return ResidualTests(
-        auto / auto[0],
+        r_e / r_e[0],
         float(-ndtri(significance / 2.0)) / np.sqrt(len(e)),
         whiteness(e, lags, significance),
-        tuple(_cross(e, column, auto, lags, significance) for column in u.T),
+        tuple(_correlate_with_input(e, column, r_e, lags, significance) for column in u.T),
     )
 
 
-def _covariance(x: Array, y: Array, lags: int) -> Array:
+def _cross_covariance(x: Array, y: Array, lags: int) -> Array:
     """Return the mean of ``x(t) y(t - k)`` about the means, k from minus to plus the lags."""
     middle = len(x) - 1
     products = correlate(x - x.mean(), y - y.mean(), method="fft")
     return np.asarray(products[middle - lags : middle + lags + 1] / len(x), dtype=np.float64)
 
 
-def _cross(
-    e: Array, u: Array, auto: Array, lags: int, significance: float
+def _correlate_with_input(
+    e: Array, u: Array, r_e: Array, lags: int, significance: float
 ) -> ResidualInputCorrelation:
-    """Correlate a residual, of which the autocovariance is known, with one input."""
+    """Correlate a residual with one input, given the residual's autocovariance R_e (lags + 1,)."""
     n = len(e)
-    both_ways = np.arange(-lags, lags + 1)
-    own = _covariance(u, u, 2 * lags)[2 * lags :]
-    if own[0] == 0.0:
-        none = np.zeros(len(both_ways))
-        return ResidualInputCorrelation(both_ways, none, 0.0, 0.0, 1.0, significance)
-    values = _covariance(e, u, lags)
+    all_lags = np.arange(-lags, lags + 1)
+    r_u = _cross_covariance(u, u, 2 * lags)[2 * lags :]
+    if r_u[0] == 0.0:
+        none = np.zeros(len(all_lags))
+        return ResidualInputCorrelation(all_lags, none, 0.0, 0.0, 1.0, significance)
+    values = _cross_covariance(e, u, lags)
     # covariance of the estimates at lags k and l: sum_s R_e(s) R_u(s + k - l) / n
-    spread = np.zeros(lags + 1)
+    covariance = np.zeros(lags + 1)
     for s in range(-lags, lags + 1):
-        spread += auto[abs(s)] * own[np.abs(np.arange(lags + 1) + s)]
-    statistic, freedom = _joint_statistic(values[lags:], spread / n)
-    scale = np.sqrt(auto[0] * own[0])
-    limit = float(-ndtri(significance / 2.0)) * np.sqrt(max(spread[0], 0.0) / n) / scale
+        covariance += r_e[abs(s)] * r_u[np.abs(np.arange(lags + 1) + s)]
+    statistic, freedom = _joint_statistic(values[lags:], covariance / n)
+    scale = np.sqrt(r_e[0] * r_u[0])
+    limit = float(-ndtri(significance / 2.0)) * np.sqrt(max(covariance[0], 0.0) / n) / scale
     p_value = float(chdtrc(freedom, statistic))
     return ResidualInputCorrelation(
-        both_ways, values / scale, float(limit), statistic, p_value, significance
+        all_lags, values / scale, float(limit), statistic, p_value, significance
     )
 
 
 def _joint_statistic(values: Array, covariance: Array) -> tuple[float, int]:
-    """Return the sum of squares of decorrelated values over their variances, and how many.
+    """Return the sum of squares of decorrelated values over their variances, and their number.
 
     Parameters
     ----------

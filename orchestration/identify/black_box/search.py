@@ -71,33 +71,34 @@ def optimum(problem: PredictionError, contained: Sequence[Optimum] = ()) -> Opti
     ----------
     problem : PredictionError
     contained : sequence of Optimum
-        Optima of models that this one contains.
+        Optima of models that are nested in this one.
 
     Returns
     -------
     Optimum
-        Its cost is above that of none that is contained, from the same samples.
+        Its cost is not above that of any nested model from the same samples.
     """
     reduced = ReducedPredictionError(problem)
     best, *others = _first_minima(reduced, contained)
     # where all starts lead to one minimum there are hardly others
-    is_alone = all(other.cost <= (1.0 + _NEGLIGIBLE) * best.cost for other in others)
+    is_only_minimum = all(other.cost <= (1.0 + _NEGLIGIBLE) * best.cost for other in others)
     random = np.random.default_rng(0)
     for k in range(_MOST_ROUNDS if reduced.size else 0):
         before = best.cost
-        again = _minima(reduced, list(_drawn(reduced, best.theta, random)), before)[0]
-        best = min(best, again, key=lambda minimum: minimum.cost)
+        points = list(_random_points(reduced, best.theta, random))
+        lowest = _lowest_minima(reduced, points, before)[0]
+        best = min(best, lowest, key=lambda minimum: minimum.cost)
         is_lower = best.cost <= (1.0 - _NEGLIGIBLE) * before
-        is_alone = is_alone and not is_lower
-        if not is_lower and (is_alone or k + 1 >= _ROUNDS):
+        is_only_minimum = is_only_minimum and not is_lower
+        if not is_lower and (is_only_minimum or k + 1 >= _ROUNDS):
             break
-    return _end(reduced, best.theta)
+    return _follow_to_end(reduced, best.theta)
 
 
 def is_contained(other: Optimum, problem: PredictionError) -> bool:
-    """Tell whether a model is one of those searched, and judged by the same samples.
+    """Tell whether a model is nested in those searched, with errors over the same samples.
 
-    It is none of them if its A is a factor of D, but no stationary noise has it.
+    It is not if its A becomes a factor of D, but is not stable enough for a noise model.
     """
     if not (problem.orders.contains(other.orders) and problem.samples == other.samples):
         return False
@@ -110,46 +111,50 @@ def is_contained(other: Optimum, problem: PredictionError) -> bool:
     )
 
 
-def evaluated(problem: PredictionError, near: Coefficients) -> float:
-    """Return the cost with F, C and D of one model, and all other parameters at their optimum."""
+def cost_near(problem: PredictionError, near: Coefficients) -> float:
+    """Return the cost with F, C and D of a model, and all other parameters at their optimum."""
     reduced = ReducedPredictionError(problem)
     e = reduced.errors(reduced.coordinates([*near.f, near.c, near.d]))
     return float(e @ e)
 
 
-def refined(problem: PredictionError, near: Coefficients) -> Optimum:
-    """Return the minimum that a search from F, C and D of one model ends at."""
+def refine(problem: PredictionError, near: Coefficients) -> Optimum:
+    """Search from F, C and D of a model, and return the optimum."""
     reduced = ReducedPredictionError(problem)
-    return _end(reduced, reduced.coordinates([*near.f, near.c, near.d]))
+    return _follow_to_end(reduced, reduced.coordinates([*near.f, near.c, near.d]))
 
 
-def _end(reduced: ReducedPredictionError, x: Array) -> Optimum:
-    """Return the model at the minimum that a search from one point ends at."""
-    return _model(reduced, minimise(reduced, x))
+def _follow_to_end(reduced: ReducedPredictionError, x: Array) -> Optimum:
+    """Search from one point to the end, and return the optimum."""
+    return _optimum_at(reduced, minimise(reduced, x))
 
 
-def _model(reduced: ReducedPredictionError, minimum: GaussNewtonMinimum) -> Optimum:
+def _optimum_at(reduced: ReducedPredictionError, minimum: GaussNewtonMinimum) -> Optimum:
     """Return the model at a minimum."""
     problem = reduced.problem
     parts = problem.coefficients(reduced.theta(minimum.theta))
     return Optimum(problem.orders, parts, minimum.cost, problem.samples, minimum.converged)
 
 
-def _minima(
+def _lowest_minima(
     reduced: ReducedPredictionError, points: Sequence[Array], known: float
 ) -> list[GaussNewtonMinimum]:
-    """Return the lowest minima reached from some starting points, and one of a known cost."""
+    """Return the minima of the best starting points, the lowest first.
 
-    def followed(x: Array, iterations: int) -> GaussNewtonMinimum:
+    All points are followed for a few iterations, the best of them for more, and to the end those
+    that come near the lowest cost so far, at first `known`.
+    """
+
+    def follow(x: Array, iterations: int) -> GaussNewtonMinimum:
         return minimise(reduced, x, iterations, _ROUGH)
 
-    short = [followed(x, _SHORT) for x in points]
+    short = [follow(x, _SHORT) for x in points]
     short.sort(key=lambda minimum: minimum.cost)
     ends = []
-    for begun in short[:_FOLLOWED]:
-        end = followed(begun.theta, _LONGER)
+    for candidate in short[:_FOLLOWED]:
+        end = follow(candidate.theta, _LONGER)
         if end.cost <= (1.0 + _NEAR) * known:
-            end = followed(end.theta, _LONG)
+            end = follow(end.theta, _LONG)
         known = min(known, end.cost)
         ends.append(end)
     return sorted(ends, key=lambda minimum: minimum.cost)
@@ -158,31 +163,31 @@ def _minima(
 def _first_minima(
     reduced: ReducedPredictionError, contained: Sequence[Optimum]
 ) -> list[GaussNewtonMinimum]:
-    """Return the lowest minima from starting points of the data and of contained models."""
-    known = [*contained, *_missing(reduced.problem, contained)]
-    return _minima(reduced, list(_begin(reduced, known)), np.inf)
+    """Return the lowest minima from starting points of the data and of nested models."""
+    known = [*contained, *_search_nested(reduced.problem, contained)]
+    return _lowest_minima(reduced, list(_starting_points(reduced, known)), np.inf)
 
 
-def _missing(problem: PredictionError, contained: Sequence[Optimum]) -> Iterator[Optimum]:
-    """Yield the largest contained models of simpler structures that are not known.
+def _search_nested(problem: PredictionError, contained: Sequence[Optimum]) -> Iterator[Optimum]:
+    """Search the largest nested models of simpler structures that are not known, and yield them.
 
-    They are starting points: no roots of theirs are drawn anew.
+    As starting points the lowest of their first minima are enough.
     """
     known = list(contained)
-    for beneath in problem.orders.beneath():
-        if all(other.orders != beneath for other in known):
+    for orders in problem.orders.nested_structures():
+        if all(other.orders != orders for other in known):
             smaller = ReducedPredictionError(
                 PredictionError(
-                    problem.inputs, problem.output, beneath, problem.first, problem.offset
+                    problem.inputs, problem.output, orders, problem.first, problem.offset
                 )
             )
-            nested = [other for other in known if beneath.contains(other.orders)]
-            known.append(_model(smaller, _first_minima(smaller, nested)[0]))
+            nested = [other for other in known if orders.contains(other.orders)]
+            known.append(_optimum_at(smaller, _first_minima(smaller, nested)[0]))
             yield known[-1]
 
 
-def _begin(reduced: ReducedPredictionError, known: Sequence[Optimum]) -> Iterator[Array]:
-    """Yield starting points from data, and the best of those that contained models give."""
+def _starting_points(reduced: ReducedPredictionError, known: Sequence[Optimum]) -> Iterator[Array]:
+    """Yield starting points from data and from nested models: the best, and those without noise."""
     problem = reduced.problem
     if not reduced.size:
         yield np.empty(0)
@@ -204,14 +209,14 @@ def _begin(reduced: ReducedPredictionError, known: Sequence[Optimum]) -> Iterato
 
 
 def lift(contained: Optimum, orders: Orders) -> list[Array]:
-    """Return F of every input, C and D of a model of larger orders that equals a contained model.
+    """Return F of every input, C and D of a model of larger orders that equals a nested model.
 
     ``A y = B/F u + C/D e`` is ``y = B/(A F) u + C/(A D) e``, and ``y = B/F u + e`` of one input is
     ``F y = B u + F e``.
     """
     parts = contained.parts
     if orders.na < contained.orders.na:
-        f = [np.convolve(parts.a, own) for own in parts.f]
+        f = [np.convolve(parts.a, path) for path in parts.f]
         return [*f, parts.c, np.convolve(parts.a, parts.d)]
     if orders.nf[0] < contained.orders.nf[0]:
         return [_ONE, parts.f[0], _ONE]
@@ -227,7 +232,7 @@ def _with_noise(reduced: ReducedPredictionError, x: Array) -> Array:
     return np.concatenate([*paths, *reduced.blocks(noise_alone)[-2:]])
 
 
-def _drawn(
+def _random_points(
     reduced: ReducedPredictionError, x: Array, random: np.random.Generator
 ) -> Iterator[Array]:
     """Yield random points, and points with random roots of one F, or of C and D.
@@ -240,30 +245,31 @@ def _drawn(
         yield random.choice(_SPREADS) * random.standard_normal(reduced.size)
         for i, f in enumerate(paths):
             if len(f) > 1:
-                new = _with_other_roots(f, samples, random)
-                point = reduced.coordinates([*paths[:i], new, *paths[i + 1 :], c, d])
+                redrawn = _redraw_roots(f, samples, random)
+                point = reduced.coordinates([*paths[:i], redrawn, *paths[i + 1 :], c, d])
                 yield _with_noise(reduced, point) if k % 2 else point
         if len(c) + len(d) > 2:
-            noise = [_with_other_roots(own, samples, random) for own in (c, d)]
+            noise = [_redraw_roots(own, samples, random) for own in (c, d)]
             yield reduced.coordinates([*paths, *noise])
 
 
-def _with_other_roots(polynomial: Array, samples: int, random: np.random.Generator) -> Array:
+def _redraw_roots(polynomial: Array, samples: int, random: np.random.Generator) -> Array:
     """Return a stable polynomial of which one root, two or a pair are drawn anew.
 
     Time constants are from one sample to the record's length, alike likely on a logarithmic scale.
     """
     order = len(polynomial) - 1
-    present = roots(polynomial)
-    factors = [[z, z.conjugate()] if z.imag > 0.0 else [z] for z in present if z.imag >= 0.0]
-    factors += [[0.0] for _ in range(order - len(present))]  # `roots` leaves out those at zero
+    nonzero = roots(polynomial)
+    # real roots, and conjugate pairs, which are kept or dropped together
+    factors = [[z, z.conjugate()] if z.imag > 0.0 else [z] for z in nonzero if z.imag >= 0.0]
+    factors += [[0.0] for _ in range(order - len(nonzero))]
     random.shuffle(factors)
     kept: list[complex] = []
     most = max(order - int(random.integers(1, 3)), 0)
     for factor in factors:
         kept += factor if len(kept) + len(factor) <= most else []
     while len(kept) < order:
-        modulus = np.exp(-(samples ** -random.random()))
+        modulus = np.exp(-(samples ** -random.random()))  # exp(-1/T), T from 1 to all samples
         if order - len(kept) > 1 and random.random() < _OSCILLATING:
             angle = np.pi * samples ** -random.random()
             kept += [modulus * np.exp(1j * angle), modulus * np.exp(-1j * angle)]

@@ -17,7 +17,12 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from orchestration.identify.black_box.orders import Orders
-from orchestration.identify.black_box.polynomials import filtered, monic, solved, stabilised
+from orchestration.identify.black_box.polynomials import (
+    filtered,
+    monic,
+    solve_least_squares,
+    stabilised,
+)
 from orchestration.identify.black_box.prediction_error import PredictionError
 from orchestration.identify.black_box.variable_projection import ReducedPredictionError
 
@@ -50,24 +55,30 @@ class _LongModel(NamedTuple):
 
 
 def denominators(problem: PredictionError) -> Iterator[list[Array]]:
-    """Yield F of every path, the likely best first, where each has its own; all are stable."""
+    """Estimate F of every path, where each has its own, and yield them, the likely best first.
+
+    All are stable.
+    """
     long = _fit_long_model(problem)
     inputs = range(len(problem.orders.nb))
     yield [_steiglitz_mcbride(problem, long, i) for i in inputs]
-    yield [_instruments(problem, long, i) for i in inputs]
+    yield [_instrumental_variables(problem, long, i) for i in inputs]
     yield [_steiglitz_mcbride(problem, long, i, rounds=1) for i in inputs]
 
 
 def noise_numerator(problem: PredictionError) -> Array:
-    """Return C of an ARMAX model by extended least squares; it is stable.
+    """Estimate C of an ARMAX model by extended least squares, and stabilise it.
 
-    The innovations of a long ARX model stand for those of the model.
+    The regression is ``y = A, B terms + sum_k c_k e(t-k) + e``, with the innovations of a long ARX
+    model for e.
     """
     e = _fit_long_model(problem).innovations[problem.first :]
+    # with F, C and D of one, regressors of A, B and the offset are the slopes of minus the error
     slopes = problem.linear_slopes(problem.coefficients(np.zeros(problem.size)))
     past = [_delayed(e, k + 1) for k in range(problem.orders.nc)]
     columns = np.column_stack([-slopes.T, *past])
-    return stabilised(monic(solved(columns, problem.present_output)[len(slopes) :]))
+    solution = solve_least_squares(columns, problem.present_output)
+    return stabilised(monic(solution[len(slopes) :]))
 
 
 def _fit_long_model(problem: PredictionError) -> _LongModel:
@@ -101,28 +112,31 @@ def _regressors(problem: PredictionError, i: int, signal: Array, inputs: Array) 
 
 
 def _delayed(values: Array, lag: int) -> Array:
-    """Return a signal delayed by so many samples; zero before."""
+    """Return a signal (n,) delayed by ``lag`` samples; zero before."""
     return np.concatenate([np.zeros(min(lag, len(values))), values[: max(len(values) - lag, 0)]])
 
 
 def _steiglitz_mcbride(
     problem: PredictionError, long: _LongModel, i: int, rounds: int = _ROUNDS
 ) -> Array:
-    """Reduce a path of the long model to F, by the iteration of Steiglitz and McBride."""
+    """Reduce a path of the long model to F, by the iteration of Steiglitz and McBride.
+
+    Each round fits ``F w = B u`` with both signals filtered by A/F of the round before.
+    """
     nf = problem.orders.nf[i]
     first = problem.first
     f = _ONE
     for _ in range(rounds if nf else 0):
         signal = filtered(long.a, f, long.paths[:, i])
         columns = _regressors(problem, i, signal, filtered(long.a, f, problem.inputs[:, i]))
-        f = stabilised(monic(solved(columns[first:], signal[first:])[:nf]))
+        f = stabilised(monic(solve_least_squares(columns[first:], signal[first:])[:nf]))
     return f
 
 
-def _instruments(problem: PredictionError, long: _LongModel, i: int) -> Array:
-    """Return F of a path by instrumental variables.
+def _instrumental_variables(problem: PredictionError, long: _LongModel, i: int) -> Array:
+    """Estimate F of a path by instrumental variables, and stabilise it.
 
-    The instruments are the outputs of the long model, which hold no noise.
+    The instruments are the simulated responses of the long model, which are free of noise.
     """
     nf = problem.orders.nf[i]
     first = problem.first
@@ -131,7 +145,7 @@ def _instruments(problem: PredictionError, long: _LongModel, i: int) -> Array:
     u = filtered(long.a, _ONE, problem.inputs[:, i])
     columns = _regressors(problem, i, noisy, u)[first:]
     instruments = _regressors(problem, i, clean, u)[first:]
-    solution = solved(instruments.T @ columns, instruments.T @ noisy[first:])
+    solution = solve_least_squares(instruments.T @ columns, instruments.T @ noisy[first:])
     return stabilised(monic(solution[:nf]))
 
 
@@ -153,7 +167,7 @@ def hannan_rissanen(v: Array, nc: int, nd: int) -> tuple[Array, Array]:
         return _ONE, _ONE
     e = innovations(v, nc + nd)
     columns = [-_delayed(v, k + 1) for k in range(nd)] + [_delayed(e, k + 1) for k in range(nc)]
-    solution = solved(np.stack(columns, axis=1), v)
+    solution = solve_least_squares(np.stack(columns, axis=1), v)
     return stabilised(monic(solution[nd:])), stabilised(monic(solution[:nd]))
 
 
@@ -168,4 +182,4 @@ def innovations(v: Array, order: int) -> Array:
     """
     long = max(1, min(max(_LONG_LEAST, _LONG_TIMES * order), len(v) // _LONG_SAMPLES))
     past = np.stack([_delayed(v, k + 1) for k in range(long)], axis=1)
-    return v - past @ solved(past[long:], v[long:])
+    return v - past @ solve_least_squares(past[long:], v[long:])

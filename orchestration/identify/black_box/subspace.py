@@ -24,7 +24,7 @@ from orchestration.identify.black_box.excitation import check_excitation
 from orchestration.identify.black_box.gauss_newton import minimise
 from orchestration.identify.black_box.models import StateSpaceModel, free_responses, states
 from orchestration.identify.black_box.orders import Count, orders, whole
-from orchestration.identify.black_box.polynomials import solved
+from orchestration.identify.black_box.polynomials import solve_least_squares
 from orchestration.identify.black_box.result import Identification
 from orchestration.identify.black_box.start_values import innovations
 
@@ -34,7 +34,7 @@ _WORK = 5e8  # samples times rows squared, about a second of work
 _INSIDE = 1.0 - 1e-7  # largest modulus of an eigenvalue of a predictor that is called stable
 
 
-class _Matrices(NamedTuple):
+class _Realisation(NamedTuple):
     """Matrices of a state-space model in innovations form, as of `StateSpaceModel`."""
 
     a: Array
@@ -114,7 +114,7 @@ def _best_horizon(
     begin = max(first, *later)
     candidates = []
     for horizon in _horizons(order, len(y), u.shape[1]):
-        matrices, offset = _matrices(u, y, _observability(u, y, order, horizon), direct)
+        matrices, offset = _realise(u, y, _estimate_observability(u, y, order, horizon), direct)
         model = StateSpaceModel(
             "SS",
             data.step,
@@ -132,7 +132,7 @@ def _best_horizon(
 
 
 def _delayed(u: Array, lags: list[int]) -> Array:
-    """Delay every input by so many samples, held at its first value before."""
+    """Return inputs (n, m) delayed by ``lags`` samples, at their first value before."""
     delayed = [
         np.concatenate([np.full(lag, column[0]), column])[: len(u)]
         for column, lag in zip(u.T, lags, strict=True)
@@ -154,7 +154,7 @@ def _horizons(order: int, samples: int, inputs: int) -> Iterator[int]:
     yield from sorted({min(max(least, horizon), longest) for horizon in _HORIZONS})
 
 
-def _observability(u: Array, y: Array, order: int, horizon: int) -> Array:
+def _estimate_observability(u: Array, y: Array, order: int, horizon: int) -> Array:
     """Return the extended observability matrix (horizon, order).
 
     It is the range of future outputs, along future inputs, from past data; one QR factorisation
@@ -175,10 +175,12 @@ def _observability(u: Array, y: Array, order: int, horizon: int) -> Array:
     return np.asarray(directions[:, :order] * np.sqrt(singular[:order]), dtype=np.float64)
 
 
-def _matrices(
+def _realise(
     u: Array, y: Array, observability: Array, direct: list[bool]
-) -> tuple[_Matrices, float]:
-    """Return A, B, C, D and K, and the offset of the output.
+) -> tuple[_Realisation, float]:
+    """Return A, B, C, D and K of an observability matrix and data, and the offset of the output.
+
+    A and C are read off the matrix by its shift structure, the others fitted to the output.
 
     Parameters
     ----------
@@ -189,27 +191,27 @@ def _matrices(
         Inputs that act directly on the output.
     """
     order = observability.shape[1]
-    a = solved(observability[:-1], observability[1:])
+    a = solve_least_squares(observability[:-1], observability[1:])
     c = observability[0]
     if np.abs(np.linalg.eigvals(a)).max() >= 1.0:
-        # as if nothing were to be seen after the horizon, which no unstable state would agree with
-        a = solved(observability, np.vstack([observability[1:], np.zeros(order)]))
+        # stable by construction: zeros after the horizon, to which no unstable state could decay
+        a = solve_least_squares(observability, np.vstack([observability[1:], np.zeros(order)]))
     # with A and C, the simulation is linear in B, D, the offset and the initial state
     paths = [states(a.T, np.outer(column, c), np.zeros(order)) for column in u.T]
     through = u[:, np.flatnonzero(direct)]
     columns = np.hstack([*paths, through, np.ones((len(y), 1)), free_responses(a, c, len(y))])
-    solution = solved(columns, y)
+    solution = solve_least_squares(columns, y)
     size = order * len(paths)
     b = solution[:size].reshape(len(paths), order).T
     d = np.zeros(len(paths))
     d[np.flatnonzero(direct)] = solution[size : size + through.shape[1]]
     offset = float(solution[size + through.shape[1]])
     gain = kalman_gain(a, c, y - columns @ solution)
-    return _Matrices(a, b, c, d, gain), offset
+    return _Realisation(a, b, c, d, gain), offset
 
 
-def _with_delays(matrices: _Matrices, later: list[int]) -> _Matrices:
-    """Add shift registers that delay every input by so many samples."""
+def _with_delays(matrices: _Realisation, later: list[int]) -> _Realisation:
+    """Return matrices with shift registers that delay every input by ``later`` samples."""
     a, b, c, d, k = matrices
     registers = [np.eye(lag, k=-1) for lag in later if lag]
     if not registers:
@@ -226,7 +228,7 @@ def _with_delays(matrices: _Matrices, later: list[int]) -> _Matrices:
             position += lag
         else:
             entry[:n, i] = b[:, i]
-    return _Matrices(extended, entry, np.r_[c, np.zeros(size)], d, np.r_[k, np.zeros(size)])
+    return _Realisation(extended, entry, np.r_[c, np.zeros(size)], d, np.r_[k, np.zeros(size)])
 
 
 def kalman_gain(a: Array, c: Array, disturbance: Array) -> Array:
@@ -251,8 +253,8 @@ def kalman_gain(a: Array, c: Array, disturbance: Array) -> Array:
     problem = _GainErrors(a, c / unit, disturbance)
     e = innovations(disturbance, len(a))
     effect = states(a.T, np.outer(e, c / unit), np.zeros(len(a)))
-    long = solved(effect, disturbance - e)
-    starts = [start for start in (long, np.zeros(len(a))) if problem.admissible(start)]
+    from_innovations = solve_least_squares(effect, disturbance - e)
+    starts = [start for start in (from_innovations, np.zeros(len(a))) if problem.admissible(start)]
     searches = (minimise(problem, start) for start in starts)
     return min(searches, key=lambda search: search.cost).theta / unit
 

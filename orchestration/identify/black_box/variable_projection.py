@@ -100,9 +100,9 @@ class ReducedPredictionError:
 
     def polynomials(self, x: Array) -> list[Array]:
         """Return every F, C and D at a point."""
-        return [polynomial for polynomial, _ in self._shapes(x)]
+        return [polynomial for polynomial, _ in self._polynomials_and_slopes(x)]
 
-    def _shapes(self, x: Array) -> list[tuple[Array, Array]]:
+    def _polynomials_and_slopes(self, x: Array) -> list[tuple[Array, Array]]:
         """Return every F, C and D, and the derivatives of their coefficients by coordinates."""
         shapes = []
         for block, radius in zip(self.blocks(x), self._radii, strict=True):
@@ -119,31 +119,32 @@ class ReducedPredictionError:
 
     def theta(self, x: Array) -> Array:
         """Return all parameters (p,), the linear ones at their optimum."""
-        return self._projection(x).theta
+        return self._projection_at(x).theta
 
     def errors(self, x: Array) -> Array:
         """Return the prediction errors (samples,)."""
-        return self._projection(x).errors
+        return self._projection_at(x).errors
 
     def jacobian(self, x: Array) -> Array:
         """Return their derivatives (samples, size) outside of the span of linear parameters."""
-        at = self._projection(x)
-        parts = self.problem.coefficients(at.theta)
-        rows = at.slopes.T @ self.problem.nonlinear_slopes(parts)
-        undone = rows @ at.regressors.T @ at.weights.T @ at.weights
-        return (rows - undone @ at.regressors).T
+        projection = self._projection_at(x)
+        parts = self.problem.coefficients(projection.theta)
+        rows = projection.slopes.T @ self.problem.nonlinear_slopes(parts)
+        regressors, weights = projection.regressors, projection.weights
+        undone = rows @ regressors.T @ weights.T @ weights
+        return (rows - undone @ regressors).T
 
-    def _projection(self, x: Array) -> _Projection:
-        """Return the optimum of the linear parameters, which is kept for the point it is of."""
+    def _projection_at(self, x: Array) -> _Projection:
+        """Return the optimum of the linear parameters at a point, and keep it for the next call."""
         key = x.tobytes()
         if self._last is None or self._last[0] != key:
-            self._last = (key, self._projected(x))
+            self._last = (key, self._project(x))
         return self._last[1]
 
-    def _projected(self, x: Array) -> _Projection:
-        """Return the optimum of the linear parameters."""
+    def _project(self, x: Array) -> _Projection:
+        """Compute the optimum of the linear parameters at a point."""
         problem = self.problem
-        polynomials, slopes = zip(*self._shapes(x), strict=True)
+        polynomials, slopes = zip(*self._polynomials_and_slopes(x), strict=True)
         theta = np.zeros(problem.size)
         theta[~problem.linear] = np.concatenate([p[1:] for p in polynomials])
         regressors = problem.linear_slopes(problem.coefficients(theta))
@@ -151,20 +152,20 @@ class ReducedPredictionError:
         length[length == 0.0] = 1.0
         regressors /= length[:, np.newaxis]
         *_, c, d = polynomials
-        begin = filtered(d, c, problem.present_output)
-        solution, weights = _least_squares(regressors, begin)
+        unprojected = filtered(d, c, problem.present_output)
+        solution, weights = _least_squares(regressors, unprojected)
         theta[problem.linear] = solution / length
-        errors = begin + solution @ regressors
+        errors = unprojected + solution @ regressors
         return _Projection(theta, errors, regressors, weights, block_diag(*slopes))
 
 
-def _least_squares(regressors: Array, begin: Array) -> tuple[Array, Array]:
-    """Return the least squares of errors over regressors.
+def _least_squares(regressors: Array, unprojected: Array) -> tuple[Array, Array]:
+    """Return the weights of regressors with which errors are least.
 
     Parameters
     ----------
     regressors : ndarray, shape (q, n)
-    begin : ndarray, shape (n,)
+    unprojected : ndarray, shape (n,)
         The errors without them.
 
     Returns
@@ -174,7 +175,7 @@ def _least_squares(regressors: Array, begin: Array) -> tuple[Array, Array]:
         Combinations of the regressors that are orthonormal.
     """
     count = len(regressors)
-    reduced = triangle(np.vstack([regressors, begin]))
+    reduced = triangle(np.vstack([regressors, unprojected]))
     u, s, v = np.linalg.svd(reduced[:count, :count])
     kept = s > _UNDETERMINED * s.max(initial=0.0)
     weights = v[kept] / s[kept, np.newaxis]

@@ -32,7 +32,7 @@ from orchestration.identify.fitting.simulation_input import SimulationInput
 _LADDER = 10.0 ** -np.arange(1.0, 6.5, 0.5)  # steps relative to the size of a parameter
 _PATIENCE = 2.0  # s that a run may take in any case
 _STIFFER = 30.0  # times as long as the first run that others may take
-_MOVED = 2.0  # factor between values of a parameter from which on a step is chosen anew
+_SIZE_RATIO = 2.0  # of values of a parameter, beyond which its step is chosen anew
 _repeated: RepeatedRuns | None = None  # that of a worker process
 
 
@@ -99,7 +99,9 @@ class FmuWithDifferences:
         if self._limits is None:
             self._fmu = self._open.enter_context(self._source.open())
         if self._limits is not None or self._workers > 1:
-            pool = Pool(self._limits or Limits(inf, inf), self._workers, _begin, self._source)
+            pool = Pool(
+                self._limits or Limits(inf, inf), self._workers, _open_in_worker, self._source
+            )
             self._pool = self._open.enter_context(pool)
         self._is_open = True
         return self
@@ -129,18 +131,19 @@ class FmuWithDifferences:
         """
         at = {name: float(given.parameters[name]) for name in self._names}
         point = replace(given, parameters=at)
-        here = self._first_run(point)
+        outputs_here = self._first_run(point)
         for name in self._names:
-            if not self._still_holds(name, at[name]):
-                step = self._choose_step(point, here, name)
-                self._steps[name] = (self._size(name, at[name]), step)
-        slopes = self._slopes(point, here, [(name, self._steps[name][1]) for name in self._names])
+            if not self._has_valid_step(name, at[name]):
+                step = self._choose_step(point, outputs_here, name)
+                self._steps[name] = (self._scale_of(name, at[name]), step)
+        steps = [(name, self._steps[name][1]) for name in self._names]
+        slopes = self._slopes(point, outputs_here, steps)
         for name, slope in zip(self._names, slopes, strict=True):
             if not np.isfinite(slope).all():
                 raise UserError(
                     f"{self._source.name}: fails on either side of {name} = {at[name]:g}"
                 )
-        signals = {output: here[:, k] for k, output in enumerate(self._outputs)}
+        signals = {output: outputs_here[:, k] for k, output in enumerate(self._outputs)}
         sensitivities = {}
         for k, output in enumerate(self._outputs):
             by_parameter = np.array([slope[:, k] for slope in slopes])
@@ -160,32 +163,33 @@ class FmuWithDifferences:
             raise outputs
         return outputs
 
-    def _size(self, name: str, value: float) -> float:
+    def _scale_of(self, name: str, value: float) -> float:
         """Return the size of a parameter, to which steps are relative."""
         return abs(value) or self._declared[name].nominal
 
-    def _still_holds(self, name: str, value: float) -> bool:
+    def _has_valid_step(self, name: str, value: float) -> bool:
         """Tell whether a step was chosen where the parameter was of about the same size."""
         if name not in self._steps:
             return False
         before, _ = self._steps[name]
-        return 1.0 / _MOVED <= self._size(name, value) / before <= _MOVED
+        return 1.0 / _SIZE_RATIO <= self._scale_of(name, value) / before <= _SIZE_RATIO
 
-    def _choose_step(self, point: SimulationInput, here: Array, name: str) -> float:
-        """Return the relative step whose difference changes least with a longer one."""
-        slopes = self._slopes(point, here, [(name, step) for step in _LADDER])
-        scale = np.where(here.std(axis=0) > 0.0, here.std(axis=0), 1.0)
+    def _choose_step(self, point: SimulationInput, outputs_here: Array, name: str) -> float:
+        """Return the relative step whose derivatives change least from the next longer one."""
+        slopes = self._slopes(point, outputs_here, [(name, step) for step in _LADDER])
+        scale = np.where(outputs_here.std(axis=0) > 0.0, outputs_here.std(axis=0), 1.0)
         changes = np.array(
             [
                 float(np.linalg.norm((longer - shorter) / scale))
                 for longer, shorter in pairwise(slopes)
             ]
         )
+        # a step too short for the FMU's numbers has no effect, and then no change either
         usable = np.isfinite(changes) & [bool(slope.any()) for slope in slopes[1:]]
         return float(_LADDER[1 + int(np.argmin(np.where(usable, changes, np.inf)))])
 
     def _slopes(
-        self, point: SimulationInput, here: Array, steps: Sequence[tuple[str, float]]
+        self, point: SimulationInput, outputs_here: Array, steps: Sequence[tuple[str, float]]
     ) -> list[Array]:
         """Return derivatives (n, m), one for each parameter and relative step.
 
@@ -203,19 +207,20 @@ class FmuWithDifferences:
             above = next(outputs)
             if isinstance(below, UserError):
                 low = at[name]
-                below = here
+                below = outputs_here
             if isinstance(above, UserError):
                 high = at[name]
-                above = here
-            slopes.append(
-                (above - below) / (high - low) if high > low else np.full_like(here, np.nan)
-            )
+                above = outputs_here
+            if high > low:
+                slopes.append((above - below) / (high - low))
+            else:
+                slopes.append(np.full_like(outputs_here, np.nan))
         return slopes
 
     def _sides(self, name: str, value: float, step: float) -> tuple[float, float]:
         """Return values on either side, inside the range of the parameter."""
         declared = self._declared[name]
-        width = step * self._size(name, value)
+        width = step * self._scale_of(name, value)
         return max(value - width, declared.min), min(value + width, declared.max)
 
     def _run_all(
@@ -232,22 +237,22 @@ class FmuWithDifferences:
         # limits can be kept on another process only, so then even one job goes there
         if self._limits is None and (self._workers == 1 or len(jobs) == 1):
             return [_run(self._fmu, *job) for job in jobs]
-        futures = [self._pool.submit(_work, job) for job in jobs]
+        futures = [self._pool.submit(_run_in_worker, job) for job in jobs]
         try:
             return [future.result() for future in futures]
         except Ended as end:
-            where = end.state.words(self._source.points(time), self._source.name)
+            where = end.state.describe(self._source.points(time), self._source.name)
             raise UserError(f"{where}: {end.reason}") from end
 
 
-def _begin(source: Source) -> None:
+def _open_in_worker(source: Source) -> None:
     """Open the FMU of a worker process."""
     global _repeated
     _repeated = source.open()
     _repeated.__enter__()
 
 
-def _work(job: Any) -> Array | UserError:
+def _run_in_worker(job: Any) -> Array | UserError:
     """Run the FMU of a worker process."""
     assert _repeated is not None
     return _run(_repeated, *job)

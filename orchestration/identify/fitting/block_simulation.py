@@ -43,11 +43,11 @@ class BlockwiseModel:
         self._model = model
         self._linear = linear
         self._measured = measured
-        places = [model.names.index(name) for name in names]
-        # the first of them, as they usually are, are not copied
-        in_order = places == list(range(len(places)))
-        self._columns: slice | list[int] = slice(len(places)) if in_order else places
-        self._width = len(places)
+        columns = [model.names.index(name) for name in names]
+        # a slice of the first ones, as they usually are, is no copy
+        in_order = columns == list(range(len(columns)))
+        self._columns: slice | list[int] = slice(len(columns)) if in_order else columns
+        self._width = len(columns)
 
     def run(self, given: SimulationInput) -> Trajectory:
         """Simulate a record as `CompiledModel.run` does, with the derivatives that are wanted.
@@ -71,31 +71,31 @@ class BlockwiseModel:
         """
         if len(given.time) > LONGEST and not self._model.layout.discretes:
             return self.run_in_blocks(given)
-        ran = self._simulated(given)
-        wanted = {name: slopes[:, self._columns] for name, slopes in ran.sensitivities.items()}
-        return replace(ran, sensitivities=wanted)
+        ran = self._simulate_piece(given)
+        kept = {name: slopes[:, self._columns] for name, slopes in ran.sensitivities.items()}
+        return replace(ran, sensitivities=kept)
 
     def run_in_blocks(self, given: SimulationInput) -> Trajectory:
         """Simulate like `run`, however short the record is, with derivatives of measured outputs.
 
-        Any block may take the internal steps that those before it have left of the record's.
+        A block may take all internal steps of the record that those before it did not take.
         """
         n = len(given.time)
-        whole = self._empty(n)
+        whole = self._empty_trajectory(n)
         start = dict(given.parameters)
-        left = given.effort * n
+        steps_left = given.effort * n
         for rows in _blocks(n):
-            share = left / (rows.stop - rows.start)
-            ran = self._simulated(replace(given.over(rows), parameters=start, effort=share))
-            left -= ran.steps
+            effort = steps_left / (rows.stop - rows.start)
+            ran = self._simulate_piece(replace(given.over(rows), parameters=start, effort=effort))
+            steps_left -= ran.steps
             for name, values in whole.signals.items():
                 values[rows] = ran.signals[name]
             for name, slopes in whole.sensitivities.items():
                 slopes[rows] = ran.sensitivities[name][:, self._columns]
-            start |= self._end_of(ran)
-        return replace(whole, steps=given.effort * n - left)
+            start |= self._end_as_start(ran)
+        return replace(whole, steps=given.effort * n - steps_left)
 
-    def _simulated(self, given: SimulationInput) -> Trajectory:
+    def _simulate_piece(self, given: SimulationInput) -> Trajectory:
         """Simulate in one piece, with derivatives by all parameters of the model."""
         return self._model.run(
             given.time,
@@ -106,7 +106,7 @@ class BlockwiseModel:
             given.tolerance,
         )
 
-    def _empty(self, n: int) -> Trajectory:
+    def _empty_trajectory(self, n: int) -> Trajectory:
         """Return a trajectory of n samples, to be filled."""
         layout = self._model.layout
         names = [v.name for v in (*layout.outputs, *layout.states)]
@@ -116,7 +116,7 @@ class BlockwiseModel:
             {name: np.empty((n, self._width)) for name in kept},
         )
 
-    def _end_of(self, block: Trajectory) -> dict[str, float]:
+    def _end_as_start(self, block: Trajectory) -> dict[str, float]:
         """Return the last states of a block and all their derivatives, as start values."""
         layout = self._model.layout
         end = {}

@@ -22,7 +22,7 @@ from fmus.kit.sensors import transport_delay
 from orchestration.identify.fitting.block_simulation import BlockwiseModel
 from orchestration.identify.fitting.simulation_input import SimulationInput
 
-_NEAR = 1e-3  # of a sample: step of the derivative by time
+_NEARBY = 1e-3  # of a sample: step of the derivative by time
 
 
 class DelayedModel:
@@ -59,13 +59,13 @@ class DelayedModel:
         base, effects = unstack(cls)
         delays = [e for e in effects if made_by(e) is transport_delay]
         others = tuple(e for e in effects if e not in delays)
-        own = {p.name for delay in delays for p in delay.layout.parameters}
+        of_delays = {p.name for delay in delays for p in delay.layout.parameters}
         self.layout = cls.layout
         self.delays = {delay.output: delay.neutral for delay in delays}
         self._histories = {delay.output: _history_of(delay) for delay in delays}
         self._linear = linear
         self._names = list(sensitivities)
-        names = tuple(n for n in sensitivities if n not in own)
+        names = tuple(name for name in sensitivities if name not in of_delays)
         model = _compiled(base, others, names)
         self._undelayed = BlockwiseModel(model, names, linear, measured)
         self._known = {p.name for p in model.layout.parameters}
@@ -93,23 +93,23 @@ class DelayedModel:
         undelayed = replace(given, time=clock, inputs=fed, parameters=known)
         if not self.delays:
             trajectory = self._undelayed.run(undelayed)
-            return trajectory if samples == slice(None) else _picked(trajectory, samples)
+            return trajectory if samples == slice(None) else _select_instants(trajectory, samples)
         pasts = {
-            output: _past(time, parameters[name])
+            output: _earlier_instants(time, parameters[name])
             for output, name in self.delays.items()
             if parameters[name] > 0.0
         }
         # all instants that are shown, read for a derivative, or integrated to
         earlier = [instants for past in pasts.values() for instants in (past.then, past.near)]
         instants = np.unique(np.concatenate([time, *earlier, clock]))
-        resampled = self._resampled(clock, fed, instants)
+        resampled = self._resample(clock, fed, instants)
         trajectory = self._undelayed.run(replace(undelayed, time=instants, inputs=resampled))
         return self._with_delays(_Undelayed(instants, trajectory), pasts, time, parameters)
 
     def _with_delays(
         self,
         undelayed: _Undelayed,
-        pasts: Mapping[str, _Past],
+        pasts: Mapping[str, _EarlierInstants],
         time: Array,
         parameters: Mapping[str, float],
     ) -> Trajectory:
@@ -129,7 +129,9 @@ class DelayedModel:
             shown.signals[output] = values
             shown.sensitivities[output] = undelayed.sensitivities(output, past.then)
         shown.signals.update(self._delay_states(time, parameters))
-        slopes = {o: self._complete(s, by_delay.get(o, {})) for o, s in shown.sensitivities.items()}
+        slopes = {
+            o: self._order_slopes(s, by_delay.get(o, {})) for o, s in shown.sensitivities.items()
+        }
         return replace(shown, sensitivities=slopes)
 
     def _line_before(self, output: str, before: Mask, time: Array) -> dict[str, Array]:
@@ -158,21 +160,22 @@ class DelayedModel:
             states[history.state] = parameters.get(history.level, 0.0) + rate * (time - time[0])
         return states
 
-    def _resampled(
+    def _resample(
         self, clock: Array, inputs: Mapping[str, Array], instants: Array
     ) -> dict[str, Array]:
-        """Return inputs at other instants: smooth ones interpolated, others held."""
+        """Return inputs at other instants: smooth ones interpolated, others of the last sample."""
         smooth = inputs if self._linear is True else self._linear or ()
         latest = np.searchsorted(clock, instants, "right") - 1
         resampled = {}
         for name, given in inputs.items():
             values = np.broadcast_to(np.asarray(given, dtype=float), len(clock))
-            resampled[name] = (
-                np.interp(instants, clock, values) if name in smooth else values[latest]
-            )
+            if name in smooth:
+                resampled[name] = np.interp(instants, clock, values)
+            else:
+                resampled[name] = values[latest]
         return resampled
 
-    def _complete(self, slopes: Array, by_delay: Mapping[str, Array]) -> Array:
+    def _order_slopes(self, slopes: Array, by_delay: Mapping[str, Array]) -> Array:
         """Return the derivatives by the parameters of the model and of the delays, in their order.
 
         Parameters
@@ -232,7 +235,7 @@ class _Undelayed(NamedTuple):
 
     def at(self, some: Array) -> Trajectory:
         """Return the simulation at some of its instants."""
-        return _picked(self.trajectory, np.searchsorted(self.instants, some))
+        return _select_instants(self.trajectory, np.searchsorted(self.instants, some))
 
     def signal(self, output: str, some: Array) -> Array:
         """Return an output (n,) at some of the instants, (n,)."""
@@ -243,7 +246,7 @@ class _Undelayed(NamedTuple):
         return self.trajectory.sensitivities[output][np.searchsorted(self.instants, some)]
 
 
-class _Past(NamedTuple):
+class _EarlierInstants(NamedTuple):
     """The earlier instants that the samples of a delayed output show.
 
     Attributes
@@ -268,17 +271,18 @@ class _Past(NamedTuple):
         )
 
 
-def _past(time: Array, delay: float) -> _Past:
+def _earlier_instants(time: Array, delay: float) -> _EarlierInstants:
     """Return the earlier instants that the samples (n,) of an output show, delayed by seconds."""
     then = np.maximum(time - delay, time[0])
-    step = _NEAR * float(np.median(np.diff(time)))
+    step = _NEARBY * float(np.median(np.diff(time)))
     following = time[np.minimum(np.searchsorted(time, then, "right"), len(time) - 1)]
+    # forward, unless an input may step before the instant close by
     near = np.where(following - then > step, then + step, then - step)
     before = time - delay < time[0]
-    return _Past(then, np.where(before, then, near), before)
+    return _EarlierInstants(then, np.where(before, then, near), before)
 
 
-def _picked(trajectory: Trajectory, at: slice | Indices) -> Trajectory:
+def _select_instants(trajectory: Trajectory, at: slice | Indices) -> Trajectory:
     """Return a simulation at some of its instants."""
     return replace(
         trajectory,
@@ -297,10 +301,10 @@ _compiling = Lock()
 def _compiled(
     base: type[Component], effects: tuple[type[Effect], ...], names: tuple[str, ...]
 ) -> CompiledModel:
-    """Compile a model, once for all fits of it; one with a few more derivatives does as well.
+    """Return a compiled model with derivatives by `names`, and by at most `_MORE` other parameters.
 
-    With the first of its parameters the start values of a short effect's states are compiled too,
-    which are searched in some of its fits.
+    It is compiled once for all fits. With any derivatives it has those by start values of the
+    states of effects, if they are few, because some fits search these.
     """
     key = (base, effects)
     with _compiling:
@@ -310,8 +314,8 @@ def _compiled(
     layout = stack(base, *effects).layout if effects else base.layout
     starts = [layout.start_of[s.name] for e in effects for s in e.layout.states]
     more = [name for name in starts if name not in names] if names else []
-    wanted = [*names, *more] if len(more) <= _MORE else list(names)
-    model = CompiledModel(stack(base, *effects) if effects else base, wanted)
+    compiled_names = [*names, *more] if len(more) <= _MORE else list(names)
+    model = CompiledModel(stack(base, *effects) if effects else base, compiled_names)
     with _compiling:
         if sum(map(len, _compiled_models.values())) >= _KEPT:
             del _compiled_models[next(iter(_compiled_models))]

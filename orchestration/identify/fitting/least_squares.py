@@ -91,7 +91,7 @@ def minimise(
     if not np.isfinite(q).all():
         raise UserError("the search starts at a point that is not finite")
     search = _Search(residual, jacobian, np.clip(q, low, high), low < high)
-    if search.least == np.inf:  # a simulation that runs away tells no way
+    if search.least == np.inf:  # a simulation that runs away has no direction of descent
         return Minimum(search.best, False)
     fallen = np.inf
     # A trust region that has become small makes steps that gain little. A new search begins with a
@@ -151,31 +151,31 @@ class _Search:
         """
         origin = self.best
         free = self.free
-        # used once; a Jacobian may cost as many simulations as there are coordinates
-        at_origin = [_triangle(_columns(self._jacobian(origin), free), self._rows)]
-        if not np.isfinite(at_origin[0]).all():
+        # kept for SciPy's first call: a Jacobian may cost as many simulations as coordinates
+        first_triangle = [_triangle(_columns(self._jacobian(origin), free), self._rows)]
+        if not np.isfinite(first_triangle[0]).all():
             raise UserError("the derivatives are not finite where the search starts")
-        effect = np.linalg.norm(at_origin[0], axis=0)
-        wrong = np.sqrt(self.least)
-        size = wrong / np.maximum(effect, wrong)
+        effect = np.linalg.norm(first_triangle[0], axis=0)
+        error = np.sqrt(self.least)
+        size = error / np.maximum(effect, error)
         start = np.full(int(free.sum()), free.sum() ** -0.5)
-        # the residual at the first point, even if there is no time for any other
-        known = [self._rows]
+        # kept for SciPy's first call, even if there is no time for another simulation
+        first_residual = [self._rows]
 
-        def moved(steps: Array) -> Array:
+        def point_at(steps: Array) -> Array:
             point = origin.copy()
             point[free] += size * (steps - start)
             return point
 
         def rows(steps: Array) -> Array:
-            values = known.pop() if known else self._at(moved(steps))
+            values = first_residual.pop() if first_residual else self._residual_at(point_at(steps))
             self._last = values
             return _as_one_row(values, len(start))
 
         def slopes(steps: Array) -> Array:
-            if at_origin:
-                return at_origin.pop() * size
-            triangle = _triangle(_columns(self._jacobian(moved(steps)), free), self._last)
+            if first_triangle:
+                return first_triangle.pop() * size
+            triangle = _triangle(_columns(self._jacobian(point_at(steps)), free), self._last)
             if not np.isfinite(triangle).all():
                 raise SearchEndedError("the derivatives are not finite where the search came to")
             return triangle * size
@@ -191,16 +191,16 @@ class _Search:
             gtol=_ROUNDING,
             max_nfev=max(1, trials - self._tried),
         )
-        # a coordinate at its bound is off it by a rounding error
+        # SciPy leaves a coordinate a rounding error off its bound
         active = solution.active_mask
-        end = moved(solution.x)
+        end = point_at(solution.x)
         upper = np.where(active > 0, high[free], end[free])
         end[free] = np.where(active < 0, low[free], upper)
         self.best = end
-        promised = _promised(np.asarray(solution.jac)[:, active == 0], solution.fun)
+        promised = _predicted_fall(np.asarray(solution.jac)[:, active == 0], solution.fun)
         return bool(solution.success), promised
 
-    def _at(self, point: Array) -> Array:
+    def _residual_at(self, point: Array) -> Array:
         """Return the residual at a point; infinite where there is none, for a step back."""
         self._tried += 1
         values = residual_or_none(self._residual, point)
@@ -243,7 +243,7 @@ def _triangle(slopes: Array, values: Array) -> Array:
         whole[count + 1 :, -1] = values[block]
         if not np.isfinite(whole).all():
             return np.full((count + 1, count), np.nan)
-        # in place, which NumPy's does not
+        # LAPACK's own, as NumPy's QR decomposition copies
         triangle = np.triu(dgeqrf(whole, overwrite_a=True)[0][: count + 1])
     residual = triangle[:, -1].copy()
     residual[0] -= np.linalg.norm(residual)
@@ -254,7 +254,7 @@ def _triangle(slopes: Array, values: Array) -> Array:
     return reflected
 
 
-def _promised(jacobian: Array, residual: Array) -> float:
+def _predicted_fall(jacobian: Array, residual: Array) -> float:
     """Return the fall of the cost with a whole Gauss-Newton step, were the residual linear."""
     step = np.linalg.lstsq(jacobian, -residual, rcond=_UNDETERMINED)[0]
     after = residual + jacobian @ step

@@ -149,17 +149,17 @@ class _Prior:
     precision: Array  # zero where there is none
 
     @property
-    def _held(self) -> Indices:
+    def _informed(self) -> Indices:
         return np.flatnonzero(self.precision)
 
     def residual(self, q: Array) -> Array:
         """Return the rows (r,) of the coordinates that have a prior."""
-        return np.asarray(np.sqrt(self.precision[self._held]) * (q - self.mean)[self._held])
+        return np.asarray(np.sqrt(self.precision[self._informed]) * (q - self.mean)[self._informed])
 
     @property
     def jacobian(self) -> Array:
         """The derivatives (r, p) of the rows."""
-        return np.diag(np.sqrt(self.precision))[self._held]
+        return np.diag(np.sqrt(self.precision))[self._informed]
 
 
 def fit_prediction_error(
@@ -203,26 +203,26 @@ def fit_prediction_error(
     UserError
         If the simulation fails where the search starts.
     """
-    prior = _prior(problem, physical, prior_std)
+    prior = _make_prior(problem, physical, prior_std)
     alternating = _AlternatingFit(problem, prior, method, farthest)
-    at_start = _unmoved(problem, np.clip(start, *problem.bounds()), prior, farthest)
-    # parameters that are not searched keep their values
-    begun = _off_bounds(problem, start) if method.trials > 1 else start
-    q = np.clip(begun, *problem.bounds())
+    at_start = _pass_at_start(problem, np.clip(start, *problem.bounds()), prior, farthest)
+    # an evaluation without a search is at the start itself
+    begin = _move_off_bounds(problem, start) if method.trials > 1 else start
+    q = np.clip(begin, *problem.bounds())
     residual = problem.evaluate(q)[0]
-    begin = alternating.one_pass(
+    first = alternating.one_pass(
         q, noise or (problem.noise(residual) if problem.colour else white_noise(residual))
     )
-    best = alternating.restarted(alternating.iterate(begin), None if noise else begin)
+    best = alternating.restart_in_white(alternating.iterate(first), None if noise else first)
     # the colour of noise is estimated by its covariance, not its likelihood: passes may end less
     # likely than they begin
     if at_start and at_start.bic < best.bic:
         converged = best.minimum.converged
         best = replace(at_start, minimum=at_start.minimum._replace(converged=converged))
-    return _assessed(problem, best, prior)
+    return _assess(problem, best, prior)
 
 
-def _off_bounds(problem: Problem, start: Array) -> Array:
+def _move_off_bounds(problem: Problem, start: Array) -> Array:
     """Return a start off the bounds, where steps of the search would be small.
 
     A start near a bound may be right: it is moved only if its free run is then no farther from
@@ -230,10 +230,10 @@ def _off_bounds(problem: Problem, start: Array) -> Array:
     """
     inside = problem.inside(start)
     low, high = problem.bounds()
-    near = np.where((start <= low) | (start >= high), inside, start)
-    if np.array_equal(inside, near):
+    only_from_bounds = np.where((start <= low) | (start >= high), inside, start)
+    if np.array_equal(inside, only_from_bounds):
         return inside
-    return min((inside, near), key=lambda q: error_at(problem, q))
+    return min((inside, only_from_bounds), key=lambda q: error_at(problem, q))
 
 
 def nearest_free_run(problem: Problem, start: Array, physical: Mask | None = None) -> Array:
@@ -256,7 +256,7 @@ def nearest_free_run(problem: Problem, start: Array, physical: Mask | None = Non
     UserError
         If the simulation fails where the search starts.
     """
-    prior = _prior(problem, physical, PRIOR_STD)
+    prior = _make_prior(problem, physical, PRIOR_STD)
     rows = (prior.residual, prior.jacobian)
     tolerance = SCREEN.tolerance / problem.samples
     return fit_simulation_error(problem, [start], error_scales(problem), tolerance, rows).q
@@ -290,13 +290,13 @@ def fit_free_run(
     UserError
         If the simulation fails where the first search starts.
     """
-    prior = _prior(problem, physical, prior_std)
+    prior = _make_prior(problem, physical, prior_std)
     scales = error_scales(problem)
     rows = (prior.residual, prior.jacobian)
     minimum = fit_simulation_error(
         problem, starts, scales, method.tolerance / problem.samples, rows
     )
-    fitted = _assessed(problem, _passed(problem, minimum, prior), prior)
+    fitted = _assess(problem, _end_pass(problem, minimum, prior), prior)
     slopes = problem.evaluate(minimum.q)[1]
     with np.errstate(
         over="ignore", invalid="ignore"
@@ -326,10 +326,10 @@ def choose_credible_fit(problem: Problem, likeliest: FitResult, free_run: FitRes
     return likeliest if pooled_error(likeliest.residual, scales, weights) <= near else free_run
 
 
-def _is_curved(observed: Array, expected: Array) -> bool:
+def _is_positive(observed: Array, expected: Array) -> bool:
     """Tell whether an observed information is clearly positive in every direction.
 
-    It is compared with the expected one.
+    Its least eigenvalue, scaled by the expected information, is compared with that of the latter.
     """
     scale = np.sqrt(np.diag(expected))
     seen = (scale > 0.0) & np.isfinite(scale)
@@ -341,15 +341,18 @@ def _is_curved(observed: Array, expected: Array) -> bool:
     return least(observed) > _CURVED * least(expected)
 
 
-def _prior(problem: Problem, physical: Mask | None, prior_std: float) -> _Prior:
+def _make_prior(problem: Problem, physical: Mask | None, prior_std: float) -> _Prior:
     """Return the prior of physical parameters, about where the problem starts."""
     mean = problem.position(problem.start)
     informed = np.isfinite(mean) & (False if physical is None else physical.astype(bool))
     return _Prior(mean, np.where(informed, prior_std**-2, 0.0))
 
 
-def _kept_near(problem: Problem, begin: Array, end: Array, farthest: float) -> Array:
-    """Return the last point from begin to end whose simulation error is allowed."""
+def _pull_back(problem: Problem, begin: Array, end: Array, farthest: float) -> Array:
+    """Return the last point from begin to end whose simulation error is at most `farthest`.
+
+    It is found by bisection; the end itself if the begin is farther away, too.
+    """
     if farthest == np.inf:
         return end
 
@@ -379,33 +382,36 @@ def fit_in_noise(
     UserError
         If the simulation fails where the search starts.
     """
-    end = _minimised(problem, q, noise, _prior(problem, None, PRIOR_STD), method).q
+    end = _minimise(problem, q, noise, _make_prior(problem, None, PRIOR_STD), method).q
     return end, problem.deviance(noise, problem.evaluate(end)[0])
 
 
-def _minimised(
+def _minimise(
     problem: Problem,
     q: Array,
     noise: Mapping[str, Noise],
     prior: _Prior,
     method: Method,
 ) -> Minimum:
-    """Minimise in given noise; repeat beyond each sample at which a delay ends its search."""
+    """Minimise in given noise, and again beyond the sample at which a delay ends a search.
 
-    def rooted(q: Array) -> dict[str, tuple[Array, Array]]:
+    Residuals are not smooth where a delay is a whole number of samples: `Problem.smooth_bounds`.
+    """
+
+    def roots(q: Array) -> dict[str, tuple[Array, Array]]:
         residual = problem.evaluate(q)[0]
         return {
-            o: tails.rooted(n.whiten(residual[o], problem.present[o]), n.freedom)
+            o: tails.deviance_roots(n.whiten(residual[o], problem.present[o]), n.freedom)
             for o, n in noise.items()
         }
 
     def rows(q: Array) -> Array:
-        return np.concatenate([*(root for root, _ in rooted(q).values()), prior.residual(q)])
+        return np.concatenate([*(root for root, _ in roots(q).values()), prior.residual(q)])
 
     def slopes(q: Array) -> Array:
         stacked = _whitened_slopes(problem, q, noise, prior.jacobian)
         first = 0
-        for o, (root, weight) in rooted(q).items():
+        for o, (root, weight) in roots(q).items():
             if noise[o].freedom < np.inf:
                 stacked[first : first + len(root)] *= weight[:, np.newaxis]
             first += len(root)
@@ -421,10 +427,10 @@ def _minimised(
     best = search(q)
     other = problem.across_sample(best.q)
     while other is not None:
-        tried = search(other)
-        if (rows(tried.q) ** 2).sum() >= (rows(best.q) ** 2).sum():
+        candidate = search(other)
+        if (rows(candidate.q) ** 2).sum() >= (rows(best.q) ** 2).sum():
             break
-        best = tried
+        best = candidate
         other = problem.across_sample(best.q)
     return best
 
@@ -502,9 +508,9 @@ class _AlternatingFit:
     def one_pass(self, q: Array, noise: Mapping[str, Noise]) -> _Pass:
         """Fit in noise that is given, from a point, and estimate the noise at the end."""
         problem = self.problem
-        end = _minimised(problem, q, noise, self.prior, self.method)
-        near = _kept_near(problem, q, end.q, self.farthest)
-        return _passed(problem, end._replace(q=near), self.prior)
+        end = _minimise(problem, q, noise, self.prior, self.method)
+        near = _pull_back(problem, q, end.q, self.farthest)
+        return _end_pass(problem, end._replace(q=near), self.prior)
 
     def iterate(self, first: _Pass) -> _Pass:
         """Fit in the noise that is estimated where the last pass ended, until BIC falls no more."""
@@ -516,7 +522,7 @@ class _AlternatingFit:
                 return min(before, fitted, key=lambda f: f.bic)
         return fitted
 
-    def restarted(self, best: _Pass, in_white: _Pass | None) -> _Pass:
+    def restart_in_white(self, best: _Pass, in_white: _Pass | None) -> _Pass:
         """Begin again in white noise where the noise came out coloured, while that is better.
 
         A noise model that explains a part of the record keeps the model from explaining that part.
@@ -532,18 +538,18 @@ class _AlternatingFit:
             if not any(len(n.coefficients) > 1 for n in best.noise.values()):
                 break
             again = brief.one_pass(best.minimum.q, white_noise(best.residual))
-            # from where the last pass in white noise ended, all would go as before
-            same = in_white is not None and abs(in_white.bic - again.bic) < self.method.settled
+            # where the last pass in white noise ended as well, further passes would go as before
+            is_same = in_white is not None and abs(in_white.bic - again.bic) < self.method.settled
             in_white = again
-            other = again if same else self.iterate(again)
+            other = again if is_same else self.iterate(again)
             if best.bic - other.bic < self.method.settled:
                 break
             best = other
         return best
 
 
-def _passed(problem: Problem, minimum: Minimum, prior: _Prior) -> _Pass:
-    """Estimate the noise at a point from its residual."""
+def _end_pass(problem: Problem, minimum: Minimum, prior: _Prior) -> _Pass:
+    """Return the pass that ends at a point, with the noise estimated from the residual there."""
     q = minimum.q
     residual = problem.evaluate(q)[0]
     noise = problem.noise(residual)
@@ -560,18 +566,15 @@ def _passed(problem: Problem, minimum: Minimum, prior: _Prior) -> _Pass:
     )
 
 
-def _unmoved(problem: Problem, q: Array, prior: _Prior, farthest: float) -> _Pass | None:
-    """Return the pass that stays where a fit starts.
-
-    None where that cannot be simulated, or is farther from the record than allowed.
-    """
+def _pass_at_start(problem: Problem, q: Array, prior: _Prior, farthest: float) -> _Pass | None:
+    """Return a pass without a search; None if its point cannot be simulated or is too far off."""
     error = error_at(problem, q)
     if error == np.inf or error > farthest:
         return None
-    return _passed(problem, Minimum(q, False), prior)
+    return _end_pass(problem, Minimum(q, False), prior)
 
 
-def _assessed(problem: Problem, end: _Pass, prior: _Prior) -> FitResult:
+def _assess(problem: Problem, end: _Pass, prior: _Prior) -> FitResult:
     """Return the result of a fit, with the covariance of its parameters."""
     q = end.minimum.q
     noise = end.noise
@@ -608,7 +611,7 @@ class _Curvature(NamedTuple):
 
 
 def _curvature(noise: Mapping[str, Noise], innovation: Mapping[str, Array]) -> _Curvature:
-    """Return the curvature at the innovations of all outputs."""
+    """Return the curvature of the loss at the innovations of all outputs."""
     expected = [np.full_like(innovation[o], n.information) for o, n in noise.items()]
     observed = [tails.curvature(innovation[o], n.freedom) for o, n in noise.items()]
     return _Curvature(np.concatenate(expected), np.concatenate(observed))
@@ -622,12 +625,12 @@ def _covariance(
     information: Array,
     prior: _Prior,
 ) -> Covariance:
-    """Return the covariance of the fit, by the observed curvature unless that is chance.
+    """Return the covariance of the fit, by the observed curvature if that is clearly positive.
 
-    Of few samples in heavy tails the curvature may be anything.
+    The curvature of few samples in heavy tails may be negative by chance.
     """
     observed = weighted_square(jacobian, curvature.observed)
-    if not _is_curved(observed, information):
+    if not _is_positive(observed, information):
         return heteroscedastic(plain, jacobian, score, curvature.expected)
     bread = parameter_covariance(observed, prior.precision)
     return heteroscedastic(bread, jacobian, score, curvature.observed)

@@ -71,7 +71,7 @@ class Scale:
 
 
 def usual_effort(samples: int) -> float:
-    """Return the internal steps per sample that a simulation of so many samples may take."""
+    """Return the internal steps per sample that a simulation of `samples` samples may take."""
     return max(_STEPS_PER_SAMPLE, _STEPS / samples)
 
 
@@ -187,18 +187,18 @@ class ModelOverRuns:
                 ran = self._model.run(replace(given, tolerance=self.fitted_tolerance))
             except UserError:
                 raise failure from None
-        return self._of_run(run, ran)
+        return self._with_all_slopes(run, ran)
 
-    def _of_run(self, run: MeasuredRun, trajectory: Trajectory) -> Trajectory:
+    def _with_all_slopes(self, run: MeasuredRun, trajectory: Trajectory) -> Trajectory:
         """Return the simulation of one run with derivatives by the parameters of all runs."""
         if self._names == self._plain:
             return trajectory
-        places = [self._plain.index(base_name(name)) for name in self._names]
-        acting = [self._acts(name, run) for name in self._names]
-        slopes = {name: s[:, places] * acting for name, s in trajectory.sensitivities.items()}
+        columns = [self._plain.index(base_name(name)) for name in self._names]
+        has_effect = [self._has_effect(name, run) for name in self._names]
+        slopes = {name: s[:, columns] * has_effect for name, s in trajectory.sensitivities.items()}
         return replace(trajectory, sensitivities=slopes)
 
-    def _acts(self, name: str, run: MeasuredRun) -> bool:
+    def _has_effect(self, name: str, run: MeasuredRun) -> bool:
         """Tell whether a parameter has an effect in a run.
 
         A run's own value acts there in place of the common one, and in no other run.
@@ -313,9 +313,9 @@ class Problem:
         self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
         # indexing with a mask copies; a slice does not
         self._where = {o: slice(None) if p.all() else p for o, p in self.present.items()}
-        moved = input_steps(inputs, len(time))
+        has_step = input_steps(inputs, len(time))
         self.noise_samples = {
-            o: noise_samples(moved, y)[self.present[o]] for o, y in self.measured.items()
+            o: noise_samples(has_step, y)[self.present[o]] for o, y in self.measured.items()
         }
         self.scales = [scale_of(self.declared[name], self.start[name]) for name in names]
         self.evaluations = 0
@@ -347,9 +347,9 @@ class Problem:
             self.evaluations += 1
             self.forget_simulation()
             values = self.start | self.values(q)
-            self._check(values)
+            self._check_least(values)
             trajectory = self.model.run(
-                self.time, self.inputs, values, self._allowed, self.runs, self.tolerance
+                self.time, self.inputs, values, self._step_limit, self.runs, self.tolerance
             )
             self._most_steps = max(self._most_steps, trajectory.steps)
             slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
@@ -364,15 +364,15 @@ class Problem:
         return self._at[1:]
 
     @property
-    def _allowed(self) -> float:
+    def _step_limit(self) -> float:
         """Internal steps per sample that the next simulation may take."""
         if not self._most_steps:
             return self.effort
         usual = _STRAYED * self._most_steps / len(self.time)
         return min(self.effort, max(usual, _STEPS_PER_SAMPLE))
 
-    def _check(self, values: Mapping[str, float]) -> None:
-        """Refuse values below which nothing is simulated."""
+    def _check_least(self, values: Mapping[str, float]) -> None:
+        """Refuse values below those in `least`."""
         for name, least in self.least.items():
             if values[name] < least:
                 raise UserError(f"{name} is less than {least:g}, below which it tells nothing")
@@ -491,14 +491,14 @@ class Problem:
         """
         other = q.copy()
         for i, samples in self._delays(q):
-            wall = round(samples)
-            if wall > 0 and abs(samples - wall) < 2.0 * _EDGE:
-                beyond = wall + (_NUDGE if samples < wall else -_NUDGE)
+            nearest = round(samples)
+            if nearest > 0 and abs(samples - nearest) < 2.0 * _EDGE:
+                beyond = nearest + (_NUDGE if samples < nearest else -_NUDGE)
                 other[i] = self._delay_position(i, beyond)
         return None if np.array_equal(other, q) else np.clip(other, *self.bounds())
 
     def _delays(self, q: Array) -> list[tuple[int, float]]:
-        """Return the coordinates that are delays, and how many samples long each delay is."""
+        """Return the coordinates that are delays, and the length of each delay in samples."""
         delays = []
         for i, name in enumerate(self.names):
             if base_name(name) in self.model.delays.values() and i not in self.held:
@@ -506,7 +506,7 @@ class Problem:
         return delays
 
     def _delay_position(self, i: int, samples: float) -> float:
-        """Return the searched coordinate of a delay of so many samples."""
+        """Return the searched coordinate of a delay that is given in samples."""
         return self.scales[i].position(samples * self._step)
 
     def inside(self, q: Array) -> Array:

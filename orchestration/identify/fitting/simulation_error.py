@@ -115,26 +115,26 @@ def starting_points(problem: Problem) -> list[Array]:
     of their size. Start values of states, and values that are a run's own, stay nominal.
     """
     nominal = problem.inside(problem.position(problem.start))
-    moved = np.array(
+    is_spread = np.array(
         [not problem.declared[name].starts and base_name(name) == name for name in problem.names]
     )
-    if not moved.any():
+    if not is_spread.any():
         return [nominal]
-    points = 2.0 * halton_points(_STARTS, int(moved.sum())) - 1.0
+    points = 2.0 * halton_points(_STARTS, int(is_spread.sum())) - 1.0
     low, high = problem.bounds()
     others = []
     for point in points:
         q = nominal.copy()
-        q[moved] += _SPREAD * point
+        q[is_spread] += _SPREAD * point
         others.append(problem.inside(np.clip(q, low, high)))
     return [nominal, *others]
 
 
 def halton_points(count: int, dimensions: int) -> Array:
-    """Return the first points (count, dimensions) of a Halton sequence, without the corner.
+    """Return the first points (count, dimensions) of a Halton sequence, without the origin.
 
-    Every coordinate is the number of the point with its digits behind the point, to the base of
-    another prime.
+    Coordinate j of point k is k + 1 in base p_j, the j-th prime, with its digits mirrored at the
+    decimal point.
 
     Parameters
     ----------
@@ -144,11 +144,11 @@ def halton_points(count: int, dimensions: int) -> Array:
     for column, prime in enumerate(_primes(dimensions)):
         for row in range(count):
             rest = row + 1
-            place = 1.0 / prime
+            place_value = 1.0 / prime
             while rest:
                 rest, digit = divmod(rest, prime)
-                points[row, column] += digit * place
-                place /= prime
+                points[row, column] += digit * place_value
+                place_value /= prime
     return points
 
 
@@ -202,7 +202,7 @@ def fit_simulation_error(
     for start in starts[1:]:
         if problem.out_of_time():
             break
-        best = errors.better(best, start, tolerance)
+        best = errors.better_minimum(best, start, tolerance)
     # not by a ratio, for a record without noise may be met exactly
     clearly = errors.cost(first.q) > errors.cost(best.q) * np.exp(_CLEARLY / problem.samples)
     return best if clearly else first
@@ -248,7 +248,7 @@ class _WeightedErrors:
         residual = self._problem.time_limited(self.rows)
         return minimise(residual, self.slopes, begin, low, high, tolerance=tolerance, trials=trials)
 
-    def better(self, best: Minimum, start: Array, tolerance: float) -> Minimum:
+    def better_minimum(self, best: Minimum, start: Array, tolerance: float) -> Minimum:
         """Return the better of a minimum and the end of a search from another start."""
         try:
             tried = self.search(start, tolerance, _BRIEF)

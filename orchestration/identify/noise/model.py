@@ -79,7 +79,7 @@ class Noise:
         -------
         ndarray, shape (m,) or (m, p)
         """
-        pieces = [self._filtered(values[a:b]) for a, b in segments(present)]
+        pieces = [self._whiten_piece(values[a:b]) for a, b in segments(present)]
         if not pieces:
             return values[:0]
         return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
@@ -165,8 +165,8 @@ class Noise:
             np.linalg.cholesky(solve_discrete_lyapunov(companion, drive)), dtype=np.float64
         )
 
-    def _filtered(self, piece: Array) -> Array:
-        """Filter a stretch without a gap."""
+    def _whiten_piece(self, piece: Array) -> Array:
+        """Whiten a stretch without a gap; its first samples by the inverse Cholesky factor."""
         n = len(piece)
         p = len(self.coefficients)
         first = min(n, p)
@@ -262,27 +262,29 @@ def estimate_noise(
     -------
     Noise
     """
-    gaussian = _gaussian(residual, present, order, colour)
+    gaussian = _estimate_gaussian(residual, present, order, colour)
     if undisturbed is None:
         return gaussian
-    rough = _freedom(gaussian, residual, present, undisturbed) if freedom is None else freedom
+    rough = (
+        _estimate_freedom(gaussian, residual, present, undisturbed) if freedom is None else freedom
+    )
     if rough == inf:
         return gaussian
-    # far samples make colour look weaker than it is
+    # outliers make colour look weaker than it is: it is estimated without them
     far = _FAR * float(np.median(np.abs(residual))) / float(ndtri(0.75))
-    clipped = _gaussian(np.clip(residual, -far, far), present, order, colour)
-    final = freedom or _freedom(clipped, residual, present, undisturbed)
+    clipped = _estimate_gaussian(np.clip(residual, -far, far), present, order, colour)
+    final = freedom or _estimate_freedom(clipped, residual, present, undisturbed)
     heavy, scale = heavy_tails(clipped.whiten(residual, present)[undisturbed], final)
     return Noise(clipped.coefficients, max(clipped.deviation * scale, _LEAST), heavy)
 
 
-def _freedom(
+def _estimate_freedom(
     noise: Noise,
     residual: Array,
     present: Mask,
     undisturbed: Mask,
 ) -> float:
-    """Return the degrees of freedom of innovations.
+    """Return the degrees of freedom of the innovations of a residual.
 
     Tails are heavy only if they are so in all samples and in the undisturbed ones alone.
     """
@@ -290,8 +292,8 @@ def _freedom(
     return max(heavy_tails(innovation)[0], heavy_tails(innovation[undisturbed])[0])
 
 
-def _gaussian(residual: Array, present: Mask, order: int, colour: Array | None) -> Noise:
-    """Estimate Gaussian noise."""
+def _estimate_gaussian(residual: Array, present: Mask, order: int, colour: Array | None) -> Noise:
+    """Estimate Gaussian noise, of an autoregression that is estimated unless it is known."""
     coefficients = estimate_colour(residual, present, order) if colour is None else colour
     innovation = Noise(coefficients, 1.0).whiten(residual, present)
     return Noise(coefficients, max(float(np.sqrt(np.mean(innovation**2))), _LEAST))

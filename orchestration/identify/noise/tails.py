@@ -45,7 +45,7 @@ def heavy_tails(innovation: Array, freedom: float | None = None) -> tuple[float,
     size = float(np.sqrt(np.mean(innovation**2))) if innovation.size else 0.0
     if freedom is not None and freedom < inf and size > 0.0:
         return freedom, float(_fit_scales(innovation, np.array([freedom]))[1][0])
-    if freedom == inf or len(innovation) < _FEW or not size > 0.0 or not _suspect(innovation):
+    if freedom == inf or len(innovation) < _FEW or not size > 0.0 or not _is_heavy(innovation):
         return inf, size
     local = median_filter(np.abs(innovation), _NEIGHBOURS, mode="nearest")
     estimated = _estimate_freedom(innovation / np.maximum(local, 1e-3 * size))
@@ -69,10 +69,10 @@ def weights(innovation: Array, freedom: float) -> Array:
     return np.asarray((freedom + 1.0) / (freedom + innovation**2))
 
 
-def rooted(innovation: Array, freedom: float) -> tuple[Array, Array]:
-    """Return the square roots of the deviance of every innovation, (m,), and their slopes, (m,).
+def deviance_roots(innovation: Array, freedom: float) -> tuple[Array, Array]:
+    """Return signed square roots (m,) of the deviance of every innovation, and their slopes (m,).
 
-    Their least squares have the optimum of the likelihood, with no weights to iterate.
+    The sum of their squares is the deviance, so that least squares needs no iterated weights.
     """
     if freedom == inf:
         return innovation, np.ones_like(innovation)
@@ -96,8 +96,11 @@ def curvature(innovation: Array, freedom: float) -> Array:
     return np.asarray((freedom + 1.0) * (freedom - square) / (freedom + square) ** 2)
 
 
-def _suspect(innovation: Array) -> bool:
-    """Tell whether the kurtosis is more than that of so many Gaussian samples."""
+def _is_heavy(innovation: Array) -> bool:
+    """Tell whether the kurtosis is clearly more than 3, which Gaussian samples have.
+
+    Its standard error over n Gaussian samples is ``sqrt(24 / n)``.
+    """
     power = np.mean(innovation**2)
     if not power**2 > 0.0:  # a record without noise
         return False
@@ -107,7 +110,7 @@ def _suspect(innovation: Array) -> bool:
 
 def _estimate_freedom(innovation: Array) -> float:
     """Return the degrees of freedom of innovations of one level; infinite if BIC says so."""
-    if not _suspect(innovation):
+    if not _is_heavy(innovation):
         return inf
     n = len(innovation)
     power = float(np.mean(innovation**2))
@@ -120,18 +123,21 @@ def _estimate_freedom(innovation: Array) -> float:
 
 
 def _fit_scales(innovation: Array, freedoms: Array) -> tuple[Array, Array]:
-    """Return the highest log likelihoods (f,) at degrees of freedom (f,), and the scales there."""
+    """Return the highest log likelihoods (f,) at degrees of freedom (f,), and the scales there.
+
+    The scale is iterated by expectation and maximisation, with the weights of Student's t.
+    """
     square = innovation**2
     robust = float(np.median(np.abs(innovation))) / _QUARTILE
     start = robust**2 or float(square.mean())
     # squares of scales; far fewer calls than one freedom after the other
     scales = np.full((len(freedoms), 1), start)
-    wide = freedoms[:, np.newaxis]
+    column = freedoms[:, np.newaxis]
     for _ in range(_ROUNDS):
-        shares = square / (wide * scales + square)
-        scales = (wide + 1.0) * scales * shares.mean(axis=1, keepdims=True)
-    spread = np.log1p(square / (wide * scales)).sum(axis=1)
+        shares = square / (column * scales + square)
+        scales = (column + 1.0) * scales * shares.mean(axis=1, keepdims=True)
+    spread = np.log1p(square / (column * scales)).sum(axis=1)
     constant = gammaln(0.5 * (freedoms + 1.0)) - gammaln(0.5 * freedoms)
     constant = constant - 0.5 * np.log(np.pi * freedoms * scales[:, 0])
-    densities = len(square) * constant - 0.5 * (freedoms + 1.0) * spread
-    return densities, np.sqrt(scales[:, 0])
+    likelihoods = len(square) * constant - 0.5 * (freedoms + 1.0) * spread
+    return likelihoods, np.sqrt(scales[:, 0])

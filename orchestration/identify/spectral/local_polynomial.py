@@ -84,12 +84,13 @@ class Spectra:
         return lines
 
     def harmonics(self, index: int) -> Indices:
-        """Return the lines at which a periodic input is excited."""
+        """Return the lines at which a periodic input is excited, clearly above the noise."""
         power = np.abs(self.inputs[:, index]) ** 2
         lines = np.arange(self.periods[index], len(power), self.periods[index])
         between = self.between
-        noise = [power[_near(between, line, 2 * FREEDOM)].mean() for line in lines.tolist()]
-        least = np.maximum(_ABOVE_NOISE * np.array(noise), _WEAK**2 * power[1:].max())
+        around = [_nearest_lines(between, line, 2 * FREEDOM) for line in lines.tolist()]
+        noise = np.array([power[nearest].mean() for nearest in around])
+        least = np.maximum(_ABOVE_NOISE * noise, _WEAK**2 * power[1:].max())
         return lines[power[lines] > least]
 
 
@@ -120,16 +121,16 @@ class Estimates:
     weak: list[int] = field(default_factory=list)
     alike: list[int] = field(default_factory=list)
 
-    def add(self, line: int, fit: _Fit, place: int) -> None:
-        """Add the response to the input that is at a place among those of a fit."""
-        if fit.inflation[place] > _INFLATED:
+    def add(self, line: int, fit: _Fit, position: int) -> None:
+        """Add the response to the input at a position among those of a fit."""
+        if fit.inflation[position] > _INFLATED:
             self.alike.append(line)
             return
         self.lines.append(line)
-        self.values.append(fit.values[place])
-        self.covariance.append(fit.covariance(place))
+        self.values.append(fit.values[position])
+        self.covariance.append(fit.covariance(position))
         self.freedom.append(fit.freedom)
-        self.rough.append(fit.rough(place))
+        self.rough.append(fit.rough(position))
 
 
 class _Fit(NamedTuple):
@@ -153,15 +154,15 @@ class _Fit(NamedTuple):
     def is_smooth(self) -> bool:
         return bool(np.all(self.significance >= _ROUGH))
 
-    def covariance(self, place: int) -> Spectrum:
-        by_noise = self.scale[place] * self.noise
+    def covariance(self, position: int) -> Spectrum:
+        by_noise = self.scale[position] * self.noise
         if not self.reaches_far:
             return by_noise
-        return by_noise + np.outer(self.change[place], self.change[place].conj())
+        return by_noise + np.outer(self.change[position], self.change[position].conj())
 
-    def rough(self, place: int) -> Mask:
-        large = np.abs(self.change[place]) > _MATERIAL * np.abs(
-            self.values[place, : self.change.shape[1]]
+    def rough(self, position: int) -> Mask:
+        large = np.abs(self.change[position]) > _MATERIAL * np.abs(
+            self.values[position, : self.change.shape[1]]
         )
         return (self.significance < _TOO_ROUGH) & large
 
@@ -181,30 +182,30 @@ def estimate(spectra: Spectra, first: int, last: int) -> list[Estimates]:
     list of Estimates
         One for each input.
     """
-    made = [Estimates() for _ in spectra.periods]
+    estimates = [Estimates() for _ in spectra.periods]
     between = spectra.between
     if spectra.smooth:
-        for line in _grid(between[(between >= first) & (between <= last)]):
-            fit, active = _widest_smooth(spectra, line, between)
+        for line in _space_out(between[(between >= first) & (between <= last)]):
+            fit, active = _fit_widest_window(spectra, line, between)
             for i in spectra.smooth:
                 if i in active:
-                    made[i].add(line, fit, active.index(i))
+                    estimates[i].add(line, fit, active.index(i))
                 else:
-                    made[i].weak.append(line)
+                    estimates[i].weak.append(line)
     periodic = [i for i, periods in enumerate(spectra.periods) if periods]
     excited = {i: set(spectra.harmonics(i).tolist()) for i in periodic}
     for line in sorted(set().union(*excited.values())):
         if first <= line <= last:
-            single = [i for i in periodic if line in excited[i]]
-            window = np.sort(np.append(_near(between, line, spectra.narrowest), line))
-            fit = _fit(spectra, line, window, _active(spectra, window), single)
-            for place, i in enumerate(single):
-                made[i].add(line, fit, place)
-    return made
+            one_term = [i for i in periodic if line in excited[i]]
+            window = np.sort(np.append(_nearest_lines(between, line, spectra.narrowest), line))
+            fit = _fit_window(spectra, line, window, _excited_inputs(spectra, window), one_term)
+            for position, i in enumerate(one_term):
+                estimates[i].add(line, fit, position)
+    return estimates
 
 
-def _grid(lines: Indices) -> list[int]:
-    """Return the lines for responses, whose spacing is a share of the usual width of a window."""
+def _space_out(lines: Indices) -> list[int]:
+    """Return lines for responses, spaced by the usual width of a window over `_OVERLAP`."""
     chosen: list[int] = []
     for line in lines.tolist():
         if not chosen or line - chosen[-1] >= WIDTH * line / _OVERLAP:
@@ -212,31 +213,31 @@ def _grid(lines: Indices) -> list[int]:
     return chosen
 
 
-def _near(lines: Indices, line: int, count: int) -> Indices:
-    """Return ``count`` lines around a line, equally many on both sides where possible."""
+def _nearest_lines(lines: Indices, line: int, count: int) -> Indices:
+    """Return the ``count`` of some lines around a line, equally many on both sides if possible."""
     start = int(np.searchsorted(lines, line)) - count // 2
     start = min(max(start, 0), max(len(lines) - count, 0))
     return lines[start : start + count]
 
 
-def _active(spectra: Spectra, window: Indices) -> list[int]:
-    """Return the inputs of smooth response that are excited in a window."""
+def _excited_inputs(spectra: Spectra, window: Indices) -> list[int]:
+    """Return the indices of inputs of smooth response that are excited in a window."""
     strongest = np.abs(spectra.inputs[1:]).max(axis=0)
     here = np.sqrt(np.mean(np.abs(spectra.inputs[window]) ** 2, axis=0))
     return [i for i in spectra.smooth if here[i] > _WEAK * strongest[i]]
 
 
-def _widest_smooth(spectra: Spectra, line: int, between: Indices) -> tuple[_Fit, list[int]]:
-    """Return the fit in the widest window in which responses are smooth, and its inputs.
+def _fit_widest_window(spectra: Spectra, line: int, between: Indices) -> tuple[_Fit, list[int]]:
+    """Fit the widest window in which responses are smooth; return the fit, and excited inputs.
 
-    Windows are halved from the usual width on down to the narrowest.
+    Windows are halved from the usual width down to the narrowest.
     """
     ends = np.searchsorted(between, [(1.0 - WIDTH) * line, (1.0 + WIDTH) * line])
     count = max(int(ends[1] - ends[0]), spectra.narrowest)
     while True:
-        window = _near(between, line, count)
-        active = _active(spectra, window)
-        fit = _fit(spectra, line, window, active, [])
+        window = _nearest_lines(between, line, count)
+        active = _excited_inputs(spectra, window)
+        fit = _fit_window(spectra, line, window, active, [])
         if fit.is_smooth or count == spectra.narrowest:
             return fit, active
         count = max(count // 2, spectra.narrowest)
@@ -246,57 +247,61 @@ class _Regressors(NamedTuple):
     """Columns of the least squares in a window.
 
     The first ``fitted`` columns are the terms of transient and responses, the others one more term
-    of each. ``places`` are the columns whose coefficients are the responses at the line.
+    of each. ``columns`` are those whose coefficients are the responses at the line.
     """
 
     matrix: Spectrum
     fitted: int
-    places: list[int]
+    columns: list[int]
 
 
 def _regressors(
-    spectra: Spectra, line: int, window: Indices, smooth: list[int], single: list[int]
+    spectra: Spectra, line: int, window: Indices, smooth: list[int], one_term: list[int]
 ) -> _Regressors:
-    """Return the regressors of a window for responses that are smooth, and such with one term.
+    """Return the regressors of a window for inputs of smooth responses, and for those of one term.
 
-    Where there are any of one term, these are the responses of the result.
+    If there are any of one term, these are the responses of the result.
     """
-    terms = _terms(line, window)
+    terms = _smooth_terms(line, window)
     inputs = spectra.inputs[window]
     groups = [terms, *(terms * inputs[:, [i]] for i in smooth)]
-    columns = [*(group[:, :TERMS] for group in groups), inputs[:, single]]
+    blocks = [*(group[:, :TERMS] for group in groups), inputs[:, one_term]]
     before = TERMS * len(groups)
-    fitted = before + len(single)
-    places = list(range(before, fitted)) if single else list(range(TERMS, before, TERMS))
-    matrix = np.hstack([*columns, *(group[:, TERMS:] for group in groups)])
-    return _Regressors(matrix, fitted, places)
+    fitted = before + len(one_term)
+    columns = list(range(before, fitted)) if one_term else list(range(TERMS, before, TERMS))
+    matrix = np.hstack([*blocks, *(group[:, TERMS:] for group in groups)])
+    return _Regressors(matrix, fitted, columns)
 
 
-def _fit(
-    spectra: Spectra, line: int, window: Indices, smooth: list[int], single: list[int]
+def _fit_window(
+    spectra: Spectra, line: int, window: Indices, smooth: list[int], one_term: list[int]
 ) -> _Fit:
-    """Fit responses and transient in a window; see `_regressors`."""
-    matrix, fitted, places = _regressors(spectra, line, window, smooth, single)
+    """Fit responses and transient in a window by least squares; see `_regressors`.
+
+    A QR decomposition of all columns gives the fit without and with the higher terms: the former is
+    that of its first columns.
+    """
+    matrix, fitted, columns = _regressors(spectra, line, window, smooth, one_term)
     lengths = np.maximum(np.linalg.norm(matrix, axis=0), np.finfo(float).tiny)
     orthonormal, triangle = np.linalg.qr(matrix / lengths)
     diagonal = np.einsum("ii->i", triangle)
     diagonal[np.abs(diagonal) < _SINGULAR] = _SINGULAR
     outputs = spectra.outputs[window]
     projected = orthonormal.conj().T @ outputs
-    inverse = np.linalg.inv(triangle[:fitted, :fitted])[places] / lengths[places, np.newaxis]
+    inverse = np.linalg.inv(triangle[:fitted, :fitted])[columns] / lengths[columns, np.newaxis]
     values = inverse @ projected[:fitted]
-    extended = np.linalg.solve(triangle, projected)[places] / lengths[places, np.newaxis]
+    with_higher_terms = np.linalg.solve(triangle, projected)[columns] / lengths[columns, np.newaxis]
     residual = (outputs - orthonormal[:, :fitted] @ projected[:fitted])[:, : spectra.measured]
     freedom = len(window) - fitted
     scale = np.sum(np.abs(inverse) ** 2, axis=1)
     return _Fit(
         values,
         scale,
-        scale * lengths[places] ** 2,
+        scale * lengths[columns] ** 2,
         residual.T @ residual.conj() / freedom,
         freedom,
-        (extended - values)[:, : spectra.measured],
-        _significance(residual, projected[fitted:, : spectra.measured], freedom),
+        (with_higher_terms - values)[:, : spectra.measured],
+        _significance_of_terms(residual, projected[fitted:, : spectra.measured], freedom),
         _reaches_far(line, window),
     )
 
@@ -308,14 +313,14 @@ def _reaches_far(line: int, window: Indices) -> bool:
     return bool(2 * window[0] < line) or abs(after - before) > _OFF_CENTRE
 
 
-def _terms(line: int, window: Indices) -> Array:
-    """Return the terms of a smooth response and one higher (n, TERMS + 1); the first is 1."""
+def _smooth_terms(line: int, window: Indices) -> Array:
+    """Return the terms of a smooth response and one higher (n, TERMS + 1), each 1 at most."""
     offset = window - line
     powers = offset[:, np.newaxis] * (offset / window)[:, np.newaxis] ** np.arange(TERMS)
     return np.column_stack([np.ones(len(window)), powers / np.abs(powers).max(axis=0)])
 
 
-def _significance(residual: Spectrum, explained: Spectrum, freedom: int) -> Array:
+def _significance_of_terms(residual: Spectrum, explained: Spectrum, freedom: int) -> Array:
     """Return the p-value of the terms that were left out, for every output, by the F-test.
 
     Parameters

@@ -119,16 +119,16 @@ def estimate_responses(
     """
     step = sample_period(record.source, record.time, "a spectrum")
     varying = [name for name in inputs if name in record.signals and _varies(record, name)]
-    ratios = _ratios(record, inputs, varying, of)
-    stretch = _stretch(record, step, varying, ratios, period)
-    spectra = _spectra(stretch, modelled or {})
-    estimates = estimate(spectra, *_lines(spectra, stretch.duration, band))
+    ratios = _choose_ratios(record, inputs, varying, of)
+    stretch = _choose_stretch(record, step, varying, ratios, period)
+    spectra = _transform(stretch, modelled or {})
+    estimates = estimate(spectra, *_lines_in(spectra, stretch.duration, band))
     responses = {
-        str(ratio): _response(stretch, ratio, estimates, bool(modelled)) for ratio in ratios
+        str(ratio): _response_of(stretch, ratio, estimates, bool(modelled)) for ratio in ratios
     }
     if not any(one.frequency.size for one in responses.values()):
-        raise UserError(f"{record.source}: {_nothing(varying, responses)}")
-    notes = tuple(_notes(stretch, spectra))
+        raise UserError(f"{record.source}: {_describe_failure(varying, responses)}")
+    notes = tuple(_describe_method(stretch, spectra))
     repairs = tuple(record.repairs)
     return FrequencyResponse(
         record.source.name, model, stretch.size, step, responses, notes, repairs
@@ -143,7 +143,7 @@ def _varies(record: Record, name: str) -> bool:
     return bool(np.nanmax(values) > np.nanmin(values))
 
 
-def _ratios(
+def _choose_ratios(
     record: Record, inputs: Sequence[str], varying: Sequence[str], of: Sequence[str]
 ) -> list[Ratio]:
     """Return the ratios to estimate; refuse those that make no sense."""
@@ -154,7 +154,7 @@ def _ratios(
     outputs = [name for name in record.signals if name not in inputs]
     if not of:
         return [Ratio(output, name) for output in outputs for name in varying]
-    return [_ratio(record, inputs, varying, text) for text in of]
+    return [_check_ratio(record, inputs, varying, text) for text in of]
 
 
 def parts_of_ratio(text: str) -> tuple[str, str]:
@@ -167,7 +167,8 @@ def parts_of_ratio(text: str) -> tuple[str, str]:
     return above, below
 
 
-def _ratio(record: Record, inputs: Sequence[str], varying: Sequence[str], text: str) -> Ratio:
+def _check_ratio(record: Record, inputs: Sequence[str], varying: Sequence[str], text: str) -> Ratio:
+    """Return a ratio of a record's signals; refuse one without, or with two, varying inputs."""
     written = option("of", text)
     above, below = parts_of_ratio(text)
     for name in (above, below):
@@ -202,7 +203,7 @@ def _check_whole(record: Record, name: str) -> None:
 # --- spectra -------------------------------------------------------------------------------------
 
 
-def _stretch(
+def _choose_stretch(
     record: Record,
     step: float,
     inputs: Sequence[str],
@@ -226,8 +227,8 @@ def _stretch(
     return _Stretch(record, step, list(inputs), outputs, periods, size - size % common)
 
 
-def _spectra(stretch: _Stretch, modelled: Mapping[str, Array]) -> Spectra:
-    """Return the spectra of a stretch, of the model's outputs too."""
+def _transform(stretch: _Stretch, modelled: Mapping[str, Array]) -> Spectra:
+    """Return the spectra of a stretch, also those of the model's outputs; refuse too few lines."""
     size = stretch.size
 
     def transformed(columns: Sequence[Array]) -> Spectrum:
@@ -238,10 +239,11 @@ def _spectra(stretch: _Stretch, modelled: Mapping[str, Array]) -> Spectra:
     signals = stretch.record.signals
     inputs = transformed([signals[name] for name in stretch.inputs])
     measured = [signals[name] for name in stretch.outputs]
-    beside = [modelled[name] for name in stretch.outputs] if modelled else []
-    counts = [size // lag if (lag := stretch.periods[name]) else 0 for name in stretch.inputs]
-    made = Spectra(inputs, transformed([*measured, *beside]), len(measured), counts)
-    spectra = _separated(made)
+    simulated = [modelled[name] for name in stretch.outputs] if modelled else []
+    periods = [stretch.periods[name] for name in stretch.inputs]
+    counts = [size // period if period else 0 for period in periods]
+    made = Spectra(inputs, transformed([*measured, *simulated]), len(measured), counts)
+    spectra = _share_by_smoothness(made)
     needed = spectra.narrowest
     if len(spectra.between) < needed:
         raise UserError(
@@ -251,16 +253,16 @@ def _spectra(stretch: _Stretch, modelled: Mapping[str, Array]) -> Spectra:
     return spectra
 
 
-def _separated(spectra: Spectra) -> Spectra:
-    """Return the spectra with periodic inputs by smoothness where they share their lines."""
+def _share_by_smoothness(spectra: Spectra) -> Spectra:
+    """Return spectra in which periodic inputs with the same excited lines have smooth responses.
+
+    Harmonics cannot tell the responses to such inputs apart.
+    """
     lines = {i: set(spectra.harmonics(i).tolist()) for i, n in enumerate(spectra.periods) if n}
-    shared = {
-        i
-        for pair in combinations(lines, 2)
-        for i in pair
-        if len(set.intersection(*(lines[k] for k in pair)))
-        > _SHARED * min(len(lines[k]) for k in pair)
-    }
+    shared: set[int] = set()
+    for i, k in combinations(lines, 2):
+        if len(lines[i] & lines[k]) > _SHARED * min(len(lines[i]), len(lines[k])):
+            shared |= {i, k}
     if not shared:
         return spectra
     counts = [0 if i in shared else n for i, n in enumerate(spectra.periods)]
@@ -268,8 +270,10 @@ def _separated(spectra: Spectra) -> Spectra:
     return Spectra(spectra.inputs, spectra.outputs, spectra.measured, counts, stride)
 
 
-def _lines(spectra: Spectra, duration: float, band: tuple[float, float] | None) -> tuple[int, int]:
-    """Return the first and the last line of a band."""
+def _lines_in(
+    spectra: Spectra, duration: float, band: tuple[float, float] | None
+) -> tuple[int, int]:
+    """Return the first and the last line of a band in Hz; refuse a band without lines."""
     last = len(spectra.inputs) - 1
     if band is None:
         return 1, last
@@ -287,26 +291,29 @@ def _lines(spectra: Spectra, duration: float, band: tuple[float, float] | None) 
 # --- responses -----------------------------------------------------------------------------------
 
 
-def _response(
+def _response_of(
     stretch: _Stretch, ratio: Ratio, estimates: Sequence[Estimates], with_model: bool
 ) -> Response:
-    """Return one ratio of the estimates, without the lines for which the record is too short."""
+    """Return the response of one ratio, without the lines for which the record is too short.
+
+    Estimates are of all outputs over each input; a ratio of two outputs is one of two of these.
+    """
     driving = next((name for name in ratio if name in stretch.inputs), stretch.inputs[0])
-    found = estimates[stretch.inputs.index(driving)]
+    estimated = estimates[stretch.inputs.index(driving)]
     outputs = stretch.outputs
     count = len(outputs)
     width = 2 * count if with_model else count
-    gains = np.array(found.values, dtype=np.complex128).reshape(-1, width)
-    values, weights = _of_gains(ratio, outputs, gains[:, :count])
-    covariance = np.array(found.covariance).reshape(-1, count, count)
+    gains = np.array(estimated.values, dtype=np.complex128).reshape(-1, width)
+    values, weights = _take_ratio(ratio, outputs, gains[:, :count])
+    covariance = np.array(estimated.covariance).reshape(-1, count, count)
     variance = np.einsum("ka,kab,kb->k", weights, covariance, weights.conj()).real
-    places = [outputs.index(name) for name in ratio if name in outputs]
-    kept = ~np.array(found.rough, dtype=bool).reshape(-1, count)[:, places].any(axis=1)
-    frequency = np.array(found.lines, dtype=np.float64) / stretch.duration
+    columns = [outputs.index(name) for name in ratio if name in outputs]
+    kept = ~np.array(estimated.rough, dtype=bool).reshape(-1, count)[:, columns].any(axis=1)
+    frequency = np.array(estimated.lines, dtype=np.float64) / stretch.duration
     left_out = {
         _TOO_SHORT: frequency[~kept],
-        _ALIKE: np.array(found.alike, dtype=np.float64) / stretch.duration,
-        f"{driving} is not excited": np.array(found.weak, dtype=np.float64) / stretch.duration,
+        _ALIKE: np.array(estimated.alike, dtype=np.float64) / stretch.duration,
+        f"{driving} is not excited": np.array(estimated.weak, dtype=np.float64) / stretch.duration,
     }
     units = stretch.record.units
     return Response(
@@ -315,13 +322,13 @@ def _response(
         frequency[kept],
         values[kept],
         variance[kept],
-        2.0 * np.array(found.freedom)[kept],
-        _of_gains(ratio, outputs, gains[:, count:])[0][kept] if with_model else None,
+        2.0 * np.array(estimated.freedom)[kept],
+        _take_ratio(ratio, outputs, gains[:, count:])[0][kept] if with_model else None,
         {reason: at for reason, at in left_out.items() if at.size},
     )
 
 
-def _of_gains(ratio: Ratio, outputs: Sequence[str], gains: Spectrum) -> tuple[Spectrum, Spectrum]:
+def _take_ratio(ratio: Ratio, outputs: Sequence[str], gains: Spectrum) -> tuple[Spectrum, Spectrum]:
     """Return a ratio (n,) of the responses to one input, and its derivatives by them (n, outputs).
 
     Parameters
@@ -371,7 +378,7 @@ def unit_of_ratio(above: str, below: str) -> str:
 # --- words ---------------------------------------------------------------------------------------
 
 
-def _nothing(inputs: Sequence[str], responses: Mapping[str, Response]) -> str:
+def _describe_failure(inputs: Sequence[str], responses: Mapping[str, Response]) -> str:
     """Return the reason why there is no response at all, with advice."""
     reasons = [reason for one in responses.values() for reason in one.left_out]
     names = " and ".join(inputs)
@@ -389,8 +396,8 @@ def _nothing(inputs: Sequence[str], responses: Mapping[str, Response]) -> str:
     return f"no response to {names} can be estimated: {'; '.join(dict.fromkeys(reasons))}"
 
 
-def _notes(stretch: _Stretch, spectra: Spectra) -> list[str]:
-    """Return how responses were estimated."""
+def _describe_method(stretch: _Stretch, spectra: Spectra) -> list[str]:
+    """Return a sentence for each input on how its response was estimated."""
     notes = []
     for name, count in zip(stretch.inputs, spectra.periods, strict=True):
         if count:

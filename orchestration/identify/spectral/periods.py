@@ -11,7 +11,7 @@ from fmus.kit.arrays import Array
 from orchestration.reporting import option
 
 REPEATED = 0.02  # share of its variance by which a signal may differ from itself a period later
-_APART = 0.5  # share by which it has to differ in between
+_APART = 0.5  # share by which it has to differ at some lag before its period
 _SAME = 1e-9  # share that is rounding
 _ASKED = 0.1  # share by which it may differ after a period that the user has named
 _MULTIPLES = 20  # periods within which one that is named must come to whole samples
@@ -36,6 +36,7 @@ def difference_after(values: Array) -> Array:
     spectrum = np.fft.rfft(signal, 2 * size)
     correlation = np.fft.irfft(np.abs(spectrum) ** 2, 2 * size)[: lags.size]
     energy = np.concatenate(([0.0], np.cumsum(signal**2)))
+    # sum (x(t) - x(t+k))^2 = both - 2 correlation, over the samples that overlap
     both = energy[size - lags] + energy[size] - energy[lags]
     return np.clip(1.0 - 2.0 * correlation / np.maximum(both, np.finfo(float).tiny), 0.0, 2.0)
 
@@ -59,10 +60,11 @@ def period_of(values: Array) -> int:
     apart = np.flatnonzero(difference > _APART)
     if not apart.size:
         return 0
+    # small lags do not count: a slow signal has hardly changed yet
     lags = np.arange(apart[0] + 1, difference.size)
-    around = np.append(difference, np.inf)
-    deepest = (around[lags] <= around[lags - 1]) & (around[lags] <= around[lags + 1])
-    repeated = lags[deepest & (difference[lags] <= REPEATED)]
+    padded = np.append(difference, np.inf)
+    is_minimum = (padded[lags] <= padded[lags - 1]) & (padded[lags] <= padded[lags + 1])
+    repeated = lags[is_minimum & (difference[lags] <= REPEATED)]
     if not repeated.size:
         return 0
     best = difference[repeated].min()

@@ -41,18 +41,18 @@ def draw_responses(responses: Sequence[Response], title: str) -> Figure:
         above = axes[f"magnitude {k}"]
         below = axes[f"phase {k}"]
         every = np.ones(response.frequency.shape, dtype=bool)
-        _over_frequency(above, response.frequency, response.magnitude, every)
-        _over_frequency(below, response.frequency, response.phase, response.seen)
+        _draw_over_frequency(above, response.frequency, response.magnitude, every)
+        _draw_over_frequency(below, response.frequency, response.phase, response.seen)
         if response.model is not None:
             above.plot(response.frequency, np.abs(response.model), **_MODEL)
             turned = np.where(response.seen, response.model_phase, np.nan)
             below.plot(response.frequency, turned, **_MODEL)
-        _bode_axes(above, below, response)
-        _nyquist(axes[f"plane {k}"], response)
+        _scale_bode_axes(above, below, response)
+        _draw_nyquist(axes[f"plane {k}"], response)
     return figure
 
 
-def _over_frequency(axis: Axes, frequency: Any, interval: Interval, drawn: Mask) -> None:
+def _draw_over_frequency(axis: Axes, frequency: Any, interval: Interval, drawn: Mask) -> None:
     """Draw a quantity with its interval: line by line if they are few, else as a band."""
     axis.set_xscale("log")
     # before anything is drawn, as a single frequency makes no scale of itself
@@ -66,7 +66,7 @@ def _over_frequency(axis: Axes, frequency: Any, interval: Interval, drawn: Mask)
     axis.fill_between(frequency, low, high, alpha=0.3, lw=0, **_RECORD)
 
 
-def _bode_axes(above: Axes, below: Axes, response: Response) -> None:
+def _scale_bode_axes(above: Axes, below: Axes, response: Response) -> None:
     """Scale and name the axes of a Bode diagram; points lost in noise do not set the scale."""
     above.set_yscale("log")
     seen = np.abs(response.values[response.seen])
@@ -81,7 +81,7 @@ def _bode_axes(above: Axes, below: Axes, response: Response) -> None:
     above.legend(fontsize=8)
 
 
-def _nyquist(axis: Axes, response: Response) -> None:
+def _draw_nyquist(axis: Axes, response: Response) -> None:
     """Draw the complex plane: values that are seen, the circles of their regions, the model."""
     from matplotlib.collections import EllipseCollection
 

@@ -75,14 +75,14 @@ class Response:
 
     @property
     def phase(self) -> Interval:
-        """The phase in degrees, without jumps from line to line; any where nothing is seen."""
-        turned = np.angle(self.values)
-        places = np.flatnonzero(self.seen)
-        if places.size:
-            every = np.arange(turned.size)
-            followed = np.interp(every, places, np.unwrap(turned[places]))
-            turned = followed + np.angle(np.exp(1j * (turned - followed)))
-        made = self._interval(np.degrees(turned), np.degrees(self._deviation / np.abs(self.values)))
+        """The phase in degrees, without jumps; its interval is a turn where nothing is seen."""
+        phase = np.angle(self.values)
+        seen = np.flatnonzero(self.seen)
+        if seen.size:
+            # unwrapped where it is seen, and elsewhere the turn that is nearest to the line between
+            unwrapped = np.interp(np.arange(phase.size), seen, np.unwrap(phase[seen]))
+            phase = unwrapped + np.angle(np.exp(1j * (phase - unwrapped)))
+        made = self._interval(np.degrees(phase), np.degrees(self._deviation / np.abs(self.values)))
         half = np.where(self.seen, np.minimum(made.high - made.value, 180.0), 180.0)
         return Interval(made.value, made.value - half, made.value + half)
 
@@ -142,7 +142,7 @@ class Response:
         return {name: getattr(self, name) for name in ("magnitude", "phase", *parts)}
 
     def columns(self) -> dict[str, Array]:
-        """Return all that there is over frequency by the names of columns, each of shape (n,)."""
+        """Return frequency, quantities with ends of intervals, and the model's, (n,) by column."""
         made = {"frequency": self.frequency}
         for name, interval in self.quantities.items():
             made |= {
@@ -168,8 +168,8 @@ class Response:
         """Phase of the model in degrees (n,), within half a turn of the measured one."""
         if self.model is None:
             return np.full(self.frequency.shape, np.nan)
-        apart = np.degrees(np.angle(self.model / self.values))
-        return np.asarray(self.phase.value + apart)
+        difference = np.degrees(np.angle(self.model / self.values))
+        return np.asarray(self.phase.value + difference)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON."""

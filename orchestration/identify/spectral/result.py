@@ -82,7 +82,7 @@ class FrequencyResponse(Displayable):
             unseen = int(np.count_nonzero(~response.seen))
             if unseen:
                 yield f"lost in noise at {unseen} of {response.seen.size} frequencies"
-            yield from _left_out(response)
+            yield from _describe_omissions(response)
         yield ""
         yield from self.notes
 
@@ -149,27 +149,27 @@ def _table(response: Response) -> Table:
     beside = ["model"] if response.model is not None else []
     title = f"{response.name} [{printed(response.unit)}]"
     table = plain_table(title, "frequency", *headings, *beside, right=(*headings, *beside))
-    for k in _shown(response):
+    for k in _lines_to_show(response):
         cells = []
         for name in names:
             one = response.quantities[name]
             unit = "°" if name == "phase" else ""
-            half = _written(one.high[k] - one.value[k], 2)
-            cells.append(f"{_written(one.value[k], 4)}{unit} ± {half}{unit}")
+            half = _write_number(one.high[k] - one.value[k], 2)
+            cells.append(f"{_write_number(one.value[k], 4)}{unit} ± {half}{unit}")
         if response.model is not None:
-            magnitude = _written(abs(response.model[k]), 4)
-            cells.append(f"{magnitude}, {_written(response.model_phase[k], 4)}°")
+            magnitude = _write_number(abs(response.model[k]), 4)
+            cells.append(f"{magnitude}, {_write_number(response.model_phase[k], 4)}°")
         table.add_row(write_prefixed(float(response.frequency[k]), "Hz"), *cells)
     return table
 
 
-def _written(value: float, digits: int) -> str:
-    """Write a number to so many digits; without a power of ten where it is a whole number."""
+def _write_number(value: float, digits: int) -> str:
+    """Write a number to `digits` digits, but below a million without a power of ten."""
     return f"{value:.0f}" if 10.0**digits <= abs(value) < _WHOLE else f"{value:.{digits}g}"
 
 
-def _shown(response: Response) -> list[int]:
-    """Return the lines that a text has room for."""
+def _lines_to_show(response: Response) -> list[int]:
+    """Return the indices of at most `_ROWS` lines, evenly spaced on a logarithmic scale."""
     count = response.frequency.size
     if count <= _ROWS:
         return list(range(count))
@@ -178,7 +178,7 @@ def _shown(response: Response) -> list[int]:
     return sorted(set(nearest.tolist()))
 
 
-def _left_out(response: Response) -> Iterator[str]:
+def _describe_omissions(response: Response) -> Iterator[str]:
     """Yield a sentence for every reason for which lines were left out."""
     for reason, lines in response.left_out.items():
         ends = [write_prefixed(float(end), "Hz") for end in (lines.min(), lines.max())]

@@ -79,8 +79,8 @@ def parameter_covariance(information: Array, prior: ArrayLike = 0.0) -> Covarian
     Covariance
     """
     known = information + np.diag(np.broadcast_to(prior, len(information)))
-    # of an observed information one that is not seen may be less than zero; of a simulation that
-    # runs away it is no number
+    # an observed information may have a diagonal below zero where the data tell nothing, and one
+    # that is not finite where a simulation runs away
     scale = np.sqrt(np.maximum(np.diag(known), 0.0))
     unidentifiable = ~((scale > _UNSEEN) & np.isfinite(scale))
     matrix = np.zeros_like(known)
@@ -118,7 +118,7 @@ def weighted_square(jacobian: Array, weights: Array) -> Array:
 
 
 def _blocks(rows: int) -> Iterator[slice]:
-    """Divide rows into blocks, as a copy of all would be much memory for a long record."""
+    """Return slices of rows in blocks, as a copy of all would take much memory of a long record."""
     return (slice(first, first + _BLOCK) for first in range(0, rows, _BLOCK))
 
 
@@ -228,9 +228,10 @@ def clustered_covariance(
         errors = residual[within]
         frame, triangle = np.linalg.qr(slopes)
         leverage, directions = np.linalg.eigh(triangle @ bread.matrix @ triangle.T)
-        # the fit has taken a part of a stretch out of its residual: (I - H)^(-1/2) restores it
-        more = 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, _LEVERAGE)) - 1.0
-        missing = directions @ (more * (directions.T @ (frame.T @ errors)))
+        # the fit has taken a part of a stretch out of its residual: (I - H)^(-1/2) restores it;
+        # along each eigenvector of H it adds `growth` times the residual
+        growth = 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, _LEVERAGE)) - 1.0
+        missing = directions @ (growth * (directions.T @ (frame.T @ errors)))
         score = slopes.T @ errors + triangle.T @ missing
         middle += np.outer(score, score)
     return replace(bread, matrix=bread.matrix @ middle @ bread.matrix)

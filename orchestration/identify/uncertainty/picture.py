@@ -31,17 +31,17 @@ def draw_profiles(profiles: Sequence[Profile]) -> Figure:
     """Draw the deviance over each parameter, with parabola, 95 % level and both intervals."""
     figure, axes = pictures.panels(len(profiles), "likelihood profiles", "", 2.9, shared=False)
     for profile, axis in zip(profiles, axes, strict=True):
-        _draw(profile, axis)
+        _draw_profile(profile, axis)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 
-def _draw(profile: Profile, axis: Axes) -> None:
+def _draw_profile(profile: Profile, axis: Axes) -> None:
     """Draw one profile."""
     unit = profile.declared.unit
     shown = profile.declared.display or unit
-    low, high = _ends(profile)
+    low, high = _axis_ends(profile)
     wide = profile.logarithmic and high > _WIDE * low
     even = np.geomspace(low, high, 400) if wide else np.linspace(low, high, 400)
 
@@ -59,7 +59,11 @@ def _draw(profile: Profile, axis: Axes) -> None:
         )
     values = np.union1d(even, profile.values)
     axis.plot(
-        in_unit(values), _between(profile, values), color=pictures.FITTED, lw=1.5, label="profile"
+        in_unit(values),
+        _deviance_at(profile, values),
+        color=pictures.FITTED,
+        lw=1.5,
+        label="profile",
     )
     axis.plot(in_unit(profile.values), profile.deviance, ".", color=pictures.FITTED)
     axis.axhline(LEVEL, color="black", lw=0.8, ls=":", label=f"95 % of chi-square, {LEVEL:.2f}")
@@ -82,7 +86,7 @@ def _draw(profile: Profile, axis: Axes) -> None:
     axis.set_xlabel(f"{profile.name.replace('_', ' ')}" + ("" if shown == "1" else f" [{shown}]"))
 
 
-def _between(profile: Profile, values: Array) -> Array:
+def _deviance_at(profile: Profile, values: Array) -> Array:
     """Return the deviance (n,) at values (n,) of the parameter; NaN outside the range of the fits.
 
     The square root is interpolated, as it is nearly a straight line.
@@ -97,7 +101,7 @@ def _between(profile: Profile, values: Array) -> Array:
     return np.asarray(curve(values) ** 2)
 
 
-def _ends(profile: Profile) -> tuple[float, float]:
+def _axis_ends(profile: Profile) -> tuple[float, float]:
     """Return the ends of the axis: both intervals; where they are open, the last fits."""
     inside = profile.values[profile.deviance <= LEVEL]
     low = min(_finite_ends(profile, 0, float(inside.min())))

@@ -263,23 +263,23 @@ def _search_ends(centre: float, half: float, along: Coordinate) -> tuple[float, 
         Half of the ellipse's interval.
     along : Coordinate
     """
-    wide = _WIDTHS * half if np.isfinite(half) else 0.0
-    far = _FARTHEST if along.logarithmic else max(_SIZES, wide)
-    return max(along.low, centre - far), min(along.high, centre + far)
+    widths = _WIDTHS * half if np.isfinite(half) else 0.0
+    distance = _FARTHEST if along.logarithmic else max(_SIZES, widths)
+    return max(along.low, centre - distance), min(along.high, centre + distance)
 
 
 def _end_warnings(
     word: str, name: str, declared: Described, side: Side, end: float, along: Coordinate
 ) -> list[str]:
-    """Return a warning if one end of the interval is open or inexact."""
+    """Return a warning if one end of the interval is open or inexact, else an empty list."""
 
-    def at(x: float) -> str:
+    def shown(x: float) -> str:
         return format_value(float(along.value(x)), declared)
 
     coordinates = [point[along.index] for point in side.points]
     farthest = min(coordinates) if word == "below" else max(coordinates)
     if side.between is not None:
-        inner, outer = map(at, side.between)
+        inner, outer = map(shown, side.between)
         return [
             f"the end {word} of {name} is interpolated between {inner} and {outer}: no fit could be"
             " made there"
@@ -288,14 +288,14 @@ def _end_warnings(
         return []
     if side.failed:
         return [
-            f"the profile of {name} ends {word} at {at(farthest)}: the model cannot be simulated"
+            f"the profile of {name} ends {word} at {shown(farthest)}: the model cannot be simulated"
             " farther on"
         ]
     if farthest != end:
-        return [f"the profile of {name} ends {word} at {at(farthest)}, after {side.fits} fits"]
+        return [f"the profile of {name} ends {word} at {shown(farthest)}, after {side.fits} fits"]
     return [
         f"this record does not bound {name} {word}: its profile stays below the level as far as"
-        f" {at(farthest)}"
+        f" {shown(farthest)}"
     ]
 
 
@@ -347,7 +347,7 @@ def trace(refit: Refit, q: Array, i: int, tangent: Array, step: float, end: floa
     while side.fits < _MOST:
         x = float(np.clip(near[i] + step, low, high))
         try:
-            far = _fit(refit, side, near + (x - near[i]) * slope, i, x)
+            far = _refit_at(refit, side, near + (x - near[i]) * slope, i, x)
         except UserError:
             step *= _SHORTER
             if abs(step) < shortest:
@@ -358,15 +358,16 @@ def trace(refit: Refit, q: Array, i: int, tangent: Array, step: float, end: floa
             _find_crossing(refit, side, near, far, i)
         if side.crossing is not None or x == end:
             break
-        rise = _root(side.deviance[-1]) - _root(side.deviance[-2])
+        rise = _square_root(side.deviance[-1]) - _square_root(side.deviance[-2])
+        # the next step aims at `_RISE`; the lower limit of the divisor is that of the growth
         step *= float(np.clip(_RISE / max(rise, _RISE / _LONGER), _SHORTER, _LONGER))
         slope = (far - near) / (far[i] - near[i])
         near = far
     return side
 
 
-def _fit(refit: Refit, side: Side, start: Array, i: int, x: float) -> Array:
-    """Fit with coordinate i held at x, and add the point to a side."""
+def _refit_at(refit: Refit, side: Side, start: Array, i: int, x: float) -> Array:
+    """Fit the others from `start` with coordinate i at x, and add the point to a side."""
     start[i] = x
     side.fits += 1
     point, deviance = refit(start)
@@ -383,17 +384,18 @@ def _find_crossing(refit: Refit, side: Side, near: Array, far: Array, i: int) ->
     Where a fit fails, or no more are to be made, the crossing is interpolated on a straight line
     between the nearest point below and the nearest above.
     """
+    # by coordinate: square root of the deviance less one, which is nearly a straight line
     heights = {
-        float(near[i]): _root(side.deviance[-2]) - 1.0,
-        float(far[i]): _root(side.deviance[-1]) - 1.0,
+        float(near[i]): _square_root(side.deviance[-2]) - 1.0,
+        float(far[i]): _square_root(side.deviance[-1]) - 1.0,
     }
 
     def height(x: float) -> float:
         if x not in heights:
             if side.fits >= _MOST:
                 raise UserError("no more fits are made")
-            _fit(refit, side, near + (x - near[i]) / (far[i] - near[i]) * (far - near), i, x)
-            heights[x] = _root(side.deviance[-1]) - 1.0
+            _refit_at(refit, side, near + (x - near[i]) / (far[i] - near[i]) * (far - near), i, x)
+            heights[x] = _square_root(side.deviance[-1]) - 1.0
         return heights[x]
 
     precision = _PRECISE * abs(far[i] - near[i])
@@ -408,6 +410,6 @@ def _find_crossing(refit: Refit, side: Side, near: Array, far: Array, i: int) ->
         side.between = (inner, outer)
 
 
-def _root(deviance: float) -> float:
+def _square_root(deviance: float) -> float:
     """Return the square root of a deviance, zero for one below zero."""
     return float(np.sqrt(max(deviance, 0.0)))

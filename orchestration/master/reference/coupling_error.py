@@ -165,13 +165,11 @@ def _relative_errors(
     signals, exact : Mapping of str to ndarray, shape (n,)
     compared : ndarray of bool, shape (n,)
     """
-    return {
-        name: float(
-            np.abs(values - exact[name])[compared].max()
-            / (np.abs(exact[name][compared]).max() or 1.0)
-        )
-        for name, values in signals.items()
-    }
+    errors = {}
+    for name, values in signals.items():
+        largest = np.abs(exact[name][compared]).max() or 1.0
+        errors[name] = float(np.abs(values - exact[name])[compared].max() / largest)
+    return errors
 
 
 def _by_name(rows: Sequence[Mapping[str, float]]) -> dict[str, Array]:
@@ -194,6 +192,7 @@ def mechanical(system: System) -> list[Mechanical]:
     """
 
     def between(unit: str) -> dict[tuple[str, str], list[Connection]]:
+        """Return the connections in a unit, by source and target member."""
         pairs: dict[tuple[str, str], list[Connection]] = {}
         for c in system.connections:
             if interface(system.member(c.source.member)).outputs[c.source.variable].unit == unit:
@@ -233,14 +232,24 @@ def imbalance(
 
 
 def _imbalance(coupling: Mechanical, signals: Mapping[str, Array], extrapolation: int) -> Imbalance:
-    """Return the energy that a coupling creates, over time, and the energy that passes it."""
+    """Return the energy that a coupling makes and the work that it transfers, see `imbalance`.
+
+    The works of both receivers in each step differ by the energy that the coupling makes.
+    """
     length = signals[str(coupling.length.source)]
     force = signals[str(coupling.force.source)]
-    received = coupling.force.factor * force + coupling.force.offset
-    path = np.diff(length)
-    rise = extrapolation * np.diff(received, prepend=received[0])[:-1]
-    bend = 0.5 * (np.diff(path, prepend=path[:1]) + np.diff(path, append=path[-1:]))
-    # the integral of a force that rises linearly, over a motion of constant acceleration
-    given = (received[:-1] + 0.5 * rise) * path + rise * bend / 12.0
-    taken = 0.5 * (force[1:] + force[:-1]) * coupling.length.factor * path
-    return Imbalance(np.append(0.0, np.cumsum(taken - given)), float(np.abs(taken).sum()))
+    received_force = coupling.force.factor * force + coupling.force.offset
+    displacement = np.diff(length)  # in each step
+    force_change = extrapolation * np.diff(received_force, prepend=received_force[0])[:-1]
+    # change of the displacement from step to step: the acceleration times the squared step
+    bend = 0.5 * (
+        np.diff(displacement, prepend=displacement[:1])
+        + np.diff(displacement, append=displacement[-1:])
+    )
+    # integral of a force that changes linearly, over a motion of constant acceleration
+    mean_force = received_force[:-1] + 0.5 * force_change
+    work_of_force = mean_force * displacement + force_change * bend / 12.0
+    # integral of the spring's force over its length, by the trapezoidal rule
+    work_of_length = 0.5 * (force[1:] + force[:-1]) * coupling.length.factor * displacement
+    made = np.append(0.0, np.cumsum(work_of_length - work_of_force))
+    return Imbalance(made, float(np.abs(work_of_length).sum()))

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
@@ -63,6 +64,7 @@ def fuse(system: System) -> Graph:
     symbols = {v.name: s for part in parts for v, s in _pairs(part.layout.inputs, part.inputs)}
     system_inputs = {name: ca.SX.sym(name) for name in system.inputs}
     received = _received_expressions(system, parts, system_inputs)
+    # in these the input symbols are replaced, so that they depend on states and system inputs only
     expressions = [
         _join(part.rates for part in parts),
         _join(part.outputs for part in parts),
@@ -75,7 +77,7 @@ def fuse(system: System) -> Graph:
         [*(time for _ in parts), *(received[name] for name in order)],
         expressions,
     )
-    inputs = _remaining_inputs(system, layout, received)
+    inputs = _fused_inputs(system, layout, received)
     return Graph(
         name=system.name,
         tolerance=min(part.tolerance for part in parts),
@@ -136,20 +138,25 @@ def _received_expressions(
     }
 
 
-def _remaining_inputs(
+def _fused_inputs(
     system: System, layout: Layout, received: Mapping[str, ca.SX]
 ) -> dict[str, InputDeclaration]:
-    """Return the inputs of the fused model: those of the system, and those without a source."""
+    """Return the inputs of the fused model by name: those of the system, and unconnected ones.
+
+    An input of the system is declared like the first input of a member that it feeds.
+    """
     declared = {v.name: v for v in layout.inputs}
     inputs = {}
     for name, ports in system.inputs.items():
-        like = replace(declared[str(ports[0])]) if ports else InputDeclaration(unit="1")
-        inputs[name] = name_declaration(like, name)
-    return inputs | {name: v for name, v in declared.items() if name not in received}
+        # a copy, as a declaration is named in place
+        copy = replace(declared[str(ports[0])]) if ports else InputDeclaration(unit="1")
+        inputs[name] = name_declaration(copy, name)
+    unconnected = {name: v for name, v in declared.items() if name not in received}
+    return inputs | unconnected
 
 
 def _trace_member(system: System, member: Member) -> Graph:
-    """Trace a member, its variables under their names in the system and with its values there."""
+    """Return the graph of a member, with the names and values of its variables in the system."""
     if member.cls is None:
         raise UserError(
             f"system {system.name}: {member.name} ({member.fmu.name}) cannot be fused, for only its"
@@ -157,16 +164,15 @@ def _trace_member(system: System, member: Member) -> Graph:
         )
     graph = trace(member.cls)
     layout = graph.layout
-    # literal periods become parameters, or members that happen to have the same one would be
-    # sampled as one group
+    # Literal periods become parameters: discrete states of one period are sampled as one group,
+    # also those of different members.
     period_names = {
         d.period: d.period if isinstance(d.period, str) else f"period({d.period})"
         for d in layout.discretes
     }
     literal = {name: period for period, name in period_names.items() if not isinstance(period, str)}
 
-    def rename(variable: Any) -> Any:
-        return _rename(variable, member)
+    rename = partial(_rename, member=member)
 
     def rename_discrete(discrete: DiscreteDeclaration) -> DiscreteDeclaration:
         period = f"{member.name}.{period_names[discrete.period]}"
@@ -193,13 +199,13 @@ def _trace_member(system: System, member: Member) -> Graph:
 
 
 def _rename(variable: Any, member: Member) -> Any:
-    """Return a declaration under its name in the system, and with its value there."""
+    """Return a copy of a declaration, with its name and its value in the system."""
     if variable.name in member.parameters:
-        changed = replace(variable, start=member.parameters[variable.name])
+        copy = replace(variable, start=member.parameters[variable.name])
     else:
-        changed = replace(variable)
-    renamed = name_declaration(changed, f"{member.name}.{variable.name}")
-    state = getattr(variable, "starts", None)
+        copy = replace(variable)
+    renamed = name_declaration(copy, f"{member.name}.{variable.name}")
+    state = getattr(variable, "starts", None)  # of a parameter, the state whose start value it is
     return make_start_parameter(renamed, f"{member.name}.{state}") if state else renamed
 
 

@@ -32,9 +32,11 @@ def read_parquet(path: Path, content: bytes) -> Table:
         columns = []
         for field, chunks in zip(arrow.schema, arrow.columns, strict=True):
             name, unit = read_header_cell(field.name)
-            stated = (field.metadata or {}).get(b"unit", b"").decode().strip()
             values = chunks.to_numpy()
-            stated = "s" if values.dtype.kind in "Mm" else stated
+            if values.dtype.kind in "Mm":  # `as_numbers` turns instants into seconds
+                stated = "s"
+            else:
+                stated = (field.metadata or {}).get(b"unit", b"").decode().strip()
             columns.append(Column(name, unit or plain_unit(stated), as_numbers(values), field.name))
     except Exception as error:  # a damaged file may raise any exception
         raise refuse(
@@ -56,11 +58,11 @@ def read_netcdf(path: Path, content: bytes) -> Table:
     try:
         with netcdf_file(io.BytesIO(content), mmap=False) as file:
             first = next(iter(file.dimensions), None)
-            columns = [
-                Column(name, getattr(v, "units", b"").decode() or None, as_numbers(np.array(v[:])))
-                for name, v in file.variables.items()
-                if v.dimensions == (first,)
-            ]
+            columns = []
+            for name, variable in file.variables.items():
+                if variable.dimensions == (first,):
+                    unit = getattr(variable, "units", b"").decode() or None
+                    columns.append(Column(name, unit, as_numbers(np.array(variable[:]))))
     except Exception as error:  # a damaged file may raise any exception
         raise refuse(
             path, f"the NetCDF file is damaged: {type(error).__name__}: {error}"
@@ -115,7 +117,7 @@ def _is_vector(value: object) -> bool:
 
 
 def _common_length(path: Path, vectors: Mapping[str, Array]) -> int:
-    """Return the length of all vectors; raise if one differs from the time (or the first)."""
+    """Return the length of all vectors; raise if one differs from the time, or else the first."""
     reference = next(
         (name for name in vectors if name.lower() in ("time", "t")), next(iter(vectors))
     )
@@ -131,7 +133,10 @@ def _common_length(path: Path, vectors: Mapping[str, Array]) -> int:
 
 
 def _mat_units(path: Path, value: object) -> dict[str, str]:
-    """Return the units by variable from the variable ``units`` of a MATLAB file."""
+    """Return the unit of each variable from the variable ``units`` of a MATLAB file.
+
+    It is a struct with a field per variable, or texts ``name [unit]``; None if there is none.
+    """
     if value is None:
         return {}
     array = np.asarray(value)
@@ -152,7 +157,7 @@ def _mat_units(path: Path, value: object) -> dict[str, str]:
 
 
 def _mat_text(value: object) -> str:
-    """Return the text of a MATLAB char array or cell."""
+    """Return the text of a MATLAB char array or cell, which SciPy nests in arrays of size 1."""
     while isinstance(value, np.ndarray):
         if value.size == 0:
             return ""

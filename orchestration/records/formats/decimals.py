@@ -11,8 +11,9 @@ from orchestration.records.tables import Column, Table
 
 _SEPARATORS = "'’\u00a0\u202f "
 _NUMBER = re.compile(
-    r"\s*[+-]?(?P<whole>\d*)(?P<groups>(?:(?P<by>[.,'’\u00a0\u202f ])\d{3}(?:(?P=by)\d{3})*)?)"
-    r"(?:(?P<mark>[.,])(?P<part>\d*))?(?P<exponent>[eE][+-]?\d+)?\s*"
+    r"\s*[+-]?(?P<whole>\d*)"
+    r"(?P<groups>(?:(?P<group>[.,'’\u00a0\u202f ])\d{3}(?:(?P=group)\d{3})*)?)"
+    r"(?:(?P<decimal>[.,])\d*)?(?P<exponent>[eE][+-]?\d+)?\s*"
 )
 _PLAIN = {
     ",": str.maketrans(",", ".", f".{_SEPARATORS}"),
@@ -30,15 +31,15 @@ class _Number(NamedTuple):
     text : str
     decimal, group : str
         Decimal mark and separator of thousands; empty where there is none.
-    open : bool
-        True if its one mark, before three digits, may be either of the two.
+    is_ambiguous : bool
+        True if its one mark, before three digits, may be either of the two: ``1,234``.
     """
 
     row: int
     text: str
     decimal: str
     group: str
-    open: bool
+    is_ambiguous: bool
 
 
 def normalise_decimals(table: Table, comma_divides: bool) -> None:
@@ -58,7 +59,7 @@ def normalise_decimals(table: Table, comma_divides: bool) -> None:
     """
     if not any(map(_may_have_separators, table.columns)):
         return
-    notations = [(column, _notations(table, column)) for column in table.columns]
+    notations = [(column, _parse_column(table, column)) for column in table.columns]
     marked = [number for _, numbers in notations for number in numbers if number is not None]
     if not marked:
         return
@@ -69,7 +70,7 @@ def normalise_decimals(table: Table, comma_divides: bool) -> None:
             cell if number is None else cell.translate(_PLAIN[decimal])
             for cell, number in zip(column.cells, numbers, strict=True)
         ]
-    _note(table, marked, decimal)
+    _report_rewriting(table, marked, decimal)
 
 
 def _may_have_separators(column: Column) -> bool:
@@ -79,34 +80,41 @@ def _may_have_separators(column: Column) -> bool:
     return separated or any(cell.count(".") > 1 for cell in column.cells)
 
 
-def _notations(table: Table, column: Column) -> list[_Number | None]:
-    """Return the notation of each cell of a column."""
+def _parse_column(table: Table, column: Column) -> list[_Number | None]:
+    """Return the notation of each cell of a column, see `_parse_number`."""
     return [
-        _notation(int(row), str(cell)) for row, cell in zip(table.rows, column.cells, strict=True)
+        _parse_number(int(row), str(cell))
+        for row, cell in zip(table.rows, column.cells, strict=True)
     ]
 
 
-def _notation(row: int, text: str) -> _Number | None:
-    """Return the notation of a cell; None if it is no number, or a number without any mark."""
+def _parse_number(row: int, text: str) -> _Number | None:
+    """Return decimal mark and separator of a cell; None if it is no number or has neither."""
     match = _NUMBER.fullmatch(text)
-    if match is None or not (match["by"] or match["mark"]):
+    if match is None or not (match["group"] or match["decimal"]):
         return None
     whole = match["whole"]
-    by = match["by"]
-    mark = match["mark"] or ""
-    if by is None:
-        return _Number(row, text, mark, "", False)
-    may_be_group = 1 <= len(whole) <= 3 and mark != by
-    if by in ".," and len(match["groups"]) == 4 and not mark:
-        if may_be_group and whole[0] != "0" and not match["exponent"]:
-            return _Number(row, text, "", by, True)
-        return _Number(row, text, by, "", False)
-    return _Number(row, text, mark, by, False) if may_be_group else None
+    group = match["group"]
+    decimal = match["decimal"] or ""
+    if group is None:
+        return _Number(row, text, decimal, "", False)
+    may_be_thousands = 1 <= len(whole) <= 3 and decimal != group
+    is_only_mark = group in ".," and len(match["groups"]) == 4 and not decimal
+    if is_only_mark:
+        # nobody writes 0,123 or 1,234e5 for thousands
+        if may_be_thousands and whole[0] != "0" and not match["exponent"]:
+            return _Number(row, text, "", group, True)
+        return _Number(row, text, group, "", False)
+    return _Number(row, text, decimal, group, False) if may_be_thousands else None
 
 
 def _decimal_mark(table: Table, numbers: list[_Number], comma_divides: bool) -> str:
-    """Return the decimal mark of a file; raise if it has two."""
-    certain = [number for number in numbers if not number.open]
+    """Return the decimal mark of a file; raise if it has two.
+
+    A separator of thousands is evidence for the other mark. Ambiguous numbers decide only if there
+    are no others.
+    """
+    certain = [number for number in numbers if not number.is_ambiguous]
     comma = _first_decimal(certain, ",") or _first_separated(certain, ".")
     point = _first_decimal(certain, ".") or _first_separated(certain, ",")
     if comma is None and point is None:  # then a mark before three digits is a decimal mark
@@ -139,11 +147,14 @@ def _two_marks(table: Table, comma: _Number, point: _Number) -> UserError:
 def _check_groups(
     table: Table, column: Column, numbers: list[_Number | None], decimal: str
 ) -> None:
-    """Raise if all numbers of a column have a point before three digits, which may be decimal."""
+    """Raise if every cell of a column is like ``1.234`` in a file of decimal commas.
+
+    Its points may be decimal after all: one column may come from another program.
+    """
     if decimal != ",":
         return
     grouped = [n for n in numbers if n and n.group == "."]
-    if grouped and len(grouped) == len(column.cells) and all(n.open for n in grouped):
+    if grouped and len(grouped) == len(column.cells) and all(n.is_ambiguous for n in grouped):
         first = grouped[0]
         raise refuse(
             table.path,
@@ -153,8 +164,8 @@ def _check_groups(
         )
 
 
-def _note(table: Table, numbers: list[_Number], decimal: str) -> None:
-    """Add repairs for decimal commas and separators of thousands."""
+def _report_rewriting(table: Table, numbers: list[_Number], decimal: str) -> None:
+    """Add repairs for decimal commas and separators of thousands, with the first of each."""
     comma = next((n for n in numbers if decimal == "," and "," in n.text), None)
     if comma is not None:
         table.repairs.append(

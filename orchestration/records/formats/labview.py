@@ -31,18 +31,18 @@ def read_lvm(path: Path, content: bytes) -> Table:
     if not ends:
         raise refuse(path, f"LabVIEW text without a line {_END}")
     delimiter = _delimiter(path, text.lines[: ends[0]])
-    start = _start_of_data(text, ends)
-    fields = _header_fields(text, start - 1, delimiter)
-    header = [cell.strip() for cell in text.split(start, delimiter)]
+    names = _find_column_names(text, ends)
+    fields = _header_fields(text, names - 1, delimiter)
+    header = [cell.strip() for cell in text.split(names, delimiter)]
     if header[0] != "X_Value":
         raise refuse(
-            path, f"row {start + 1}: '{header[0]}' where X_Value should be the first column"
+            path, f"row {names + 1}: '{header[0]}' where X_Value should be the first column"
         )
-    commented = header[-1] == "Comment"
-    layout = TextLayout(delimiter, start, header, start + 1)
-    table = tabulate(text, layout, optional_last=commented)
+    has_comments = header[-1] == "Comment"
+    layout = TextLayout(delimiter, names, header, names + 1)
+    table = tabulate(text, layout, optional_last=has_comments)
     last = table.columns[-1]
-    if commented and last.name == "Comment" and _is_empty(last):
+    if has_comments and last.name == "Comment" and _is_empty(last):
         table.columns.pop()
     units = fields.get("Y_Unit_Label", [])
     for index, column in enumerate(table.columns[1:]):
@@ -69,16 +69,17 @@ def _delimiter(path: Path, header: list[str]) -> str:
     return _DELIMITERS[word]
 
 
-def _start_of_data(text: Lines, ends: list[int]) -> int:
-    """Return the index of the line of column names, which follows the last header.
+def _find_column_names(text: Lines, ends: list[int]) -> int:
+    """Return the index of the line of column names; raise without data or for several segments.
 
-    A file has one header, and one more for each segment; without segments only the first.
+    A file has one header, and one more for each segment; some programs write only the first. The
+    names follow the last one. `ends` are the indices of the last lines of the headers.
     """
     last = ends[0] if len(ends) == 1 else ends[1]
-    start = last + 1
-    while start < len(text.lines) and not text.lines[start].strip():
-        start += 1
-    if start >= len(text.lines):
+    names = last + 1
+    while names < len(text.lines) and not text.lines[names].strip():
+        names += 1
+    if names >= len(text.lines):
         raise refuse(text.path, "LabVIEW text with a header but no data")
     if len(ends) > 2:
         raise refuse(
@@ -86,11 +87,14 @@ def _start_of_data(text: Lines, ends: list[int]) -> int:
             f"row {ends[2] + 1}: a second segment starts (its clock restarts); save each segment in"
             " a file of its own",
         )
-    return start
+    return names
 
 
 def _header_fields(text: Lines, end: int, delimiter: str) -> dict[str, list[str]]:
-    """Return the fields of a header by name; raise if X is not one column of time."""
+    """Return the cells after the name of each field, from the lines before index `end`.
+
+    Raise if the fields say that X is not one column of time.
+    """
     fields = {}
     for index in range(end):
         cells = [cell.strip() for cell in text.split(index, delimiter)]
@@ -109,7 +113,7 @@ def _header_fields(text: Lines, end: int, delimiter: str) -> dict[str, list[str]
 def _clock_from_header(
     path: Path, fields: dict[str, list[str]], count: int, repairs: list[Repair]
 ) -> np.ndarray:
-    """Return the time from X0 and Delta_X of the header, for ``X_Columns No``."""
+    """Return the time (count,) in s from X0 and Delta_X of the header, for ``X_Columns No``."""
     try:
         origin, step = (float(fields[name][0].replace(",", ".")) for name in ("X0", "Delta_X"))
     except (KeyError, IndexError, ValueError):
@@ -158,6 +162,15 @@ def read_tdms(path: Path, content: bytes) -> Table:
         repairs.append(Repair("partial line", message, tuple(range(count + 1, count + lost + 1))))
     if not channels or not any(values.size for values in data):
         raise refuse(path, "the TDMS file holds no complete row of data")
+    columns = _channel_columns(path, channels, data)
+    if not any(column.name.lower() in ("time", "t") for column in columns):
+        properties = [channel.properties for channel in channels]
+        columns[:0] = _waveform_clock(path, properties, data[0].size, repairs)
+    return Table(path, columns, np.arange(1, data[0].size + 1), repairs)
+
+
+def _channel_columns(path: Path, channels: list[Any], data: list[np.ndarray]) -> list[Column]:
+    """Return a column for each channel of npTDMS; raise if their values differ in number."""
     names = [channel.name for channel in channels]
     columns = []
     for channel, values in zip(channels, data, strict=True):
@@ -174,17 +187,16 @@ def read_tdms(path: Path, content: bytes) -> Table:
                 "channels of one record have equal length",
             )
         columns.append(Column(name, unit, as_numbers(values), channel.name))
-    if not any(column.name.lower() in ("time", "t") for column in columns):
-        columns[:0] = _waveform_clock(
-            path, [channel.properties for channel in channels], data[0].size, repairs
-        )
-    return Table(path, columns, np.arange(1, data[0].size + 1), repairs)
+    return columns
 
 
 def _waveform_clock(
     path: Path, properties: list[Mapping[str, Any]], count: int, repairs: list[Repair]
 ) -> list[Column]:
-    """Return the time column from the waveform properties; an empty list if no channel has them."""
+    """Return a list of the time column from the waveform properties; empty if no channel has them.
+
+    Raise if channels have different clocks.
+    """
     clocks = {
         (float(channel.get("wf_start_offset", 0.0)), float(channel["wf_increment"]))
         for channel in properties

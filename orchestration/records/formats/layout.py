@@ -55,7 +55,9 @@ def is_value(cell: str) -> bool:
 def find_layout(lines: Sequence[str]) -> TextLayout | None:
     """Find the header and the data of a text file by the form of the data.
 
-    Data are rows of one width, with values in the same places.
+    The delimiter is the one that divides most of the last lines into values. Data are rows of their
+    most frequent width, with values in the same places; the header is the closest line above them
+    that has words in these places.
 
     Parameters
     ----------
@@ -81,7 +83,7 @@ def find_layout(lines: Sequence[str]) -> TextLayout | None:
 
 
 def _last_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
-    """Return the cells of the last lines with at least two values, from the end."""
+    """Return the cells of the last lines with at least two values, the last line first."""
     rows = (_split(line, delimiter) for line in lines[-_TAIL:][::-1] if delimiter in line)
     return list(islice((r for r in rows if sum(map(is_value, r)) >= 2), _SAMPLED_ROWS))
 

@@ -19,7 +19,8 @@ _SECONDS = ("s", "seconds", "second")
 def read_opendaq(path: Path, content: bytes) -> Table:
     """Read a file of openDAQ's recorder; a `Reader`.
 
-    Time is the column ``Domain`` in ticks, or without one counts samples from the first row. A
+    Time is the column ``Domain`` in ticks; without this column it counts samples from the first
+    row. A
     domain other than time, and a resolution or step that is not a number above 0, are refused.
     """
     text = decode(path, content)
@@ -40,8 +41,8 @@ def read_opendaq(path: Path, content: bytes) -> Table:
     else:
         ticks.name = "time"
         ticks.unit = "s"
-        count = numbers(table, ticks)
-        ticks.cells = float(tick) * (count - count[0])
+        tick_numbers = numbers(table, ticks)
+        ticks.cells = float(tick) * (tick_numbers - tick_numbers[0])
         message = f"time is column 'Domain' in ticks of {float(tick):g} s, from row 1"
     table.repairs.append(Repair("clock from header", message))
     return table

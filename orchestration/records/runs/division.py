@@ -70,13 +70,16 @@ def _label(cell: str | float) -> str:
 
 
 def divide_by_label(samples: Samples, labels: Sequence[str]) -> list[tuple[str, Samples]]:
-    """Return the samples of each run by its label, in the order of the file."""
-    of_row = np.array(labels)
-    return _runs(samples, {label: of_row == label for label in dict.fromkeys(labels)})
+    """Return the label and the samples of each run, in the order of the file."""
+    row_labels = np.array(labels)
+    return _select_runs(samples, {x: row_labels == x for x in dict.fromkeys(labels)})
 
 
 def divide_at_restarts(samples: Samples) -> list[tuple[str, Samples]]:
-    """Return the samples of the runs between restarts of the clock, labelled from 1."""
+    """Return label and samples of the runs between restarts of the clock, labelled from 1.
+
+    A single run has an empty label.
+    """
     starts = restarts(samples.time)
     if not starts:
         return [("", samples)]
@@ -89,11 +92,11 @@ def divide_at_restarts(samples: Samples) -> list[tuple[str, Samples]]:
     )
     samples.repairs.append(Repair("runs", message, rows))
     number = np.searchsorted(starts, np.arange(samples.time.size), "right") + 1
-    return _runs(samples, {str(k): number == k for k in range(1, count + 1)})
+    return _select_runs(samples, {str(k): number == k for k in range(1, count + 1)})
 
 
-def _runs(samples: Samples, masks: Mapping[str, Mask]) -> list[tuple[str, Samples]]:
-    """Return the samples of each mask by its label; repairs of the file go to the first run."""
+def _select_runs(samples: Samples, masks: Mapping[str, Mask]) -> list[tuple[str, Samples]]:
+    """Return the label and the selected samples of each mask; repairs go to the first run."""
     runs: list[tuple[str, Samples]] = []
     for label, mask in masks.items():
         run = Samples(

@@ -52,9 +52,9 @@ class MeasuredRun:
 
     def values(self, parameters: Mapping[str, float]) -> dict[str, float]:
         """Return the values of parameters in this run, by plain name."""
-        plain = {name: value for name, value in parameters.items() if _MARK not in name}
+        shared = {name: value for name, value in parameters.items() if _MARK not in name}
         own = {base_name(n): x for n, x in parameters.items() if n == self.own(base_name(n))}
-        return plain | own
+        return shared | own
 
 
 def base_name(name: str) -> str:
@@ -69,7 +69,7 @@ def shown_name(name: str) -> str:
 
 
 def names_in(runs: Sequence[MeasuredRun], names: Iterable[str], own: Iterable[str]) -> list[str]:
-    """Return names of parameters for several runs; those in `own` occur once per run."""
+    """Return names of parameters for several runs; those in `own` occur once for each run."""
     per_run = set(own)
     result = []
     for name in names:

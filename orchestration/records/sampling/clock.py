@@ -127,13 +127,13 @@ def _sort_late_rows(samples: Samples) -> None:
             f"row {samples.rows[first - 1]} is at {time[first - 1]:g} s, row {samples.rows[first]}"
             f" at {time[first]:g} s"
         )
-        if _restarts(time, first):
+        if _is_back_at_start(time, first):
             raise refuse(
                 samples.path,
                 f"the clock restarts: {jump}; split the file before row {samples.rows[first]} "
                 "and use each part as a record",
             )
-        if end - first > LATE_RUN_ROWS and not _fills_a_hole(time, first, end):
+        if end - first > LATE_RUN_ROWS and not _fit_between_neighbours(time, first, end):
             raise refuse(
                 samples.path,
                 f"the clock jumps back: {jump}, and {end - first} rows follow before it catches up"
@@ -169,7 +169,7 @@ def true_runs(mask: Mask) -> list[tuple[int, int]]:
     return [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _restarts(time: Array, row: int) -> bool:
+def _is_back_at_start(time: Array, row: int) -> bool:
     """Return whether the time at a late row is back in the first 5 % of the record so far."""
     return row >= RESTART_AFTER_ROWS and bool(
         time[row] - time[0] <= 0.05 * (time[:row].max() - time[0])
@@ -194,15 +194,15 @@ def restarts(time: Array) -> list[int]:
     first = 0
     result = []
     for k in (np.flatnonzero(np.diff(clock) < 0.0) + 1).tolist():
-        # otherwise it is a short run of late rows
-        is_long = clock[k : k + LATE_RUN_ROWS + 1].max() < clock[k - 1]
-        if is_long and _restarts(clock[first:], k - first):
+        # else the clock soon catches up, and it was a short run of late rows
+        stays_back = clock[k : k + LATE_RUN_ROWS + 1].max() < clock[k - 1]
+        if stays_back and _is_back_at_start(clock[first:], k - first):
             first = k
             result.append(int(known[k]))
     return result
 
 
-def _fills_a_hole(time: Array, first: int, end: int) -> bool:
+def _fit_between_neighbours(time: Array, first: int, end: int) -> bool:
     """Return whether late rows are in order and fit between two neighbouring earlier samples."""
     run = time[first:end]
     inside = (time[:first] >= run.min()) & (time[:first] <= run.max())
@@ -235,22 +235,23 @@ def _average_duplicates(samples: Samples) -> None:
         return
     group = np.cumsum(first) - 1
     repeated = samples.rows[~first].tolist()
-    alike = True
+    are_identical = True
     means = {}
     for name, values in samples.values.items():
         valid = ~np.isnan(values)
         count = np.bincount(group[valid], minlength=group[-1] + 1)
         reference = values[first][group]
-        alike = alike and bool(np.all((values == reference) | (~valid & np.isnan(reference))))
+        both_missing = ~valid & np.isnan(reference)
+        are_identical = are_identical and bool(np.all((values == reference) | both_missing))
         # the mean is computed relative to the first value, so that equal values keep their bits
         finite_reference = np.where(np.isnan(reference), 0.0, reference)
         total = np.bincount(
             group[valid], weights=(values - finite_reference)[valid], minlength=group[-1] + 1
         )
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore"):  # 0 / 0 is NaN, a missing value
             means[name] = finite_reference[first] + total / count
     instants = int((np.bincount(group) > 1).sum())
-    treatment = "identical values" if alike else "their values averaged"
+    treatment = "identical values" if are_identical else "their values averaged"
     message = (
         f"{len(repeated)} rows repeat the time of an earlier row ({instants} instants,"
         f" {treatment}): {time.size} rows became {int(first.sum())} ({list_rows(repeated)})"
@@ -280,7 +281,7 @@ def evenly_sampled(time: Array) -> bool:
     """
     steps = np.diff(time)
     low, high = np.quantile(steps, [0.05, 0.95])
-    if 0.5 * high <= low:
+    if 0.5 * high <= low:  # steps within a factor of two: no jitter to speak of
         return True
     if len(steps) < 2 * RATE_SAMPLES:
         return False

@@ -27,15 +27,15 @@ _OVER_MIDNIGHT = 2.0
 _MONTHS = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
 _MONTHS_ELSEWHERE = {"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12}
 _DATE = re.compile(
-    r"(?P<year>\d{4})(?P<by>[-./])(?P<month>\d{1,2})(?P=by)(?P<day>\d{1,2})"
-    r"|(?P<one>\d{1,2})(?P<mark>[-./])(?P<two>\d{1,2})(?P=mark)(?P<last>\d{4}|\d{2})"
-    r"|(?P<nth>\d{1,2})[-.\s]+(?P<name>[^\W\d_]{3,9})\.?[-,\s]+(?P<in>\d{4}|\d{2})"
-    r"|(?P<called>[^\W\d_]{3,9})\.?\s+(?P<on>\d{1,2}),?\s+(?P<of>\d{4})"
+    r"(?P<year>\d{4})(?P<separator>[-./])(?P<month>\d{1,2})(?P=separator)(?P<day>\d{1,2})"
+    r"|(?P<first>\d{1,2})(?P<mark>[-./])(?P<second>\d{1,2})(?P=mark)(?P<third>\d{4}|\d{2})"
+    r"|(?P<day_ahead>\d{1,2})[-.\s]+(?P<name>[^\W\d_]{3,9})\.?[-,\s]+(?P<year_after>\d{4}|\d{2})"
+    r"|(?P<name_ahead>[^\W\d_]{3,9})\.?\s+(?P<day_after>\d{1,2}),?\s+(?P<year_last>\d{4})"
 )
 _CLOCK = re.compile(
     r"(?:(?P<days>\d{1,5})(?:\s?d(?:ays?)?,?\s+|[-.\s]))?"
     r"(?P<h>\d{1,6}):(?P<m>[0-5]\d)(?::(?P<s>[0-5]\d))?(?:[.,:](?P<fraction>\d+))?"
-    r"(?:\s?(?P<half>[AaPp])\.?[Mm]\.?)?"
+    r"(?:\s?(?P<am_pm>[AaPp])\.?[Mm]\.?)?"
     r"(?:\s?(?:[Zz]|UTC|GMT|(?P<sign>[+-])(?P<zone_h>\d{2}):?(?P<zone_m>\d{2})?))?"
 )
 
@@ -49,23 +49,23 @@ class _Cell(NamedTuple):
 
 def is_instant(cell: str) -> bool:
     """Return whether a cell is a date, a time of day, or both."""
-    return _split(cell) is not None
+    return _match_instant(cell) is not None
 
 
 def is_date(cell: str) -> bool:
     """Return whether a cell is a date without a time of day."""
-    instant = _split(cell)
+    instant = _match_instant(cell)
     return instant is not None and instant.clock is None
 
 
 def is_time_of_day(cell: str) -> bool:
     """Return whether a cell is a time of day, or a duration, without a date."""
-    instant = _split(cell)
+    instant = _match_instant(cell)
     return instant is not None and instant.day is None
 
 
-def _split(cell: str) -> _Cell | None:
-    """Split a cell into its date and its time of day; return None if it has neither."""
+def _match_instant(cell: str) -> _Cell | None:
+    """Match a cell as a date, a time of day, or both; return None if it is neither."""
     text = cell.strip()
     if not text[:1].isalnum():
         return None
@@ -123,7 +123,7 @@ def seconds(table: Table, column: Column, form: str = "") -> Array:
     else:
         has_minutes_first = _has_minutes_first(cell, form)
         notation = MINUTES if has_minutes_first else _hours_form(column, cell)
-        _roll_over(table, column, instants, _HOUR if has_minutes_first else _DAY)
+        _continue_after_midnight(table, column, instants, _HOUR if has_minutes_first else _DAY)
     text = str(column.cells[first]).strip()
     table.repairs.append(
         Repair("date", f"column '{column.name}' is read as {notation}: '{text}' is 0 s")
@@ -152,9 +152,9 @@ def _parsed(table: Table, column: Column) -> list[_Cell | None]:
         if bare.lower() in MISSING_CELLS:
             cells.append(None)
             continue
-        cell = _split(bare)
+        cell = _match_instant(bare)
         first = first or cell
-        if cell is None or first is None or _kind(cell) != _kind(first):
+        if cell is None or first is None or _parts(cell) != _parts(first):
             raise refuse(
                 table.path,
                 f"row {row}, column '{column.name}': '{bare}' is not a date or time as above it,"
@@ -164,7 +164,7 @@ def _parsed(table: Table, column: Column) -> list[_Cell | None]:
     return cells
 
 
-def _kind(cell: _Cell) -> tuple[bool, bool]:
+def _parts(cell: _Cell) -> tuple[bool, bool]:
     """Return whether a cell has a date, and whether it has a time of day."""
     return cell.day is not None, cell.clock is not None
 
@@ -186,8 +186,8 @@ def _seconds(cell: _Cell, form: str) -> float:
     seconds = float(f"{clock['s'] or 0}.{clock['fraction'] or 0}")
     if _has_minutes_first(cell, form):
         hours, minutes, seconds = 0, hours, minutes + seconds
-    if clock["half"]:
-        hours = hours % 12 + (12 if clock["half"] in "Pp" else 0)
+    if clock["am_pm"]:
+        hours = hours % 12 + (12 if clock["am_pm"] in "Pp" else 0)
     zone = int(clock["zone_h"] or 0) * _HOUR + int(clock["zone_m"] or 0) * 60.0
     if clock["sign"] == "-":
         zone = -zone
@@ -197,11 +197,11 @@ def _seconds(cell: _Cell, form: str) -> float:
 def _days(
     table: Table, column: Column, cells: Sequence[_Cell | None], form: str
 ) -> tuple[str, Array]:
-    """Return the form of the dates of a column, and the number of the day in every row."""
+    """Return the form of the dates of a column, and the ordinal of the day (n,) of each row."""
     texts = [cell.day[0] if cell and cell.day else "" for cell in cells]
     dates = {cell.day[0]: cell.day for cell in cells if cell and cell.day}
-    order = _order(table, column, texts, dates, form)
-    numbers = {"": np.nan}
+    order = _date_order(table, column, texts, dates, form)
+    numbers = {"": np.nan}  # of rows without a date
     for text, match in dates.items():
         try:
             numbers[text] = float(date(*_year_month_day(match, order)).toordinal())
@@ -216,23 +216,26 @@ def _days(
     return order, np.array([numbers[text] for text in texts])
 
 
-def _order(
+def _date_order(
     table: Table,
     column: Column,
     texts: Sequence[str],
     dates: dict[str, re.Match[str]],
     form: str,
 ) -> str:
-    """Return the order of day, month and year in the dates of a column."""
+    """Return the order of day, month and year in the dates of a column; raise if it is ambiguous.
+
+    A number above 12 in any row decides between day and month, else the `form` of the user.
+    """
     first = next(iter(dates.values()))
-    if first["one"] is None:
+    if first["first"] is None:
         return "yyyy-mm-dd" if first["year"] else "dates with the month's name"
     if first["mark"] == ".":
         return "dd.mm.yyyy"
     if form in (DAY_FIRST, MONTH_FIRST):
         return form
-    day_first = _first_above_12(dates, "one")
-    month_first = _first_above_12(dates, "two")
+    day_first = _first_above_12(dates, "first")
+    month_first = _first_above_12(dates, "second")
     if day_first and month_first:
         raise refuse(
             table.path,
@@ -242,9 +245,9 @@ def _order(
         )
     if day_first or month_first:
         return DAY_FIRST if day_first else MONTH_FIRST
-    ambiguous = [match for match in dates.values() if match["one"] != match["two"]]
     if len(dates) == 1:
         return "one day throughout"
+    ambiguous = [match for match in dates.values() if match["first"] != match["second"]]
     if not ambiguous:
         return DAY_FIRST
     other = ambiguous[0]
@@ -252,7 +255,7 @@ def _order(
     raise refuse(
         table.path,
         f"row {table.rows[texts.index(other[0])]}, column '{column.name}': is '{other[0]}' in"
-        f" {_month(other['two'])} or in {_month(other['one'])}? No date in the file decides;"
+        f" {_month(other['second'])} or in {_month(other['first'])}? No date in the file decides;"
         f" state it: {choices}",
     )
 
@@ -271,13 +274,17 @@ def _year_month_day(match: re.Match[str], order: str) -> tuple[int, int, int]:
     if match["year"]:
         return int(match["year"]), int(match["month"]), int(match["day"])
     if match["name"]:
-        return _full_year(match["in"]), _month_number(match["name"]), int(match["nth"])
-    if match["called"]:
-        return int(match["of"]), _month_number(match["called"]), int(match["on"])
-    one = int(match["one"])
-    two = int(match["two"])
-    day, month = (two, one) if order == MONTH_FIRST else (one, two)
-    return _full_year(match["last"]), month, day
+        return (
+            _full_year(match["year_after"]),
+            _month_number(match["name"]),
+            int(match["day_ahead"]),
+        )
+    if match["name_ahead"]:
+        return int(match["year_last"]), _month_number(match["name_ahead"]), int(match["day_after"])
+    first = int(match["first"])
+    second = int(match["second"])
+    day, month = (second, first) if order == MONTH_FIRST else (first, second)
+    return _full_year(match["third"]), month, day
 
 
 def _full_year(text: str) -> int:
@@ -296,8 +303,12 @@ def _month_number(name: str) -> int:
     return _MONTHS_ELSEWHERE.get(start, 0)
 
 
-def _roll_over(table: Table, column: Column, seconds: Array, period: float) -> None:
-    """Continue a time of day after midnight, in place, and add it to the repairs."""
+def _continue_after_midnight(table: Table, column: Column, seconds: Array, period: float) -> None:
+    """Continue a time of day after each midnight, in place, and add these to the repairs.
+
+    `period` is a day, or the hour of ``mm:ss``, in s. A backward step is a midnight if, with a
+    period added, it is at most `_OVER_MIDNIGHT` times the longest forward step.
+    """
     known = np.flatnonzero(np.isfinite(seconds))
     clock = seconds[known]
     steps = np.diff(clock)

@@ -77,13 +77,15 @@ def find_time(table: Table, signals: Container[str], free: Sequence[Column]) -> 
     by_name = [c for c in columns if _plain_name(c) in _NAMES and (c.unit is None or c in by_unit)]
     by_date = [column for column in columns if holds_instants(column)]
     candidates = list({id(c): c for c in (*exact, *by_name, *by_unit, *by_date)}.values())
-    likely = [*exact, *by_name, *(c for c in candidates if c is table.columns[0]), *by_date]
+    first = [c for c in candidates if c is table.columns[0]]
+    likely = {id(c) for c in (*exact, *by_name, *first, *by_date)}
     if len(candidates) == 1 and likely:
         return candidates[0]
-    falls = {id(column): _falls(table, column) for column in candidates}
-    clocks = [c for c in candidates if falls[id(c)] == 0.0 or any(c is d for d in likely)]
+    falls = {id(column): _count_falls(table, column) for column in candidates}
+    clocks = [c for c in candidates if falls[id(c)] == 0.0 or id(c) in likely]
     if not clocks:
-        raise refuse(table.path, _no_time(table, columns))
+        raise refuse(table.path, _describe_missing_time(table, columns))
+    # min() takes the first of equals, so that names count more than units, and these than dates
     time = min(clocks, key=lambda column: falls[id(column)])
     others = [c for c in candidates if c is not time and not _are_complementary(c, time)]
     if others:
@@ -109,9 +111,12 @@ def _is_in_time(column: Column) -> bool:
         return False
 
 
-def _falls(table: Table, column: Column) -> float:
-    """Return how often a column falls; infinite if it is unreadable or rises too rarely."""
-    scratch = Table(table.path, table.columns, table.rows)
+def _count_falls(table: Table, column: Column) -> float:
+    """Return the number of steps in which a column falls; infinite if it cannot be a clock.
+
+    It cannot if it is unreadable, or less than a share `_RISING` of its steps rise.
+    """
+    scratch = Table(table.path, table.columns, table.rows)  # collects repairs that nobody reads
     other = complementary_column(column, table.columns)
     merged = column if other is None else merge_date_and_time(scratch, column, other)
     try:
@@ -137,10 +142,10 @@ def complementary_column(column: Column, others: Sequence[Column]) -> Column | N
     return next((c for c in others if c is not column and _are_complementary(c, column)), None)
 
 
-def _no_time(table: Table, columns: Sequence[Column]) -> str:
+def _describe_missing_time(table: Table, columns: Sequence[Column]) -> str:
     """Return the message that there is no time column, with a column that might be the time."""
     first = table.columns[0]
-    rising = next((column for column in columns if _falls(table, column) == 0.0), None)
+    rising = next((column for column in columns if _count_falls(table, column) == 0.0), None)
     advice = (
         f"to state it: {option('mapping', {table.map_name(rising): 'time[s]'})}"
         if rising

@@ -19,9 +19,12 @@ _GAP = 10.0  # a line is broken at a step this many times longer than both of it
 MOST = 1600  # points of a line: two for every pixel of a wide page
 _MOST_OF_ALL = 40_000  # points of a chart, divided equally among its lines
 _WIDTH, _HEIGHT = 2000, 1000  # coordinates of a panel, independent of its size on the screen
+_HALF_MARK = 20  # half the height of the mark of a point, of a panel's height
 _MARGIN = 0.05  # space above and below the lines, relative to their range
 _TICKS = 5
 _FARTHEST = 1e150  # largest value of an axis, so that unstable simulations have a finite range
+_PALEST = 238  # each of red, green and blue of the palest cell of a heat map
+_DARKEST = (8, 48, 74)  # red, green and blue of the darkest
 _DARK = 0.5  # share of the darkest background above which the text is white
 _FEWEST_DECADES = 2  # with fewer, a logarithmic axis has ticks between powers of ten
 
@@ -155,17 +158,17 @@ class _Axis:
         """Return powers of ten, with values between them if the range has too few."""
         low = np.log10(self.low)
         high = np.log10(self.high)
-        powers = np.arange(np.ceil(low), np.floor(high) + 1.0)
-        if len(powers) > _FEWEST_DECADES:
-            every = math.ceil(len(powers) / (_TICKS + 1))
-            return [float(10.0**power) for power in powers[::every]]
-        powers = np.arange(np.floor(low), np.ceil(high) + 1.0)
-        values = [float(m * 10.0**power) for power in powers for m in (1.0, 2.0, 5.0)]
+        powers_within = np.arange(np.ceil(low), np.floor(high) + 1.0)
+        if len(powers_within) > _FEWEST_DECADES:
+            every = math.ceil(len(powers_within) / (_TICKS + 1))
+            return [float(10.0**power) for power in powers_within[::every]]
+        powers_around = np.arange(np.floor(low), np.ceil(high) + 1.0)
+        values = [float(m * 10.0**power) for power in powers_around for m in (1.0, 2.0, 5.0)]
         return [value for value in values if self.low <= value <= self.high]
 
 
 def envelope(x: Array, y: Array, most: int = MOST) -> tuple[Array, Array]:
-    """Reduce a line to the smallest and the largest point of equal bins.
+    """Reduce a line to the lowest and the highest point of each of equally long runs of points.
 
     Parameters
     ----------
@@ -181,20 +184,20 @@ def envelope(x: Array, y: Array, most: int = MOST) -> tuple[Array, Array]:
     n = len(y)
     if n <= most:
         return x, y
-    size = math.ceil(n / (most // 2))
+    size = math.ceil(n / (most // 2))  # points of a bin, of which two remain
     bins = np.full((math.ceil(n / size), size), np.nan)
     bins.flat[:n] = y
     is_gap = np.isnan(bins)
     lowest = np.where(is_gap, np.inf, bins).argmin(axis=1)
     highest = np.where(is_gap, -np.inf, bins).argmax(axis=1)
     extremes = np.sort([lowest, highest], axis=0) + size * np.arange(len(bins))
-    indices = extremes.T.ravel()
+    indices = extremes.T.ravel()  # in the order of x
     return x[indices], y[indices]
 
 
 def break_at_gaps(x: Array, y: Array) -> tuple[Array, Array]:
     """Insert a point with y = NaN into every gap of a record, so that no line crosses it."""
-    step = np.diff(x, prepend=np.nan, append=np.nan)
+    step = np.diff(x, prepend=np.nan, append=np.nan)  # before the first and after the last: NaN
     after = np.flatnonzero(step[1:-1] > _GAP * np.fmax(step[:-2], step[2:])) + 1
     return np.insert(x, after, 0.5 * (x[after] + x[after - 1])), np.insert(y, after, np.nan)
 
@@ -206,7 +209,7 @@ def stacked(
     boundary: Boundary | None = None,
     marks: Sequence[tuple[float, str]] = (),
 ) -> Markup:
-    """Draw panels, one above the other.
+    """Draw panels with a shared horizontal axis, one above the other.
 
     Parameters
     ----------
@@ -243,6 +246,7 @@ def stacked(
 
 def _legend(traces: Sequence[Trace]) -> str:
     """Return the legend, with an entry for every label."""
+    # reversed twice: the first trace of each label, in the order of the last ones
     first = {trace.label: trace for trace in reversed(traces) if trace.label}
     entries = "".join(
         f'<li><i style="background:{trace.colour}"></i>{escaped(label)}</li>'
@@ -253,11 +257,11 @@ def _legend(traces: Sequence[Trace]) -> str:
 
 def _strip(axis: _Axis, boundary: Boundary | None, marks: Sequence[tuple[float, str]]) -> str:
     """Return the texts above the panels, each ending at its mark or next to the boundary."""
-    before = [*marks]
+    texts_on_left = [*marks]
     words = ""
     if boundary:
-        before.append((boundary.place, f"{boundary.before} ◂"))
-    for place, text in before:
+        texts_on_left.append((boundary.place, f"{boundary.before} ◂"))
+    for place, text in texts_on_left:
         right = _percent(1.0 - float(axis.share(np.array(place))))
         words += f'<span style="right:{right}">{escaped(text)}</span>'
     if boundary:
@@ -307,6 +311,7 @@ def _draw_panel(
 
 
 def _upright_axis(panel: Panel) -> _Axis:
+    """Return the vertical axis of a panel: its given range, or one that includes its traces."""
     if panel.span is not None:
         return _Axis(*panel.span, panel.logarithmic)
     included = [trace for trace in panel.traces if trace.makes_room] or panel.traces
@@ -323,12 +328,14 @@ def _draw_trace(trace: Trace, axis: _Axis, upright: _Axis, most: int) -> str:
         return f'<path d="{path}z" fill="{trace.colour}" stroke="none"/>'
     if trace.dots:
         places = _points(*envelope(trace.x, trace.y, most), axis, upright)
-        path = "".join(f"M{x} {y - 20}v40" for x, y in places.tolist())
+        mark = f"v{2 * _HALF_MARK}"
+        path = "".join(f"M{x} {y - _HALF_MARK}{mark}" for x, y in places.tolist())
     else:
         x, y = envelope(*break_at_gaps(trace.x, trace.y), most)
         if trace.stepped:
             x, y = np.repeat(x, 2)[1:], np.repeat(y, 2)[:-1]
         points = _points(x, y, axis, upright)
+        # indices between gaps; each run after the first begins with the NaN of its gap
         runs = np.split(np.arange(len(y)), np.flatnonzero(~np.isfinite(y)))
         path = "".join(_path(points[run[np.isfinite(y[run])]]) for run in runs)
     dashes = ' stroke-dasharray="6 4"' if trace.dashed else ""
@@ -421,10 +428,10 @@ def heat_map(
 
 
 def _heat_cell(number: float, share: float, text: str) -> str:
-    """Return a cell with a number on a background from white (share 0) to dark blue (share 1)."""
+    """Return a cell with a number on a background from grey (share 0) to dark blue (share 1)."""
     if not np.isfinite(number):
         return "<td></td>"
-    red, green, blue = (round(238 + share * (dark - 238)) for dark in (8, 48, 74))
+    red, green, blue = (round(_PALEST + share * (dark - _PALEST)) for dark in _DARKEST)
     ink = "#fff" if share > _DARK else "#1c2733"
     style = f"background:rgb({red},{green},{blue});color:{ink}"
     return f'<td style="{style}" title="{escaped(text)}">{number:.3g}</td>'

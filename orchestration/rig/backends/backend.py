@@ -36,16 +36,16 @@ class Backend(ABC):
 
     @classmethod
     def devices(cls, **options: str) -> Sequence[str]:
-        """Return names of the devices that these options mean, and open none.
+        """Return the names of the devices that a backend with these options would open.
 
-        Of all servers on a machine one may have a device. A backend that can find the same device
-        under other options should say its name, such as its serial number or address; one that
-        commands nothing real has none.
+        Only one server on a machine may have a device. A backend that can find the same device
+        under other options should return a name such as its serial number or address; one that
+        commands nothing real has no names.
 
         Parameters
         ----------
         **options
-            As for making one.
+            Keyword arguments of the class.
 
         Returns
         -------

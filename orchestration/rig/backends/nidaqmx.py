@@ -42,6 +42,8 @@ _TERMINALS = {
 }
 # times the rig's watchdog, after which the device's acts: the rig's has to have failed first
 _LATER = 2.0
+_BUFFER = 10  # s of samples that the driver keeps
+_LEAST_BUFFER = 1000  # samples
 _CALIBRATION = "thesis"
 _DEVICE = "Dev1"  # as NI MAX names the first one
 
@@ -129,17 +131,23 @@ class NiDaqmx(Backend):
                 f"option device = {device!r}: the name of a device is wanted, such as Dev1"
             )
 
-    def _place(self, channel: Channel) -> str:
+    def _physical_channel(self, channel: Channel) -> str:
+        """Return a channel's name in NI-DAQmx, such as ``Dev1/ai0``."""
         return channel.place if "/" in channel.place else f"{self._name}/{channel.place}"
 
     def _open_watchdog(self) -> str:
-        """Set up the device's own timer, which takes the outputs to their safe volts."""
+        """Set up the device's own timer, which takes the outputs to their safe volts.
+
+        Returns a description of the timer, or of why there is none.
+        """
         if not self._command_channels:
             return "none: there are no outputs to guard"
         after = _LATER * self._calibration.watchdog
         states = [
             AOExpirationState(
-                self._place(channel), channel.volts(channel.safe), WatchdogAOExpirState.VOLTAGE
+                self._physical_channel(channel),
+                channel.volts(channel.safe),
+                WatchdogAOExpirState.VOLTAGE,
             )
             for channel in self._command_channels.values()
         ]
@@ -151,8 +159,8 @@ class NiDaqmx(Backend):
         except DaqError as error:
             self._close_watchdog()
             return (
-                f"none: {self._name} refuses one ({_line(error)}); its outputs stay as they are if"
-                " this computer stops"
+                f"none: {self._name} refuses one ({_one_line(error)}); its outputs stay as they are"
+                " if this computer stops"
             )
         return (
             f"{self._name} takes its outputs to their safe volts after {after:g} s without a"
@@ -160,22 +168,24 @@ class NiDaqmx(Backend):
         )
 
     def _open_outputs(self) -> None:
+        """Set up the analog outputs without changing them."""
         if not self._command_channels:
             return
-        task = self._task()
+        task = self._new_task()
         for channel in self._command_channels.values():
             task.ao_channels.add_ao_voltage_chan(
-                self._place(channel), min_val=channel.low, max_val=channel.high
+                self._physical_channel(channel), min_val=channel.low, max_val=channel.high
             )
         self._writer = AnalogMultiChannelWriter(task.out_stream, auto_start=True)
 
     def _open_inputs(self, timing: str) -> str:
+        """Set up and start the analog inputs; return their timing, ``hardware`` or ``software``."""
         if not self._measured_channels:
             return "software"
-        task = self._task()
+        task = self._new_task()
         for channel in self._measured_channels.values():
             task.ai_channels.add_ai_voltage_chan(
-                self._place(channel),
+                self._physical_channel(channel),
                 terminal_config=_TERMINALS[channel.terminal],
                 min_val=channel.low,
                 max_val=channel.high,
@@ -189,15 +199,16 @@ class NiDaqmx(Backend):
             task.timing.cfg_samp_clk_timing(
                 rate,
                 sample_mode=AcquisitionType.CONTINUOUS,
-                samps_per_chan=max(round(10 * rate), 1000),
+                samps_per_chan=max(round(_BUFFER * rate), _LEAST_BUFFER),
             )
             task.in_stream.overwrite = OverwriteMode.OVERWRITE_UNREAD_SAMPLES
+            # the newest sample is the one before the position of the next
             task.in_stream.relative_to = ReadRelativeTo.MOST_RECENT_SAMPLE
             task.in_stream.offset = -1
         task.start()
         return timing
 
-    def _task(self) -> nidaqmx.Task:
+    def _new_task(self) -> nidaqmx.Task:
         task = nidaqmx.Task()
         self._tasks.append(task)
         return task
@@ -274,7 +285,7 @@ class NiDaqmx(Backend):
             with _errors_in_one_line(f"{self._name} cannot be brought to its safe state"):
                 self._device.reset_device()
             raise UserError(
-                f"{self._name} was reset, because it did not take safe values: {_line(error)}"
+                f"{self._name} was reset, because it did not take safe values: {_one_line(error)}"
             ) from error
 
     def _disarm_watchdog(self) -> None:
@@ -316,9 +327,9 @@ def _errors_in_one_line(failure: str) -> Iterator[None]:
     try:
         yield
     except Error as error:
-        raise UserError(f"{failure}: {_line(error)}") from error
+        raise UserError(f"{failure}: {_one_line(error)}") from error
 
 
-def _line(error: Exception) -> str:
+def _one_line(error: Exception) -> str:
     text = " ".join(str(error).split())
     return text if len(text) <= 300 else text[:297] + "..."

@@ -38,8 +38,8 @@ def open_backend(spec: str, options: Mapping[str, str]) -> Backend:
         If there is no such backend, an option is unknown, missing or wrong, a library is not
         installed, or the device cannot be opened.
     """
-    cls = _class_with(spec, options)
-    backend = _called(spec, "cannot be opened", cls, options)
+    cls = _checked_class(spec, options)
+    backend = _call(spec, "cannot be opened", cls, options)
     try:
         _check(spec, backend)
     except BaseException:
@@ -66,15 +66,15 @@ def device_names(spec: str, options: Mapping[str, str]) -> tuple[str, ...]:
     UserError
         As for :func:`open_backend`, and if it does not say names.
     """
-    cls = _class_with(spec, options)
-    names = tuple(_called(spec, "does not say its devices", cls.devices, options))
+    cls = _checked_class(spec, options)
+    names = tuple(_call(spec, "does not say its devices", cls.devices, options))
     if not all(isinstance(name, str) for name in names):
         raise UserError(f"backend {spec}: names of devices must be texts; it says {names!r}")
     return names
 
 
-def _class_with(spec: str, options: Mapping[str, str]) -> type[Backend]:
-    """Return the class of a backend, if it has these options and needs no others."""
+def _checked_class(spec: str, options: Mapping[str, str]) -> type[Backend]:
+    """Return the class of a backend; UserError if it lacks an option, or needs another one."""
     cls = backend_class(spec)
     known = _options(cls)
     for name in options:
@@ -87,16 +87,17 @@ def _class_with(spec: str, options: Mapping[str, str]) -> type[Backend]:
     return cls
 
 
-def _called(
+def _call(
     spec: str, failure: str, function: Callable[..., Result], options: Mapping[str, str]
 ) -> Result:
+    """Call a function of a backend with options; any exception becomes a UserError of one line."""
     try:
         return function(**options)
     except UserError as error:
         raise UserError(f"backend {spec}: {error}") from error
     except Exception as error:  # a backend of somebody else, or a driver, may raise anything
         raise UserError(
-            f"backend {spec}: {failure}: {type(error).__name__}: {_line(error)}"
+            f"backend {spec}: {failure}: {type(error).__name__}: {_one_line(error)}"
         ) from error
 
 
@@ -138,17 +139,18 @@ def backend_class(spec: str) -> type[Backend]:
         raise UserError(f"no backend {spec!r}{suggestion(spec, [*known, 'path/to/file.py:Class'])}")
     try:
         with optional():
-            return _loaded(known[spec])
+            return _load(known[spec])
     except UserError:
         raise
     except Exception as error:  # of a package of somebody else
         raise UserError(
             f"backend {spec}: {known[spec].value} cannot be loaded: {type(error).__name__}:"
-            f" {_line(error)}"
+            f" {_one_line(error)}"
         ) from error
 
 
-def _loaded(entry: EntryPoint) -> type[Backend]:
+def _load(entry: EntryPoint) -> type[Backend]:
+    """Load the class of an entry point; TypeError if it is no backend."""
     loaded = entry.load()
     if not (isinstance(loaded, type) and issubclass(loaded, Backend)):
         raise TypeError("it is no subclass of orchestration.rig.backends.Backend")
@@ -178,5 +180,5 @@ def _check(spec: str, backend: Backend) -> None:
             )
 
 
-def _line(error: BaseException) -> str:
+def _one_line(error: BaseException) -> str:
     return " ".join(str(error).split())

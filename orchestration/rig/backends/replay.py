@@ -15,6 +15,7 @@ from orchestration.rig.backends.backend import Limit, Steppable
 from orchestration.rig.signals import KNOWN_LIMITS, SIGNALS, UNITS, checked_step, commands, one_of
 
 _LONGEST = 86400.0  # s, of one step
+_ROUNDING = 1e-9  # s
 
 
 class Replay(Steppable):
@@ -34,7 +35,7 @@ class Replay(Steppable):
         ``temperature[K]``. Without them all of the signals are inputs, and those that the file has
         are outputs.
     at_end : {"hold", "loop", "fail"}
-        Whether the last row is followed by itself, the first one, or an error.
+        Whether the last row is followed by itself, by the first one, or by an error.
     map : str
         ``column=signal`` with commas between them, for columns that have other names.
 
@@ -105,7 +106,7 @@ class Replay(Steppable):
             if self._at_end == "loop":
                 at = math.fmod(at, self._length)
         # rounding of many steps must not show the row before
-        row = max(int(np.searchsorted(self._times, at + 1e-9, side="right")) - 1, 0)
+        row = max(int(np.searchsorted(self._times, at + _ROUNDING, side="right")) - 1, 0)
         return {name: float(values[row]) for name, values in self._values.items()}
 
     def write(self, values: Mapping[str, float]) -> None:

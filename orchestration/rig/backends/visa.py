@@ -41,9 +41,9 @@ class Visa(Backend):
 
     def __init__(self, calibration: str = _CALIBRATION, library: str = "") -> None:
         self._calibration = read_calibration(calibration)
-        self._ins = self._calibration.inputs
-        self._outs = self._calibration.outputs
-        for channel in (*self._ins.values(), *self._outs.values()):
+        self._command_channels = self._calibration.inputs
+        self._measured_channels = self._calibration.outputs
+        for channel in (*self._command_channels.values(), *self._measured_channels.values()):
             if not channel.command:
                 raise UserError(
                     f"{calibration}: {channel.name} is a channel of a device, not of an instrument"
@@ -57,7 +57,7 @@ class Visa(Backend):
             self._manager = pyvisa.ResourceManager(library)
         except Exception as error:  # ValueError, OSError or its own, by the missing part
             raise UserError(
-                f"no VISA library: {_line(error)}; install one, or write library=@py"
+                f"no VISA library: {_one_line(error)}; install one, or write library=@py"
             ) from error
         try:
             for name, instrument in self._calibration.instruments.items():
@@ -73,6 +73,7 @@ class Visa(Backend):
         return sorted({f"VISA resource {one.resource.upper()}" for one in instruments.values()})
 
     def _open(self, name: str, instrument: Instrument, manager: pyvisa.ResourceManager) -> None:
+        """Open the session with an instrument, send its setup, and check it for errors."""
         wait = round(1000 * instrument.timeout)
         try:
             session = manager.open_resource(
@@ -84,7 +85,7 @@ class Visa(Backend):
             )
         except Exception as error:  # of pyvisa, or of whichever library it uses
             raise UserError(
-                f"{name} ({instrument.resource}) cannot be opened: {_line(error)}"
+                f"{name} ({instrument.resource}) cannot be opened: {_one_line(error)}"
             ) from error
         if not isinstance(session, MessageBasedResource):
             session.close()
@@ -106,7 +107,10 @@ class Visa(Backend):
         UserError
             If an instrument does not answer in time, or with something that is no number.
         """
-        return {name: self._query(channel, channel.command) for name, channel in self._outs.items()}
+        return {
+            name: self._query(channel, channel.command)
+            for name, channel in self._measured_channels.items()
+        }
 
     def read_back(self) -> Mapping[str, float]:
         """Query every instrument that can report its command.
@@ -120,7 +124,7 @@ class Visa(Backend):
         UserError
             If an instrument does not answer in time, or with something that is no number.
         """
-        asked = {name: channel for name, channel in self._ins.items() if channel.query}
+        asked = {name: channel for name, channel in self._command_channels.items() if channel.query}
         return {name: self._query(channel, channel.query) for name, channel in asked.items()}
 
     def _query(self, channel: Channel, message: str) -> float:
@@ -144,11 +148,14 @@ class Visa(Backend):
             nothing, or an instrument refuses one or does not answer.
         """
         checked = commands(values, self.inputs)
-        messages = {name: _message(channel, checked[name]) for name, channel in self._ins.items()}
+        messages = {
+            name: _message(channel, checked[name])
+            for name, channel in self._command_channels.items()
+        }
         for name, message in messages.items():
             if self._sent.get(name) == message:
                 continue
-            place = self._ins[name].place
+            place = self._command_channels[name].place
             self._sent.pop(name, None)
             self._send(place, message)
             self._check(place)
@@ -165,7 +172,7 @@ class Visa(Backend):
         if not self._sessions:
             return
         errors: list[UserError] = []
-        for name, channel in self._ins.items():
+        for name, channel in self._command_channels.items():
             try:
                 self._insist(channel.place, _message(channel, channel.safe))
                 self._sent.pop(name, None)
@@ -213,7 +220,7 @@ class Visa(Backend):
         try:
             self._session(place).write(message)
         except (Error, OSError) as error:
-            raise UserError(f"{place}: {message} was not taken: {_line(error)}") from error
+            raise UserError(f"{place}: {message} was not taken: {_one_line(error)}") from error
 
     def _ask(self, place: str, message: str) -> str:
         session = self._session(place)
@@ -222,10 +229,10 @@ class Visa(Backend):
                 warnings.simplefilter("error")  # pyvisa only warns of an answer that is cut off
                 return str(session.query(message)).strip()
         except (Error, OSError, UnicodeDecodeError, UserWarning) as error:
-            raise UserError(f"{place}: no answer to {message}: {_line(error)}") from error
+            raise UserError(f"{place}: no answer to {message}: {_one_line(error)}") from error
 
     def _check(self, place: str) -> None:
-        """Query an instrument for its errors until its queue is empty, and raise the first."""
+        """Query an instrument's queue of errors until it is empty; raise the first one."""
         query = self._calibration.instruments[place].error
         if not query:
             return
@@ -240,8 +247,9 @@ class Visa(Backend):
 
 
 def _message(channel: Channel, value: float) -> str:
+    """Return the message that commands an instrument to a value, SI."""
     return channel.command.format(volts=channel.volts(value) + 0.0)  # no -0
 
 
-def _line(error: Exception) -> str:
+def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())[:300]

@@ -87,7 +87,7 @@ class _Row:
         self.ages = [nan] * outputs
 
     def offer(self, sample: Mapping[str, Any], max_age: float, since: float = inf) -> None:
-        """Take values from a sample that are still missing.
+        """Store the values of a sample that the row still lacks and that belong to its commands.
 
         Parameters
         ----------
@@ -220,7 +220,7 @@ class _Drive:
         return ""
 
     def _silence(self) -> str:
-        """Raise the alarm where the rig is silent; return the reason to end, or an empty text."""
+        """Alarm the operator if the rig is silent; return the reason to end, or an empty text."""
         answered = self._link.last_answer
         silent = monotonic() - answered
         if silent > _ALARM and answered != self._alarmed:
@@ -263,6 +263,7 @@ class _Drive:
         return sample
 
     def _offer(self, row: _Row, sample: Mapping[str, Any] | None) -> None:
+        """Complete a row with a sample, if there is one, and note it as the newest."""
         if sample is not None:
             row.offer(sample, self._plan.max_age)
             self._newest = sample
@@ -289,12 +290,17 @@ class _Drive:
         return Moment(time[k], time[-1], self._lag, missed, link, self._observer.trouble())
 
     def _finish(self, row: _Row) -> None:
+        """Append a row to the record, completed with the newest sample.
+
+        A value that was measured under the same commands before the row was accepted is as good.
+        """
         if self._newest is not None and row.accepted is not None:
             row.offer(self._newest, self._plan.max_age, self._since)
         self.rows.append(row.cells())
         self._observer.add(float(self._plan.time[row.k]), self.rows[-1])
 
     def _watch(self, number: int, values: Sequence[float], lag: float, missed: int) -> None:
+        """Store how late the present exchange is, and how many were missed; the pacer calls it."""
         self._lag = lag
         self._missed = missed
 

@@ -19,7 +19,7 @@ from orchestration.experiment.preparation import points, stimulus_values
 _PER_WATCHDOG = 3  # exchanges in the time after which the rig stops without one
 # of the rig's period: a step that was written with three digits is meant to be the rig's
 _FASTER = 0.98
-_ROUNDING = 1e-9
+_ROUNDING = 1e-9  # of a rate limit
 _OLD = 2  # steps, after which a value is too old unless the user says otherwise
 
 
@@ -101,7 +101,7 @@ def plan_recording(
         limit of the rig, or the rig samples more slowly than is to be recorded.
     """
     _check_state(rig)
-    step = _step(experiment, rig, where, rate)
+    step = _checked_step(experiment, rig, where, rate)
     if experiment.duration is None:
         raise UserError(
             f"{where}: duration is missing, and without a model there is no default (--set"
@@ -123,7 +123,7 @@ def plan_recording(
     return RecordingPlan(
         experiment=experiment,
         inputs=rig["inputs"],
-        outputs=_outputs(experiment, rig, where, note),
+        outputs=_recorded_outputs(experiment, rig, where, note),
         time=time,
         values=values,
         exchanges=exchanges,
@@ -135,6 +135,7 @@ def plan_recording(
 
 
 def _check_state(rig: Mapping[str, Any]) -> None:
+    """Refuse a rig that cannot be driven now: in lockstep, latched, in use, or without signals."""
     if rig["mode"] == LOCKSTEP:
         raise UserError(
             "the rig runs in lockstep, where time is the client's; a record needs one in real time"
@@ -150,7 +151,9 @@ def _check_state(rig: Mapping[str, Any]) -> None:
         raise UserError("the rig has nothing to drive or nothing to measure")
 
 
-def _step(experiment: Experiment, rig: Mapping[str, Any], where: str, rate: float | None) -> float:
+def _checked_step(
+    experiment: Experiment, rig: Mapping[str, Any], where: str, rate: float | None
+) -> float:
     """Return the time between two rows of the record (s), which the rig must be able to give."""
     step = experiment.step if rate is None else 1.0 / rate
     if step is None:
@@ -167,6 +170,7 @@ def _step(experiment: Experiment, rig: Mapping[str, Any], where: str, rate: floa
 
 
 def _check_signals(experiment: Experiment, rig: Mapping[str, Any], where: str) -> None:
+    """Refuse inputs that rig or experiment lacks, and signals in other units than the rig's."""
     for name in experiment.inputs:
         if name not in rig["inputs"]:
             raise UserError(
@@ -179,15 +183,16 @@ def _check_signals(experiment: Experiment, rig: Mapping[str, Any], where: str) -
                 f"{where}: the rig has the input {name} [{unit}], and the experiment does not say"
                 f" what it gets (--set inputs.{name}=0)"
             )
-    for name, unit in _declared(experiment).items():
-        there = {**rig["outputs"], **rig["inputs"]}.get(name, unit)
-        if there != unit:
+    for name, unit in _declared_units(experiment).items():
+        rig_unit = {**rig["outputs"], **rig["inputs"]}.get(name, unit)
+        if rig_unit != unit:
             raise UserError(
-                f"{where}: {name} is in {unit} in {experiment.component}, and in {there} on the rig"
+                f"{where}: {name} is in {unit} in {experiment.component}, and in {rig_unit} on the"
+                " rig"
             )
 
 
-def _outputs(
+def _recorded_outputs(
     experiment: Experiment, rig: Mapping[str, Any], where: str, note: Callable[[str], None]
 ) -> dict[str, str]:
     """Return the units of the outputs that are to be recorded and that the rig measures.
@@ -207,7 +212,7 @@ def _outputs(
     return outputs
 
 
-def _declared(experiment: Experiment) -> dict[str, str]:
+def _declared_units(experiment: Experiment) -> dict[str, str]:
     """Return the units of the signals of the component that the experiment is written for.
 
     Empty for a component that is not known by name.

@@ -14,7 +14,7 @@ from typing import Any, NoReturn, TypeVar
 
 from fmus.kit import UserError
 from orchestration.rig.backends import Backend
-from orchestration.rig.server.shared_memory import SIGNALS, Description
+from orchestration.rig.server.shared_memory import LONGEST_DESCRIPTION, SIGNALS, Description
 from orchestration.rig.signals import Limit
 
 _LONGEST = 200  # characters of somebody else's message
@@ -26,25 +26,25 @@ class BackendError(Exception):
 
 
 def call(name: str, function: Callable[..., Result], *arguments: Any) -> Result:
-    """Call a backend.
+    """Call a function of a backend; any exception becomes a BackendError of one line.
 
     Parameters
     ----------
     name : str
-        Of the call, for the message.
+        Name of the call, for the message.
     function : callable
     *arguments
-        For it.
+        Arguments of the function.
 
     Returns
     -------
     object
-        Its result.
+        Result of the function.
 
     Raises
     ------
     BackendError
-        In place of any other exception.
+        In place of any exception that the function raises.
     """
     try:
         return function(*arguments)
@@ -85,6 +85,7 @@ def leave(status: int) -> NoReturn:
 
 
 def _short(text: str) -> str:
+    """Return a text in one line of bounded length."""
     line = " ".join(text.split())
     return line if len(line) <= _LONGEST else line[:_LONGEST] + "..."
 
@@ -147,6 +148,7 @@ class BackendSignals:
                 raise BackendError(
                     f"limits of {name} are no limits: {limit.min} to {limit.max}, {limit.rate}/s"
                 )
+        # a backend of somebody else may have a class of limits of its own
         plain = {name: Limit(one.min, one.max, one.rate) for name, one in limits.items()}
         return cls(inputs, outputs, plain)
 
@@ -164,9 +166,10 @@ class BackendSignals:
         """
         limits = {name: (limit.min, limit.max, limit.rate) for name, limit in self.limits.items()}
         text = json.dumps([self.inputs, self.outputs, limits, self.notes]).encode()
-        if len(text) > 16384:
+        if len(text) > LONGEST_DESCRIPTION:
             raise BackendError(
-                "names and units of the backend's signals are longer than 16384 bytes"
+                "names and units of the backend's signals are longer than"
+                f" {LONGEST_DESCRIPTION} bytes"
             )
         return Description(text)
 
@@ -179,6 +182,7 @@ class BackendSignals:
 
 
 def _are_limits(limit: Limit) -> bool:
+    """Return whether the attributes of a limit are numbers, none of them NaN, in their order."""
     try:
         return limit.min <= limit.max and limit.rate >= 0  # false with a NaN
     except TypeError:  # None, say, where infinity stands for no limit
@@ -186,7 +190,7 @@ def _are_limits(limit: Limit) -> bool:
 
 
 def measure(backend: Backend, signals: BackendSignals) -> dict[str, float]:
-    """Take a reading of a backend.
+    """Read every output of a backend.
 
     Parameters
     ----------
@@ -228,7 +232,7 @@ def read_back(backend: Backend, signals: BackendSignals) -> list[float]:
     Raises
     ------
     BackendError
-        If it raises, or says no number.
+        If it raises, or reports something that is no number.
     """
     values = call("read_back()", backend.read_back)
     try:

@@ -73,7 +73,7 @@ def main(settings: ServerSettings, memory: Any) -> None:
     leave(0)
 
 
-def look(watchdog: float) -> float:
+def longest_sleep(watchdog: float) -> float:
     """Return the longest time that the device may sleep at once.
 
     The guard takes one that is silent for too long to hang.
@@ -114,7 +114,7 @@ class Device:
         self._applied: tuple[float, ...] = ()
         self._number = 0
         self._looked = 0.0
-        self._look = look(settings.watchdog)
+        self._look = longest_sleep(settings.watchdog)
 
     def end(self, *_: object) -> None:
         """End the loop, with the rig in its safe state."""
@@ -139,6 +139,7 @@ class Device:
         self._beat(ENDED, monotonic())
 
     def _open(self, notes: Sequence[str]) -> None:
+        """Open the backend, bring the rig to its safe state, and publish the first sample."""
         settings = self._settings
         begun = monotonic()
         self._backend = self._call("opening", open_backend, settings.backend, settings.options)
@@ -193,18 +194,18 @@ class Device:
     def _command(self) -> Command:
         """Return the newest command, or the order to end."""
         now = monotonic()
-        # a look takes some 20 microseconds, which a thousand periods a second cannot spare
+        # looking takes some 20 microseconds, which a thousand periods a second cannot spare
         if now - self._looked > _LOOK:
             self._looked = now
-            self._look_for_others(now)
+            self._watch_others(now)
         if self._ending:
             return _END
         command = self._shared.command.read() or _END
         self._seen = command.number
         return command
 
-    def _look_for_others(self, now: float) -> None:
-        """Take note of an end, of a silent front or guard, and of a suspend of the computer."""
+    def _watch_others(self, now: float) -> None:
+        """Look for an end of the guard, a silent front or guard, and a suspend of the computer."""
         parent = parent_process()
         watch = self._shared.watch.read()
         front = self._shared.front.read()
@@ -240,13 +241,14 @@ class Device:
         reason = self._monitor.check(measured, now)
         if reason and self._acknowledgements_at_trip is None:
             self._trip(command.acknowledged, reason)
-        there = read_back(self._backend, self._signals)
-        alarms = self._stuck.check(self._applied, there, measured)
+        reported = read_back(self._backend, self._signals)
+        alarms = self._stuck.check(self._applied, reported, measured)
         if alarms:
             self._shared.alarm.write(Alarm(now, write_text("; ".join(alarms))))
-        self._publish(measured, there, now)
+        self._publish(measured, reported, now)
 
     def _write(self, values: tuple[float, ...]) -> None:
+        """Write commands (inputs,), SI, as far as the limits of their rates allow."""
         self._safe = 0.0
         applied = self._slew.towards(values, monotonic())
         commands = dict(zip(self._signals.inputs, applied, strict=True))
@@ -254,7 +256,7 @@ class Device:
         self._applied = applied
 
     def _rest(self) -> None:
-        """Bring the rig to its safe state, unless it is there."""
+        """Bring the rig to its safe state, unless it is there already."""
         if not self._safe:
             self._call("safe()", self._backend.safe)
             self._safe = monotonic()
@@ -282,21 +284,24 @@ class Device:
         self._report(reason, reached=bool(self._safe), ended=True)
 
     def _report(self, reason: str, *, reached: bool, ended: bool) -> None:
+        """Publish why the rig goes to its safe state, and whether it got there."""
         self._shared.trip.write(Trip(monotonic(), reached, ended, write_text(reason)))
 
-    def _publish(self, measured: dict[str, float], there: list[float], now: float) -> None:
+    def _publish(self, measured: dict[str, float], reported: list[float], now: float) -> None:
         for k, value in enumerate(measured.values()):
             if isfinite(value):
                 self._values[k] = value
                 self._taken[k] = now
         self._number += 1
-        packed = map(pack, (self._applied, there, self._values, self._taken))
+        packed = map(pack, (self._applied, reported, self._values, self._taken))
         self._shared.sample.write(Sample(self._number, now, self._deadlines.missed, *packed))
 
     def _call(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Call the backend after a sign of life that names the call."""
         self._beat(name, monotonic())
         return call(name, function, *arguments)
 
-    def _beat(self, where: str, now: float) -> None:
-        about = (self._opened, self._safe, where.encode(), self._seen)
-        self._shared.beat.write(Beat(now, os.getpid(), *about))
+    def _beat(self, action: str, now: float) -> None:
+        """Show a sign of life with the next action."""
+        state = (self._opened, self._safe, action.encode(), self._seen)
+        self._shared.beat.write(Beat(now, os.getpid(), *state))

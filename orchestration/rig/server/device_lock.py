@@ -34,7 +34,7 @@ def locked(devices: Sequence[str]) -> Iterator[None]:
     Raises
     ------
     UserError
-        If another process has one of them; the text says which.
+        If another process has locked one of them, which the text names.
     """
     with ExitStack() as stack:
         for device in sorted(set(devices)):
@@ -44,6 +44,7 @@ def locked(devices: Sequence[str]) -> Iterator[None]:
 
 @contextmanager
 def _locked(device: str) -> Iterator[None]:
+    """Lock one device while the context lasts."""
     path = _folder() / f"ppy-rig-{digest(device)}.lock"
     owner = path.with_suffix(".owner")  # Windows lets nobody read a file that is locked
     lock = FileLock(path, timeout=0, mode=0o666)
@@ -51,7 +52,8 @@ def _locked(device: str) -> Iterator[None]:
         lock.acquire()
     except Timeout as error:
         raise UserError(
-            f"{device} is served already, by {_text(owner) or 'another process'}; end that first"
+            f"{device} is served already, by {_read_owner(owner) or 'another process'}; end that"
+            " first"
         ) from error
     except OSError as error:
         raise UserError(
@@ -60,7 +62,7 @@ def _locked(device: str) -> Iterator[None]:
         ) from error
     try:
         with suppress(OSError):  # for that message alone
-            owner.write_text(_owner(), encoding="utf-8")
+            owner.write_text(_describe_owner(), encoding="utf-8")
         yield
     finally:
         with suppress(OSError):
@@ -75,11 +77,13 @@ def _folder() -> Path:
     return _LOCKS if os.access(_LOCKS, os.W_OK) else Path("/tmp")
 
 
-def _owner() -> str:
+def _describe_owner() -> str:
+    """Return this process and the present time in words."""
     return f"process {os.getpid()} since {datetime.now().isoformat(' ', 'seconds')}"
 
 
-def _text(path: Path) -> str:
+def _read_owner(path: Path) -> str:
+    """Return the contents of a file; empty if it cannot be read."""
     try:
         return path.read_text(encoding="utf-8")
     except OSError:

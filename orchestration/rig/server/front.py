@@ -17,7 +17,7 @@ from fmus.rig_proxy import OPERATOR, REQUESTS, TELEMETRY, ProtocolError, decode
 from orchestration.rig.access import Peer, received
 from orchestration.rig.backends import device_names
 from orchestration.rig.server.device_lock import locked
-from orchestration.rig.server.latch_file import LatchKeeper, latch_keeper
+from orchestration.rig.server.latch_file import LatchKeeper, make_latch_keeper
 from orchestration.rig.server.lockstep import LockstepRig
 from orchestration.rig.server.log import EventLog
 from orchestration.rig.server.real_time import RealTimeRig
@@ -79,11 +79,10 @@ def serve(settings: ServerSettings) -> int:
             locked(devices),
             opened(settings, log.tell) as sockets,
         ):
-            keeper = latch_keeper(devices, settings.state, log.tell)
+            keeper = make_latch_keeper(devices, settings.state, log.tell)
             rig = _opened_rig(settings, keeper)
-            trouble = "the server failed"
             try:
-                log.tell(_ready(settings, sockets, rig))
+                log.tell(_describe_rig(settings, sockets, rig))
                 for note in rig.signals.notes:
                     log.tell(note)
                 handler = RequestHandler(rig, settings.period, log, keeper)
@@ -101,11 +100,11 @@ def serve(settings: ServerSettings) -> int:
 
 
 def _opened_rig(settings: ServerSettings, keeper: LatchKeeper) -> Rig:
-    """Open the rig; one that cannot be opened was not touched by this server."""
+    """Open the rig, in lockstep or in real time."""
     try:
         return LockstepRig(settings) if settings.lockstep else RealTimeRig(settings)
     except UserError:
-        keeper.end()
+        keeper.end()  # this server has not touched the rig, so that the next one need not latch it
         raise
 
 
@@ -166,16 +165,16 @@ class EventLoop:
         operators = self._sockets.operators
         for request in self._received(operators, _OF_OPERATORS):
             self._answer(operators, request)
-        held: ReceivedMessage | None = None
+        newest: ReceivedMessage | None = None
         for request in self._received(self._sockets.requests, _OF_CLIENTS):
             if request.message["type"] != "exchange":
                 self._answer(self._sockets.requests, request)
-            elif held is None:
-                held = request
+            elif newest is None:
+                newest = request
             else:
-                held = self._newer_exchange(held, request)
-        if held is not None:
-            self._answer(self._sockets.requests, held)
+                newest = self._newer_exchange(newest, request)
+        if newest is not None:
+            self._answer(self._sockets.requests, newest)
 
     def _received(
         self, socket: zmq.Socket[bytes], known: dict[str, dict[str, Any]]
@@ -208,6 +207,7 @@ class EventLoop:
     def _decoded(
         self, peer: Peer, frames: list[bytes], known: dict[str, dict[str, Any]]
     ) -> dict[str, Any] | None:
+        """Return the message in frames; None, counted and logged, if it cannot be answered."""
         if not peer.has_name:
             self._handler.counts["turned away"] += 1
             self._log.tell(f"dropped a message of a peer without a name at {peer}", "no name")
@@ -224,6 +224,7 @@ class EventLoop:
         return message
 
     def _answer(self, socket: zmq.Socket[bytes], request: ReceivedMessage) -> None:
+        """Carry out a message, and send its reply if there is one and the peer takes it."""
         reply = self._handler.answer(*request)
         if reply is not None:
             try:
@@ -232,6 +233,7 @@ class EventLoop:
                 self._log.tell(f"no answer to {request.peer}: {error}", "could not answer")
 
     def _publish(self, now: float) -> None:
+        """Publish a new sample if the last was a while ago; after a silence the same one again."""
         if now - self._published < _TELEMETRY:
             return
         number = self._handler.sample_number()
@@ -266,7 +268,7 @@ class EventLoop:
 
 @contextmanager
 def received_signals() -> Iterator[ReceivedSignals]:
-    r"""Take note of signals while the context lasts.
+    r"""Record signals while the context lasts.
 
     Ctrl-C, SIGQUIT, SIGTERM and a closed terminal end the server; SIGUSR1 stops the rig. Ctrl-Z
     pauses the server: device and guard hear nothing of it then, and bring the rig to its safe
@@ -286,13 +288,13 @@ def received_signals() -> Iterator[ReceivedSignals]:
 
     handlers = dict.fromkeys(("SIGINT", "SIGTERM", "SIGBREAK", "SIGHUP", "SIGQUIT"), end)
     handlers["SIGUSR1"] = stop
-    there = {}  # on this platform
+    available = {}  # on this platform
     for name, handler in handlers.items():
         if hasattr(signal, name):
-            there[getattr(signal, name)] = handler
+            available[getattr(signal, name)] = handler
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:  # nohup
-        del there[signal.SIGHUP]
-    before = {number: signal.signal(number, handler) for number, handler in there.items()}
+        del available[signal.SIGHUP]
+    before = {number: signal.signal(number, handler) for number, handler in available.items()}
     try:
         yield signals
     finally:
@@ -300,7 +302,7 @@ def received_signals() -> Iterator[ReceivedSignals]:
             signal.signal(number, previous)
 
 
-def _ready(settings: ServerSettings, sockets: Sockets, rig: Rig) -> str:
+def _describe_rig(settings: ServerSettings, sockets: Sockets, rig: Rig) -> str:
     """Return a line with the rig that is served, its addresses and its limits."""
     signals = rig.signals
     pace = "lockstep, no watchdog"
@@ -311,7 +313,7 @@ def _ready(settings: ServerSettings, sockets: Sockets, rig: Rig) -> str:
         )
 
     def listed(units: dict[str, str]) -> str:
-        items = [f"{name} [{unit}]{_limits(rig, name)}" for name, unit in units.items()]
+        items = [f"{name} [{unit}]{_describe_limits(rig, name)}" for name, unit in units.items()]
         return ", ".join(items) or "nothing"
 
     telemetry = sockets.endpoint(TELEMETRY)
@@ -323,7 +325,8 @@ def _ready(settings: ServerSettings, sockets: Sockets, rig: Rig) -> str:
     )
 
 
-def _limits(rig: Rig, name: str) -> str:
+def _describe_limits(rig: Rig, name: str) -> str:
+    """Return the limits of a signal in words; empty if it has none."""
     limit = rig.signals.limits.get(name)
     if limit is None:
         return ""

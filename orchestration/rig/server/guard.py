@@ -143,7 +143,7 @@ class Guard:
         standby = Standby(self._settings, self._shared)
         parent = parent_process()
         while not self._ending:
-            fault = standby.look()
+            fault = standby.check()
             if standby.is_idle() and self._is_to_end(parent):
                 break
             if fault:
@@ -152,12 +152,12 @@ class Guard:
         return ""
 
     def run(self, rescue: str) -> bool:
-        """Watch until the front, a signal or the end of the front ends it.
+        """Watch the device until the front or a signal orders the end, or the front has ended.
 
         Parameters
         ----------
         rescue : str
-            As for :func:`main`.
+            Why the rig has to be brought to its safe state at once; empty to start a device.
 
         Returns
         -------
@@ -171,12 +171,12 @@ class Guard:
             self._start()
         parent = parent_process()
         while not self._is_to_end(parent):
-            self._look()
+            self._check_device()
             watched = [process for process in (parent, self._device) if process is not None]
             wait([process.sentinel for process in watched], self._tick)
         self._end()
         if self._reached:
-            self._tell(RETIRED, ending=True)
+            self._show_life(RETIRED, ending=True)
         return self._reached
 
     def _command(self) -> Command:
@@ -190,16 +190,17 @@ class Guard:
         )
 
     def _start(self) -> None:
+        """Start a device process, with a sign of life before and after, for it takes its time."""
         self._device = self._context.Process(
             target=device.main, args=(self._settings, self._memory), name="device"
         )
         self._started = monotonic()
-        self._tell(OPENING)
+        self._show_life(OPENING)
         with undisturbed():
             self._device.start()
-        self._tell(OPENING)
+        self._show_life(OPENING)
 
-    def _look(self) -> None:
+    def _check_device(self) -> None:
         """Check the device once, and take its place if it has failed."""
         # before all else: an acknowledgement refers to the shared memory as it was before
         command = self._command()
@@ -211,14 +212,14 @@ class Guard:
                 self._acknowledged = command.acknowledged
                 self._start()
             else:
-                self._tell(GONE)
+                self._show_life(GONE)
             return
         if not self._is_final(trip):  # else an acknowledgement asks for another device
             self._acknowledged = command.acknowledged
         if not self._device.is_alive():
-            self._look_at_ended_device()
+            self._check_ended_device()
         elif beat is None or beat.process != self._device.pid or not beat.opened:
-            self._tell(OPENING)
+            self._show_life(OPENING)
             if now - self._started > LONGEST_OPENING:
                 self._take_over(f"the device has not opened in {LONGEST_OPENING:g} s")
         else:
@@ -226,13 +227,13 @@ class Guard:
             if fault:
                 self._take_over(fault)
             else:
-                self._tell(SERVING)
+                self._show_life(SERVING)
 
     def _is_final(self, trip: Trip | None) -> bool:
         """Return True if a report is the last one of this device."""
         return trip is not None and trip.ended and trip.time > self._started
 
-    def _look_at_ended_device(self) -> None:
+    def _check_ended_device(self) -> None:
         """Take the place of a device that has ended, unless the rig is in its safe state."""
         trip = self._shared.trip.read()
         if trip is None or not self._is_final(trip):
@@ -242,20 +243,20 @@ class Guard:
             self._take_over(read_text(trip.reason))
         else:
             self._device = None
-            self._tell(GONE)
+            self._show_life(GONE)
 
     def _take_over(self, reason: str) -> None:
         """Kill the device and bring the rig to its safe state in its place."""
         begun = monotonic()
         self._reached = False
-        self._tell(RESCUING)
+        self._show_life(RESCUING)
         self._report(f"{reason}; the guard brings it to the safe state", begun)
         if self._device.is_alive():
             self._device.kill()
             # a call inside the kernel may hold it for longer; that must not hold the guard
             self._device.join(LONGEST_DYING)
         self._device = None
-        self._reach(reason, begun)
+        self._reach_safe_state(reason, begun)
 
     def _rescue_after_another(self, reason: str) -> None:
         """Take the place of a guard that died, and of its device, which goes safe if it still can.
@@ -264,7 +265,7 @@ class Guard:
         """
         begun = monotonic()
         self._reached = False
-        self._tell(RESCUING)
+        self._show_life(RESCUING)
         beat = self._shared.beat.read()
         if beat is not None:
             device = OtherProcess(beat.process)
@@ -272,15 +273,15 @@ class Guard:
             if not self._has_ended():
                 device.kill()
                 device.join(LONGEST_DYING)
-        self._reach(reason, begun)
+        self._reach_safe_state(reason, begun)
 
-    def _reach(self, reason: str, begun: float) -> None:
-        """Try for the safe state, a bounded number of times."""
+    def _reach_safe_state(self, reason: str, begun: float) -> None:
+        """Try to bring the rig to its safe state, a bounded number of times."""
         for attempt in range(1, ATTEMPTS + 1):
-            self._tell(RESCUING)
+            self._show_life(RESCUING)
             try:
                 with deadline(LONGEST_ATTEMPT):
-                    self._attempt(reason, begun)
+                    self._try_safe_state(reason, begun)
             except BackendError as error:
                 if not self._reached:
                     text = (
@@ -291,9 +292,10 @@ class Guard:
                     sleep(_PAUSE)
             if self._reached:
                 break
-        self._tell(GONE)
+        self._show_life(GONE)
 
-    def _attempt(self, reason: str, begun: float) -> None:
+    def _try_safe_state(self, reason: str, begun: float) -> None:
+        """Open the backend, bring it to its safe state, report that, and close it."""
         backend = call("opening", open_backend, self._settings.backend, self._settings.options)
         call("safe()", backend.safe)
         self._reached = True
@@ -307,14 +309,14 @@ class Guard:
 
     def _end(self) -> None:
         """Wait for the device to end; take its place if it fails to end in the safe state."""
-        self._tell(GONE, ending=True)
+        self._show_life(GONE, ending=True)
         if self._device is None:
             return
         fault = ""
         until = monotonic() + self._settings.watchdog + self._settings.period + 1.0
         while self._device.is_alive() and monotonic() < until and not fault:
             self._device.join(self._tick)
-            self._tell(GONE, ending=True)
+            self._show_life(GONE, ending=True)
             fault = self._fault_at_the_end()
         if fault or self._device.is_alive():
             self._take_over(fault or "the device does not end")
@@ -322,12 +324,14 @@ class Guard:
             self._take_over("the device has ended")
 
     def _fault_at_the_end(self) -> str:
+        """Return the fault of a device that has not reported its end yet; empty if it has none."""
         beat = self._shared.beat.read()
         if beat is None or not beat.opened or self._has_ended():
             return ""
         return fault_of(beat, self._command(), monotonic(), self._settings)
 
     def _was_open(self) -> bool:
+        """Return True if the device has read its backend at least once."""
         beat = self._shared.beat.read()
         return beat is not None and beat.opened
 
@@ -337,8 +341,10 @@ class Guard:
         return beat is not None and read_text(beat.call) == device.ENDED and beat.safe > 0.0
 
     def _report(self, text: str, now: float) -> None:
+        """Publish a report on the rescue."""
         self._shared.rescue.write(Trip(now, self._reached, True, write_text(text)))
 
-    def _tell(self, at: int, *, ending: bool = False) -> None:
+    def _show_life(self, at: int, *, ending: bool = False) -> None:
+        """Show a sign of life with the present action."""
         watch = Watch(monotonic(), os.getpid(), at, self._acknowledged, ending)
         self._shared.watch.write(watch)

@@ -33,18 +33,18 @@ class Latch:
     rig : Rig
     log : EventLog
     keeper : LatchKeeper
-        Keeps it over a restart of the server.
+        Stores the latch, so that it stays closed when the server is started again.
 
     Attributes
     ----------
     name : str
-        Of the present latch; empty while it is open.
+        Name of the present latch; empty while it is open.
     reason : str
-        Why it is closed, or the condition for opening it.
+        Reason for which it is closed, or the condition that it waits for to open.
     state : str
         ``stopping``, ``safe`` or ``not reached`` while it is closed.
     reached : float or None
-        How long the safe state took from when the latch was closed, s.
+        Time in s from closing the latch to the safe state; None until that is confirmed.
     alarm : str
         Message for the operator until it is acknowledged.
     """
@@ -54,25 +54,26 @@ class Latch:
         self._log = log
         self._keeper = keeper
         self._open()
-        held = keeper.held
-        if held is not None:
-            self._close(held)
+        stored = keeper.held
+        if stored is not None:
+            self._close(stored)
             self._log.tell(
-                f"LATCHED since {held.since}, before this start: {held.reason}; ppy rig acknowledge"
-                " releases it"
+                f"LATCHED since {stored.since}, before this start: {stored.reason}; ppy rig"
+                " acknowledge releases it"
             )
             self._confirm()
 
     def _open(self) -> None:
+        """Set all attributes to those of an open latch, without an alarm."""
         self.name = ""
         self.reason = ""
         self.alarm = ""
         self.state = SAFE
         self.reached: float | None = None
         self._since = ""  # wall time
-        self._cause = ""  # that it was closed for
-        self._closed = 0.0  # when, s of the rig's clock
-        self._lacking = 0.0  # since when there has been no confirmation, s that never jump
+        self._cause = ""  # for which it was closed
+        self._closed = 0.0  # time of the rig's clock when it was closed, s
+        self._lacking = 0.0  # monotonic time since when there has been no confirmation, s
         self._is_opening = False
 
     @property
@@ -91,7 +92,7 @@ class Latch:
         detail : str
             For the log.
         kind : str
-            Of the line in the log, where the latch is closed already: of a kind there may be many.
+            Kind of the line in the log (see `EventLog.tell`), used if the latch is closed already.
         """
         self._rig.go_safe()
         reason = " ".join(reason.split())[:_LONGEST_REASON]
@@ -103,6 +104,7 @@ class Latch:
         self._confirm()
 
     def _close(self, record: LatchRecord) -> None:
+        """Set the attributes to those of a closed latch."""
         if not self.is_closed:  # else the known state of the rig stays true
             self.state = STOPPING
             self.reached = None
@@ -115,6 +117,7 @@ class Latch:
         self._is_opening = False
 
     def _keep(self) -> None:
+        """Have the latch stored as it is."""
         record = LatchRecord(self.name, self._cause, self.alarm, self._since)
         self._keeper.keep(record if self.is_closed else None)
 
@@ -170,6 +173,7 @@ class Latch:
             self._log.tell("ready again")
 
     def _confirm(self) -> None:
+        """Update the state by whether the rig is confirmed to be safe; alarm if that is late."""
         now = monotonic()
         since = self._rig.safe_since()
         if since is not None:
@@ -192,7 +196,7 @@ class Latch:
             self._keep()
 
     def sentence(self) -> str:
-        """Return how the rig is, and why, in a sentence."""
+        """Return a sentence on the state of the rig and its reason."""
         return f"{_SENTENCES[self.state]} since {self._since}: {self.reason}"[:_LONGEST_REASON]
 
     def fields(self) -> dict[str, Any]:

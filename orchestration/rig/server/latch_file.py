@@ -25,7 +25,7 @@ _LONGEST_END = 2.0  # s that the disk gets for the last write at the end of a se
 
 
 class LatchRecord(NamedTuple):
-    """A latch as it is kept.
+    """A closed latch as it is stored.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class LatchRecord(NamedTuple):
 
 
 class LatchKeeper:
-    """Keeper of a latch that is not kept: for a rig without a device.
+    """Keeper that stores nothing, for a rig without a device.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class LatchKeeper:
     held: LatchRecord | None = None
 
     def keep(self, record: LatchRecord | None) -> None:
-        """Keep a latch, or that it is open."""
+        """Store a closed latch; None for an open one."""
 
     def end(self) -> None:
         """Note that the server ended in order, with the latch as it is."""
@@ -97,7 +97,7 @@ class LatchFiles(LatchKeeper):
         self._writer.start()
 
     def keep(self, record: LatchRecord | None) -> None:
-        """Keep a latch, or that it is open."""
+        """Have the thread store a closed latch, or None for an open one, in place of an older."""
         self._kept = record
         while True:
             try:
@@ -107,12 +107,14 @@ class LatchFiles(LatchKeeper):
                 self._forget_newest()
 
     def _forget_newest(self) -> None:
+        """Remove the record that the thread has not taken yet, if there still is one."""
         try:
             self._newest.get_nowait()
         except Empty:
             return
 
     def _write_newest(self) -> None:
+        """Write every record that is newest when the one before has been written, until the end."""
         while True:
             record = self._newest.get()
             if self._ending:
@@ -139,19 +141,21 @@ class LatchFiles(LatchKeeper):
     def end(self) -> None:
         """Note that the server ended in order, with the latch as it is."""
         self._ending = True
-        self.keep(self._kept)
+        self.keep(self._kept)  # wakes the thread, which ends without writing it
         self._writer.join(_LONGEST_END)
         if not self._writer.is_alive():
             self._try_to_write(self._kept, serving=False)
 
 
 def _read(path: Path) -> LatchRecord | None:
-    """Return the latch that a file holds.
+    """Return the closed latch in a file; None if it is open.
+
+    A damaged file, or one of a server that did not end in order, is a new latch.
 
     Raises
     ------
     UserError
-        If it cannot be read.
+        If the file cannot be read.
     """
     now = datetime.now().isoformat(" ", "seconds")
     try:
@@ -171,17 +175,18 @@ def _read(path: Path) -> LatchRecord | None:
     return record
 
 
-def latch_keeper(
+def make_latch_keeper(
     devices: Sequence[str], folder: Path | None, tell: Callable[[str], None]
 ) -> LatchKeeper:
-    """Return the keeper of the latch of devices, and note that a server has them from now on.
+    """Make the keeper of the latch of devices, in whose files a server has them from now on.
 
     Parameters
     ----------
     devices : sequence of str
-        None for a rig that is not real: then nothing is kept.
+        Empty for a rig that is not real, whose latch is not stored.
     folder : Path or None
-        Made if it is not there; None is the user's folder for the state of programs.
+        Folder of the files, made if it does not exist; None is the user's folder for the state of
+        programs.
     tell : callable
         Called with a line if the disk fails later.
 

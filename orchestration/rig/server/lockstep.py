@@ -47,6 +47,7 @@ class LockstepRig:
             raise cannot_open(settings, str(error)) from error
 
     def _open(self) -> None:
+        """Open the backend, bring it to its safe state, and read it."""
         self._backend: Backend = call(
             "opening", open_backend, self._settings.backend, self._settings.options
         )
@@ -87,6 +88,7 @@ class LockstepRig:
         self._guarded(lambda: self._advance(step))
 
     def _advance(self, step: float) -> None:
+        """Step the backend, read it, and note a value beyond its limits."""
         assert isinstance(self._backend, Steppable)
         if step > 0:
             call("advance()", self._backend.advance, step)
@@ -97,6 +99,7 @@ class LockstepRig:
             self._troubles.append(reason)
 
     def _read(self) -> None:
+        """Read the backend; an output without a finite value keeps its last one, and its time."""
         self._measured = measure(self._backend, self.signals)
         for k, value in enumerate(self._measured.values()):
             if isfinite(value):
@@ -126,7 +129,7 @@ class LockstepRig:
         self._resting = self._clock
 
     def _guarded(self, work: Callable[[], None]) -> None:
-        """Do something with the backend, and go safe if it raises."""
+        """Call a function that uses the backend; go safe if that raises."""
         if self._failed:
             return
         try:

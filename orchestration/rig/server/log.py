@@ -63,7 +63,8 @@ class EventLog:
         ----------
         text : str
         kind : str
-            Of one kind at most one line a second is written, with the number of those left out.
+            At most one line a second of a kind is written, with the number of those left out; a
+            line without a kind is always written.
         """
         now = self._clock()
         if kind:
@@ -114,6 +115,7 @@ class _Destination:
                 self._stream.close()
 
     def _next(self) -> str | None:
+        """Wait for the next line; return None at the end."""
         while True:
             try:
                 return self._lines.get(timeout=_PAUSE)
@@ -122,6 +124,7 @@ class _Destination:
                     return None
 
     def _write(self) -> None:
+        """Write lines until the end, or until the stream fails."""
         try:
             while (line := self._next()) is not None:
                 self._stream.write(line)

@@ -14,8 +14,8 @@ from time import monotonic, sleep
 
 import psutil
 
-# by which nothing but the front is meant
-_NOT_MEANT = (
+# signals that concern the front alone
+_FOR_FRONT_ALONE = (
     "SIGINT",
     "SIGQUIT",
     "SIGHUP",
@@ -31,7 +31,7 @@ _LOOK = 0.001  # s between two looks whether a process has ended
 
 def detach() -> None:
     """Leave the terminal: a session of its own, in which signals for the front are ignored."""
-    numbers = _there()
+    numbers = _available_signals()
     for number in numbers:
         signal.signal(number, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
@@ -51,27 +51,27 @@ def undisturbed() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _there())
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _available_signals())
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _there() -> list[signal.Signals]:
-    """Return those of the signals that this platform has."""
-    return [getattr(signal, name) for name in _NOT_MEANT if hasattr(signal, name)]
+def _available_signals() -> list[signal.Signals]:
+    """Return the signals for the front alone that this platform has."""
+    return [getattr(signal, name) for name in _FOR_FRONT_ALONE if hasattr(signal, name)]
 
 
 class OtherProcess:
     """A process of the server that another process started.
 
-    No other process that has its number later is taken for it.
+    A later process with the same number is not taken for it.
 
     Parameters
     ----------
     number : int
-        Of the process.
+        Number of the process.
     """
 
     def __init__(self, number: int) -> None:
@@ -98,7 +98,7 @@ class OtherProcess:
                 self._process.kill()
 
     def join(self, timeout: float) -> None:
-        """Wait until the process has ended, s at most."""
+        """Wait until the process has ended, at most `timeout` in s."""
         until = monotonic() + timeout
         while self.is_alive() and monotonic() < until:
             sleep(_LOOK)

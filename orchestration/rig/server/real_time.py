@@ -37,9 +37,9 @@ from orchestration.rig.server.standby import LONGEST_ATTEMPT, longest_silence
 
 _LOOK = 0.01  # s
 _GUARDS = 3  # that may fail before the front gives up starting others
-# times that a process may wake late: half of the watchdog time is there for it, and half of that
-# for worse than was seen
-_ROOM = 4.0
+# the watchdog time has to be as many times the latest wake-up of a process: half of it is there for
+# late wake-ups, which may become twice as late as those seen so far
+_WAKE_UPS = 4.0
 _LONGEST_START = 5.0  # s that a process may take to show its first sign of life
 _SPARE = 2.0  # s, beyond the time that guard and device may take to end
 
@@ -86,6 +86,7 @@ class RealTimeRig:
     clock = staticmethod(monotonic)
 
     def _start_guard(self, rescue: str, *, stands_by: bool = False) -> None:
+        """Start a guard process, with the arguments of `guard.main`."""
         arguments = (self._settings, self._memory, rescue, stands_by)
         name = "standby" if stands_by else "guard"
         process = get_context("spawn").Process(target=guard.main, args=arguments, name=name)
@@ -95,6 +96,13 @@ class RealTimeRig:
         self._changed = monotonic()
 
     def _wait_until_open(self) -> BackendSignals:
+        """Return the signals as soon as the device serves and a guard stands by.
+
+        Raises
+        ------
+        UserError
+            If the backend cannot be opened, or not in time.
+        """
         until = monotonic() + guard.LONGEST_OPENING + _SPARE
         latest = 0.0  # of all wake-ups, s
         while monotonic() < until and any(one.is_alive() for one in self._guards.values()):
@@ -123,7 +131,7 @@ class RealTimeRig:
 
         They sleep for a quarter of it at most, and are held to hang after three quarters.
         """
-        least = _ROOM * latest
+        least = _WAKE_UPS * latest
         if self.watchdog >= least:
             return []
         return [
@@ -181,6 +189,7 @@ class RealTimeRig:
             self._start_guard("")
 
     def _order(self, command: Command) -> None:
+        """Publish a command with the next number."""
         number = self._command.number + 1
         if command.order == REST:
             self._rests = number
@@ -200,22 +209,24 @@ class RealTimeRig:
 
     def troubles(self) -> list[str]:
         """Return why the rig went safe by itself since the last call, or failed to."""
-        reasons = self._news("device", self._shared.trip) + self._news("guard", self._shared.rescue)
-        return reasons + self._look_after_guards()
+        reasons = self._new_reason("device", self._shared.trip) + self._new_reason(
+            "guard", self._shared.rescue
+        )
+        return reasons + self._supervise_guards()
 
     def alarms(self) -> list[str]:
         """Return facts for the operator since the last call; the rig goes on."""
-        return self._news("alarm", self._shared.alarm)
+        return self._new_reason("alarm", self._shared.alarm)
 
-    def _news(self, who: str, slot: Slot[Trip] | Slot[Alarm]) -> list[str]:
-        """Return the text of a report that was not seen before."""
+    def _new_reason(self, who: str, slot: Slot[Trip] | Slot[Alarm]) -> list[str]:
+        """Return the reason in the newest report, in a list that is empty if it was seen before."""
         report = slot.read()
         if report is None or report.time == self._seen.get(who):
             return []
         self._seen[who] = report.time
         return [read_text(report.reason)]
 
-    def _look_after_guards(self) -> list[str]:
+    def _supervise_guards(self) -> list[str]:
         """Replace guards that have ended, and both if neither shows a sign of life.
 
         The one that stands by ends the other when that is silent; the front waits for it twice as
@@ -240,19 +251,17 @@ class RealTimeRig:
             return self._replace_guards(f"no guard shows a sign of life for {silent:.3g} s")
         was_silent = self._is_silent
         self._is_silent = silent > longest
-        if self._is_silent:
-            return (
-                []
-                if was_silent
-                else [f"the guard shows no sign of life for {silent:.3g} s; {BUSY}"]
-            )
-        self._keep_a_standby(watch)
+        if not self._is_silent:
+            self._keep_a_standby(watch)
+        elif not was_silent:
+            return [f"the guard shows no sign of life for {silent:.3g} s; {BUSY}"]
         return []
 
     def _silence(self, watch: Watch) -> tuple[float, float]:
-        """Return for how long the guard on duty has shown no sign of life, and may, s.
+        """Return how long the guard on duty has been silent, and how long it may be, in s.
 
-        One that has just been started, or that takes the place of another, has not shown any yet.
+        One that has just been started, or that takes the place of another, has shown no sign of
+        life yet.
         """
         now = monotonic()
         if watch.process in self._guards:
@@ -289,17 +298,18 @@ class RealTimeRig:
         taken = unpack(sample.taken, outputs)
         measured = zip(unpack(sample.values, outputs), taken, strict=True)
         values = tuple(value if time else None for value, time in measured)
-        there = tuple(None if isnan(v) else v for v in unpack(sample.read_back, inputs))
+        reported = tuple(None if isnan(v) else v for v in unpack(sample.read_back, inputs))
         applied: tuple[float | None, ...] = unpack(sample.applied, inputs)
         since = self.safe_since()
-        if since is not None and since > sample.clock:
+        if since is not None and since > sample.clock:  # a guard took the device's place
             applied = (0.0,) * inputs
-            there = (None,) * inputs
+            reported = (None,) * inputs
         elif since is None and not self._hears_device():
-            applied = there = (None,) * inputs
-        return RigState(sample.number, applied, there, values, taken, sample.missed)
+            applied = reported = (None,) * inputs
+        return RigState(sample.number, applied, reported, values, taken, sample.missed)
 
     def _hears_device(self) -> bool:
+        """Return True if the device has shown a sign of life recently."""
         beat = self._shared.beat.read()
         return beat is not None and monotonic() - beat.time <= self._settings.silence
 

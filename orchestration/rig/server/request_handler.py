@@ -17,7 +17,7 @@ from orchestration.rig.server.latch import Latch
 from orchestration.rig.server.latch_file import LatchKeeper
 from orchestration.rig.server.log import EventLog
 from orchestration.rig.server.rig import Rig
-from orchestration.rig.server.session import FIRST_COMMAND, Session, misfit, new_session
+from orchestration.rig.server.session import FIRST_COMMAND, Session, describe_misfit, new_session
 
 _LONGEST_STEP = 60.0  # s, in lockstep: the emulated rig takes it in one go
 _LONGEST_REASON = 1000  # characters: names in it may be a stranger's
@@ -38,15 +38,15 @@ class RequestHandler:
     ----------
     rig : Rig
     period : float
-        Of its samples, in s.
+        Time in s between two samples of the rig.
     log : EventLog
     keeper : LatchKeeper
-        Of the latch, over a restart.
+        Stores the latch, so that it stays closed when the server is started again.
 
     Attributes
     ----------
     counts : dict of str to int
-        How many messages were dropped or refused, and deadlines missed.
+        Numbers of messages that were dropped or refused, and of deadlines that were missed.
     """
 
     def __init__(self, rig: Rig, period: float, log: EventLog, keeper: LatchKeeper) -> None:
@@ -100,14 +100,14 @@ class RequestHandler:
             )
 
     def answer(self, peer: Peer, message: Mapping[str, Any]) -> bytes | None:
-        """Carry out a message, if its sender's key is for it.
+        """Carry out a message, if the role of its sender's key permits it.
 
         Parameters
         ----------
         peer : Peer
             The sender.
         message : Mapping
-            One that was checked.
+            A message that `check` has accepted.
 
         Returns
         -------
@@ -133,8 +133,9 @@ class RequestHandler:
         return True
 
     def _connect(self, peer: Peer, message: Mapping[str, Any]) -> bytes:
+        """Open a session, unless signals do not fit, or the rig is latched or serves another."""
         name = message["client"][:_LONGEST_NAME]
-        reason = misfit(message, self._rig.signals) or self._occupied(peer, message)
+        reason = describe_misfit(message, self._rig.signals) or self._occupied(peer, message)
         if self._latch.is_closed:
             reason = self._latch.sentence()
         if reason:
@@ -168,6 +169,7 @@ class RequestHandler:
         return f"the rig serves {other}{session.client[:_LONGEST_NAME]}; one client at a time"
 
     def _exchange(self, peer: Peer, message: Mapping[str, Any]) -> bytes | None:
+        """Take the commands of an exchange, and return a sample; None for a repeated exchange."""
         session = self._session
         if session is None or message["session"] != session.key:
             return encode(
@@ -219,7 +221,7 @@ class RequestHandler:
         return refused
 
     def _longest_rate_time(self, message: Mapping[str, Any]) -> float:
-        """Return the longest time that the rate of a command is measured over.
+        """Return the longest time in s over which the rate of a command is measured.
 
         However long the rig rested before, a change counts as one within this time.
         """
@@ -274,6 +276,7 @@ class RequestHandler:
             self._watch_rest()
 
     def _supervise(self) -> None:
+        """Close the latch for troubles of the rig, raise its alarms, and supervise the latch."""
         for reason in self._rig.troubles():
             self._close_latch(reason)
         for alarm in self._rig.alarms():
@@ -289,15 +292,17 @@ class RequestHandler:
             self._close_latch("the rig is not in its safe state, though nobody commands it")
 
     def _close_latch(self, reason: str, detail: str = "", kind: str = "") -> None:
+        """Close the latch, with the age of the last command in the log."""
         age = ""
         if self._session is not None and self._session.accepted is not None:
             age = f" (last fresh command {self._rig.clock() - self._session.accepted:.3f} s ago)"
         self._filter.reset()
         self._latch.close(reason, detail + age, kind)
 
-    def _end_session(self, how: str) -> None:
+    def _end_session(self, ending: str) -> None:
+        """End the session, if there is one, with words for the log; the rig goes to rest."""
         if self._session is not None:
-            self._log.tell(f"client {self._session.client[:_LONGEST_NAME]} {how}")
+            self._log.tell(f"client {self._session.client[:_LONGEST_NAME]} {ending}")
             self._session = None
         self._filter.reset()
         self._rig.go_safe()
@@ -307,6 +312,7 @@ class RequestHandler:
     # ----------------------------------------------------------------------------------------------
 
     def _constants(self) -> dict[str, Any]:
+        """Return the fields of a message that do not change; an infinite limit becomes None."""
         limits = {
             name: {key: bound if isfinite(bound) else None for key, bound in vars(limit).items()}
             for name, limit in self._rig.signals.limits.items()
@@ -319,6 +325,7 @@ class RequestHandler:
         }
 
     def _sample(self, session: Session) -> dict[str, Any]:
+        """Return the values that a client wants, and their ages."""
         state = self._rig.state()
         ages = state.ages(self._rig.clock())
         return {
@@ -331,7 +338,8 @@ class RequestHandler:
             return self._latch.state
         return IDLE if self._session is None else RUNNING
 
-    def _who(self) -> dict[str, Any]:
+    def _state_fields(self) -> dict[str, Any]:
+        """Return the fields of status and telemetry on the state, the client and the latch."""
         return {
             "state": self._state(),
             "clock": self._rig.clock(),
@@ -343,7 +351,9 @@ class RequestHandler:
         self.counts["missed"] = self._rig.state().missed
         signals = self._rig.signals
         named = {"inputs": signals.inputs, "outputs": signals.outputs}
-        return encode("status", **self._who(), **named, **self._constants(), counts=self.counts)
+        return encode(
+            "status", **self._state_fields(), **named, **self._constants(), counts=self.counts
+        )
 
     def sample_number(self) -> int:
         """Return the number of the newest sample."""
@@ -359,7 +369,7 @@ class RequestHandler:
         self._refused = []
         return encode(
             "telemetry",
-            **self._who(),
+            **self._state_fields(),
             inputs=dict(zip(signals.inputs, state.applied, strict=True)),
             read_back={
                 name: value

@@ -11,7 +11,7 @@ from fmus.kit.errors import suggestion
 from orchestration.rig.server.calls import BackendSignals
 
 FIRST_COMMAND = 10.0  # s that a client has for it; until then the rig rests
-_SILENCE = 2.0  # s, in lockstep, after which another client may replace one that says nothing
+_SILENCE = 2.0  # s, in lockstep, after which another client may replace one that sends nothing
 
 
 @dataclass
@@ -21,25 +21,25 @@ class Session:
     Attributes
     ----------
     client : str
-        Its name.
+        Name of the client.
     instance : str
-        Names the one FMU or program that connected: two may have the same name.
+        Identifier of the one FMU or program that connected: two may have the same name.
     peer : bytes
         ZeroMQ's name of its connection.
     commanded : list of int
-        For every input of the rig, its place among the client's values.
+        Index of every input of the rig among the client's values.
     wanted : list of int
-        For every output that the client wants, its place among the rig's.
+        Index of every output that the client wants among those of the rig.
     begun : float
-        When it was accepted, in s of the server's clock.
+        Time when the client was accepted, in s of the server's clock.
     key : str
-        Names the session in messages.
+        Identifier of the session in messages.
     sequence : int
-        Of the newest exchange.
+        Number of the newest exchange; 0 before the first.
     accepted : float or None
-        When the newest fresh command was, in s of the rig's clock.
+        Time of the newest fresh command, in s of the rig's clock.
     heard : float
-        When the client said something, in s of the server's clock.
+        Time of the client's newest message, in s of the server's clock.
     """
 
     client: str
@@ -69,19 +69,19 @@ class Session:
         return self.sequence == 0 and now - self.begun > FIRST_COMMAND
 
     def may_be_taken_up(self, message: Mapping[str, Any], peer: bytes) -> bool:
-        """Return True if a client that connects is the one that has the session.
+        """Return True if a client that connects may replace the session, which is its own.
 
-        Its client may have missed the answer, and may connect anew on the connection that it has.
+        It may have missed the answer, and may connect again on the same connection.
         """
         is_same = self.instance == message["instance"]
         return is_same and (self.sequence == 0 or self.peer == peer)
 
     def is_silent(self, now: float) -> bool:
-        """Return True if the client has said nothing for a while."""
+        """Return True if the client has sent nothing for a while."""
         return now - self.heard > _SILENCE
 
 
-def misfit(message: Mapping[str, Any], signals: BackendSignals) -> str:
+def describe_misfit(message: Mapping[str, Any], signals: BackendSignals) -> str:
     """Describe why a client's signals do not fit those of the rig.
 
     Parameters
@@ -110,7 +110,7 @@ def misfit(message: Mapping[str, Any], signals: BackendSignals) -> str:
 def new_session(
     message: Mapping[str, Any], signals: BackendSignals, peer: bytes, now: float
 ) -> Session:
-    """Make a session for a client that fits.
+    """Make a session for a client whose signals fit those of the rig.
 
     Parameters
     ----------

@@ -17,9 +17,10 @@ from zlib import crc32
 SIGNALS = 32  # of each kind, at most
 _NUMBERS = f"{8 * SIGNALS}s"
 _TEXT = 500  # bytes
-_DESCRIPTION = 16384  # bytes
+LONGEST_DESCRIPTION = 16384  # bytes
 _HEAD = struct.Struct("<QI")  # count, checksum of the count and the record
 _COUNT = struct.Struct("<Q")
+_ALIGNMENT = 64  # bytes, a cache line, of which no two slots have parts
 _ATTEMPTS = 100  # a writer would have to lap a reader as often
 
 # Orders of the front to the device.
@@ -135,7 +136,7 @@ _LAYOUTS: dict[type, str] = {
     Trip: f"<d??{_TEXT}s",
     Alarm: f"<d{_TEXT}s",
     Watch: "<dQBQ?",
-    Description: f"<{_DESCRIPTION}sd",
+    Description: f"<{LONGEST_DESCRIPTION}sd",
 }
 
 
@@ -145,11 +146,11 @@ class Slot(Generic[Record]):
     Parameters
     ----------
     memory : memoryview
-        Bytes.
+        Bytes of all slots.
     start : int
-        Where the slot begins.
+        Index of the first byte of this slot.
     kind : type
-        Of the record.
+        Type of the record.
     """
 
     def __init__(self, memory: memoryview, start: int, kind: type[Record]) -> None:
@@ -161,7 +162,7 @@ class Slot(Generic[Record]):
 
     @staticmethod
     def size(kind: type) -> int:
-        """Return how many bytes a slot for a kind of record takes."""
+        """Return the size in bytes of a slot for a type of record."""
         return 2 * (_HEAD.size + struct.calcsize(_LAYOUTS[kind]))
 
     def write(self, record: Record) -> None:
@@ -179,10 +180,10 @@ class Slot(Generic[Record]):
         self._halves[self._count % 2][:] = _HEAD.pack(self._count, checksum) + data
 
     def read(self) -> Record | None:
-        """Return the newest whole record.
+        """Return the newest record whose checksum is right.
 
-        A copy that is alone whole may be old: the writer may have finished the other one since, and
-        begun with this one. It counts if a second look finds it again.
+        If only one copy is right it may be outdated: after this copy was read, the writer may have
+        finished the other one. It counts if it is the only one, and the same, when read again.
 
         Returns
         -------
@@ -190,14 +191,14 @@ class Slot(Generic[Record]):
             None if nothing was written yet.
         """
         for _ in range(_ATTEMPTS):
-            whole = self._valid()
-            if len(whole) == 1:
-                seen = whole
-                whole = self._valid()
-                if len(whole) == 1 and whole != seen:
+            valid = self._valid()
+            if len(valid) == 1:
+                before = valid
+                valid = self._valid()
+                if len(valid) == 1 and valid != before:
                     continue
-            if whole:
-                _, data = max(whole)
+            if valid:
+                _, data = max(valid)
                 return self._kind(*self._layout.unpack(data))
             if self._is_blank():
                 return None
@@ -259,10 +260,11 @@ _KINDS = (Command, SignOfLife, Watch, Trip, SignOfLife, Beat, Sample, Trip, Alar
 
 
 def _starts() -> list[int]:
-    """Return where each slot starts, and where the last one ends."""
+    """Return the index of each slot's first byte, and the end of the last slot."""
     starts = [0]
     for kind in _KINDS:
-        starts.append(starts[-1] + (Slot.size(kind) + 63) // 64 * 64)
+        size = Slot.size(kind)
+        starts.append(starts[-1] + size + -size % _ALIGNMENT)
     return starts
 
 

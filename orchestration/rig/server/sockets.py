@@ -43,23 +43,24 @@ class Handshakes:
         self._monitor = socket.get_monitor_socket(_HANDSHAKES)
         self._accepted = 0
         self._succeeded = 0
-        self._finished = 0  # of those accepted, whose handshake is over by now
-        self._looked = monotonic()
+        self._settled = 0  # of those accepted, whose handshake is over at the next check
+        self._checked = monotonic()
         self._reported = 0
 
     def failed(self) -> int:
-        """Return how many have failed since the last call, as far as that is certain."""
+        """Return the number of failures since the last call, as far as they are certain."""
         while self._monitor.poll(0):
             event = parse_monitor_message(self._monitor.recv_multipart())["event"]
             self._accepted += event == zmq.EVENT_ACCEPTED
             self._succeeded += event == zmq.EVENT_HANDSHAKE_SUCCEEDED
         now = monotonic()
-        if now - self._looked <= 2 * HANDSHAKE / 1000:
+        # those that were accepted before the last check have succeeded or failed only by then
+        if now - self._checked <= 2 * HANDSHAKE / 1000:
             return 0
-        failed = max(0, self._finished - self._succeeded - self._reported)
+        failed = max(0, self._settled - self._succeeded - self._reported)
         self._reported += failed
-        self._finished = self._accepted
-        self._looked = now
+        self._settled = self._accepted
+        self._checked = now
         return failed
 
 
@@ -76,7 +77,7 @@ class Sockets:
         ROUTER, in a context of its own, so that a stop waits for no other message.
     host : str
     port : int
-        Of `requests`.
+        Port of `requests`.
     """
 
     requests: zmq.Socket[bytes]
@@ -94,7 +95,7 @@ class Sockets:
         return f"tcp://{self.host}:{self.port + offset}"
 
     def turned_away(self) -> int:
-        """Return how many peers were turned away since the last call.
+        """Return the number of peers that were turned away since the last call.
 
         They had no key or a wrong one, or did not speak ZMTP 3.
         """
@@ -120,7 +121,7 @@ def opened(
     Raises
     ------
     UserError
-        If an address cannot be bound to, or the key file is none.
+        If an address cannot be bound to, or the key file is invalid.
     """
     keys = None if settings.keys is None else read_server_keys(settings.keys, warn)
     _allow_most_descriptors()
@@ -129,7 +130,7 @@ def opened(
         for context in contexts:
             stack.callback(context.destroy, linger=0)
         stack.enter_context(access_control(contexts, None if keys is None else keys.clients))
-        sockets = _bound(contexts, settings, keys)
+        sockets = _bind_all(contexts, settings, keys)
         yield sockets
 
 
@@ -143,7 +144,7 @@ def _allow_most_descriptors() -> None:
     resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
 
 
-def _bound(
+def _bind_all(
     contexts: Sequence[zmq.Context[zmq.Socket[bytes]]],
     settings: ServerSettings,
     keys: ServerKeys | None,
@@ -167,14 +168,14 @@ def _bound(
             for socket in (requests, operators):
                 socket.close(linger=0)
             if settings.port:
-                raise UserError(_refusal(error, settings)) from error
+                raise UserError(_describe_refusal(error, settings)) from error
             if port <= HIGHEST_PORT and getattr(error, "errno", 0) != zmq.EADDRINUSE:
                 raise UserError(f"cannot bind to {settings.host}: {error}") from error
     raise UserError(f"no three free ports in a row on {settings.host}; choose one with --port")
 
 
-def _refusal(error: Exception, settings: ServerSettings) -> str:
-    """Describe why the chosen ports cannot be had."""
+def _describe_refusal(error: Exception, settings: ServerSettings) -> str:
+    """Describe why the sockets cannot be bound to the chosen ports."""
     place = f"one of ports {settings.port} to {settings.port + OPERATOR} of {settings.host}"
     if getattr(error, "errno", 0) == zmq.EADDRINUSE:
         return f"{place} is in use, by another server perhaps; choose others with --port"
@@ -184,6 +185,7 @@ def _refusal(error: Exception, settings: ServerSettings) -> str:
 def _socket(
     context: zmq.Context[zmq.Socket[bytes]], kind: int, keys: ServerKeys | None, largest: int
 ) -> Any:
+    """Return a guarded socket, which takes messages of at most `largest` bytes."""
     socket = context.socket(kind)
     guard_access(socket)
     socket.linger = 0

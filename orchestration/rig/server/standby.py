@@ -40,7 +40,7 @@ class Standby:
         watch = self._shared.watch.read()
         return watch is None or watch.at == RETIRED
 
-    def look(self) -> str:
+    def check(self) -> str:
         """Check the guard on duty once, and show a sign of life.
 
         Returns
@@ -50,9 +50,10 @@ class Standby:
         """
         self._shared.standby.write(SignOfLife(monotonic(), os.getpid()))
         watch = self._shared.watch.read()
-        return "" if watch is None else self._fault_of(watch)
+        return "" if watch is None else self._end_if_silent(watch)
 
-    def _fault_of(self, watch: Watch) -> str:
+    def _end_if_silent(self, watch: Watch) -> str:
+        """End the guard on duty if it is silent for too long; return why it cannot go on."""
         if self._guard is None or self._guard.number != watch.process:
             self._guard = OtherProcess(watch.process)
         if not self._guard.is_alive():
@@ -71,8 +72,9 @@ def longest_silence(at: int, settings: ServerSettings) -> float:
     Parameters
     ----------
     at : int
-        What it is at. In the driver itself it may be as long as an attempt takes; and while the
-        device is opened, when nothing is commanded yet, a machine is busy.
+        Its present action, as in `shared_memory`. A call of the driver may take as long as an
+        attempt at the safe state; and a machine that opens a device, when nothing is commanded
+        yet, is busy.
     settings : ServerSettings
     """
     return settings.silence + (LONGEST_ATTEMPT if at in (OPENING, RESCUING) else 0.0)

@@ -19,7 +19,7 @@ class TelemetrySocket:
     make : callable
         Returns a new XPUB.
     address : str
-        To bind to.
+        Address to bind to.
 
     Raises
     ------
@@ -30,10 +30,11 @@ class TelemetrySocket:
     def __init__(self, make: Callable[[], zmq.Socket[bytes]], address: str) -> None:
         self._make = make
         self._address = address
-        self._socket: zmq.Socket[bytes] | None = self._bound()
+        self._socket: zmq.Socket[bytes] | None = self._bind_new()
         self._topics = 0
 
-    def _bound(self) -> zmq.Socket[bytes]:
+    def _bind_new(self) -> zmq.Socket[bytes]:
+        """Return a new socket that is bound to the address."""
         socket = self._make()
         try:
             socket.bind(self._address)
@@ -59,14 +60,14 @@ class TelemetrySocket:
             self._open_again()
         if self._socket is not None:
             self._socket.send(message, zmq.NOBLOCK)
-            if self._are_too_many(self._socket):
+            if self._count_topics(self._socket):
                 self._socket.close(linger=0)
                 self._socket = None
                 return False
         return True
 
-    def _are_too_many(self, socket: zmq.Socket[bytes]) -> bool:
-        """Return True if there are more subscriptions than are allowed."""
+    def _count_topics(self, socket: zmq.Socket[bytes]) -> bool:
+        """Count new subscriptions; return True if there are more than are allowed."""
         while self._topics <= _MOST_TOPICS:
             try:
                 socket.recv(zmq.NOBLOCK)
@@ -78,7 +79,7 @@ class TelemetrySocket:
     def _open_again(self) -> None:
         """Bind a new socket, as soon as the address of the one before is free."""
         try:
-            self._socket = self._bound()
+            self._socket = self._bind_new()
         except zmq.ZMQError:
             return
         self._topics = 0

@@ -59,7 +59,7 @@ class Update(NamedTuple):
 
 
 class Feed:
-    """Samples, events and state of a rig for pages; any thread may call it."""
+    """Samples, events and state of a rig for pages; any thread may call its methods."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -76,7 +76,7 @@ class Feed:
         self._sampled = -math.inf
         self._refused: dict[str, float] = {}
 
-    def status(self, message: Mapping[str, Any], sent: float | None = None) -> None:
+    def take_status(self, message: Mapping[str, Any], sent: float | None = None) -> None:
         """Store a status of the server: the rig's description and its state.
 
         Parameters
@@ -92,7 +92,9 @@ class Feed:
             "watchdog": message["watchdog"],
             "inputs": _texts(message["inputs"]),
             "outputs": _texts(message["outputs"]),
-            "limits": {_text(name): _numbers(limit) for name, limit in _few(message["limits"])},
+            "limits": {
+                _text(name): _numbers(limit) for name, limit in _bounded_items(message["limits"])
+            },
         }
         with self._lock:
             self._heard = now
@@ -101,11 +103,11 @@ class Feed:
             if rig != self._rig:
                 self._rig = rig
                 self._add({"kind": "rig", **rig})
-            self._observe(message)
-            self._judge()
+            self._update_condition(message)
+            self._update_contact()
 
-    def telemetry(self, message: Mapping[str, Any]) -> None:
-        """Take a sample that the server published."""
+    def take_telemetry(self, message: Mapping[str, Any]) -> None:
+        """Store a sample that the server published, and add its refusals as events."""
         now = monotonic()
         refused = [_text(line) for line in message["refused"][:_MOST]]
         sample = {
@@ -123,18 +125,18 @@ class Feed:
             sample["transit"] = self._transit_time(message["clock"], now)
             self._samples.append(sample)
             self._add(sample)
-            self._observe(message)
+            self._update_condition(message)
             for line in refused:
                 if now - self._refused.get(line, -math.inf) > _AGAIN:
                     self._event("refused", f"refused: {line}")
                     known = [entry for entry in self._refused.items() if entry[0] != line]
                     self._refused = dict([(line, now), *known[: _MOST - 1]])
-            self._judge()
+            self._update_contact()
 
-    def look(self) -> None:
-        """Check whether contact was lost; to be called a few times a second."""
+    def check_contact(self) -> None:
+        """Add an event if contact was lost; to be called a few times a second."""
         with self._lock:
-            self._judge()
+            self._update_contact()
 
     def event(self, kind: str, text: str) -> None:
         """Add an event for the pages."""
@@ -166,6 +168,7 @@ class Feed:
             return Update(self._serial, False, newest[::-1])
 
     def _everything(self) -> list[dict[str, Any]]:
+        """Return the items for a page that was just opened: the present state, and a minute."""
         first = monotonic() - MINUTE
         items = [{"kind": "rig", **self._rig}] if self._rig else []
         items += [{"kind": "contact", **self._contact}, *self._events]
@@ -188,8 +191,8 @@ class Feed:
             return 0.0  # where the rig's time stands still meanwhile
         return self._transit.transit_time(clock, received)
 
-    def _observe(self, message: Mapping[str, Any]) -> None:
-        """Store the rig's state, unless a newer message overtook this one, and note a change."""
+    def _update_condition(self, message: Mapping[str, Any]) -> None:
+        """Store the rig's state unless a newer message overtook this one; add events of changes."""
         if self._clock - _OVERTAKEN < message["clock"] < self._clock:
             return
         self._clock = message["clock"]
@@ -210,8 +213,8 @@ class Feed:
             kind = condition["state"] if condition["state"] in _STATES else "unknown"
             self._event(kind, _summarise(condition))
 
-    def _judge(self) -> None:
-        """Note whether the server is in contact, and whether samples arrive."""
+    def _update_contact(self) -> None:
+        """Check whether the server is heard and samples arrive; add an event for a change."""
         now = monotonic()
         patience = SILENCE
         if self._rig.get("mode") == REAL_TIME:
@@ -268,14 +271,15 @@ class Listener:
             for socket in readable:
                 for message in _received(socket):
                     self._take(message, requests)
-            self._feed.look()
+            self._feed.check_contact()
         context.destroy(linger=0)
 
     def _take(self, message: dict[str, Any], requests: _StatusRequests) -> None:
+        """Hand a message of the server to the feed."""
         if message["type"] == "telemetry":
-            self._feed.telemetry(message)
+            self._feed.take_telemetry(message)
         elif message["type"] == "status":
-            self._feed.status(message, requests.take_answer())
+            self._feed.take_status(message, requests.take_answer())
 
 
 class _StatusRequests:
@@ -289,7 +293,7 @@ class _StatusRequests:
     Attributes
     ----------
     socket : zmq.Socket
-        That the answers come by; another one after a request that was not answered.
+        Receives the answers; replaced after a request that was not answered.
     """
 
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], remote: Endpoint):
@@ -318,7 +322,7 @@ class _StatusRequests:
                 self._next = now + _ASKING
 
     def take_answer(self) -> float | None:
-        """Return when the request was sent that has been answered now, in s."""
+        """Return the time in s at which the request was sent that has now been answered."""
         sent = self._sent
         self._sent = None
         return sent
@@ -353,18 +357,19 @@ def _text(value: Any) -> str:
     return "".join(c if c.isprintable() else f"[U+{ord(c):04X}]" for c in characters)[:_LONGEST]
 
 
-def _few(mapping: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
+def _bounded_items(mapping: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
     return list(mapping.items())[:_MOST]
 
 
 def _texts(mapping: Mapping[Any, Any]) -> dict[str, str]:
-    return {_text(name): _text(value) for name, value in _few(mapping)}
+    return {_text(name): _text(value) for name, value in _bounded_items(mapping)}
 
 
 def _number(value: Any) -> float | None:
+    """Return a finite number, which JSON can hold; None for anything else."""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return float(value) if is_number and abs(value) < 1e300 else None
 
 
 def _numbers(mapping: Mapping[Any, Any]) -> dict[str, float | None]:
-    return {_text(name): _number(value) for name, value in _few(mapping)}
+    return {_text(name): _number(value) for name, value in _bounded_items(mapping)}

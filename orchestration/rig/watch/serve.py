@@ -143,7 +143,10 @@ class _Handler(BaseHTTPRequestHandler):
         return page
 
     def _is_ours(self) -> bool:
-        """Refuse a request of a foreign site, or by a name that a foreign site may choose."""
+        """Return whether a request comes from this machine and the page; refuse it otherwise.
+
+        A foreign site could send one, or have a name of its own that leads to this machine.
+        """
         origin = self.headers.get("Origin")
         if (
             self.headers.get("Host") in self.server.hosts
@@ -155,6 +158,7 @@ class _Handler(BaseHTTPRequestHandler):
         return False
 
     def _stop(self) -> None:
+        """Stop the rig, and send its state; add an event for all pages."""
         feed = self.server.feed
         try:
             status = self.server.stop()
@@ -163,12 +167,12 @@ class _Handler(BaseHTTPRequestHandler):
             self._send_json(HTTPStatus.GATEWAY_TIMEOUT, {"error": str(error)})
             return
         feed.event("stop", "stop pressed, taken by the rig's server")
-        feed.status(status)
+        feed.take_status(status)
         serial, condition = feed.condition()
         self._send_json(HTTPStatus.OK, {**condition, "serial": serial})
 
     def _stream(self, query: str) -> None:
-        """Answer at once with the items that a page lacks, so that no connection stays open."""
+        """Send the items that a page lacks, at once, so that no connection stays open."""
         after = re.fullmatch(r"after=(-1|\d{1,15})", query)
         if after is None:
             self._send(HTTPStatus.BAD_REQUEST, "text/plain", "write /stream?after=NUMBER")

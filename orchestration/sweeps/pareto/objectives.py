@@ -188,16 +188,17 @@ class Objectives:
         time, inputs, settings = self._run
         run = self._model.run(time, inputs, settings | self.parameters(shares))
         self.evaluations += 1
+        # chain rule: derivatives by parameters times those of parameters by their shares
         by_share = np.array(
-            [_slope(one, share) for one, share in zip(self.ranges, shares, strict=True)]
+            [_slope_by_share(one, share) for one, share in zip(self.ranges, shares, strict=True)]
         )
         values = []
         slopes = []
         for objective in self.objectives:
             ends = [run.signals[name][-1] for name in objective.outputs]
-            rates = [run.sensitivities[name][-1] for name in objective.outputs]
+            by_parameter = [run.sensitivities[name][-1] for name in objective.outputs]
             values.append(objective.sign * np.array(ends))
-            slopes.append(objective.sign * np.array(rates) * by_share)
+            slopes.append(objective.sign * np.array(by_parameter) * by_share)
         self._last = key, (values, slopes)
         return values, slopes
 
@@ -214,8 +215,11 @@ class Objectives:
         return np.nan_to_num(np.array([one.min() for one in values]), nan=-np.inf, posinf=-np.inf)
 
 
-def _slope(one: Range, share: float) -> float:
-    """Return the derivative of a parameter with respect to its share of the range."""
+def _slope_by_share(one: Range, share: float) -> float:
+    """Return the derivative of a parameter with respect to its share of the range.
+
+    It is ``high - low``, or ``p ln(high / low)`` of a logarithmic range, ``p = low (high/low)^s``.
+    """
     low, high = one.values
     if one.logarithmic:
         return float(one.between(np.array(share))) * float(np.log(high / low))

@@ -25,6 +25,8 @@ from orchestration.sweeps.pareto.point_journal import point_journal
 
 _STARTS = 4  # of the local method for a point, in addition to neighbours
 _GENERATIONS = 60
+_LEAST_POPULATION = 5  # of differential evolution: SciPy refuses fewer points
+_FAILED = 1e6  # loss of a point that cannot be simulated; others are about -1 to 0
 _TOLERANCE = 1e-10  # of the local method, for objectives scaled to 0 to 1
 _FEASIBLE = (
     1e-7  # largest shortfall of the second objective below its level, as a share of its range
@@ -37,12 +39,13 @@ Find = Callable[
 
 @dataclass
 class _Scales:
-    """Lower limits and widths of objectives in the sample, which scale them from 0 to 1."""
+    """Lower limits (m,) and widths (m,) of objectives in the sample, which scale them to 0..1."""
 
     low: Array
     width: Array
 
     def __call__(self, k: int, values: Array) -> Array:
+        """Return values of objective k, scaled."""
         return np.asarray((values - self.low[k]) / self.width[k])
 
 
@@ -113,7 +116,11 @@ def pareto_front(
 
 
 class _ParetoSearch:
-    """Search from a sample of points, with their objectives."""
+    """Search from a sample of points, with their objectives.
+
+    A point is an array (p,) of shares of the ranges. In `floors` the methods have the least value
+    of each constrained objective, by its index.
+    """
 
     def __init__(
         self, objectives: Objectives, scales: _Scales, sample: Array, values: Array, seed: int
@@ -130,17 +137,17 @@ class _ParetoSearch:
 
         size = len(self._objectives.ranges)
         order = np.argsort(-self._values[:, k])
-        start = self._sample[order[: max(10 * size, 5)]]
+        population = self._sample[order[: max(10 * size, _LEAST_POPULATION)]]
 
         def loss(shares: Array) -> float:
             worst = self._objectives.worst(np.clip(shares, 0.0, 1.0))[k]
-            return -float(self._scales(k, worst)) if np.isfinite(worst) else 1e6
+            return -float(self._scales(k, worst)) if np.isfinite(worst) else _FAILED
 
         box: Any = [(0.0, 1.0)] * size
         result = differential_evolution(
             loss,
             box,
-            init=start if len(start) >= 5 else "latinhypercube",
+            init=population if len(population) >= _LEAST_POPULATION else "latinhypercube",
             maxiter=_GENERATIONS,
             polish=False,
             rng=np.random.default_rng(self._seed),
@@ -151,73 +158,76 @@ class _ParetoSearch:
     def front(self, count: int, progress: Callable[[int, int], None], find: Find) -> list[Array]:
         """Return points from the optimum of the first objective to that of the second.
 
-        `find` returns the point of a row, by a function that searches it.
+        `find` returns the point of a row, by a function that searches it. Rows are two optima, two
+        ends, ``count - 2`` points between them, and these again in the reverse direction.
         """
-        tops = [find(k, partial(self.best, k)) for k in (0, 1)]
-        ends = [find(2 + k, partial(self._end, k, tops)) for k in (0, 1)]
+        optima = [find(k, partial(self.best, k)) for k in (0, 1)]
+        ends = [find(2 + k, partial(self._find_end, k, optima)) for k in (0, 1)]
         levels = np.linspace(
             self._objectives.worst(ends[0])[1], self._objectives.worst(ends[1])[1], count
         )
         points = [ends[0]]
-        for place in range(1, count - 1):
-            near = [points[-1], ends[1]]
-            points.append(find(3 + place, partial(self._between, levels[place], near)))
-            progress(place, count)
+        for i in range(1, count - 1):
+            neighbours = [points[-1], ends[1]]
+            points.append(find(3 + i, partial(self._find_between, levels[i], neighbours)))
+            progress(i, count)
         # a second time in reverse order, as a point may improve its predecessor
         points.append(ends[1])
-        for place in reversed(range(1, count - 1)):
-            search = partial(self._improve_point, levels[place], points[place], points[place + 1])
-            points[place] = find(1 + count + place, search)
+        for i in reversed(range(1, count - 1)):
+            search = partial(self._improve_point, levels[i], points[i], points[i + 1])
+            points[i] = find(1 + count + i, search)
         progress(count, count)
         return points
 
-    def _end(self, k: int, tops: list[Array]) -> Array:
-        """Return the point of the best other objective among the optima of an objective."""
-        level = {k: float(self._objectives.worst(tops[k])[k])}
-        starts = self._starts(1 - k, level, tops)
-        optima = [self._local(1 - k, start, level) for start in starts]
-        return self._best_feasible([*optima, tops[k]], 1 - k, level)
+    def _find_end(self, k: int, optima: list[Array]) -> Array:
+        """Return the end of the front at objective k: of all its optima the best in the other."""
+        floors = {k: float(self._objectives.worst(optima[k])[k])}
+        starts = self._starts(1 - k, floors, optima)
+        ends = [self._optimise_locally(1 - k, start, floors) for start in starts]
+        return self._best_feasible([*ends, optima[k]], 1 - k, floors)
 
-    def _between(self, least: float, near: list[Array]) -> Array:
+    def _find_between(self, level: float, neighbours: list[Array]) -> Array:
         """Return the optimum of the first objective while the second is not below a level."""
-        level = {1: float(least)}
-        return self._refine(0, self._starts(0, level, near), level)
+        floors = {1: float(level)}
+        return self._refine(0, self._starts(0, floors, neighbours), floors)
 
-    def _improve_point(self, least: float, point: Array, neighbour: Array) -> Array:
+    def _improve_point(self, level: float, point: Array, neighbour: Array) -> Array:
         """Return the better of a point and the local optimum from its neighbour."""
-        level = {1: float(least)}
-        return self._best_feasible([self._local(0, neighbour, level), point], 0, level)
+        floors = {1: float(level)}
+        return self._best_feasible([self._optimise_locally(0, neighbour, floors), point], 0, floors)
 
-    def _refine(self, k: int, starts: list[Array], level: dict[int, float]) -> Array:
+    def _refine(self, k: int, starts: list[Array], floors: dict[int, float]) -> Array:
         """Return the best of some starts and of the local optima from them."""
-        return self._best_feasible([self._local(k, s, level) for s in starts] + starts, k, level)
+        ends = [self._optimise_locally(k, start, floors) for start in starts]
+        return self._best_feasible(ends + starts, k, floors)
 
-    def _starts(self, k: int, level: dict[int, float], near: list[Array]) -> list[Array]:
-        """Return starts of the local method: neighbours, and the best of the sample."""
+    def _starts(self, k: int, floors: dict[int, float], neighbours: list[Array]) -> list[Array]:
+        """Return starts of the local method: neighbours, and the best feasible of the sample."""
         feasible = np.ones(len(self._values), dtype=bool)
-        for other, least in level.items():
-            feasible &= self._values[:, other] >= least
+        for other, floor in floors.items():
+            feasible &= self._values[:, other] >= floor
         order = np.argsort(-np.where(feasible, self._values[:, k], -np.inf))
-        return [*near, *self._sample[order[:_STARTS]]]
+        return [*neighbours, *self._sample[order[:_STARTS]]]
 
-    def _best_feasible(self, candidates: list[Array], k: int, level: dict[int, float]) -> Array:
-        """Return the best candidate that is not below the level, or else the nearest to it."""
+    def _best_feasible(self, candidates: list[Array], k: int, floors: dict[int, float]) -> Array:
+        """Return the best candidate that is not below the floors, or else the nearest to them."""
 
         def merit(shares: Array) -> tuple[float, float]:
             """Return the negative shortfall, then the objective."""
             worst = self._objectives.worst(shares)
             shortfall = sum(
-                max((least - worst[other]) / self._scales.width[other], 0.0)
-                for other, least in level.items()
+                max((floor - worst[other]) / self._scales.width[other], 0.0)
+                for other, floor in floors.items()
             )
             return (0.0 if shortfall <= _FEASIBLE else -shortfall, float(worst[k]))
 
         return max(candidates, key=merit)
 
-    def _local(self, k: int, start: Array, level: dict[int, float]) -> Array:
-        """Return the local optimum of an objective from a start, with others not below a level.
+    def _optimise_locally(self, k: int, start: Array, floors: dict[int, float]) -> Array:
+        """Return the local optimum of objective k from a start, with others not below the floors.
 
-        The variables are the shares and a bound below all outputs of the objective.
+        The variables are the shares s and a bound b, which is maximised while ``f(s) >= b`` for
+        every output f of objective k, and ``g(s) >= floor`` for every output g of the others.
         """
         from scipy import optimize
 
@@ -231,23 +241,22 @@ class _ParetoSearch:
         def margins(x: Array) -> Array:
             """Return the constraints, which are met where they are not negative."""
             values, _ = self._objectives.evaluate(np.clip(x[:size], 0.0, 1.0))
-            own = self._scales(k, values[k]) - x[size]
-            others = [
-                self._scales(o, values[o]) - self._scales(o, np.array(least))
-                for o, least in level.items()
+            above_bound = self._scales(k, values[k]) - x[size]
+            above_floors = [
+                self._scales(other, values[other]) - self._scales(other, np.array(floor))
+                for other, floor in floors.items()
             ]
-            return np.concatenate([own, *others])
+            return np.concatenate([above_bound, *above_floors])
 
         def slopes(x: Array) -> Array:
-            """Return the derivatives of the constraints."""
+            """Return the derivatives of the constraints by shares and, last, by the bound."""
             _, derivatives = self._objectives.evaluate(np.clip(x[:size], 0.0, 1.0))
-            scale = self._scales.width
-            own = np.column_stack([derivatives[k] / scale[k], -np.ones(len(derivatives[k]))])
-            others = [
-                np.column_stack([derivatives[o] / scale[o], np.zeros(len(derivatives[o]))])
-                for o in level
-            ]
-            return np.concatenate([own, *others])
+            rows = []
+            for objective in (k, *floors):
+                by_shares = derivatives[objective] / self._scales.width[objective]
+                by_bound = np.full(len(by_shares), -1.0 if objective == k else 0.0)
+                rows.append(np.column_stack([by_shares, by_bound]))
+            return np.concatenate(rows)
 
         gradient = np.append(np.zeros(size), -1.0)
         box: Any = [(0.0, 1.0)] * size + [(None, None)]

@@ -114,8 +114,8 @@ def sensitivity(found: xarray.Dataset, *, level: float = 0.95, seed: int = 0) ->
         raise UserError(f"{found.sizes['case']} cases are not all of a sweep for Sobol indices")
     values: dict[str, object] = {}
     for name in numbers(found):
-        index, half = _indices(found[name].values, len(parameters), level, seed)
-        interval = np.stack([index - half, index + half], axis=-1)
+        index, half_width = _indices(found[name].values, len(parameters), level, seed)
+        interval = np.stack([index - half_width, index + half_width], axis=-1)
         title = f"Sobol indices of {name}"
         values[f"{name}_index"] = (
             ("index", "parameter"),
@@ -150,8 +150,8 @@ def _indices(values: Array, count: int, level: float, seed: int) -> tuple[Array,
         num_resamples=resamples,
         seed=seed + 1,  # SALib ignores a seed of zero
     )
-    half = np.array([indices["S1_conf"], indices["ST_conf"]])
-    return np.array([indices["S1"], indices["ST"]]), half
+    half_widths = np.array([indices["S1_conf"], indices["ST_conf"]])
+    return np.array([indices["S1"], indices["ST"]]), half_widths
 
 
 def table(indices: xarray.Dataset) -> Table:

@@ -108,17 +108,16 @@ def table(found: xarray.Dataset) -> Table:
     result = plain_table(None, "quantiles of", "at", *columns, "unit", right=["at", *columns])
     for name, band in found.items():
         output = str(name).removesuffix("_band")
-        places = [("", band)]
+        rows = [("", band)]
         if "time" in band.dims:
             widest = int(np.argmax(np.ptp(band.values, axis=0)))
             end = found.sizes["time"] - 1
-            places = [
-                (f"{float(found['time'][at]):g} s", band.isel(time=at))
-                for at in sorted({widest, end})
+            rows = [
+                (f"{float(found['time'][k]):g} s", band.isel(time=k)) for k in sorted({widest, end})
             ]
-        for place, quantiles in places:
+        for instant, quantiles in rows:
             values, unit = results.displayed(quantiles)
-            result.add_row(output, place, *(f"{value:.6g}" for value in values), unit)
+            result.add_row(output, instant, *(f"{value:.6g}" for value in values), unit)
     return result
 
 

@@ -94,22 +94,26 @@ class _Traces(BackendArray):
     def _read(self, key: tuple[Any, ...]) -> Array:
         """Read only the part that a key of integers and slices selects."""
         *cases, points = key
+        # indexing arrays of row and point numbers by the key tells which are selected
         rows = np.arange(int(np.prod(self.shape[:-1]))).reshape(self.shape[:-1])[tuple(cases)]
-        at = np.arange(self.shape[-1])[points]
-        traces = np.empty((*rows.shape, *at.shape))
+        selected = np.arange(self.shape[-1])[points]
+        traces = np.empty((*rows.shape, *selected.shape))
         if not traces.size:
             return traces
-        low = int(at.min())
-        high = int(at.max())
+        low = int(selected.min())
+        high = int(selected.max())
         with self._path.open("rb") as file:
-            for row, place in zip(rows.ravel(), np.ndindex(rows.shape), strict=True):
+            for row, index in zip(rows.ravel(), np.ndindex(rows.shape), strict=True):
                 file.seek(self._first + int(row) * self._spacing + 8 * low)
-                traces[place] = np.fromfile(file, "f8", high - low + 1)[at - low]
+                traces[index] = np.fromfile(file, "f8", high - low + 1)[selected - low]
         return traces
 
 
 def iterate_pieces(array: xarray.DataArray) -> Iterator[Array]:
-    """Yield the values of an array in pieces that fit into memory, in the order of its cases."""
+    """Yield the values of an array in pieces that fit into memory, in the order of its cases.
+
+    It is halved along its first dimension that is longer than one, as often as necessary.
+    """
     dimension = next((dim for dim in array.dims if array.sizes[dim] > 1), None)
     if array.nbytes <= _AT_ONCE or dimension is None:
         yield array.values

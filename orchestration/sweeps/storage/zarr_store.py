@@ -15,7 +15,7 @@ from fmus.kit import UserError, files
 from fmus.kit.extras import require
 
 _CHUNK = "8MiB"
-_OF_ZARR = re.compile(r"\.zgroup|\.zattrs|\.zmetadata|\.zarray|\d+(\.\d+)*")
+_ZARR_FILE = re.compile(r"\.zgroup|\.zattrs|\.zmetadata|\.zarray|\d+(\.\d+)*")
 
 
 def check(path: Path) -> None:
@@ -49,11 +49,11 @@ def _check_ours(path: Path) -> None:
         raise UserError(
             f"--out {path}: is a Zarr store, but not of a sweep; it will not be overwritten"
         )
-    for place, folders, names in os.walk(path):
-        folder = Path(place)
-        for name in (*names, *folders):
-            if not _is_of_store(folder / name):
-                other = (folder / name).relative_to(path)
+    for folder, subfolders, names in os.walk(path):
+        for name in (*names, *subfolders):
+            content = Path(folder) / name
+            if not _is_of_store(content):
+                other = content.relative_to(path)
                 raise UserError(
                     f"--out {path}: holds {other}, which is not of a store; move it elsewhere"
                 )
@@ -65,7 +65,7 @@ def _is_of_store(path: Path) -> bool:
         return False
     if path.is_dir():
         return (path / ".zarray").is_file()
-    return _OF_ZARR.fullmatch(path.name) is not None
+    return _ZARR_FILE.fullmatch(path.name) is not None
 
 
 def write(data: xarray.Dataset, path: Path) -> None:

@@ -80,7 +80,7 @@ def _variables(member: Member) -> _Variables:
 
 @lru_cache(maxsize=64)
 def _read(path: Path, modified: int) -> _Variables:
-    """Read an FMU; the cache is valid until its file is modified."""
+    """Read the variables of an FMU; `modified`, ns, makes the cache valid for this file only."""
     with Archive(path) as archive:
         declared = archive.declared
     places = {
@@ -192,13 +192,17 @@ def wires(connections: Sequence[Connection], members: Mapping[str, Member]) -> l
         )
         for connection in connections
     ]
-    complete = _complete(single, members)
-    merged = [_whole(wire) if _whole(wire) in complete else wire for wire in single]
+    of_arrays = _array_wires(single, members)
+    merged = [_whole(wire) if _whole(wire) in of_arrays else wire for wire in single]
     return list(dict.fromkeys(merged))
 
 
-def _complete(wires: Sequence[Wire], members: Mapping[str, Member]) -> set[Wire]:
-    """Return the wires of arrays of the same shape whose elements are all connected in order."""
+def _array_wires(wires: Sequence[Wire], members: Mapping[str, Member]) -> set[Wire]:
+    """Return the wires of whole arrays that stand for wires between all of their elements.
+
+    These are arrays of one shape, each element connected with that of the same indices, without
+    factor and offset.
+    """
     counts = Counter(
         _whole(wire)
         for wire in wires

@@ -151,7 +151,7 @@ def _read_system_connectors(declared: Sequence[Element]) -> SystemConnectors:
 
 
 def _read_shape(connector: Element, where: str) -> tuple[int, ...]:
-    """Read the size of a connector of the system."""
+    """Return the shape of a connector of the system; UserError if it is not of known size."""
     texts = [node.get("size", "") for node in connector.iterfind("ssc:Dimension", NAMESPACES)]
     for text in texts:
         if _WHOLE.fullmatch(text) is None:
@@ -192,7 +192,7 @@ class _ConnectionReader:
 
         A connection to a connector of the system is added there and not returned.
         """
-        wire = self._from_source(wire)
+        wire = self._with_source_first(wire)
         start, end = (self._read_end(wire, side) for side in _SIDES)
         where = f"connection {_show_wire(wire)}"
         if start.shape != end.shape:
@@ -218,7 +218,13 @@ class _ConnectionReader:
         return connections
 
     def _read_end(self, wire: Element, side: str) -> DeclaredVariable:
-        """Return an end of a connection: a whole variable, or an element of it as a scalar."""
+        """Return the variable at an end of a connection; one element of an array is a scalar.
+
+        Raises
+        ------
+        UserError
+            If there is no such member or element.
+        """
         where = f"connection {_show_wire(wire)}"
         owner = wire.get(f"{side}Element")
         name = attribute(wire, f"{side}Connector")
@@ -262,8 +268,8 @@ class _ConnectionReader:
                 " if it is all"
             )
 
-    def _from_source(self, wire: Element) -> Element:
-        """Return a connection whose start is its source.
+    def _with_source_first(self, wire: Element) -> Element:
+        """Return a connection whose start is its source, by exchanging start and end if needed.
 
         In SSP start and end do not give the direction, but the causality of the connectors does.
         """
@@ -276,7 +282,7 @@ class _ConnectionReader:
         return reversed_wire
 
     def _receives(self, wire: Element, side: str) -> bool:
-        """Return whether an end is an input of a member or an output of the system."""
+        """Return whether an end is a target: an input of a member or an output of the system."""
         owner = wire.get(f"{side}Element")
         name = wire.get(f"{side}Connector", "")
         if owner is None:

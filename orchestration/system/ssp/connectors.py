@@ -67,6 +67,7 @@ class Definitions:
 
 
 def _is_int(text: str | None) -> bool:
+    """Return whether a text is a whole number of 32 bits."""
     return _ITEM.fullmatch(text or "") is not None and int(text or "") in _INT
 
 

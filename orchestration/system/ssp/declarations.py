@@ -80,8 +80,9 @@ def check_shape(element: Element, name: str, member: Member, where: str) -> None
     """
     sizes = [node.get("size") for node in element.iterfind("ssc:Dimension", NAMESPACES)]
     actual = [str(size) for size in variable_of(member, name).shape]
-    is_same = [size or known for size, known in zip(sizes, actual, strict=False)] == actual
-    if sizes and not (is_same and len(sizes) == len(actual)):
+    # a dimension without a number is taken to be the actual one
+    completed = [size or known for size, known in zip(sizes, actual, strict=False)]
+    if sizes and not (completed == actual and len(sizes) == len(actual)):
         given = " by ".join(size or "any" for size in sizes)
         raise UserError(
             f"{where} is declared as {given} elements, but in the FMU it has"

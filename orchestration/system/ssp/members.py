@@ -69,12 +69,13 @@ def read_members(top: Element, package: Package, folder: Path) -> dict[str, Memb
         if not dot or owner not in members:
             raise UserError(f"parameter {name!r} of the system is not of the form member.parameter")
         member = members[owner]
-        parameters = {**member.parameters, **_values(member, parameter, value)}
+        parameters = {**member.parameters, **_read_values(member, parameter, value)}
         members[owner] = replace(member, parameters=parameters)
     return members
 
 
 def _read_member(element: Element, package: Package, folder: Path) -> Member:
+    """Read a member with its parameter bindings, and compare its connectors with its FMU."""
     name = attribute(element, "name")
     if element.tag == tag("ssd:System"):
         raise UserError(
@@ -98,7 +99,7 @@ def _read_member(element: Element, package: Package, folder: Path) -> Member:
         raise UserError(f"member {name}: {text}") from error
     parameters: dict[str, Value] = {}
     for key, value in _read_bindings(element, package, f"member {name}"):
-        parameters |= _values(member, key, value)
+        parameters |= _read_values(member, key, value)
     return replace(member, parameters=parameters)
 
 
@@ -135,7 +136,7 @@ def _read_parameters(binding: Element, package: Package, where: str) -> list[Ele
     return find_all(sets, "ssv:Parameters/ssv:Parameter")
 
 
-def _values(member: Member, name: str, parameter: Element) -> dict[str, Value]:
+def _read_values(member: Member, name: str, parameter: Element) -> dict[str, Value]:
     """Return the value of a parameter, or the values of all elements of an array, by name."""
     element = parameter[0]
     names = variable_of(member, name).elements
@@ -149,12 +150,24 @@ def _values(member: Member, name: str, parameter: Element) -> dict[str, Value]:
     if len(texts) != len(names):
         raise UserError(f"{where}: has {len(texts)} values; expected {len(names)}")
     return {
-        each: _value(member, each, element, text) for each, text in zip(names, texts, strict=True)
+        each: _read_scalar(member, each, element, text)
+        for each, text in zip(names, texts, strict=True)
     }
 
 
-def _value(member: Member, name: str, element: Element, text: str) -> Value:
-    """Return the value of a scalar parameter in the FMU's unit."""
+def _read_scalar(member: Member, name: str, element: Element, text: str) -> Value:
+    """Return the value of a scalar parameter, converted to the FMU's unit.
+
+    Parameters
+    ----------
+    member : Member
+    name : str
+        Name of the parameter.
+    element : Element
+        Its type, with the unit of the value.
+    text : str
+        The value.
+    """
     signal = variable(member, name)
     where = f"member {member.name}: {name}"
     kinds = _PARAMETER_TYPES[element.tag]
@@ -172,7 +185,7 @@ def _value(member: Member, name: str, element: Element, text: str) -> Value:
         value = float(text)
         return float(units.convert(value, element.get("unit", signal.unit), signal.unit, where))
     except UserError as error:
-        if where in str(error):
+        if where in str(error):  # only some messages about units begin with it
             raise
         raise UserError(f"{where}: {error}") from error
     except ValueError as error:

@@ -80,7 +80,7 @@ class Package:
             raise UserError(f"{self.path}: {name} cannot be read ({error})") from error
 
     def fmu(self, source: str, folder: Path) -> Path:
-        """Return the path of an FMU; one from an archive is unpacked into a folder.
+        """Return the path of an FMU file; one in an archive is extracted into a folder first.
 
         Parameters
         ----------
@@ -112,7 +112,13 @@ class Package:
 
 
 def _open_safely(path: Path, label: str) -> zipfile.ZipFile:
-    """Open a zip archive; UserError if an entry would be unpacked outside of its folder."""
+    """Open a zip archive that can be unpacked safely.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read, or an entry leads out of its folder or is a symbolic link.
+    """
     opened = open_zip(path, label, "not a zip archive, or one that is cut off")
     try:
         for entry in opened.infolist():

@@ -54,7 +54,7 @@ def write_parameters(member: Member) -> bytes:
 
 
 def _value(member: Member, whole: DeclaredVariable, used_units: set[str]) -> Element:
-    """Return the element with type, unit and values of a variable; add its unit to those used."""
+    """Return the element with type, unit and values of a variable; add its unit to `used_units`."""
     signals = [known_unit(variable(member, element)) for element in whole.elements]
     texts = [
         _text(member, whole.kind, signal, member.parameters.get(signal.name, signal.default))

@@ -80,14 +80,14 @@ def write(system: System, path: Path, connectors: bool = False) -> None:
 
 @dataclass(frozen=True)
 class _Places:
-    """Paths in the package of a member's FMU and of its parameters, None without any."""
+    """Paths in the package of a member's FMU and of its parameters; None without parameters."""
 
     fmu: str
     parameters: str | None
 
 
 def _collect_resources(system: System) -> tuple[dict[str, _Places], dict[str, bytes]]:
-    """Return the paths by member, and the contents by path of all files but the description.
+    """Return the files of each member, and the contents by path of all files but the description.
 
     Equal files of one name are stored once.
     """
@@ -105,7 +105,8 @@ def _collect_resources(system: System) -> tuple[dict[str, _Places], dict[str, by
 def _store(resources: dict[str, bytes], name: str, ending: str, contents: bytes) -> str:
     """Add a file to the resources, and return its path.
 
-    The path has only characters that are the same in a URI, as some tools do not distinguish them.
+    The path has only characters that are the same in a URI, as some tools do not distinguish paths
+    and URIs. It has a number if other contents have that path.
     """
     plain = re.sub(r"[^A-Za-z0-9_.-]", "_", name)
     path = f"resources/{plain}{ending}"
@@ -114,7 +115,8 @@ def _store(resources: dict[str, bytes], name: str, ending: str, contents: bytes)
     used = {other.casefold(): other for other in resources}
     while True:
         other = used.get(path.casefold())
-        if other is None or (other == path and resources[other] == contents):
+        is_stored = other == path and resources[path] == contents
+        if other is None or is_stored:
             break
         number += 1
         path = f"resources/{plain}_{number}{ending}"
@@ -132,48 +134,51 @@ def _describe(system: System, places: Mapping[str, _Places], connectors: bool) -
     version = "2.0" if any(map(declared, system.members)) else "1.0"
     root = Element(tag("ssd:SystemStructureDescription"), version=version, name=system.name)
     definitions = Definitions()
-    root.append(_top(system, places, connectors, definitions))
+    root.append(_system_element(system, places, connectors, definitions))
     definitions.append_to(root)
     root.append(_experiment(system))
     return serialized(root)
 
 
-def _top(
+def _system_element(
     system: System, places: Mapping[str, _Places], connectors: bool, definitions: Definitions
 ) -> Element:
     """Return the element ``System``; `connectors` as in `write`."""
     members = {member.name: member for member in system.members}
-    outside = _connectors_of_system(system, members, definitions)
+    system_connectors = _connectors_of_system(system, members, definitions)
     outer = _wires_of_system(system, members)
     inner = wires(system.connections, members)
-    shown = [*inner, *outer] if connectors else inner
-    ends = {end for wire in shown for end in (wire.source, wire.target)}
+    written = [*inner, *outer] if connectors else inner
+    ends = {end for wire in written for end in (wire.source, wire.target)}
     components = [
         _component(member, _connectors_of(member, ends, definitions), places[member.name])
         for member in system.members
     ]
     annotations = [_master_annotation(system.step)]  # OMSimulator reads the first one only
-    if outside and not connectors:
-        annotations.append(_outside_annotation(outside, outer))
+    if system_connectors and not connectors:
+        annotations.append(_outside_annotation(system_connectors, outer))
     top = Element(tag("ssd:System"), name=system.name)
     if system.doc:
         top.set("description", system.doc)
-    top.extend(_group("ssd:Connectors", outside if connectors else []))
+    top.extend(_group("ssd:Connectors", system_connectors if connectors else []))
     top.extend(_group("ssd:Elements", components))
-    top.extend(_group("ssd:Connections", map(_connection, shown)))
+    top.extend(_group("ssd:Connections", map(_connection, written)))
     top.extend(_group("ssd:Annotations", annotations))
     return top
 
 
 def _group(name: str, children: Iterable[Element]) -> list[Element]:
-    """Return a list with the element of a group, empty if the group is: SSP has no empty groups."""
+    """Return the element of a group in a list, which is empty without children.
+
+    SSP allows no empty groups.
+    """
     element = Element(tag(name))
     element.extend(children)
     return [element] if len(element) else []
 
 
 def _component(member: Member, connectors: Sequence[Element], places: _Places) -> Element:
-    """Describe a member."""
+    """Return the element of a member with its connectors and its parameter binding."""
     component = Element(
         tag("ssd:Component"),
         name=member.name,
@@ -239,7 +244,7 @@ def _wires_of_system(system: System, members: Mapping[str, Member]) -> list[Wire
 
 
 def _connection(wire: Wire) -> Element:
-    """Describe a connection."""
+    """Return the element of a connection."""
     element = Element(tag("ssd:Connection"))
     for side, end in (("start", wire.source), ("end", wire.target)):
         if end.member is not None:

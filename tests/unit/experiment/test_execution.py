@@ -18,6 +18,7 @@ from fmus.kit.errors import UserError
 from fmus.kit.record.compiled import CompiledModel
 from orchestration import master
 from orchestration.experiment.execution import run
+from orchestration.experiment.live import Live
 from orchestration.experiment.model import Master, parse
 from orchestration.experiment.reading import read
 from orchestration.experiment.stimulus import KINDS
@@ -522,6 +523,27 @@ def test_a_fused_system_is_the_same_from_its_file(tmp_path):
     assert list(of_file) == list(named)
     for name in named:
         np.testing.assert_array_equal(of_file[name].values, named[name].values)
+
+
+class Accepted(Exception):
+    """Raised by the check of the file's format, which comes after that of the method."""
+
+
+@pytest.mark.parametrize(
+    ("master", "error"),
+    [
+        ("master = { method = 'fused' }\n", UserError),
+        ("master = { method = 'jacobi' }\n", Accepted),
+        ("", Accepted),
+    ],
+)
+def test_only_a_fused_system_cannot_keep_pace_with_real_time(master, error):
+    def accept(sketch):
+        raise Accepted("each step can be paced")
+
+    experiment = parse(tomllib.loads(f"{BENCH}duration = 0.1\n{master}{STEADY}"), "test")
+    with pytest.raises(error, match=r"each step can be paced|a fused system is computed at once"):
+        run(experiment, "test", fits=accept, live=Live())
 
 
 def test_a_fused_system_is_where_smaller_steps_lead():

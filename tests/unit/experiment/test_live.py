@@ -13,7 +13,7 @@ from orchestration.experiment.live import (
     Moment,
     RigEnd,
     admitted,
-    first_opening,
+    first_open_loop,
     link_outputs,
     rig_ends,
 )
@@ -81,11 +81,14 @@ def test_the_first_opening_of_a_loop_counts():
         "a.link_state": np.array([0.0, 0.0, 2.0, 3.0]),  # stale, and lost
         "b.link_state": np.array([0.0, 0.0, 1.0, 0.0]),  # refused
     }
-    assert first_opening(time, signals) == (2, "b.link_state at 1 s: the rig refuses a command")
+    assert first_open_loop(time, signals) == (2, "b.link_state at 1 s: the rig refuses a command")
     del signals["b.link_state"]
-    assert first_opening(time, signals) == (3, "a.link_state at 1.5 s: the link to the rig is lost")
+    assert first_open_loop(time, signals) == (
+        3,
+        "a.link_state at 1.5 s: the link to the rig is lost",
+    )
     del signals["a.link_state"]
-    assert first_opening(time, signals) is None
+    assert first_open_loop(time, signals) is None
 
 
 def test_whoever_has_a_link_is_admitted_by_what_it_asks():
@@ -99,7 +102,7 @@ def test_whoever_has_a_link_is_admitted_by_what_it_asks():
         "plant.endpoint": "none of a rig",
     }
     prepared = prepared_run()
-    prepared.on = SimpleNamespace(
+    prepared.subject = SimpleNamespace(
         outputs=dict.fromkeys(outputs),
         parameters={name: signal(name, text) for name, text in texts.items()},
     )

@@ -6,7 +6,7 @@ import pytest
 from fmus import component
 from fmus.kit.build import build_cached
 from orchestration.experiment import parse
-from orchestration.experiment.subjects import subject
+from orchestration.experiment.subjects import open_subject
 from orchestration.system import Member, Port, System, ssp
 from tests.support.archive import edited, of_other_laws
 from tests.support.command import here, refused, works
@@ -40,8 +40,8 @@ def test_a_system_that_is_cut_off_is_named_once(folder, command):
 def test_an_experiment_on_an_fmu_lasts_as_long_as_its_default_experiment(tmp_path):
     times = ('startTime="0" stopTime="2"', 'startTime="5" stopTime="7.5"')
     fmu = changed("lag", tmp_path, *times)
-    with subject(parse({"component": str(fmu)}, "here"), "here") as on:
-        assert (on.duration, on.step) == (2.5, 0.05)
+    with open_subject(parse({"component": str(fmu)}, "here"), "here") as subject:
+        assert (subject.duration, subject.step) == (2.5, 0.05)
     works("simulate", fmu, "--out", "run.csv", cwd=tmp_path)
     time = np.loadtxt(tmp_path / "run.csv", delimiter=",", skiprows=1, usecols=0)
     assert time == pytest.approx(np.linspace(5.0, 7.5, 51))

@@ -19,8 +19,8 @@ R1, R2, C = 0.43, 2.35, 2.70
 def test_rates_and_derivatives_at_given_states():
     with ExchangeFmu(build_cached(component("ppy_actuator"), "native"), {"current": 0.5}) as fmu:
         fmu.start()
-        assert fmu.start_states() == [0.0, 0.0, 0.0]
-        fmu.hold(2.0, [1.0, 0.0, 0.0])
+        assert fmu.get_states() == [0.0, 0.0, 0.0]
+        fmu.enter_continuous_time(2.0, [1.0, 0.0, 0.0])
         assert (fmu.states[0], fmu.rates[0], fmu.samples) == ("charge", "der(charge)", False)
         rate = (R2 * 0.5 - 1.0 / C) / (R1 + R2)
         assert fmu.get_rates()[0] == pytest.approx(rate, rel=1e-12)
@@ -36,7 +36,7 @@ def test_rates_and_derivatives_at_given_states():
 def test_one_that_samples_says_so():
     with ExchangeFmu(build_cached(component("voice_coil_dma"), "native")) as fmu:
         fmu.start()
-        fmu.hold(0.0, fmu.start_states())
+        fmu.enter_continuous_time(0.0, fmu.get_states())
         assert fmu.samples
 
 
@@ -44,4 +44,4 @@ def test_a_refusal_is_a_line():
     with ExchangeFmu(build_cached(component("ppy_actuator"), "native")) as fmu:
         fmu.start()
         with pytest.raises(UserError, match=r"ppy_actuator.*states failed"):
-            fmu.hold(0.0, [0.0])
+            fmu.enter_continuous_time(0.0, [0.0])

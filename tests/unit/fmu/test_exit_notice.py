@@ -23,6 +23,8 @@ for name in {closed!r}:
 """
 C_EXIT = "ctypes.CDLL(None).exit(0)"
 NOTICE = "the FMU has ended this process; give isolate=True"
+LONG = f"{'a' * 600}.fmu"
+ROOM = 499  # bytes of a notice in C, whose array of 500 ends in a zero
 
 
 @pytest.mark.parametrize(
@@ -31,6 +33,7 @@ NOTICE = "the FMU has ended this process; give isolate=True"
         (["a.fmu"], [], C_EXIT, 2, f"error: a.fmu: {NOTICE}\n"),
         (["b.fmu", "a.fmu", "c.fmu"], ["c.fmu"], C_EXIT, 2, f"error: a.fmu, b.fmu: {NOTICE}\n"),
         (["a.fmu", "a.fmu"], ["a.fmu"], C_EXIT, 2, f"error: a.fmu: {NOTICE}\n"),
+        ([LONG], [], C_EXIT, 2, f"error: {LONG}"[:ROOM]),
         (["a.fmu"], ["a.fmu"], C_EXIT, 0, ""),
         (["a.fmu"], [], "", 0, ""),
         (["a.fmu"], [], "raise SystemExit(3)", 3, ""),

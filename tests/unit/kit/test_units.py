@@ -294,8 +294,8 @@ OTHERS = ["1", "N*s/m", "W/(m^2*K)", "V/A/s", "m**-2", "mm/C^2", "kN/mm", "mV/mA
 
 @pytest.mark.parametrize("names", [COMMON, PRODUCTS, OTHERS])
 def test_common_units_are_what_pint_says(names, monkeypatch):
-    known = {unit: units._without_pint(unit) for unit in names}
-    monkeypatch.setattr(units, "_without_pint", lambda unit: None)
+    known = {unit: units._common_base_unit(unit) for unit in names}
+    monkeypatch.setattr(units, "_common_base_unit", lambda unit: None)
     assert known == {unit: base_unit.__wrapped__(unit) for unit in names}
 
 
@@ -306,7 +306,7 @@ def test_common_units_are_converted_as_pint_does(monkeypatch):
     pairs += [("mm/C", "m/C"), ("mV/N", "V/N"), ("km*s", "m*s"), ("kN/mm", "N/m")]
     pairs += [(b, a) for a, b in pairs]
     converted = [convert(values, a, b) for a, b in pairs]
-    monkeypatch.setattr(units, "_without_pint", lambda unit: None)
+    monkeypatch.setattr(units, "_common_base_unit", lambda unit: None)
     np.testing.assert_array_equal(converted, [convert(values, a, b) for a, b in pairs])
 
 
@@ -314,7 +314,7 @@ def test_common_units_are_converted_as_pint_does(monkeypatch):
     "unit", ["m^999", "m**2**3", "mi/s", "Mm^99", "9", "in", "µm", "", "m s", "K\u212a"]
 )
 def test_other_units_are_left_to_pint(unit):
-    assert units._without_pint(unit) is None
+    assert units._common_base_unit(unit) is None
 
 
 def test_an_angle_stays_one_without_pint():

@@ -124,7 +124,7 @@ def heard(router, keys, file, patience=PATIENCE):
     """Return who is heard when the holder of a key file says something; None if nobody is."""
     with zmq.Context() as context, context.socket(zmq.DEALER) as client:
         client.linger, client.routing_id = 0, file.stem.encode()
-        replace(read_client_keys(file), server_key=keys.public_key).unlock(client)
+        replace(read_client_keys(file), server_key=keys.public_key).secure(client)
         client.connect(router.last_endpoint)
         client.send(STOP)
         return received(router)[0] if router.poll(patience) else None

@@ -155,7 +155,7 @@ def test_a_value_that_the_fmu_refuses_is_refused(bad):
 def test_what_is_too_long_for_an_uninterruptible_call_is_run_by_the_fmu(monkeypatch):
     call = {"over": {"R1": [0.3, 0.5]}, "inputs": {"current": 0.5}, "time": TIME, "keep": ["trace"]}
     expected = ppy.sweep("ppy_actuator", **call, engine="fmu")
-    monkeypatch.setattr(compiled, "_MOST", 10.0)
+    monkeypatch.setattr(compiled, "_MOST_STEPS", 10.0)
     ran = []
     monkeypatch.setattr(
         RepeatedFmu,

@@ -45,7 +45,7 @@ def test_a_case_that_is_refused_fails_alone(outcomes):
 
 
 def test_outcomes_are_chosen_by_their_places(outcomes):
-    chosen = outcomes.at([2, 0, 2])
+    chosen = outcomes.select([2, 0, 2])
     assert np.array_equal(chosen.numbers, outcomes.numbers[[2, 0, 2]], equal_nan=True)
     assert chosen.failures == {0: outcomes.failures[2], 2: outcomes.failures[2]}
 

@@ -175,7 +175,7 @@ def typed_reals(layout: Layout) -> dict[str, Declaration]:
         Variable by name of the type, sorted.
     """
     reals = [variable for variable in layout.variables if variable.type == "real"]
-    first = {type_name(variable): variable for variable in reversed(reals)}
+    first = {type_name(variable): variable for variable in reversed(reals)}  # the last one wins
     return {name: first[name] for name in sorted(first)}
 
 
@@ -202,12 +202,12 @@ def define_units(root: Element, layout: Layout, others: Iterable[str] = ()) -> N
     for unit in sorted(displays, key=to_modelica):
         name = to_modelica(unit)
         if name not in defined:
-            defined[name] = _define(SubElement(definitions, "Unit", name=name), unit)
+            defined[name] = _define_base_unit(SubElement(definitions, "Unit", name=name), unit)
         for display in sorted(displays[unit]):
-            _display(defined[name], unit, display)
+            _define_display_unit(defined[name], unit, display)
 
 
-def _define(node: Element, unit: str) -> Element:
+def _define_base_unit(node: Element, unit: str) -> Element:
     """Append the definition of a unit in SI base units to its node; return the node."""
     base = units.base_unit(unit)
     attributes = {name: str(power) for name, power in sorted(base.exponents.items())}
@@ -219,7 +219,7 @@ def _define(node: Element, unit: str) -> Element:
     return node
 
 
-def _display(node: Element, unit: str, display: str) -> None:
+def _define_display_unit(node: Element, unit: str, display: str) -> None:
     """Append the definition of a display unit, unless the node already has it."""
     name = to_modelica(display)
     if node.find(f"DisplayUnit[@name='{name}']") is not None:
@@ -321,6 +321,7 @@ def variable_attributes(reference: int, variable: Declaration) -> dict[str, str]
 
 
 def _identity(name: str, reference: int, description: str) -> dict[str, str]:
+    """Return the attributes for name, value reference and description of a variable."""
     return {"name": name, "valueReference": str(reference), "description": description}
 
 

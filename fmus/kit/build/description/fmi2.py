@@ -36,7 +36,7 @@ def describe_fmi2(
     root = common.model_description(cls, version, {"fmiVersion": "2.0", "guid": guid})
     if can.model_exchange:
         root.set("numberOfEventIndicators", str(graph.indicators.numel()))
-    _interfaces(root, cls, can)
+    _append_interfaces(root, cls, can)
     common.define_units(root, cls.layout)
     types = common.typed_reals(cls.layout)
     if types:
@@ -46,13 +46,13 @@ def describe_fmi2(
             SubElement(node, "Real", common.type_attributes(variable))
     common.append_experiment(root, cls)
     annotate_fmi2(root, cls, graph)
-    _variables(root, cls.layout)
+    _append_variables(root, cls.layout)
     structure = dependencies(graph, states_known=can.directional_derivatives)
-    _structure(root, structure)
+    _append_structure(root, structure)
     return serialized(root)
 
 
-def _interfaces(root: Element, cls: type[Component], can: common.Capabilities) -> None:
+def _append_interfaces(root: Element, cls: type[Component], can: common.Capabilities) -> None:
     """Append an element for each interface that the FMU has."""
     shared = {
         "modelIdentifier": cls.name,
@@ -78,7 +78,7 @@ def _interfaces(root: Element, cls: type[Component], can: common.Capabilities) -
                 SubElement(files, "File", name=source)
 
 
-def _variables(root: Element, layout: Layout) -> None:
+def _append_variables(root: Element, layout: Layout) -> None:
     """Append an element for each variable, in the order of value references."""
     parent = SubElement(root, "ModelVariables")
     for reference, variable in enumerate(layout.variables):
@@ -92,7 +92,7 @@ def _variables(root: Element, layout: Layout) -> None:
         SubElement(node, "String", start=parameter.start)
 
 
-def _structure(root: Element, structure: Mapping[str, Mapping[int, Sequence[int]]]) -> None:
+def _append_structure(root: Element, structure: Mapping[str, Mapping[int, Sequence[int]]]) -> None:
     """Append the dependencies of outputs, derivatives and initial unknowns."""
     parent = SubElement(root, "ModelStructure")
     for title, unknowns in structure.items():

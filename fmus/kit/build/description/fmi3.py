@@ -47,7 +47,7 @@ def describe_fmi3(
     identity = {"fmiVersion": "3.0", "instantiationToken": guid}
     root = common.model_description(cls, version, identity)
     layout = cls.layout
-    _interfaces(root, cls, can)
+    _append_interfaces(root, cls, can)
     common.define_units(root, layout, ["s", "1"])
     types = common.typed_reals(layout)
     if types:
@@ -58,8 +58,8 @@ def describe_fmi3(
             )
     common.append_experiment(root, cls)
     indicators = graph.indicators.numel() if can.model_exchange else 0
-    _variables(root, layout, indicators)
-    _structure(root, layout, graph, can.model_exchange)
+    _append_variables(root, layout, indicators)
+    _append_structure(root, layout, graph, can.model_exchange)
     annotate_fmi3(root, cls, graph)
     return serialized(root)
 
@@ -95,7 +95,7 @@ def build_description(
     return serialized(root)
 
 
-def _interfaces(root: Element, cls: type[Component], can: common.Capabilities) -> None:
+def _append_interfaces(root: Element, cls: type[Component], can: common.Capabilities) -> None:
     """Append an element for each interface that the FMU has."""
     shared = {
         "modelIdentifier": cls.name,
@@ -116,7 +116,7 @@ def _interfaces(root: Element, cls: type[Component], can: common.Capabilities) -
     SubElement(root, "CoSimulation", shared | co_simulation)
 
 
-def _variables(root: Element, layout: Layout, indicators: int) -> None:
+def _append_variables(root: Element, layout: Layout, indicators: int) -> None:
     """Append an element for each variable, in the order of value references."""
     parent = SubElement(root, "ModelVariables")
     for reference, variable in enumerate(layout.variables):
@@ -127,7 +127,7 @@ def _variables(root: Element, layout: Layout, indicators: int) -> None:
     for reference, parameter in enumerate(layout.texts, len(layout.names)):
         node = SubElement(parent, "String", common.text_attributes(reference, parameter))
         SubElement(node, "Start", value=parameter.start)
-    time = _time(layout)
+    time = _time_reference(layout)
     SubElement(
         parent,
         "Float64",
@@ -144,15 +144,15 @@ def _variables(root: Element, layout: Layout, indicators: int) -> None:
         SubElement(parent, "Float64", attributes | {"unit": "1"})
 
 
-def _time(layout: Layout) -> int:
+def _time_reference(layout: Layout) -> int:
     """Return the value reference of the time; those of event indicators come after it."""
     return len(layout.names) + len(layout.texts)
 
 
-def _structure(root: Element, layout: Layout, graph: Graph, with_indicators: bool) -> None:
+def _append_structure(root: Element, layout: Layout, graph: Graph, with_indicators: bool) -> None:
     """Append the dependencies of outputs, derivatives, initial unknowns and event indicators."""
     parent = SubElement(root, "ModelStructure")
-    for title, unknowns in dependencies(graph, time=_time(layout)).items():
+    for title, unknowns in dependencies(graph, time=_time_reference(layout)).items():
         if title == "EventIndicators" and not with_indicators:
             continue
         for reference in sorted(unknowns):

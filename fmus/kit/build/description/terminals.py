@@ -35,11 +35,11 @@ def terminals(cls: type[Component], with_icon: bool) -> bytes:
     if cls.ports:
         parent = SubElement(root, "Terminals")
         for port in cls.ports:
-            _terminal(parent, port)
+            _append_terminal(parent, port)
     return serialized(root)
 
 
-def _terminal(parent: Element, port: PowerPort) -> None:
+def _append_terminal(parent: Element, port: PowerPort) -> None:
     """Append the terminal of a port."""
     node = SubElement(
         parent,

@@ -107,11 +107,13 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
     def _read(self, i: int) -> float:
         """Return a value, computing outputs and derivatives if anything has changed."""
         if self.stale and i >= self.first_output:
-            self._checked(self.slave.evaluate(self.time) or self.slave.differentiate(self.time))
+            self._check_result(
+                self.slave.evaluate(self.time) or self.slave.differentiate(self.time)
+            )
             self.stale = False
         return self.memory[i]
 
-    def _checked(self, message: str | None) -> None:
+    def _check_result(self, message: str | None) -> None:
         """Raise an error for a message, or for a value that is not finite.
 
         A % is doubled, because pythonfmu passes the text on as a format.
@@ -136,11 +138,11 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
         """Check the ranges of parameters, and initialize the slave."""
         for v, value in zip(self.model.layout.parameters, self.memory, strict=False):
             if not v.min <= value <= v.max:
-                self._checked(
+                self._check_result(
                     f"parameter '{v.name}' = {value:.10g} {v.unit} is outside [{v.min:g},"
                     f" {v.max:g}]"
                 )
-        self._checked(self.slave.initialize())
+        self._check_result(self.slave.initialize())
         self.started = True
         self.stale = True
 
@@ -150,7 +152,7 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
         An error is raised, because pythonfmu ends a simulation without a message if a step returns
         False.
         """
-        self._checked(self.slave.advance(current_time, step_size))
+        self._check_result(self.slave.advance(current_time, step_size))
         self.time = current_time + step_size
         self.stale = True
         return True

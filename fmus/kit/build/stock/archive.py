@@ -124,7 +124,7 @@ def stock_archive(
             package[path.removeprefix(_IN_PYTHON_BUILD)] = text
         else:
             others[path] = text
-    contents = _built(cls.name, package, platforms)
+    contents = _build_by_pythonfmu(cls.name, package, platforms)
     licence = importlib.metadata.distribution("pythonfmu").read_text("licenses/LICENSE") or ""
     contents |= documents(cls) | {"documentation/licenses/pythonfmu.txt": licence.encode()}
     contents |= others
@@ -140,10 +140,10 @@ def stock_archive(
     )
 
 
-def _built(
+def _build_by_pythonfmu(
     name: str, package: dict[str, bytes], platforms: Sequence[str] | None
 ) -> dict[str, bytes]:
-    """Return the files of the archive that pythonfmu builds from a package, without a description.
+    """Build an archive from a package by pythonfmu; return its files without the description.
 
     Modules are named after their contents: a process loads only one module of a name.
     """
@@ -160,7 +160,7 @@ def _built(
     with zipfile.ZipFile(archived) as unpacked:
         entries = [entry for entry in unpacked.namelist() if entry != "modelDescription.xml"]
         contents = {entry: unpacked.read(entry) for entry in entries}
-    return _for_platforms(contents, platforms)
+    return _without_other_platforms(contents, platforms)
 
 
 def _run_pythonfmu(name: str, script: Path, package: Path, built: Path) -> None:
@@ -177,7 +177,9 @@ def _run_pythonfmu(name: str, script: Path, package: Path, built: Path) -> None:
         raise UserError(f"pythonfmu failed for {name}: {lines[-1]}")
 
 
-def _for_platforms(built: dict[str, bytes], platforms: Sequence[str] | None) -> dict[str, bytes]:
+def _without_other_platforms(
+    built: dict[str, bytes], platforms: Sequence[str] | None
+) -> dict[str, bytes]:
     """Return files without the binaries for other platforms."""
     if platforms is None:
         return built

@@ -132,7 +132,7 @@ class IdentifiedModel(ABC):
             said to.
         """
         u = self._deviations(inputs)
-        resting, level = self._resting(u, output is not None, before)
+        resting, level = self._rest(u, output is not None, before)
         simulated = self.output_offset + level + self._forced(u - resting)
         if output is None:
             return simulated
@@ -148,8 +148,12 @@ class IdentifiedModel(ABC):
             return np.where(np.isnan(simulated), np.inf, simulated)
         return simulated + free @ np.linalg.lstsq(free, y - simulated, rcond=None)[0]
 
-    def _resting(self, u: Array, from_first: bool, before: ArrayLike | None) -> tuple[Array, float]:
-        """Return the deviations of inputs (m,) and output at rest before the first sample."""
+    def _rest(self, u: Array, from_first: bool, before: ArrayLike | None) -> tuple[Array, float]:
+        """Return the deviations of inputs (m,) and output at rest before the first sample.
+
+        Inputs rest at `before`, else at their first deviations ``u[0]`` or at the offsets. A model
+        that integrates rests at the offsets alone.
+        """
         resting = u[0] if from_first else np.zeros(u.shape[1])
         if before is not None:
             given = np.broadcast_to(np.asarray(before, dtype=np.float64), resting.shape)
@@ -199,9 +203,10 @@ class IdentifiedModel(ABC):
         steps = whole("horizon", horizon, 1)
         e = self.prediction_errors(data)
         first = len(data) - len(e)
-        unknown = filtered(self.noise_response(min(steps, len(e))), np.ones(1), e)
+        # innovations after the last known output, which the prediction lacks
+        unpredicted = filtered(self.noise_response(min(steps, len(e))), np.ones(1), e)
         predicted = data.output.copy()
-        predicted[first:] -= unknown
+        predicted[first:] -= unpredicted
         if first:
             predicted[:first] = self.simulate(data.inputs, data.output)[:first]
         return predicted

@@ -85,6 +85,7 @@ class PolynomialModel(IdentifiedModel):
             transient=tuple(np.zeros(count) for count in self.orders.nf),
         )
         e = problem.errors(problem.vector(parts))
+        # the unknown past adds D/(C F_i) of an impulse response to the errors, fitted to them here
         denominators = [np.convolve(self.c, f) for f in self.f if len(f) > 1]
         free = _free_responses(len(e), denominators, self.d)
         return e - free @ np.linalg.lstsq(free, e, rcond=None)[0]

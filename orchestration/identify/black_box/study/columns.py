@@ -68,7 +68,7 @@ def read_columns(
         time and a step is given.
     """
     table = read_table(path)
-    chosen = _input_columns(table, output, inputs, _not_signals(table, output, inputs, step))
+    chosen = _input_columns(table, output, inputs, _non_inputs(table, output, inputs, step))
     used = (output, *chosen)
     units = {column.name: column.unit or "1" for column in table.columns if column.name in used}
     if step is None:
@@ -86,20 +86,20 @@ def read_columns(
     return Columns(path, data, units, notes)
 
 
-def _not_signals(table: Table, output: str, inputs: Sequence[str], step: float | None) -> list[str]:
+def _non_inputs(table: Table, output: str, inputs: Sequence[str], step: float | None) -> list[str]:
     """Return the columns that are not inputs by default: the time, or a count, and dates."""
     first = table.columns[0]
     if step is not None:
         return [first.name]
-    able = [column for column in table.columns if column.name not in (output, *inputs)]
+    unused = [column for column in table.columns if column.name not in (output, *inputs)]
     try:
-        time = find_time(table, (), able)
+        time = find_time(table, (), unused)
     except UserError:
         raise UserError(
             f"{table.path}: no column is a time, and the first, {first.name!r}, is in"
             f" {first.unit or 'no unit'}; give the sample period, {option('step')}"
         ) from None
-    return [time.name, *(column.name for column in able if holds_instants(column))]
+    return [time.name, *(column.name for column in unused if holds_instants(column))]
 
 
 def _input_columns(

@@ -38,8 +38,8 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
     str
         Contents of a file for ``ppy build file.py:Class``.
     """
-    reading, transition = _rows(model)
-    states = [f"state_of_model_{i + 1}" for i in range(len(transition))]
+    output_amounts, state_amounts = _amounts(model)
+    states = [f"state_of_model_{i + 1}" for i in range(len(state_amounts))]
     signals = (*model.input_names, model.output_name)
     *inputs, output = identifiers(signals)
     unit = {new: units[old] for new, old in zip((*inputs, output), signals, strict=True)}
@@ -62,20 +62,23 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
         f"    @Output({_quoted(unit[output])})",
         f"    def {output}(self):",
         '        """Output of the identified model."""',
-        *_returned([f"self.{output}_mean"], factors, reading),
+        *_return_statement([f"self.{output}_mean"], factors, output_amounts),
     ]
-    for x, amounts in zip(states, transition, strict=True):
+    for x, amounts in zip(states, state_amounts, strict=True):
         lines += [
             "",
             f"    def next_{x}(self):",
             '        """State of the model a sample later."""',
-            *_returned([], factors, amounts),
+            *_return_statement([], factors, amounts),
         ]
     return "\n".join(lines) + "\n"
 
 
-def _rows(model: IdentifiedModel) -> tuple[Array, Array]:
-    """Return the amounts of states and inputs, (n + m,), in the output and in each next state."""
+def _amounts(model: IdentifiedModel) -> tuple[Array, Array]:
+    """Return the amounts of states and inputs in the output and in next states: rows of matrices.
+
+    They are C and D, (n + m,), and A and B, (n, n + m).
+    """
     system = model.state_space()
     a, b, c, d = (
         np.atleast_2d(np.asarray(matrix, dtype=float))
@@ -142,7 +145,7 @@ def class_name(name: str) -> str:
     return "".join(part.capitalize() for part in component_name(name).split("_"))
 
 
-def _returned(terms: list[str], factors: list[str], amounts: Array) -> list[str]:
+def _return_statement(terms: list[str], factors: list[str], amounts: Array) -> list[str]:
     """Return the source lines of a sum of terms, and of factors times amounts that are not zero."""
     products = zip(factors, amounts, strict=True)
     terms = terms + [

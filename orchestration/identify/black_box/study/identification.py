@@ -131,7 +131,7 @@ class BlackBox(Displayable):
         """
         import pandas
 
-        return pandas.DataFrame([_row(row) for row in self.search.best])
+        return pandas.DataFrame([_row_figures(row) for row in self.search.best])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON; numbers in the units of the file."""
@@ -153,9 +153,9 @@ class BlackBox(Displayable):
                 "unit": units[self.model.output_name],
             },
             "criterion": self.search.criterion,
-            "models": [_row(row) for row in self.search.rows],
+            "models": [_row_figures(row) for row in self.search.rows],
             "left_out": [*self.search.left_out],
-            "chosen": _row(self.chosen) | self._details(),
+            "chosen": _row_figures(self.chosen) | self._details(),
         }
 
     def _details(self) -> dict[str, Any]:
@@ -174,8 +174,8 @@ class BlackBox(Displayable):
             "independent_of": {
                 name: cross.is_independent for name, cross in zip(inputs, tests.inputs, strict=True)
             },
-            "poles": {name: _pairs(model.s_plane_poles(name)) for name in inputs},
-            "zeros": {name: _pairs(model.s_plane_zeros(name)) for name in inputs},
+            "poles": {name: _real_and_imaginary(model.s_plane_poles(name)) for name in inputs},
+            "zeros": {name: _real_and_imaginary(model.s_plane_zeros(name)) for name in inputs},
             "messages": [*identification.messages],
         }
 
@@ -215,7 +215,7 @@ class BlackBox(Displayable):
         return target
 
 
-def _row(row: Row) -> dict[str, Any]:
+def _row_figures(row: Row) -> dict[str, Any]:
     """Return the figures of one model of the search."""
     return {
         "structure": row.structure,
@@ -228,7 +228,7 @@ def _row(row: Row) -> dict[str, Any]:
     }
 
 
-def _pairs(roots: Roots) -> list[list[float]]:
+def _real_and_imaginary(roots: Roots) -> list[list[float]]:
     """Return real and imaginary part of every root, as JSON has no complex numbers."""
     return [[float(z.real), float(z.imag)] for z in roots]
 

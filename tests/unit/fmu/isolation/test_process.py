@@ -84,6 +84,6 @@ def test_it_reaches_the_process_also_while_the_memory_is_looked_at(process, monk
         if len(looks) == 1:
             press()
 
-    monkeypatch.setattr(process, "_look_at_memory", look)
+    monkeypatch.setattr(process, "_note_memory", look)
     assert process.call(rest, "goes on", callbacks={"begun": lambda: None}) == "goes on"
     assert looks

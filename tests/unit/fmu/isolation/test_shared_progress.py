@@ -16,7 +16,7 @@ def test_a_box_whose_files_are_gone_or_damaged_does_not_stop_whoever_watches(tmp
     (tmp_path / "legend0").unlink()
     assert watched.state().doing
     (tmp_path / "progress").write_bytes(b"A" * 64)  # the memory that both have
-    assert not watched.state().listed
+    assert not watched.state().in_kernel
     assert watched.read_rows(watched.state().point) is None
     assert watched.read_rows(2).shape == (2, 1)
     (tmp_path / "rows").write_bytes(b"A" * 200)

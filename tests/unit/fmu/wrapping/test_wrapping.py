@@ -329,13 +329,13 @@ def test_model_exchange_gives_rates_at_states():
     with ExchangeFmu(foreign("arrays"), {"u[1]": 2.0}) as fmu:
         fmu.start()
         assert fmu.states == ["x[1]", "x[2]", "x[3]"]
-        np.testing.assert_allclose(fmu.start_states(), [0.1, 0.2, 0.3], rtol=1e-15)
-        fmu.hold(0.0, [1.0, 2.0, 3.0])
+        np.testing.assert_allclose(fmu.get_states(), [0.1, 0.2, 0.3], rtol=1e-15)
+        fmu.enter_continuous_time(0.0, [1.0, 2.0, 3.0])
         np.testing.assert_allclose(fmu.get_rates(), [2.0, -2.5, -7.0], rtol=1e-14)
         assert not fmu.samples
     with ExchangeFmu(foreign("sawtooth")) as fmu:
         fmu.start()
-        fmu.hold(0.0, [0.0])
+        fmu.enter_continuous_time(0.0, [0.0])
         assert fmu.samples
 
 

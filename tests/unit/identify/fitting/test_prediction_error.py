@@ -309,8 +309,8 @@ def test_no_pass_is_made_twice(monkeypatch):
         begun.append(np.concatenate([q, np.resize(np.append(colour, np.zeros(5)), 5)]))
         return minimised(problem, q, noise, *rest)
 
-    minimised = prediction_error._minimised
-    monkeypatch.setattr(prediction_error, "_minimised", noted)
+    minimised = prediction_error._minimise
+    monkeypatch.setattr(prediction_error, "_minimise", noted)
     u = square(2000)
     noise = lfilter([0.05], [1.0, -1.2, 0.5], np.random.default_rng(8).standard_normal(len(u)))
     problem = problem_of(on_paper((1.2, 8.0, 0.6, 1.1), u) + noise, u)

@@ -98,6 +98,6 @@ def test_a_search_from_elsewhere_goes_on_where_it_may_end_below_the_best(cost, p
         return Minimum("ended", True) if begin == "begun" else Minimum("begun", False, promised)
 
     errors.search, errors.cost = search, costs.get
-    end = errors.better(Minimum("best", True), "start", 1e-6)
+    end = errors.better_minimum(Minimum("best", True), "start", 1e-6)
     assert searched == (["start", "begun"] if goes_on else ["start"])
     assert end.q == ("ended" if goes_on else "best")

@@ -24,11 +24,13 @@ def test_weights_are_those_of_the_score():
     noise, r = Noise(np.empty(0), 1.0, 4.0), np.linspace(-9.0, 9.0, 41)
     slope = (student.logpdf(r + 1e-6, 4.0) - student.logpdf(r - 1e-6, 4.0)) / 2e-6
     np.testing.assert_allclose(noise.weights(r) * r, -slope, atol=1e-7)
-    root, steepness = tails.rooted(r, 4.0)
+    root, steepness = tails.deviance_roots(r, 4.0)
     np.testing.assert_allclose(
         root**2, -2.0 * (student.logpdf(r, 4.0) - student.logpdf(0.0, 4.0)), atol=1e-12
     )
-    differences = (tails.rooted(r + 1e-6, 4.0)[0] - tails.rooted(r - 1e-6, 4.0)[0]) / 2e-6
+    differences = (
+        tails.deviance_roots(r + 1e-6, 4.0)[0] - tails.deviance_roots(r - 1e-6, 4.0)[0]
+    ) / 2e-6
     np.testing.assert_allclose(steepness, differences, atol=1e-7)
     bend = (
         student.logpdf(r + 1e-4, 4.0) - 2.0 * student.logpdf(r, 4.0) + student.logpdf(r - 1e-4, 4.0)

@@ -11,7 +11,7 @@ from tests.support.kit_samples import Thermostat
 
 def test_values_of_laws_and_what_each_reads_itself():
     calls = Calls(Thermostat, {"temperature", "outside", "boost"})
-    assert calls.one.warming() == pytest.approx((0.0 - 0.5 * 10.0) / 20.0)
+    assert calls.instance.warming() == pytest.approx((0.0 - 0.5 * 10.0) / 20.0)
     assert calls.values["power"] == [0.0]
     assert calls.reads == {"warming": {"temperature", "outside"}, "power": {"boost"}}
 

@@ -72,7 +72,7 @@ def test_an_equation_of_different_kinds_is_refused():
     ],
 )
 def test_functions_of_the_kit_have_the_units_of_their_mathematics(expression, unit):
-    eval(expression, KIT | symbols()).meet(Symbol(units.powers_of_names(unit)))
+    eval(expression, KIT | symbols()).match(Symbol(units.powers_of_names(unit)))
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_functions_of_the_kit_have_the_units_of_their_mathematics(expression, un
 )
 def test_functions_of_the_kit_have_no_other_units(expression):
     with pytest.raises(LawError):
-        eval(expression, KIT | symbols()).meet(Symbol({"N": 1.0}))
+        eval(expression, KIT | symbols()).match(Symbol({"N": 1.0}))
 
 
 @pytest.mark.parametrize(
@@ -107,15 +107,15 @@ def test_a_factor_explains_what_it_can_explain(expression, unit, fits):
     scope = {"math": math, "gravity": Constant(9.81, "m/s^2")} | symbols()
     wanted = Symbol(units.powers_of_names(unit))
     if fits:
-        eval(expression, scope).meet(wanted)
+        eval(expression, scope).match(wanted)
     else:
         with pytest.raises(LawError):
-            eval(expression, scope).meet(wanted)
+            eval(expression, scope).match(wanted)
 
 
 def test_a_factor_between_units_of_one_kind_is_told():
     with pytest.raises(ScaleError, match=r"1 A\*h is 3600 A\*s"):
-        symbols()["q"].meet(Symbol({"A": 1.0, "s": 1.0}))
+        symbols()["q"].match(Symbol({"A": 1.0, "s": 1.0}))
 
 
 @pytest.mark.parametrize(

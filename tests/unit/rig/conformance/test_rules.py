@@ -36,13 +36,13 @@ def wrong_sample(monkeypatch):
 
 
 def takes_any_unit(monkeypatch):
-    misfit = request_handler.misfit
+    misfit = request_handler.describe_misfit
 
     def without_units(message, signals):
         units = {name: signals.inputs.get(name, unit) for name, unit in message["inputs"].items()}
         return misfit({**message, "inputs": units}, signals)
 
-    monkeypatch.setattr(request_handler, "misfit", without_units)
+    monkeypatch.setattr(request_handler, "describe_misfit", without_units)
 
 
 def one_latch(monkeypatch):

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 
-from orchestration.rig.server.device import look
+from orchestration.rig.server.device import longest_sleep
 from orchestration.rig.server.guard import fault_of
 from orchestration.rig.server.settings import WATCHDOGS, ServerSettings
 from orchestration.rig.server.shared_memory import (
@@ -70,6 +70,6 @@ def test_judgement(age, where, order, command_age, safe, part):
 
 @pytest.mark.parametrize("watchdog", [*WATCHDOGS, 0.02, 0.2])
 def test_a_device_that_sleeps_is_not_held_for_hung_even_if_it_wakes_late(watchdog):
-    beat = Beat(NOW - 2 * look(watchdog), 1, True, 1.0, b"sleep")
+    beat = Beat(NOW - 2 * longest_sleep(watchdog), 1, True, 1.0, b"sleep")
     settings = replace(SETTINGS, watchdog=watchdog)
     assert fault_of(beat, Command(REST, 0, NOW), NOW, settings) == ""

@@ -13,7 +13,7 @@ import time
 import pytest
 
 from fmus.kit.errors import UserError
-from orchestration.rig.server.latch_file import LatchRecord, digest, latch_keeper
+from orchestration.rig.server.latch_file import LatchRecord, digest, make_latch_keeper
 from tests.support.command import posix
 from tests.support.small_disk import disk_of_64_kib
 
@@ -24,7 +24,7 @@ SMOKE = LatchRecord("0123456789abcdef", "stopped: smoke", "", "2026-01-02 03:04:
 
 
 def keeper(folder, tell=lambda line: None):
-    return latch_keeper(DEVICES, folder, tell)
+    return make_latch_keeper(DEVICES, folder, tell)
 
 
 def test_a_latch_is_there_at_the_next_start_and_an_open_one_is_not(tmp_path):
@@ -55,11 +55,11 @@ def test_there_is_a_file_for_each_device_which_only_its_owner_reads(tmp_path):
     assert [path.stem for path in files] == sorted(map(digest, DEVICES))
     if os.name == "posix":
         assert {stat.S_IMODE(path.stat().st_mode) for path in files} == {0o600}
-    assert latch_keeper(("another",), tmp_path, print).held is None
+    assert make_latch_keeper(("another",), tmp_path, print).held is None
 
 
 def test_a_latch_of_one_of_several_devices_counts(tmp_path):
-    one = latch_keeper(DEVICES[:1], tmp_path, print)
+    one = make_latch_keeper(DEVICES[:1], tmp_path, print)
     one.keep(SMOKE)
     one.end()
     assert keeper(tmp_path).held == SMOKE
@@ -69,8 +69,8 @@ def test_a_latch_of_one_of_several_devices_counts(tmp_path):
 def test_a_server_that_was_killed_is_told_with_its_process(tmp_path):
     script = (
         "import sys, time; from pathlib import Path\n"
-        "from orchestration.rig.server.latch_file import latch_keeper\n"
-        f"latch_keeper({DEVICES!r}, Path(sys.argv[1]), print); print('there', flush=True)\n"
+        "from orchestration.rig.server.latch_file import make_latch_keeper\n"
+        f"make_latch_keeper({DEVICES!r}, Path(sys.argv[1]), print); print('there', flush=True)\n"
         "time.sleep(60)"
     )
     with subprocess.Popen(
@@ -119,16 +119,16 @@ def test_a_full_disk_is_told_and_latches_the_next_one(tmp_path):
 
 
 def test_a_rig_without_a_device_keeps_nothing(tmp_path):
-    first = latch_keeper((), tmp_path, print)
+    first = make_latch_keeper((), tmp_path, print)
     first.keep(SMOKE)
     first.end()
-    assert latch_keeper((), tmp_path, print).held is None
+    assert make_latch_keeper((), tmp_path, print).held is None
     assert list(tmp_path.iterdir()) == []
 
 
 def test_the_folder_is_the_users_where_none_is_given(tmp_path, monkeypatch):
     monkeypatch.setattr("platformdirs.user_state_dir", lambda name, appauthor: str(tmp_path / name))
-    latch_keeper(DEVICES, None, print).end()
+    make_latch_keeper(DEVICES, None, print).end()
     assert len(list((tmp_path / "ppy-rig").iterdir())) == 2
 
 
@@ -146,16 +146,16 @@ def test_a_write_is_on_the_disk_before_it_counts(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "pathlib.Path.replace", lambda self, to: (steps.append("rename"), replace(self, to))
     )
-    latch_keeper(DEVICES[:1], tmp_path, print)
+    make_latch_keeper(DEVICES[:1], tmp_path, print)
     assert steps == ["file", "rename", "folder"]
 
 
 def test_a_folder_that_somebody_deletes_is_made_again(tmp_path):
-    keeper = latch_keeper(DEVICES[:1], tmp_path / "state", print)
+    keeper = make_latch_keeper(DEVICES[:1], tmp_path / "state", print)
     shutil.rmtree(tmp_path / "state")
     keeper.keep(LatchRecord("name", "stopped: smoke", "", "now"))
     until = time.monotonic() + 10.0
     while not (tmp_path / "state").exists() and time.monotonic() < until:
         time.sleep(0.01)
     keeper.end()
-    assert latch_keeper(DEVICES[:1], tmp_path / "state", print).held.reason == "stopped: smoke"
+    assert make_latch_keeper(DEVICES[:1], tmp_path / "state", print).held.reason == "stopped: smoke"

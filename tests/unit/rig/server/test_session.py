@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from orchestration.rig.server.calls import BackendSignals
-from orchestration.rig.server.session import misfit, new_session
+from orchestration.rig.server.session import describe_misfit, new_session
 
 SIGNALS = BackendSignals(
     {"current": "A", "force": "N"}, {"voltage": "V", "displacement": "m", "charge": "C"}, {}
@@ -33,7 +33,7 @@ def message(inputs=None, outputs=None):
     ],
 )
 def test_a_client_must_fit_the_rig(given, reason):
-    said = misfit(given, SIGNALS)
+    said = describe_misfit(given, SIGNALS)
     assert (reason in said) if reason else not said
 
 

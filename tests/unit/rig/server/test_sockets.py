@@ -16,7 +16,7 @@ from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.sockets import opened
 from tests.support.rig.raw_peer import RawPeer, post, say, version_2
 
-pytestmark = pytest.mark.real_time
+real_time = pytest.mark.real_time
 
 PATIENCE = 5000  # ms, for what takes some ten
 
@@ -29,7 +29,7 @@ def client():
         socket = context.socket(kind)
         made.append(socket)
         if keys is not None:
-            keys.unlock(socket)
+            keys.secure(socket)
         socket.connect(endpoint)
         return socket
 
@@ -44,6 +44,7 @@ def received(sockets) -> list[bytes]:
     return sockets.requests.recv_multipart()
 
 
+@real_time
 def test_a_free_port_has_two_neighbours(client):
     with opened(ServerSettings("any", port=0)) as sockets:
         for server, offset in ((sockets.requests, 0), (sockets.operators, 2)):
@@ -64,6 +65,15 @@ def test_a_free_port_has_two_neighbours(client):
             assert time.monotonic() < until
         assert sockets.requests.context is not sockets.operators.context
         assert sockets.turned_away() == 0
+
+
+def test_operators_are_two_ports_above_clients():
+    with opened(ServerSettings("any", port=0)) as sockets:
+        clients, operators = (
+            int(socket.getsockopt_string(zmq.LAST_ENDPOINT).rpartition(":")[2])
+            for socket in (sockets.requests, sockets.operators)
+        )
+    assert (clients, operators) == (sockets.port, sockets.port + 2)
 
 
 @pytest.mark.parametrize("taken", [0, 1, 2], ids=["requests", "telemetry", "operators"])
@@ -99,6 +109,7 @@ def test_the_server_may_have_as_many_connections_as_the_system_allows():
         resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
+@real_time
 def test_those_who_do_not_get_beyond_the_handshake_are_counted(client):
     """A browser, one of ZMTP 2, one that says nothing; and a client, who is not counted."""
     with opened(ServerSettings("any", port=0)) as sockets:
@@ -110,6 +121,7 @@ def test_those_who_do_not_get_beyond_the_handshake_are_counted(client):
         assert counted(sockets) == 4
 
 
+@real_time
 @pytest.mark.parametrize(("offset", "most"), [(0, 16 * 65536), (OPERATOR, 4096)])
 def test_a_message_that_is_much_too_large_ends_its_connection(offset, most):
     with opened(ServerSettings("any", port=0)) as sockets:
@@ -133,6 +145,7 @@ def counted(sockets, least: int = 4) -> int:
     return number
 
 
+@real_time
 def test_with_keys_a_known_client_is_let_in_and_others_are_counted(client, tmp_path):
     server_file, client_file = make_keys(tmp_path / "ours")
     own = read_client_keys(client_file)

@@ -60,8 +60,8 @@ def everything(feed):
 
 def test_a_page_that_is_opened_late_gets_what_is_needed_and_then_what_is_new():
     feed = Feed()
-    feed.status(STATUS)
-    feed.telemetry(TELEMETRY)
+    feed.take_status(STATUS)
+    feed.take_telemetry(TELEMETRY)
     serial, first, items = feed.since(-1)
     assert first
     (rig,), (sample,) = of_kind(items, "rig"), of_kind(items, "sample")
@@ -70,7 +70,7 @@ def test_a_page_that_is_opened_late_gets_what_is_needed_and_then_what_is_new():
     assert sample["read_back"] == {"current": 0.49}
     assert of_kind(items, "contact") == [{"kind": "contact", "server": True, "samples": True}]
     assert feed.since(serial) == (serial, False, [])
-    feed.telemetry({**TELEMETRY, "inputs": {"current": None}})
+    feed.take_telemetry({**TELEMETRY, "inputs": {"current": None}})
     newest, first, new = feed.since(serial)
     assert (newest, first) == (serial + 1, False)
     assert [item["inputs"] for item in new] == [{"current": None}]
@@ -79,7 +79,7 @@ def test_a_page_that_is_opened_late_gets_what_is_needed_and_then_what_is_new():
 def test_a_page_that_missed_too_much_gets_everything_anew(monkeypatch):
     monkeypatch.setattr(module, "_ITEMS", 50)
     feed = Feed()
-    feed.status(STATUS)
+    feed.take_status(STATUS)
     serial = feed.since(-1).serial
     for k in range(49):
         feed.event("stop", f"{k}")
@@ -105,7 +105,7 @@ def test_condition_and_alarm_are_told_with_what_they_say():
             "alarm": alarm,
         },
     ):
-        feed.telemetry({**TELEMETRY, **changes})
+        feed.take_telemetry({**TELEMETRY, **changes})
         assert changes.items() <= feed.condition()[1].items()
     told = [(event["what"], event["text"]) for event in of_kind(everything(feed), "event")]
     assert told == [
@@ -119,17 +119,19 @@ def test_condition_and_alarm_are_told_with_what_they_say():
 
 def test_an_overtaken_message_does_not_turn_the_state_back():
     feed = Feed()
-    feed.status({**STATUS, "state": "safe", "reason": "stop", "clock": 10.5})
-    feed.telemetry({**TELEMETRY, "clock": 10.49})  # published before, arrived after
+    feed.take_status({**STATUS, "state": "safe", "reason": "stop", "clock": 10.5})
+    feed.take_telemetry({**TELEMETRY, "clock": 10.49})  # published before, arrived after
     assert of_kind(everything(feed), "state")[-1]["state"] == "safe"
-    feed.telemetry({**TELEMETRY, "clock": 0.1})  # of a server that was started again
+    feed.take_telemetry({**TELEMETRY, "clock": 0.1})  # of a server that was started again
     assert of_kind(everything(feed), "state")[-1]["state"] == "idle"
 
 
 def test_a_change_is_told_once():
     feed = Feed()
     for k in range(50):
-        feed.telemetry({**TELEMETRY, "clock": 10.0 + k, "refused": ["current 2 A is above 1.3 A"]})
+        feed.take_telemetry(
+            {**TELEMETRY, "clock": 10.0 + k, "refused": ["current 2 A is above 1.3 A"]}
+        )
     events = [event["text"] for event in of_kind(everything(feed), "event")]
     assert sorted(events) == sorted(
         ["idle", "refused: current 2 A is above 1.3 A", "contact with the rig's server"]
@@ -143,7 +145,7 @@ def test_a_refusal_is_shown_again_every_few_seconds(monkeypatch):
     shown = []
     for moment in (100.0, 101.0, 106.0, 106.1, 106.2, 112.0):
         now[0] = moment
-        feed.telemetry({**TELEMETRY, "clock": moment, "refused": ["too much", f"at {moment}"]})
+        feed.take_telemetry({**TELEMETRY, "clock": moment, "refused": ["too much", f"at {moment}"]})
         texts = [event["text"] for event in of_kind(everything(feed), "event")]
         shown.append(texts.count("refused: too much"))
     assert shown == [1, 1, 2, 2, 2, 3]
@@ -153,15 +155,15 @@ def test_silence_is_lost_contact(monkeypatch):
     now = [100.0]
     monkeypatch.setattr(module, "monotonic", lambda: now[0])
     feed = Feed()
-    feed.status(STATUS)
-    feed.telemetry(TELEMETRY)
+    feed.take_status(STATUS)
+    feed.take_telemetry(TELEMETRY)
     told = []
     for tenth in range(1, 21):
         now[0] = 100.01 + 0.1 * tenth
-        feed.look()
+        feed.check_contact()
         told.append(of_kind(everything(feed), "contact")[0]["server"])
     assert told == [True] * 6 + [False] * 14  # until 0.7 s, so that a page says so within one
-    feed.telemetry(TELEMETRY)
+    feed.take_telemetry(TELEMETRY)
     assert of_kind(everything(feed), "contact")[0] == {
         "kind": "contact",
         "server": True,
@@ -174,10 +176,10 @@ def test_a_rig_that_samples_slowly_is_waited_for(monkeypatch, period, lost):
     now = [100.0]
     monkeypatch.setattr(module, "monotonic", lambda: now[0])
     feed = Feed()
-    feed.status({**STATUS, "period": period})
-    feed.telemetry(TELEMETRY)
+    feed.take_status({**STATUS, "period": period})
+    feed.take_telemetry(TELEMETRY)
     now[0] += 2.0
-    feed.status({**STATUS, "period": period})
+    feed.take_status({**STATUS, "period": period})
     assert of_kind(everything(feed), "contact")[0] == {
         "kind": "contact",
         "server": True,
@@ -189,7 +191,7 @@ def test_a_rig_that_samples_slowly_is_waited_for(monkeypatch, period, lost):
 def test_memory_is_bounded():
     feed = Feed()
     for k in range(5000):
-        feed.telemetry(
+        feed.take_telemetry(
             {
                 **TELEMETRY,
                 "clock": float(k),
@@ -227,7 +229,7 @@ def test_whatever_is_well_formed_becomes_json_that_a_browser_reads(inputs, outpu
         {"ppy": protocol.VERSION, "type": "telemetry", **TELEMETRY, **values}
     ).encode()
     feed = Feed()
-    feed.telemetry(protocol.decode(frame, protocol.REPLIES))
+    feed.take_telemetry(protocol.decode(frame, protocol.REPLIES))
     text = json.dumps(everything(feed), allow_nan=False)
     (sample,) = of_kind(json.loads(text), "sample")
     assert all(value is None or abs(value) < 1e300 for value in sample["inputs"].values())
@@ -262,8 +264,8 @@ def test_what_cannot_be_seen_is_written_out(said, shown):
     rig = {"inputs": {said: said}, "outputs": {said: said}, "limits": {said: {}}, "mode": said}
     condition = dict.fromkeys(("state", "reason", "latch", "alarm", "client"), said)
     values = {"inputs": {said: 1.0}, "outputs": {said: 1.0}, "ages": {said: 1.0}}
-    feed.status({**STATUS, **rig, **condition})
-    feed.telemetry(
+    feed.take_status({**STATUS, **rig, **condition})
+    feed.take_telemetry(
         {**TELEMETRY, **condition, **values, "read_back": {said: 1.0}, "refused": [said]}
     )
     feed.event("stop", said)
@@ -283,11 +285,11 @@ def test_a_sample_says_how_long_it_was_under_way_at_most(monkeypatch):
     now = [100.0]
     monkeypatch.setattr(module, "monotonic", lambda: now[0])
     feed = Feed()
-    feed.telemetry({**TELEMETRY, "clock": 599.0})
+    feed.take_telemetry({**TELEMETRY, "clock": 599.0})
     now[0] = 100.04
-    feed.status({**STATUS, "clock": 600.01}, sent=100.0)
+    feed.take_status({**STATUS, "clock": 600.01}, sent=100.0)
     now[0] = 101.07
-    feed.telemetry({**TELEMETRY, "clock": 601.0})  # sent at 101
+    feed.take_telemetry({**TELEMETRY, "clock": 601.0})  # sent at 101
     before, after = of_kind(everything(feed), "sample")
     assert before["transit"] is None  # nobody knows
     assert 0.07 <= after["transit"] <= 0.07 + 0.01 + 0.002
@@ -296,8 +298,8 @@ def test_a_sample_says_how_long_it_was_under_way_at_most(monkeypatch):
 
 def test_in_lockstep_the_time_of_the_rig_stands_still_under_way():
     feed = Feed()
-    feed.status({**STATUS, "mode": "lockstep"}, sent=time.monotonic())
-    feed.telemetry({**TELEMETRY, "clock": 1e6})
+    feed.take_status({**STATUS, "mode": "lockstep"}, sent=time.monotonic())
+    feed.take_telemetry({**TELEMETRY, "clock": 1e6})
     assert of_kind(everything(feed), "sample")[0]["transit"] == 0.0
 
 
