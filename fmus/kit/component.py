@@ -80,6 +80,7 @@ class Component:
     _kept: dict[Any, Any] | None = None  # of shared laws, see sharing.py
 
     def __init_subclass__(cls, **options: Any) -> None:
+        """Take the declarations from the class body, and check and arrange all variables."""
         super().__init_subclass__(**options)
         check_laws(cls)
         cls.declared = extract(cls)

@@ -231,16 +231,16 @@ def correction(
         function = _table_function(target, source, plain_shape)
     memory = f"{switch}_memory"
 
-    def now(self: Any) -> Any:
+    def signal_value(self: Any) -> Any:
         """Return the signal itself; for the corrected law, its value without the correction."""
         value = getattr(super(effect, self) if source.name == law else self, source.name)
         return value() if callable(value) else value
 
     def argument(self: Any) -> Any:
         if not source.memory:
-            return now(self)
+            return signal_value(self)
         remembered = getattr(self, memory)
-        return now(self) - remembered if source.memory == "leading" else remembered
+        return signal_value(self) - remembered if source.memory == "leading" else remembered
 
     def corrected(self: Any, *arguments: Any) -> Any:
         base = getattr(super(effect, self), law)(*arguments)
@@ -255,11 +255,11 @@ def correction(
         "__module__": __name__,
         law: corrected,
     }
-    remembers = _memory_members(law, source, memory, now) if source.memory else {}
+    memory_members = _memory_members(law, source, memory, signal_value) if source.memory else {}
     family = effect_family(law, source.name, source.memory)
     effect = make_effect(
         f"{switch}_correction".title().replace("_", ""),
-        body | function.declared | remembers,
+        body | function.declared | memory_members,
         id=law,
         title=f"{capitalised(law_title(component, law))} that depends on {in_words(source.words)}",
         term=Term(law, source.words, function.text, family, suffix),
@@ -388,22 +388,22 @@ def _table_function(target: _CorrectedLaw, signal: SignalTerm, table: SmoothTabl
 
 
 def _memory_members(
-    law: str, signal: SignalTerm, memory: str, now: Callable[[Any], Any]
+    law: str, signal: SignalTerm, memory: str, signal_value: Callable[[Any], Any]
 ) -> dict[str, Any]:
     """Declare the state of a memory, with its rate and, for a lag, the time constant, by name.
 
-    The value of the signal is `now`, from the component instance.
+    The value of the signal is `signal_value`, from the component instance.
     """
     rate = f"{memory}_rate"
     constant = f"{memory}_constant"
 
     def lag_rate(self: Any) -> Any:
-        x = now(self)
+        x = signal_value(self)
         target = x * x if signal.memory == "heat" else x
         return (target - getattr(self, memory)) / getattr(self, constant)
 
     def integral_rate(self: Any) -> Any:
-        x = now(self)
+        x = signal_value(self)
         return absolute(x) if signal.memory == "throughput" else x
 
     state = State(

@@ -59,7 +59,10 @@ def _library_function(name: str, value: Any) -> Any:
 
 
 def _unary(name: str, scalar: Callable[[float], float], doc: str) -> Callable[[Any], Any]:
-    """Make a function of one value from a function of floats and its name in the libraries."""
+    """Make a function of a float, an array or a symbol from a function of floats.
+
+    `name` is that of the function in NumPy and, but for `_IN_CASADI`, in CasADi.
+    """
 
     def function(x: Any) -> Any:
         if not isinstance(x, _SCALARS):
@@ -77,7 +80,7 @@ def _unary(name: str, scalar: Callable[[float], float], doc: str) -> Callable[[A
 
 
 def _binary(name: str, scalar: Callable[[Any, Any], Any], doc: str) -> Callable[[Any, Any], Any]:
-    """Make a function of two values from a function of floats and its name in the libraries."""
+    """Make a function of two floats, arrays or symbols from a function of floats; see `_unary`."""
 
     def function(a: Any, b: Any) -> Any:
         if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):

@@ -631,7 +631,7 @@ def _parsed(unit: str) -> ast.expr:
 def _powers(node: ast.expr) -> dict[str, int]:
     """Return the power of each name in a product; raise ValueError for any other expression."""
     match node:
-        case ast.Name(id=name) if not any(map(str.isdigit, name)):
+        case ast.Name(id=name) if not any(map(str.isdigit, name)):  # m2 is Modelica's m^2
             return {name: 1}
         case ast.Constant(value=1):
             return {}

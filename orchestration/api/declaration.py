@@ -189,6 +189,7 @@ def options_of(*declared: type) -> dict[str, Option]:
 
 @cache
 def _options_of(declared: type) -> list[Option]:
+    """Return the options of one class, each with its name and type."""
     # `get_type_hints` would import the types that the annotations name; the outer one is enough
     return [
         hint.__metadata__[0]._replace(name=name, type=hint.__origin__)
@@ -231,7 +232,8 @@ def takes(*declared: type) -> Callable[[Function], Function]:
 
     def decorate(function: Function) -> Function:
         plain = signature(function)
-        own = [p for p in plain.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+        named = plain.parameters.values()
+        own = [parameter for parameter in named if parameter.kind is not Parameter.VAR_KEYWORD]
         known = {parameter.name for parameter in own}
         added = [option for option in options.values() if option.name not in known]
         defaults = {option.name: option.default for option in added}
@@ -244,7 +246,10 @@ def takes(*declared: type) -> Callable[[Function], Function]:
                     raise TypeError(
                         f"{function.__name__}() got an unexpected keyword argument {name!r}{near}"
                     )
-            used = {n: options[n].given(v) if n in options else v for n, v in given.items()}
+            used = {
+                name: options[name].given(value) if name in options else value
+                for name, value in given.items()
+            }
             with optional():
                 return function(*arguments, **defaults | used)
 
@@ -259,6 +264,7 @@ def takes(*declared: type) -> Callable[[Function], Function]:
 
 
 def _parameter(option: Option) -> Parameter:
+    """Return the keyword argument of a function for an option."""
     kind = option.type.__forward_arg__ if isinstance(option.type, ForwardRef) else option.type
     return Parameter(option.name, Parameter.KEYWORD_ONLY, default=option.default, annotation=kind)
 
@@ -295,6 +301,7 @@ def _is_union(kind: Any) -> bool:
 
 
 def _type_in_words(kind: Any) -> str:
+    """Return an annotation in the words of numpydoc, such as ``sequence of str``."""
     outer = get_origin(kind)
     if outer is Callable:
         return "callable"

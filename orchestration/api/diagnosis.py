@@ -84,7 +84,7 @@ def diagnose(
     measured, unseen = held_out(record, options["holdout"], subject, mapping, options["runs"])
     refuse_useless_options(subject, options)
     if options["engine"] == "new":
-        return _by_terms(subject, measured, unseen, model, options)
+        return _run_new_engine(subject, measured, unseen, model, options)
     diagnosis_options = _pipeline_options(subject, given, options)
     compare = options["compare"]
     later = None if compare is None else matching_record(compare, subject, mapping)
@@ -92,7 +92,7 @@ def diagnose(
     around = None
     try:
         if subject.cls is None:
-            result, around = _from_outside(
+            result, around = _diagnose_fmu(
                 subject,
                 measured,
                 unseen,
@@ -156,14 +156,14 @@ def _refuse_options_of_old_engine(options: Mapping[str, object]) -> None:
         )
 
 
-def _by_terms(
+def _run_new_engine(
     subject: Model,
     measured: Sequence[Record],
     unseen: Sequence[Record],
     model: Model | str | Path | None,
     options: DiagnoseKeywords,
 ) -> TermDiagnosisResult:
-    """Diagnose by the new engine."""
+    """Diagnose by terms of the laws, with the engine that is to replace the pipeline."""
     given = numeric(values_of(subject, options["settings"]))
     diagnosis = diagnose_by_terms(
         measured, subject, unseen, options["hold"], given, options["progress"]
@@ -182,7 +182,7 @@ def _by_terms(
 def _pipeline_options(
     subject: Model, given: Mapping[str, Value], options: DiagnoseKeywords
 ) -> pipeline.DiagnosisOptions:
-    """Return the options of the pipeline for those of `diagnose`."""
+    """Return the options of the pipeline that correspond to those of `diagnose`."""
     excitation = registry.excitation(subject.name)
     effects = options["effects"]
     if subject.cls is None and effects is None:
@@ -200,7 +200,7 @@ def _pipeline_options(
     )
 
 
-def _from_outside(
+def _diagnose_fmu(
     fmu: Model,
     measured: Sequence[Record],
     unseen: Sequence[Record],

@@ -77,12 +77,12 @@ def frequency_response(
     if model is None:
         _refuse_without_model(options)
         inputs = driving or [parts_of_ratio(ratio)[1] for ratio in of]
-        plain = _of_columns(record, of, inputs)
+        plain = _read_named_columns(record, of, inputs)
         _check_inputs(inputs, plain.signals)
         return estimate_responses(plain, inputs, of, period=period, band=options["band"])
     declared = as_measured(model)
     values = values_of(declared, options["settings"])
-    data = _of_model(matching_record(record, declared, options["mapping"]), declared)
+    data = _signals_of_model(matching_record(record, declared, options["mapping"]), declared)
     inputs = driving or [*declared.inputs]
     _check_inputs(driving, data.signals)
     subject = built(declared)
@@ -99,7 +99,7 @@ def frequency_response(
     )
 
 
-def _of_model(record: Record, model: Model) -> Record:
+def _signals_of_model(record: Record, model: Model) -> Record:
     """Return a record with the signals of the model only."""
     known = {*model.inputs, *model.outputs}
     signals = {name: values for name, values in record.signals.items() if name in known}
@@ -114,6 +114,7 @@ def _refuse_without_model(options: FrequencyKeywords) -> None:
 
 
 def _check_inputs(inputs: Sequence[str], signals: Collection[str]) -> None:
+    """Raise UserError for an input that the record lacks."""
     for name in inputs:
         if name not in signals:
             raise UserError(
@@ -121,7 +122,7 @@ def _check_inputs(inputs: Sequence[str], signals: Collection[str]) -> None:
             )
 
 
-def _of_columns(record: Data, of: Sequence[str], inputs: Sequence[str]) -> Record:
+def _read_named_columns(record: Data, of: Sequence[str], inputs: Sequence[str]) -> Record:
     """Return the columns of a record that ratios and inputs name, in the units of the record."""
     if not of:
         raise UserError(

@@ -85,8 +85,8 @@ def linearise(
     require("control")
     with _subject(model) as subject:
         if isinstance(subject, Model):
-            return _of_fmu(subject, stimulus or {}, options)
-        return _of_equations(subject, stimulus or {}, options)
+            return _linearise_without_equations(subject, stimulus or {}, options)
+        return _linearise_equations(subject, stimulus or {}, options)
 
 
 @contextmanager
@@ -109,12 +109,13 @@ def _subject(model: Any) -> Iterator[LinearSubject | Model]:
 # --- equations -----------------------------------------------------------------------------------
 
 
-def _of_equations(
+def _linearise_equations(
     subject: LinearSubject, stimulus: Inputs, options: LineariseKeywords
 ) -> LinearModel:
+    """Linearise equations at every point in time, and the models of a band at the first one."""
     model = _signals_of(subject)
     settings = values_of(model, options["settings"], options["preset"])
-    constants, driven, points = _driven(model, stimulus, options)
+    constants, driven, points = _split_inputs(model, stimulus, options)
     known = numeric(settings) | constants
     step = _step(options) or 0.0
     times = [seconds(time) for time in options["at"]] or [0.0]
@@ -124,7 +125,7 @@ def _of_equations(
         )
     request = _trim_request(subject, model, options)
 
-    def at(time: float, changed: Mapping[str, float]) -> LinearModel:
+    def linear_at(time: float, changed: Mapping[str, float]) -> LinearModel:
         values = {**known, **changed}
         begin = 0.0 if points is None else points[0]
         compiled = subject.compiled if time > begin else None
@@ -137,8 +138,8 @@ def _of_equations(
 
     if options["cut"] is not None and (options["inputs"] or options["outputs"]):
         raise UserError(f"{option('cut', options['cut'])} has its own input and output")
-    first, *further = (at(time, {}) for time in times)
-    variations = tuple(at(times[0], case) for case in _cases(model, known, options))
+    first, *further = (linear_at(time, {}) for time in times)
+    variations = tuple(linear_at(times[0], case) for case in _band_cases(model, known, options))
     return replace(first, further=tuple(further), variations=variations)
 
 
@@ -160,24 +161,30 @@ def _signals_of(subject: LinearSubject) -> Model:
     return Model(subject.name, Path(), subject.cls, inputs, outputs, parameters)
 
 
-def _driven(
+def _split_inputs(
     model: Model, stimulus: Inputs, options: LineariseKeywords
 ) -> tuple[dict[str, float], dict[str, Array], Array | None]:
     """Return constant inputs, varying inputs, and the times of these."""
     time = options["time"]
     points = None if time is None else np.asarray(time, dtype=float)
-    varying = {n: v for n, v in stimulus.items() if callable(v) or np.ndim(v) > 0}
+    varying = {name: values for name, values in stimulus.items() if _varies(values)}
     if varying and points is None:
         raise UserError(f"{', '.join(varying)}: inputs that vary need {option('time')}")
-    constants = {n: v for n, v in stimulus.items() if n not in varying}
-    constant_arrays = inputs_over(model, constants, np.zeros(1))
+    constant = {name: value for name, value in stimulus.items() if name not in varying}
+    arrays = inputs_over(model, constant, np.zeros(1))  # checks names and shapes
     driven = {} if points is None else inputs_over(model, varying, points)
-    return {n: float(v[0]) for n, v in constant_arrays.items()}, driven, points
+    return {name: float(values[0]) for name, values in arrays.items()}, driven, points
+
+
+def _varies(values: Any) -> bool:
+    """Return whether an input is a function of time or has several values."""
+    return callable(values) or np.ndim(values) > 0
 
 
 def _trim_request(
     subject: LinearSubject, model: Model, options: LineariseKeywords
 ) -> TrimRequest | None:
+    """Return the conditions of an equilibrium; None if the operating point need not be one."""
     fixed = options["fix"] or {}
     if not options["trim"]:
         for name in ("fix", "free", "drift"):
@@ -200,7 +207,7 @@ def _trim_request(
     return TrimRequest(values, tuple(options["free"]), tuple(options["drift"]))
 
 
-def _cases(
+def _band_cases(
     model: Model, known: Mapping[str, float], options: LineariseKeywords
 ) -> list[dict[str, float]]:
     """Return the values of parameters of each model of a band."""
@@ -233,14 +240,17 @@ def _cases(
 # --- FMUs without equations ----------------------------------------------------------------------
 
 
-def _of_fmu(model: Model, stimulus: Inputs, options: LineariseKeywords) -> LinearModel:
+def _linearise_without_equations(
+    model: Model, stimulus: Inputs, options: LineariseKeywords
+) -> LinearModel:
+    """Linearise an FMU at every point in time, with inputs that are constant until then."""
     for name in ("trim", "fix", "free", "drift", "cut", "over", "fitted", "samples", "preset"):
         if options[name]:
             raise UserError(
                 f"{model.without_equations}; {option(name)} needs the equations of a component: an"
                 " FMU without them is linearised at a time"
             )
-    varying = next((n for n, v in stimulus.items() if callable(v) or np.ndim(v) > 0), None)
+    varying = next((name for name, values in stimulus.items() if _varies(values)), None)
     if varying is not None:
         raise UserError(f"{model.name}: {varying} varies; inputs of an FMU without equations stay")
     settings = values_of(model, options["settings"]) | {
@@ -249,8 +259,8 @@ def _of_fmu(model: Model, stimulus: Inputs, options: LineariseKeywords) -> Linea
     own = read_description(model.path).defaultExperiment
     step = _step(options)
     pulse = step or float(getattr(own, "stepSize", None) or 1e-3)
-    inputs = tuple(options["inputs"] or _real(model.inputs))
-    outputs = tuple(options["outputs"] or _real(model.outputs))
+    inputs = tuple(options["inputs"] or _names_of_reals(model.inputs))
+    outputs = tuple(options["outputs"] or _names_of_reals(model.outputs))
     first, *further = (
         linearise_fmu(
             FmuRequest(model, seconds(time), settings, inputs, outputs, pulse),
@@ -261,5 +271,5 @@ def _of_fmu(model: Model, stimulus: Inputs, options: LineariseKeywords) -> Linea
     return replace(first, further=tuple(further), notes=(*model.notes, *first.notes))
 
 
-def _real(signals: Mapping[str, Any]) -> list[str]:
+def _names_of_reals(signals: Mapping[str, Any]) -> list[str]:
     return [name for name, signal in signals.items() if signal.type == "real"]

@@ -66,7 +66,7 @@ def optimise(
         raise UserError(f"{subject.without_equations}; a component can be optimised")
     objectives = _objectives(subject, options)
     starts = options["starts"]
-    if starts & (starts - 1):
+    if starts & (starts - 1):  # more than one bit is set
         raise UserError(f"{option('starts', starts)}: a power of 2, such as 256")
     ranges = _ranges(subject, over)
     points = _points(subject.cls, options)

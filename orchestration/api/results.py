@@ -551,6 +551,7 @@ class LawsResult(_Result):
         return target
 
     def _best(self, purpose: str) -> Correction:
+        """Return the best correction; UserError with the purpose if there is none."""
         if self._report.best is None:
             raise UserError(f"{self._LACKING}, so there is nothing to {purpose}")
         return self._report.best

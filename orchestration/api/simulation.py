@@ -70,9 +70,8 @@ class Simulation(Displayable):
         table = plain_table(None, "output", *columns, right=columns)
         for name, values in self.outputs.items():
             signal = self.model.outputs[name]
-            table.add_row(
-                name, *(format_value(v, signal) for v in (values.min(), values.max(), values[-1]))
-            )
+            shown = (values.min(), values.max(), values[-1])
+            table.add_row(name, *(format_value(value, signal) for value in shown))
         yield (
             f"{self.model.name}: {self.time.size} points from {self.time[0]:g} s to"
             f" {self.time[-1]:g} s"
@@ -85,8 +84,9 @@ class Simulation(Displayable):
 
     def to_dict(self) -> dict[str, Any]:
         """Return time and signals as lists."""
+        signals = self.inputs | self.outputs
         return {"time": self.time.tolist()} | {
-            n: v.tolist() for n, v in (self.inputs | self.outputs).items()
+            name: values.tolist() for name, values in signals.items()
         }
 
     def to_frame(self) -> pandas.DataFrame:
@@ -265,7 +265,7 @@ def _refuse_effects(system: str, effects: Sequence[str]) -> None:
 
 
 def _refuse_misspelt(name: str) -> None:
-    """Raise UserError for a name that is nearly that of a system, and of no component."""
+    """Raise UserError for a name that is similar to a system's, and to no component's."""
     hint = suggestion(name, NAMES, few=0)
     known = registry.models()
     if hint and name.isidentifier() and name not in known and not suggestion(name, known, few=0):

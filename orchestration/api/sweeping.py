@@ -136,13 +136,14 @@ def _reductions(keep: Sequence[str] | None, kind: str) -> list[str]:
 
 
 def _refuse_set_twice(swept: Sequence[str], given: Container[str]) -> None:
+    """Raise UserError for a parameter that is both swept and set to one value."""
     twice = next((name for name in swept if name in given), None)
     if twice is not None:
         raise UserError(f"{twice} is swept, and set to one value besides")
 
 
 def _refuse_unfit(subject: Model, options: SweepKeywords) -> None:
-    """Raise UserError for a wrong number of workers, or outputs that the model has not."""
+    """Raise UserError for a wrong number of workers, or an output that the model does not have."""
     workers = options["workers"]
     scheduler = options["scheduler"]
     if not 1 <= workers <= MOST_WORKERS:

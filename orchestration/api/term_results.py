@@ -35,7 +35,7 @@ class TermDiagnosisResult(DiagnosisResult):
     causes, alternatives : list of str
         The first cause as ``LAW(SIGNAL)``, and the others of the smallest group that is sure.
     probabilities : dict of str to float
-        Of each cause of the group, or of the best guesses.
+        Probability of each cause of the group, or of the best guesses.
     model : type[Component]
         The model with the terms of the first cause, or with fitted parameters alone.
     """

@@ -99,14 +99,15 @@ class _Commands(TyperGroup):
             return None
         loaded = load(cmd_name)
         if not isinstance(loaded, typer.Typer):
-            return _alone(cmd_name)
+            return _single_command(cmd_name)
         group: Any = typer.main.get_command(loaded)
-        group.help, _ = _about(cmd_name)
-        for name, one in group.commands.items():
-            one.epilog = epilog(f"{cmd_name} {name}")
+        group.help, _ = _summary_and_place(cmd_name)
+        for name, member in group.commands.items():
+            member.epilog = epilog(f"{cmd_name} {name}")
+        # commands that installed packages add to the group
         for words in filter(re.compile(f"{cmd_name} ").match, _commands()):
-            one = _alone(words)
-            group.add_command(one, one.name)
+            added = _single_command(words)
+            group.add_command(added, added.name)
         return group
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
@@ -119,10 +120,10 @@ class _Commands(TyperGroup):
                 formatter.write(f"  {name:{width}}  {group[name][0]}\n")
 
 
-def _alone(words: str) -> Any:
-    """Return the command of a function; `words` call it, after ``ppy``."""
+def _single_command(words: str) -> Any:
+    """Return the command of typer that a function becomes; `words` are typed after ``ppy``."""
     function = load(words)
-    summary, _ = _about(words)
+    summary, _ = _summary_and_place(words)
     _, _, details = (function.__doc__ or "").partition("\n\n")
     text = f"{summary}\n\n{cleandoc(details)}"
     alone = typer.Typer(rich_markup_mode="rich", add_completion=False)
@@ -158,7 +159,8 @@ def _commands() -> dict[str, tuple[str, str]]:
     return {words: about for group in _groups().values() for words, about in group.items()}
 
 
-def _about(words: str) -> tuple[str, str]:
+def _summary_and_place(words: str) -> tuple[str, str]:
+    """Return the line for the help of a command, and the place ``.module:function`` of it."""
     return _OWN.get(words) or _commands()[words]
 
 
@@ -169,7 +171,7 @@ def names() -> list[str]:
 
 def load(name: str) -> Any:
     """Return the function of a command, or the group of commands of a name."""
-    module, _, attribute = _about(name)[1].partition(":")
+    module, _, attribute = _summary_and_place(name)[1].partition(":")
     return getattr(import_module(module, _MODULES), attribute)
 
 
@@ -222,7 +224,7 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        with in_shell(), optional(), _warnings_in_a_line():
+        with in_shell(), optional(), _registry_warnings_as_remarks():
             code = app(standalone_mode=False, prog_name="ppy")
         if code == INTERRUPTED:  # typer has taken the interrupt for itself
             raise KeyboardInterrupt
@@ -240,8 +242,8 @@ def main() -> None:
 
 
 @contextmanager
-def _warnings_in_a_line() -> Iterator[None]:
-    """Tell of packages of components that are left out as of anything else; other warnings stay."""
+def _registry_warnings_as_remarks() -> Iterator[None]:
+    """Print warnings about packages that are left out like other remarks, in one line."""
     usual = warnings.showwarning
 
     def show(

@@ -16,7 +16,7 @@ Body = Callable[..., None]
 
 
 def command(declared: type) -> Callable[[Body], Body]:
-    """Make a function of options into one of which typer makes a command.
+    """Give a function of options the signature from which typer makes a command.
 
     Parameters
     ----------
@@ -26,8 +26,8 @@ def command(declared: type) -> Callable[[Body], Body]:
     Returns
     -------
     callable
-        Decorator of a function that takes the options, complete, and typer's context if it has a
-        second argument. The command's attribute ``__options__`` has the options by name.
+        Decorator of a function that takes the values of all options, and typer's context if it has
+        a second argument. The attribute ``__options__`` of the result has the options by name.
     """
     options = {
         name: _with_default(option)
@@ -58,7 +58,7 @@ def command(declared: type) -> Callable[[Body], Body]:
 
 
 def _with_default(option: Option) -> Option:
-    """Return an option whose default is a value: the default model depends on the installation."""
+    """Return an option with a value as its default, which may be declared as a function of it."""
     return option._replace(default=option.default()) if callable(option.default) else option
 
 
@@ -97,6 +97,7 @@ def _typed_default(option: Option) -> Any:
 
 
 def _parser(option: Option) -> Callable[[str], Any] | None:
+    """Return the parser of one text with typer's error for a wrong one; None without a parser."""
     parse = option.form.parse
     if parse is None:
         return None
@@ -114,6 +115,7 @@ def _parser(option: Option) -> Callable[[str], Any] | None:
 
 
 def _completion(option: Option) -> Callable[..., list[str]] | None:
+    """Return the function that completes a value in a shell; None if there is none."""
     if option.complete:
         return _COMPLETIONS[option.complete]
     if not option.choices:
@@ -138,9 +140,9 @@ def _complete_experiments(incomplete: str) -> list[str]:
 
 
 def _complete_effects(context: typer.Context, incomplete: str) -> list[str]:
-    """Return effects of the component that was named before, after those that are there already.
+    """Return completions by effects of the component in the words before; no user's file is run.
 
-    No file is run for it.
+    Each begins with the effects that are typed already.
     """
     from fmus.kit import registry
     from orchestration.fmu.model import known_effects

@@ -45,12 +45,12 @@ _ENDINGS = {
     "--effect-out": (".py",),
     "--ssp": (".ssp",),
 }
-_OF_A_SYSTEM = (MappingOption, SettingsOption, JsonOption, SystemOption, IsolateOption)
+_SYSTEM_OPTIONS = (MappingOption, SettingsOption, JsonOption, SystemOption, IsolateOption)
 Writer = Callable[[Path, Callable[[str], None]], list[Path]]
 
 
 class Judged(NamedTuple):
-    """A model and the records that it is judged on."""
+    """A model and the records that it is diagnosed on."""
 
     model: Model
     records: list[Record]
@@ -58,7 +58,7 @@ class Judged(NamedTuple):
 
 
 def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
-    """Do ``ppy diagnose``; the command is repeated in the report.
+    """Run ``ppy diagnose``; the report repeats the command.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
 
 
 def _check_explained(options: DiagnoseCommand) -> None:
-    """Refuse anything but two candidates of the new engine."""
+    """Refuse ``--explain`` with anything but two candidates of the new engine."""
     names = options["explain"]
     if names and options["engine"] != "new":
         raise UserError("--explain compares candidates of the new engine; add --engine new")
@@ -111,12 +111,12 @@ def _check_explained(options: DiagnoseCommand) -> None:
 
 
 def _platforms(options: DiagnoseCommand | LawsCommand) -> list[str]:
-    """Return the platforms that an FMU is built for; all are those that can be compiled for."""
+    """Return the platforms to build an FMU for; ``all`` are those with a compiler here."""
     return platform_list(options["platforms"]) or available_platforms()
 
 
 def run_laws(options: LawsCommand, command: str) -> LawsResult:
-    """Do ``ppy laws``; the command is repeated in the report.
+    """Run ``ppy laws``; the report repeats the command.
 
     Raises
     ------
@@ -132,16 +132,16 @@ def run_laws(options: LawsCommand, command: str) -> LawsResult:
         result = laws(judged.records, judged.model, **chosen)
     _show(result, options["json"])
 
-    def there_is_one(path: Path) -> bool:
+    def has_model(path: Path) -> bool:
         if result.model is None:
             note(f"no law is found to lack anything: {path} was not written")
         return result.model is not None
 
     def effect(path: Path, tell: Callable[[str], None]) -> list[Path]:
-        return [result.effect(path)] if there_is_one(path) else []
+        return [result.effect(path)] if has_model(path) else []
 
     def fmu(path: Path, tell: Callable[[str], None]) -> list[Path]:
-        return result.fmu(path, _platforms(options), tell) if there_is_one(path) else []
+        return result.fmu(path, _platforms(options), tell) if has_model(path) else []
 
     write_all(
         [
@@ -154,14 +154,14 @@ def run_laws(options: LawsCommand, command: str) -> LawsResult:
 
 
 def run_system(options: DiagnoseCommand, system: Path) -> None:
-    """Do ``ppy diagnose --system``.
+    """Run ``ppy diagnose --system``.
 
     Raises
     ------
     UserError
         If the record or the system cannot be used, or an option is given that is of one model only.
     """
-    of_a_system = {"records", *options_of(*_OF_A_SYSTEM)}
+    of_a_system = {"records", *options_of(*_SYSTEM_OPTIONS)}
     values = cast("Mapping[str, object]", options)
     unfit = [
         option.flags[0]
@@ -189,18 +189,18 @@ def run_system(options: DiagnoseCommand, system: Path) -> None:
 
 
 def open_judged(options: DiagnoseCommand | LawsCommand, check: Callable[[Model], None]) -> Judged:
-    """Open the model and the records, once it is sure that what is asked for can be written.
+    """Open the model and the records, after a check that all output files can be written.
 
     Parameters
     ----------
     options : DiagnoseCommand or LawsCommand
     check : callable
-        Refuses a model that cannot be judged so, before anything is told of it.
+        Raises UserError for a model that does not fit the options, before any remark is printed.
 
     Raises
     ------
     UserError
-        If something could not be written, or the model or a record cannot be read.
+        If a file could not be written, or the model or a record cannot be read.
     """
     name = options["model"] or registry.default_model()
     file = model_file(name)
@@ -230,6 +230,7 @@ def open_judged(options: DiagnoseCommand | LawsCommand, check: Callable[[Model],
 
 
 def _title(record: Record) -> str:
+    """Return the name of a record's file, with the label of the run if it has one."""
     return f"{record.source.name}, run {record.label}" if record.label else record.source.name
 
 
@@ -249,17 +250,19 @@ def check_files(options: DiagnoseCommand | LawsCommand, sources: Sequence[Path] 
     given = cast("Mapping[str, Any]", options)
     records: Sequence[Path] = given["records"]
     later: Path | None = given.get("compare")
+    # a holdout may also be labels of several records, which are no files
     others = [
         Path(text) for text in given["holdout"] or () if len(records) == 1 or Path(text).exists()
     ]
     read: dict[str, Path | None] = {
-        f"the record{_number(k)}": path for k, path in enumerate(records)
+        f"the record{_number_after_first(k)}": path for k, path in enumerate(records)
     }
     read["the later record"] = later
-    read |= {f"the record held out{_number(k)}": path for k, path in enumerate(others)}
+    read |= {f"the record held out{_number_after_first(k)}": path for k, path in enumerate(others)}
     for source in sources:
         kind = "FMU" if source.suffix == ".fmu" else "file"
         read[f"the {kind} of --model"] = source
+    # an option has the name of its flag
     written = {flag: given.get(flag[2:].replace("-", "_")) for flag in _ENDINGS}
     if given["fmu"] is not None:
         for kind, path in fmu_paths(given["fmu"], ()).items():
@@ -276,7 +279,8 @@ def check_files(options: DiagnoseCommand | LawsCommand, sources: Sequence[Path] 
             )
 
 
-def _number(k: int) -> str:
+def _number_after_first(k: int) -> str:
+    """Return the number of an item in brackets from 2 on; empty for the first."""
     return f" ({k + 1})" if k else ""
 
 
@@ -287,6 +291,8 @@ def _show(result: DiagnosisResult | LawsResult, path: Path | None) -> None:
 
 
 def _report(result: DiagnosisResult | LawsResult, command: str) -> Writer:
+    """Return a function that writes the report of a result."""
+
     def report(path: Path, tell: Callable[[str], None]) -> list[Path]:
         tell("drawing the report")
         return [result.report(path, command)]
@@ -295,13 +301,13 @@ def _report(result: DiagnosisResult | LawsResult, command: str) -> Writer:
 
 
 def write_all(writers: Sequence[tuple[Writer, Path | None]]) -> None:
-    """Write everything that was asked for and can be; then raise the first failure, if any.
+    """Write all files that are wanted, even after a failure; then raise the first failure.
 
     Parameters
     ----------
     writers : sequence of tuple
-        Function that writes a file, telling its progress, and returns what it wrote; and the
-        file's name if it was asked for.
+        Function that writes a file, calls its second argument with progress, and returns the files
+        that it wrote; and the path to write to, or None if the file is not wanted.
     """
     failures: list[Exception] = []
     written: list[Path] = []

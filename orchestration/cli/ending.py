@@ -13,12 +13,12 @@ INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 
 
 def end_interrupted(kept: str = "") -> NoReturn:
-    """Say that the command was interrupted, and end with the exit code of that.
+    """Print that the command was interrupted, and exit with the status of an interrupt.
 
     Parameters
     ----------
     kept : str
-        Words on work that is kept.
+        Text about the finished work that is kept.
 
     Raises
     ------
@@ -32,15 +32,15 @@ def end_interrupted(kept: str = "") -> NoReturn:
 
 
 def end_unloadable(error: EOFError) -> NoReturn:
-    """Say that compiled modules are cut off.
+    """Print that a compiled module is cut off, and exit.
 
-    Python leaves them so where a disk is full, takes them for whole, and fails at every further
-    start.
+    Python writes such a module if the disk is full, does not notice it, and fails at every start
+    from then on.
 
     Parameters
     ----------
     error : EOFError
-        As Python's reader of compiled modules raises it.
+        Raised by Python's reader of compiled modules.
 
     Raises
     ------
@@ -53,23 +53,23 @@ def end_unloadable(error: EOFError) -> NoReturn:
 
 
 def is_of_import(error: EOFError) -> bool:
-    """Return True if Python's import raised an error, and not the reader of a file or a worker."""
+    """Return True if Python's import raised the error, not a reader of files or a worker."""
     *_, (last, _) = walk_tb(error.__traceback__)
     return last.f_globals is vars(_bootstrap_external)
 
 
 @contextmanager
 def kept_in(folder: Path | None, flag: str, items: str) -> Iterator[None]:
-    """End an interrupt with a line on the work that a journal has stored.
+    """Exit at an interrupt with a line about the finished work in a journal.
 
     Parameters
     ----------
     folder : Path, optional
-        Of the journal.
+        Folder of the journal; None without one.
     flag : str
-        Option without which there is none.
+        Option that makes a journal.
     items : str
-        Parts that it keeps.
+        Plural of the parts that it keeps, such as ``cases``.
     """
     try:
         yield

@@ -35,10 +35,10 @@ def run_and_write(
     ----------
     experiment : Experiment
     name : str
-        Its file or name, for messages.
+        File or name of the experiment, for messages.
     options : RunCommand or SimulateCommand
     live : Live, optional
-        Of a run in real time.
+        Options of a run in real time.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def run_and_write(
     plot = options["plot"]
     folder = part_of(out) if experiment.variants else None
     with kept_in(folder, "--out", "variants") if experiment.variants else nullcontext():
-        data = _make(experiment, name, options, live, folder)
+        data = _run_with_progress(experiment, name, options, live, folder)
     _show(data)
     if out is not None:
         with removed_after(folder):
@@ -73,8 +73,8 @@ def run_and_write(
     return data
 
 
-def refuse_part(data: xarray.Dataset, live: Live | None = None) -> None:
-    """Fail where a result is incomplete; it has been written.
+def raise_if_incomplete(data: xarray.Dataset, live: Live | None = None) -> None:
+    """Raise the error of an incomplete result, which has been written before.
 
     Raises
     ------
@@ -89,14 +89,14 @@ def refuse_part(data: xarray.Dataset, live: Live | None = None) -> None:
         raise KeyboardInterrupt
 
 
-def _make(
+def _run_with_progress(
     experiment: Experiment,
     name: str,
     options: RunCommand | SimulateCommand,
     live: Live | None,
     folder: Path | None,
 ) -> ExperimentResult:
-    """Run an experiment, telling how far it is."""
+    """Run an experiment with a progress bar, or in real time with a status line."""
     from orchestration.experiment import results
     from orchestration.experiment import run as make
     from orchestration.reporting.console import err, note, progress
@@ -134,6 +134,7 @@ def _make(
 
 
 def _show(data: xarray.Dataset) -> None:
+    """Print the state of a result, how it kept pace, and the extremes of its signals and cycles."""
     from orchestration.experiment import page
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import out
@@ -173,32 +174,33 @@ def experiment_on_system(options: SimulateCommand) -> Experiment:
     own = {key: options[key] for key in ("step", "runtime")} | {"duration": options["stop"]}
     tables |= {key: value for key, value in own.items() if value is not None}
     with open_subject(parse(tables, name, "."), name) as system:
-        inputs = _recorded(options, system.inputs, tables)
+        inputs, duration = _recorded_inputs(options, system.inputs)
+        if duration is not None:
+            tables.setdefault("duration", duration)
         settings = options["settings"] or {}
         inputs |= {key: value for key, value in settings.items() if key in system.inputs}
         parameters = {key: value for key, value in settings.items() if key not in system.inputs}
     return parse(tables | {"inputs": inputs, "parameters": parameters}, name, ".")
 
 
-def _recorded(
-    options: SimulateCommand, inputs: Mapping[str, Signal], tables: dict[str, Any]
-) -> dict[str, Any]:
-    """Return the inputs of a system that a record gives; it lasts as long unless that is given."""
+def _recorded_inputs(
+    options: SimulateCommand, inputs: Mapping[str, Signal]
+) -> tuple[dict[str, Any], float | None]:
+    """Return the stimuli of a system that a record has, and its end in s; None without a record."""
     from orchestration.records import read_record
     from orchestration.records.tables import split_header_cell
     from orchestration.reporting.console import tell_repairs
 
     file = options["input_file"]
     if file is None:
-        return {}
+        return {}, None
     mapping = options["mapping"] or {}
     units = {name: signal.unit for name, signal in inputs.items()}
     record = read_record(file, units, mapping=mapping, inputs=list(units))
     tell_repairs(record.repairs)
-    tables.setdefault("duration", float(record.time[-1]))
     columns = {split_header_cell(target)[0]: column for column, target in mapping.items()}
     own_units = {name: split_header_cell(mapping[column])[1] for name, column in columns.items()}
-    return {
+    stimuli = {
         name: {
             "kind": "file",
             "file": str(file),
@@ -207,3 +209,4 @@ def _recorded(
         }
         for name in record.signals
     }
+    return stimuli, float(record.time[-1])

@@ -31,12 +31,12 @@ def limits(foreign: bool, options: IsolationOptions) -> Limits | None:
 
 
 def given_limits(isolate: bool | None, options: IsolationOptions) -> Limits:
-    """Return the limits that options give, the usual ones where they give none.
+    """Return the limits in options, by default the usual ones.
 
     Raises
     ------
     UserError
-        If they are given for a run that is not isolated.
+        If limits are given for a run that is not isolated.
     """
     from fmus.kit import UserError
     from orchestration.fmu.isolation import STEP_TIMEOUT, Limits
@@ -50,7 +50,7 @@ def given_limits(isolate: bool | None, options: IsolationOptions) -> Limits:
 
 
 def isolating(isolate: bool | None) -> AbstractContextManager[None]:
-    """Have FMUs that are not ours in processes of their own, unless that is not wanted."""
+    """Isolate foreign FMUs in processes of their own for a context, unless `isolate` is False."""
     from orchestration.fmu.isolation import limits as known
 
     return known.isolating(None if isolate is False else known.DEFAULT)
@@ -58,9 +58,9 @@ def isolating(isolate: bool | None) -> AbstractContextManager[None]:
 
 @contextmanager
 def hearing_ctrl_c(isolated: Limits | None) -> Iterator[None]:
-    """Have a second Ctrl-C end this process.
+    """End this process at a second Ctrl-C while the context lasts, if the run is not isolated.
 
-    Where the first is not heard, in an FMU that hangs, nothing else does.
+    An FMU that hangs keeps Python from handling the first one.
     """
     handler = signal.getsignal(signal.SIGINT)
     if isolated is not None or handler is not signal.default_int_handler:

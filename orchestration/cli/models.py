@@ -55,7 +55,7 @@ def model_file(name: str) -> Path | None:
 
 
 def open_model(name: str, runtime: str | None = None, effects: Sequence[str] = ()) -> Model:
-    """Find a model or a system; see :func:`orchestration.fmu.model.find_model`.
+    """Return a model or a system with its FMU; see :func:`orchestration.fmu.model.find_model`.
 
     Raises
     ------
@@ -111,9 +111,9 @@ def check_inputs(model: Model, signals: Collection[str], parameters: Collection[
 
 
 def note_neutral(model: Model, parameters: Collection[str]) -> None:
-    """Print the effects without which a fit starts.
+    """Print the effects that are switched off at the start of a fit.
 
-    From the value that switches an effect off it may not get away.
+    A fit may not move the parameter of an effect away from the value that switches it off.
 
     Parameters
     ----------

@@ -27,11 +27,12 @@ _SIZES = {
 _LEAST = 256e6  # an interpreter with NumPy takes a third of it
 
 
-def _size(text: str) -> float:
-    """Read an amount of memory: bytes, or a number with MB or GB."""
+def _parse_size(text: str) -> float:
+    """Return the bytes of an amount of memory such as ``2GB``; ValueError for anything else."""
     parts = re.fullmatch(r"\s*([0-9.]+(?:e[0-9]+)?)\s*([A-Za-z]*)\s*", text)
     unit = parts.group(2).upper() if parts else None
     try:
+        # -1 is out of range: it gets the message for all that is no amount
         size = float(parts.group(1)) * _SIZES[unit] if parts and unit in _SIZES else -1.0
     except ValueError:
         size = -1.0
@@ -42,7 +43,7 @@ def _size(text: str) -> float:
     return size
 
 
-def _timeout(text: str) -> float:
+def _parse_timeout(text: str) -> float:
     value = seconds(text)
     if not 0.0 < value < 1e9:
         raise ValueError(f"{text!r}: a time above 0, such as 10s or 2min")
@@ -213,7 +214,7 @@ class IsolationOptions(IsolateOption, total=False):
         Option(
             "How long a call of an isolated FMU may take; default 60 s.",
             metavar="TIME",
-            form=Form(parse=_timeout),
+            form=Form(parse=_parse_timeout),
         ),
     ]
     memory_limit: Annotated[
@@ -221,7 +222,7 @@ class IsolationOptions(IsolateOption, total=False):
         Option(
             "Memory of an isolated FMU, such as 2GB; default the machine's.",
             metavar="SIZE",
-            form=Form(parse=_size),
+            form=Form(parse=_parse_size),
         ),
     ]
 

@@ -35,11 +35,11 @@ class Outputs(NamedTuple):
     Attributes
     ----------
     reads : Mapping of str to Path or None
-        By role, as in ``this is the record itself``.
+        Paths by role, as in ``this is the record itself``.
     writes : Mapping of str to Path or None
-        By option; ``-`` is standard output.
+        Paths by option; ``-`` is standard output.
     endings : Mapping of str to sequence of str
-        Which a name must have, by option; any if there are none.
+        Allowed file extensions by option; any for an option that is not in it.
     folders : Mapping of str to Path
         Folders to write into, by option.
     """
@@ -144,7 +144,7 @@ def write_json(path: Path | None, data: Any) -> None:
     path : Path or None
         ``-`` is standard output; nothing is written without one.
     data : object
-        Of dictionaries, lists, texts, numbers and None.
+        Dictionaries, lists, texts, numbers and None.
 
     Raises
     ------
@@ -167,6 +167,7 @@ def write_json(path: Path | None, data: Any) -> None:
 
 
 def _finite(data: Any) -> Any:
+    """Return data with None in place of numbers that JSON does not have."""
     if isinstance(data, Mapping):
         return {key: _finite(value) for key, value in data.items()}
     if isinstance(data, list | tuple):

@@ -74,10 +74,10 @@ def _admit(
     Parameters
     ----------
     pace : RealTime
-        As it was asked for.
+        Pace that the options describe.
     rigs : sequence of RigEnd
     step : float
-        In s.
+        Communication step in s.
     lag : float, optional
         Longest pause, s; default half the shortest watchdog, so that a run ends before its rig.
 
@@ -114,7 +114,7 @@ def _admit(
 
 
 def status(moment: Moment) -> str:
-    """Say how a run is doing, in a line."""
+    """Return the progress and the delays of a run in one line."""
     parts = [
         f"{moment.time:.1f} s of {moment.end:g} s",
         f"lag {1e3 * max(0.0, moment.lag):.1f} ms",
@@ -141,9 +141,9 @@ def _worst(moment: Moment, ending: str) -> float | None:
 
 @contextmanager
 def status_line(live: Live) -> Iterator[Live]:
-    """Show the progress of a run in one line while the context lasts.
+    """Show the progress of a run while the context lasts.
 
-    On a terminal in place, elsewhere in a line now and then.
+    A terminal has one line that changes; other streams get a line every few seconds.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def status_line(live: Live) -> Iterator[Live]:
     Yields
     ------
     Live
-        The same, telling.
+        The same options, with a `look` that shows the progress.
     """
     from dataclasses import replace
 
@@ -187,7 +187,7 @@ class _StatusLine:
     Attributes
     ----------
     trouble : str
-        The first that kept the record from the disk.
+        First reason for which the journal could not be written; empty without one.
     """
 
     def __init__(self, writer: BackgroundWriter, in_place: bool):
@@ -197,7 +197,7 @@ class _StatusLine:
         self.trouble = ""
 
     def look(self, moment: Moment) -> None:
-        """Write the line if it is time to, and at once where there is trouble the first time."""
+        """Write the line if the last one is old, and at once at the first trouble."""
         if moment.trouble and not self.trouble:
             self.trouble = moment.trouble
             self._written = 0.0
@@ -211,14 +211,12 @@ class _StatusLine:
 
 
 def keep(data: xarray.Dataset, out: Path, live: Live) -> None:
-    """Write the result of a run in real time; if that fails, write it elsewhere.
-
-    A rig cannot be asked again.
+    """Write the result of a run in real time, which cannot be repeated; elsewhere if that fails.
 
     Raises
     ------
     UserError
-        If it is not where it was to be: why, and where it is.
+        If it was written elsewhere: the reason, and the path.
     """
     from orchestration.experiment import results
     from orchestration.experiment.reading import movable
@@ -226,12 +224,12 @@ def keep(data: xarray.Dataset, out: Path, live: Live) -> None:
     try:
         results.write(movable(data, out.parent), out)
     except UserError as error:
-        raise UserError(f"{error}; {_rescued(data, out, live)}") from error
+        raise UserError(f"{error}; {_write_elsewhere(data, out, live)}") from error
     if live.journal is not None:
         live.journal.unlink(missing_ok=True)
 
 
-def _rescued(data: xarray.Dataset, out: Path, live: Live) -> str:
+def _write_elsewhere(data: xarray.Dataset, out: Path, live: Live) -> str:
     """Write a result among the temporary files; return its path, or else why that failed."""
     from orchestration.experiment import results
 

@@ -30,7 +30,7 @@ def is_record(name: str) -> bool:
 
 
 def record_info(options: InfoCommand) -> None:
-    """Do ``ppy info`` for a record.
+    """Run ``ppy info`` for a record.
 
     Raises
     ------
@@ -85,9 +85,10 @@ def _show(overview: FileOverview) -> None:
     table = plain_table(None, "column", "unit", "smallest", "largest", "missing", "")
     for column in overview.columns:
         is_number = column.content == "numbers"
+        guess = f"{column.guess}?" if column.guess else "none"
         table.add_row(
             Text(column.name or "(no name)"),
-            Text(column.unit or (f"{column.guess}?" if column.guess else "none")),
+            Text(column.unit or guess),
             Text(f"{column.smallest:.6g}" if is_number else ""),
             Text(f"{column.largest:.6g}" if is_number else ""),
             str(column.missing or ""),

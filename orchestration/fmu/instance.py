@@ -96,8 +96,9 @@ def prepare_transfers(
     transfers = []
     for kind, positions in positions_of.items():
         count = len(positions)
-        typed_names = [names[p] for p in positions]
-        references = (ctypes.c_uint * count)(*(variables[n].valueReference for n in typed_names))
+        typed_names = [names[position] for position in positions]
+        value_references = [variables[name].valueReference for name in typed_names]
+        references = (ctypes.c_uint * count)(*value_references)
         array = (ctypes.c_double if kind == "real" else ctypes.c_int) * count
         function = f"fmi2{verb}{kind.capitalize()}"
         call = bind_function(library, function, ctypes.c_uint * count, ctypes.c_size_t, array)
@@ -260,6 +261,7 @@ class Fmu:
         self._checked("initialization", self._slave.enterInitializationMode)
 
     def _set_start_value(self, name: str, value: Value) -> None:
+        """Set a parameter or input; UserError for another causality or a value of another type."""
         variable = self.variable(name)
         where = f"{self.path.name}: {name}"
         causality = variable.causality or "local"

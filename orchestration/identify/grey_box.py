@@ -268,7 +268,7 @@ class Likelihood:
         # the deviance rises faster in coloured noise, by the ratio of both variances
         colour = self.spread.matrix[i, i] / white[i, i] if determined else 1.0
         low, high = problem.bounds()
-        along = Coordinate(
+        coordinate = Coordinate(
             index=i,
             value=problem.scales[i].value,
             low=low[i],
@@ -292,7 +292,9 @@ class Likelihood:
         problem.held = [i]
         try:
             with _opened(self.subject):
-                return profile_likelihood(name, problem.declared[name], refit, self.fitted.q, along)
+                return profile_likelihood(
+                    name, problem.declared[name], refit, self.fitted.q, coordinate
+                )
         finally:
             problem.held = []
 
@@ -338,7 +340,10 @@ def fit_grey_box(
         raise UserError(f"a parameter to fit is named twice in {', '.join(names)}")
     problem = Problem(cls, time, inputs, measured, names, fixed or {}, order=0)
     _check_problem(problem)
-    noise = {o: Noise(np.empty(0), float(np.nanstd(y)) or 1.0) for o, y in problem.measured.items()}
+    noise = {
+        output: Noise(np.empty(0), float(np.nanstd(y)) or 1.0)
+        for output, y in problem.measured.items()
+    }
     fitted = fit_prediction_error(problem, problem.position(problem.start), noise, method=_METHOD)
     spread = _coloured_covariance(problem, fitted)
     intervals = problem.intervals(fitted.q, spread.standard_errors)
@@ -385,10 +390,10 @@ def _coloured_covariance(problem: Problem, fitted: FitResult) -> Covariance:
     slopes = problem.evaluate(fitted.q)[1]
     weighted = []
     noise = []
-    for o, n in fitted.noise.items():
-        information = np.sqrt(n.information)
-        weighted.append(information * n.whiten(slopes[o], problem.present[o]))
-        score = fitted.weights[o] * fitted.innovation[o] / information
+    for output, model in fitted.noise.items():
+        information = np.sqrt(model.information)
+        weighted.append(information * model.whiten(slopes[output], problem.present[output]))
+        score = fitted.weights[output] * fitted.innovation[output] / information
         coefficients, variance = fit_autoregression(score)
         noise.append(Noise(coefficients, np.sqrt(variance)))
     return sandwich_covariance(fitted.covariance, weighted, noise)

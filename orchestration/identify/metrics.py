@@ -76,7 +76,7 @@ def fit_percent(measured: ArrayLike, simulated: ArrayLike) -> float:
     Parameters
     ----------
     measured, simulated : array_like, shape (n,)
-        As of `normalised_rms`, gaps, NaN and errors too.
+        See `normalised_rms`, also for gaps, NaN and errors.
 
     Returns
     -------

@@ -46,7 +46,7 @@ def chi_squared_quantile(probability: float, freedom: float) -> float:
 
 
 def ranks(values: Array) -> Array:
-    """Return the ranks of values, from one; those that are equal share the mean of theirs.
+    """Return the ranks of values, from one; equal values share the mean of their ranks.
 
     Parameters
     ----------

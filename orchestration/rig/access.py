@@ -43,11 +43,11 @@ class Peer(NamedTuple):
     Attributes
     ----------
     connection : bytes
-        The name (routing id) that it gave its connection.
+        Name (routing id) that the peer gave its connection.
     holder : KeyHolder
-        Of the key that it proved to have.
+        Holder of the key that the peer has proved to have.
     address : str
-        Of its machine.
+        Address of its machine.
     """
 
     connection: bytes
@@ -56,7 +56,7 @@ class Peer(NamedTuple):
 
     @property
     def has_name(self) -> bool:
-        """True if it said a name, as every client of the protocol does."""
+        """True if the peer has named its connection, as every client of the protocol does."""
         return not self.connection.startswith(_MADE_UP)
 
     def __str__(self) -> str:
@@ -71,7 +71,7 @@ def received(socket: zmq.Socket[bytes]) -> tuple[Peer, list[bytes]]:
     Parameters
     ----------
     socket : zmq.Socket
-        With :func:`guard_access`.
+        Socket that was passed to :func:`guard_access`.
 
     Returns
     -------
@@ -92,7 +92,7 @@ def received(socket: zmq.Socket[bytes]) -> tuple[Peer, list[bytes]]:
 
 
 def _property(frame: zmq.Frame, name: str) -> str:
-    """Return a property that ZeroMQ has of the sender of a frame; empty if there is none."""
+    """Return a property of the sender of a frame, as ZeroMQ knows it; empty if it has none."""
     try:
         return str(frame.get(name))
     except zmq.ZMQError:
@@ -100,9 +100,10 @@ def _property(frame: zmq.Frame, name: str) -> str:
 
 
 def guard_access(socket: Any) -> None:
-    """Let nobody connect to a socket whom the handler of its context does not let in.
+    """Let a socket accept only peers that the handler of its context admits.
 
-    Nor does a connection stay on which nobody answers. To be called before the socket is bound.
+    A connection whose peer does not answer any more is closed. To be called before the socket is
+    bound.
     """
     socket.zap_domain = _DOMAIN.encode()
     socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)
@@ -122,9 +123,10 @@ def access_control(
     Parameters
     ----------
     contexts : sequence of zmq.Context
-        Whose sockets are guarded; none of them is bound yet.
+        Contexts whose sockets are guarded; none of the sockets is bound yet.
     holders : Mapping of str to KeyHolder, optional
-        Who may connect, by public key in Z85; by default everybody, as there are no keys.
+        Holders of the keys that are let in, by public key in Z85; without keys, every peer is let
+        in.
     """
     known = None if holders is None else {z85.decode(key): one for key, one in holders.items()}
     sockets = [context.socket(zmq.REP) for context in contexts]

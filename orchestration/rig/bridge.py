@@ -118,12 +118,12 @@ class Bridge:
     Parameters
     ----------
     remote : Endpoint
-        The server, with keys.
+        Addresses and keys of the server.
     port : int
-        Of the requests on this machine; the others are higher as the server's are. On the loopback
-        address, and nowhere else.
+        Port of the requests on the loopback address of this machine; telemetry and operators have
+        the next ones, as on the server.
     tell : callable
-        Called with a line when the server falls silent or is heard again.
+        Called with a line when the server becomes silent or is heard again.
 
     Raises
     ------

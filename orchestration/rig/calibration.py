@@ -208,9 +208,9 @@ class Channel:
     query : str
         Query for the command that an instrument has; empty if it has no such query.
     terminal : str
-        How an analog input is wired, one of `TERMINALS`.
+        Wiring of an analog input, one of `TERMINALS`.
     gain, offset : float
-        In the channel's own unit per volt, and in that unit.
+        Gain in the channel's own unit per volt, and offset in that unit.
     sign : int
         1 or -1.
     low, high : float
@@ -220,7 +220,7 @@ class Channel:
     factor, zero : float
         ``SI = factor * value + zero``.
     date : datetime.date
-        Of the calibration.
+        Date of the calibration.
     source : str
     """
 
@@ -299,13 +299,13 @@ class Calibration:
     ----------
     file : Path
     rate : float
-        Hz, of samples.
+        Samples per second, Hz.
     watchdog : float
-        s, how long the rig goes on without a fresh command.
+        Time in s after which the rig stops without a fresh command.
     inputs, outputs : dict of str to Channel
-        By signal.
+        Channels by signal.
     limits : dict of str to Limit
-        SI, of every input, and of outputs that have some.
+        Limits in SI of every input, and of outputs that have some.
     instruments : dict of str to Instrument
     """
 
@@ -532,7 +532,7 @@ def _checked(kind: type[AnyTable], values: Mapping[str, Any], where: str) -> Any
     ----------
     kind : type
     values : Mapping of str to object
-        As TOML has them.
+        Values of the table as TOML has them.
     where : str
         File and table, for the message.
 

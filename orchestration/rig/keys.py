@@ -51,9 +51,9 @@ class ServerKeys:
     Attributes
     ----------
     public_key, secret_key : str
-        Its own.
+        Keys of the server.
     clients : dict of str to KeyHolder
-        By public key, those who may connect.
+        Holders of the keys of clients that are let in, by public key.
     """
 
     public_key: str
@@ -115,7 +115,7 @@ def make_keys(folder: Path) -> tuple[Path, Path]:
     Parameters
     ----------
     folder : Path
-        Where the two files go; made if it is not there.
+        Folder of the two files; made if it does not exist.
 
     Returns
     -------
@@ -156,9 +156,9 @@ def add_client(folder: Path, name: str, role: str = "command") -> Path:
     Parameters
     ----------
     folder : Path
-        With the server's file.
+        Folder with the server's file.
     name : str
-        Of the client; of letters, digits, ``-`` and ``_``.
+        Name of the client: letters, digits, ``-`` and ``_``.
     role : str
         One of :data:`ROLES`.
 

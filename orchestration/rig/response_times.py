@@ -27,11 +27,11 @@ class ResponseTimes:
     Attributes
     ----------
     step : float
-        In s, between two of them.
+        Time between two requests in s.
     times : ndarray, shape (n,)
         Times from when each request was due to its answer, in s, ascending.
     watchdog : float
-        Of the rig, s.
+        Watchdog time of the rig in s.
     """
 
     step: float
@@ -62,7 +62,7 @@ def measure_response_times(link: Link, step: float) -> ResponseTimes | None:
     Parameters
     ----------
     link : Link
-        Not in a session.
+        Link that has no session.
     step : float
         Time between two questions, in s.
 
@@ -97,7 +97,7 @@ def check_response_times(measured: ResponseTimes, endpoint: str) -> None:
     ----------
     measured : ResponseTimes
     endpoint : str
-        Of the rig's server.
+        Address of the rig's server.
 
     Raises
     ------

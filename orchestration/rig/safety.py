@@ -28,7 +28,7 @@ class CommandFilter:
     inputs : Mapping of str to str
         Commanded signals and their units.
     limits : Mapping of str to Limit
-        By signal; a signal without one has no limits.
+        Limits by signal; a signal without one has no limits.
 
     Attributes
     ----------
@@ -52,11 +52,11 @@ class CommandFilter:
         Parameters
         ----------
         values : sequence of float
-            In the order of `inputs`, SI.
+            Commands in the order of `inputs`, SI.
         now : float
-            In s.
+            Present time in s.
         longest : float
-            Time that a budget may fill in, s: a pause does not make a jump slow.
+            Longest time in s in which a budget fills: after a pause, a jump is as fast as before.
 
         Returns
         -------
@@ -93,9 +93,9 @@ class SlewLimiter:
     ----------
     inputs : iterable of str
     limits : Mapping of str to Limit
-        By signal.
+        Limits by signal.
     now : float
-        When the rig was at rest, in s.
+        Time in s at which the rig was at rest.
     """
 
     def __init__(self, inputs: Iterable[str], limits: Mapping[str, Limit], now: float) -> None:
@@ -103,7 +103,7 @@ class SlewLimiter:
         self.rest(now)
 
     def rest(self, now: float) -> None:
-        """Note that the rig is at rest, in s."""
+        """Note that the rig is at rest at a time in s."""
         self._applied = (0.0,) * len(self._rates)
         self._time = now
 
@@ -115,7 +115,7 @@ class SlewLimiter:
         values : sequence of float
             Commanded, SI.
         now : float
-            In s.
+            Present time in s.
 
         Returns
         -------
@@ -147,7 +147,7 @@ def excess(
     value : float
         Finite.
     before : float or None
-        The value before, if there is one.
+        The previous value, if there is one.
     elapsed : float
         Time since then in s.
     unit : str
@@ -184,9 +184,9 @@ class MeasurementMonitor:
     outputs : Mapping of str to str
         Measured signals and their units.
     limits : Mapping of str to Limit
-        By signal.
+        Limits by signal.
     patience : float
-        How long an output with limits, or all of them, may be without a finite value, in s.
+        Longest time in s without a finite value, of an output with limits or of all together.
     """
 
     def __init__(
@@ -204,9 +204,9 @@ class MeasurementMonitor:
         Parameters
         ----------
         values : Mapping of str to float
-            By output, SI; NaN where there is none.
+            Values by output, SI; NaN for one without a value.
         now : float
-            When they were taken, in s; never earlier than the previous reading.
+            Time of the reading in s; never earlier than the previous one.
 
         Returns
         -------
@@ -253,9 +253,9 @@ def expired(accepted: float, now: float, watchdog: float) -> bool:
     Parameters
     ----------
     accepted, now : float
-        When the command was accepted, and the time, in s of one clock.
+        Time at which the command was accepted, and the present time, in s of one clock.
     watchdog : float
-        How long it holds, in s.
+        Time in s for which a command holds.
 
     Returns
     -------
@@ -265,14 +265,14 @@ def expired(accepted: float, now: float, watchdog: float) -> bool:
 
 
 def stale(seen: float, now: float, watchdog: float) -> str:
-    """Describe why a message is too old, by the newest time of the rig that its sender knew of.
+    """Describe why a message is too old, by the newest time of the rig that its sender knew.
 
     Parameters
     ----------
     seen, now : float
-        That time, and the present, in s of the rig's clock.
+        Newest time that the sender knew, and the present time, in s of the rig's clock.
     watchdog : float
-        How old it may be, in s.
+        Largest age in s of a fresh message.
 
     Returns
     -------

@@ -25,9 +25,9 @@ class StuckMonitor:
     signals : pair of Mapping of str to str
         Commanded and measured signals, and their units.
     limits : Mapping of str to Limit
-        By signal.
+        Limits by signal.
     samples : int
-        In a row, after which it is an alarm; 0 is never.
+        Number of samples in a row after which there is an alarm; 0 is never.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class StuckMonitor:
             Commanded value of each input, and the one that the device reports; NaN where it
             reports none.
         measured : Mapping of str to float
-            By output; NaN where there is none.
+            Values by output; NaN for one without a value.
 
         Returns
         -------

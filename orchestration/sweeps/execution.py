@@ -31,7 +31,7 @@ _MOST_IN_MEMORY = 4e9  # bytes of traces
 def run_sweep(
     model: Model,
     task: Task,
-    cases: Design,
+    design: Design,
     workers: int = 1,
     folder: Path | None = None,
     *,
@@ -44,7 +44,7 @@ def run_sweep(
     ----------
     model : Model
     task : Task
-    cases : Design
+    design : Design
     workers : int
         Number of processes, which does not change a bit of the numbers.
     folder : Path, optional
@@ -67,22 +67,22 @@ def run_sweep(
         process, or has other contents.
     """
     if folder is None:
-        check_memory(task, cases)
+        check_memory(task, design)
     guid = task.source.guid
     with ExitStack() as stack:
         journal_folder = folder or stack.enter_context(scratch.folder("sweep"))
         check(journal_folder)
         stack.enter_context(locked_folder(journal_folder))
-        journal = SweepJournal(journal_folder, task, cases.cases, guid)
+        journal = SweepJournal(journal_folder, task, design.cases, guid)
         open_cases = journal.open_rows
-        count = len(cases.cases)
+        count = len(design.cases)
         done = count - len(open_cases)
         progress(done, count)
-        repeats = _group_repeats(cases, open_cases)
-        for rows, outcomes in _run_cases(task, cases.cases, [*repeats], workers, scheduler):
+        repeats = _group_repeats(design, open_cases)
+        for rows, outcomes in _run_cases(task, design.cases, [*repeats], workers, scheduler):
             done += _write_repeats(journal, rows, outcomes, repeats)
             progress(done, count)
-        result = dataset(model, task, cases, journal)
+        result = dataset(model, task, design, journal)
         if folder is None:
             result.load()
         del journal  # closes its files, without which Windows does not remove the folder
@@ -127,7 +127,7 @@ def _run_by_workers(
     return run_on_cluster(scheduler, task, cases, rows)
 
 
-def check_memory(task: Task, cases: Design) -> None:
+def check_memory(task: Task, design: Design) -> None:
     """Raise if the traces of a sweep without a folder are too large for the memory.
 
     Raises
@@ -137,7 +137,7 @@ def check_memory(task: Task, cases: Design) -> None:
     """
     if TRACE not in task.keep:
         return
-    size = 8.0 * len(cases.cases) * len(task.outputs) * len(task.time)
+    size = 8.0 * len(design.cases) * len(task.outputs) * len(task.time)
     if size > _MOST_IN_MEMORY:
         raise UserError(
             f"{option('keep', [TRACE])}: {size / 1e9:.3g} GB of traces, too large for"
@@ -146,27 +146,27 @@ def check_memory(task: Task, cases: Design) -> None:
         )
 
 
-def _group_repeats(cases: Design, open_cases: Sequence[int]) -> Mapping[int, Sequence[int]]:
+def _group_repeats(design: Design, open_cases: Sequence[int]) -> Mapping[int, Sequence[int]]:
     """Return the rows of identical cases by the first of them, which is run for all.
 
     Only lists have repeats.
     """
-    if cases.kind != "list":
+    if design.kind != "list":
         return {row: (row,) for row in open_cases}
     groups: dict[bytes, list[int]] = {}
     for row in open_cases:
-        groups.setdefault(cases.cases[row].tobytes(), []).append(row)
+        groups.setdefault(design.cases[row].tobytes(), []).append(row)
     return {rows[0]: rows for rows in groups.values()}
 
 
-def dataset(model: Model, task: Task, cases: Design, journal: SweepJournal) -> SweepResult:
+def dataset(model: Model, task: Task, design: Design, journal: SweepJournal) -> SweepResult:
     """Return the outcomes of a sweep as a labelled dataset.
 
     Parameters
     ----------
     model : Model
     task : Task
-    cases : Design
+    design : Design
     journal : SweepJournal
         Outcomes of all cases.
 
@@ -179,35 +179,35 @@ def dataset(model: Model, task: Task, cases: Design, journal: SweepJournal) -> S
     """
     reductions = [name for name in task.keep if name != TRACE]
     numbers = np.array(journal.numbers)
-    dims = tuple(cases.names) if cases.kind == "grid" else ("case",)
+    dims = tuple(design.names) if design.kind == "grid" else ("case",)
     values: dict[str, _Variable] = {}
     for m, output in enumerate(task.outputs):
         about = _attributes_of(model.outputs[output])
         for r, name in enumerate(reductions):
-            values[f"{output}_{name}"] = (dims, numbers[:, r, m].reshape(cases.shape), about)
+            values[f"{output}_{name}"] = (dims, numbers[:, r, m].reshape(design.shape), about)
         if TRACE in task.keep:
-            values[output] = ((*dims, "time"), journal.traces(m, cases.shape), about)
+            values[output] = ((*dims, "time"), journal.traces(m, design.shape), about)
     failures = journal.failures
     if failures:
-        rows = range(len(cases.cases))
+        rows = range(len(design.cases))
         reasons = np.array([failures.get(row, "") for row in rows], dtype=str)
         about = {"long_name": "why a case left nothing"}
-        values["failure"] = (dims, reasons.reshape(cases.shape), about)
-    coordinates = _coordinates(model, cases)
+        values["failure"] = (dims, reasons.reshape(design.shape), about)
+    coordinates = _coordinates(model, design)
     if TRACE in task.keep:
         coordinates["time"] = (("time",), task.time, {"units": "s", "long_name": "time"})
-    attributes = {"design": cases.kind, "over": " ".join(cases.names)}
+    attributes = {"design": design.kind, "over": " ".join(design.names)}
     return SweepResult(values, coordinates, attributes)
 
 
-def _coordinates(model: Model, cases: Design) -> dict[str, _Variable]:
+def _coordinates(model: Model, design: Design) -> dict[str, _Variable]:
     """Return the parameters of a design as coordinates: dimensions of a grid, or values by case."""
     signals = {**model.parameters, **model.inputs}
     coordinates: dict[str, _Variable] = {}
-    for parameter, column in zip(cases.ranges, cases.cases.T, strict=True):
+    for parameter, column in zip(design.ranges, design.cases.T, strict=True):
         name = parameter.name
         about = _attributes_of(signals[name])
-        if cases.kind == "grid":
+        if design.kind == "grid":
             coordinates[name] = ((name,), parameter.values, about)
         else:
             coordinates[name] = (("case",), column, about)

@@ -120,6 +120,7 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> S
     table = checked(SweepTable, read_toml(path), where, str(path.parent))
     stated = _read_experiment(table.experiment, path)
     model = _model_of(stated, where)
+    # values of parameters are those in the table, or drawn from a fit
     fit = read_fitted(path.parent / table.fitted, model) if table.fitted is not None else None
     over: Mapping[str, str | Array]
     over = _values_as_text(table) if fit is None else fit.draws(table.samples, table.seed)
@@ -168,7 +169,7 @@ def _values_as_text(table: SweepTable) -> dict[str, str]:
 def _read_experiment(entry: str | dict[str, Any], path: Path) -> Experiment:
     """Return the experiment of a sweep file: a table, or the name of a shipped one or of a file.
 
-    A file is searched beside the sweep file first, but a shipped name is never a file.
+    A shipped name takes precedence; a file is searched in the folder of the sweep file first.
     """
     if isinstance(entry, dict):
         return parse(entry, f"{path}: experiment", str(path.parent))

@@ -79,7 +79,7 @@ def python_package(cls: type[Component]) -> dict[str, bytes]:
     needs: Mapping[str, str] = {}
     if cls.engine is not None:
         module, name = cls.engine.slave.split(":")
-        slave = f"from .{place_of(module)} import {name} as Slave"
+        slave = f"from .{name_in_package(module)} import {name} as Slave"
         engine_modules = [module]
         needs = cls.engine.needs
     modules, places = bundle((base, *effects), engine_modules, needs)
@@ -128,7 +128,7 @@ def _argument_imports(effects: Iterable[type[Component]]) -> set[str]:
     """Return the import statements for the dataclasses among the arguments of effects."""
     values = [value for effect in effects for value in made_with(effect).values()]
     kinds = {type(value) for value in values if is_dataclass(value)}
-    return {f"from .{place_of(kind.__module__)} import {kind.__name__}" for kind in kinds}
+    return {f"from .{name_in_package(kind.__module__)} import {kind.__name__}" for kind in kinds}
 
 
 def _class_expression(cls: type[Component], parts: dict[type[Component], str]) -> str:
@@ -206,7 +206,7 @@ def _collect_class(cls: type[Component], collected: Bundle) -> tuple[str, str]:
             " import it"
         )
     if module.startswith(f"{_KIT}."):  # every package has it
-        return place_of(module), name
+        return name_in_package(module), name
     return collected.add(module), name
 
 
@@ -249,7 +249,7 @@ class Bundle:
         if module in self.places:
             return self.places[module]
         source = _source_file(module)
-        place = self._place(module, source)
+        place = self._new_name(module, source)
         self.places[module] = place
         is_package = source.name == "__init__.py"
         folders = place.split(".") if is_package else place.split(".")[:-1]
@@ -259,10 +259,10 @@ class Bundle:
         self.files[place.replace(".", "/") + ("/__init__.py" if is_package else ".py")] = text
         return place
 
-    def _place(self, module: str, source: Path) -> str:
-        """Return the dotted name of a module below the root of the package."""
+    def _new_name(self, module: str, source: Path) -> str:
+        """Return a dotted name below the root of the package for a module that is to be added."""
         if "." in module:
-            return place_of(module)
+            return name_in_package(module)
         stem = re.sub(r"\W", "_", source.stem)
         taken = set(self.places.values())
         name = f"{_FILES}.{stem}"
@@ -326,10 +326,10 @@ class Bundle:
             )
         for imported in sorted(modules):
             self.add(imported)
-        return place_of(name)
+        return name_in_package(name)
 
 
-def place_of(module: str) -> str:
+def name_in_package(module: str) -> str:
     """Return the dotted name, below the root of an FMU's package, of a module of a package."""
     if module.startswith(f"{_OURS}."):
         return module.removeprefix(f"{_OURS}.")

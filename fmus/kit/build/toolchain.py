@@ -296,6 +296,7 @@ def _run_compiler(compiler: Compiler, command: Sequence[str], target: str, limit
 def _universal(libraries: list[bytes]) -> bytes:
     """Join Mach-O libraries of single architectures into a universal one (``<mach-o/fat.h>``)."""
     alignment = 14  # 2**14: the page size of arm64
+    # magic number, and number of architectures
     header = bytearray(b"".join(n.to_bytes(4, "big") for n in (0xCAFEBABE, len(libraries))))
     body = bytearray()
     offset = 1 << alignment

@@ -71,7 +71,7 @@ def port_equations(port: PowerPort) -> list[str]:
     """
     connector = _CONNECTORS[port.domain]
     names = [identifier(name) for name in port.connectors]
-    first, *second = names
+    first, *others = names  # one other, or none
     potentials = " - ".join(f"{name}.{connector.potential}" for name in names)
     sign = "-" if port.delivers else ""
     potential = identifier(port.potential)
@@ -79,7 +79,8 @@ def port_equations(port: PowerPort) -> list[str]:
         f"{potential} = {potentials};",
         f"{identifier(port.flow)} = {sign}{first}.{connector.flow};",
     ]
-    lines += [f"{first}.{connector.flow} + {name}.{connector.flow} = 0.0;" for name in second]
+    # the flow that enters at the first connector leaves at the other
+    lines += [f"{first}.{connector.flow} + {name}.{connector.flow} = 0.0;" for name in others]
     if port.rate:
         lines.append(f"{identifier(port.rate)} = der({potential});")
     return lines

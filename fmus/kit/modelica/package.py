@@ -112,7 +112,21 @@ def _files_of_package(
     packages: Sequence[str] = (),
     version: str = "",
 ) -> dict[str, str]:
-    """Return the files of one Modelica package."""
+    """Return the files of a Modelica package by path: of the package, and of each of its classes.
+
+    Parameters
+    ----------
+    name, within : str
+        Names of the package, and of the package that contains it, if any.
+    classes : Mapping of str to str
+        Text of each class by its name.
+    about : str
+        Description of the package.
+    packages : sequence of str
+        Packages within this one.
+    version : str
+        Version of the package; empty if it has none of its own.
+    """
     path = f"{within}/{name}" if within else name
     full = f"{within}.{name}" if within else name
     annotation = f"  annotation(version={string(version)});\n" if version else ""

@@ -33,6 +33,7 @@ class Calls:
         self._running: list[str] = []
 
         def get(instance: Any, name: str) -> Any:
+            """Return an attribute, recording a signal and wrapping a law."""
             value = object.__getattribute__(instance, name)
             if name in signals:
                 if self._running:

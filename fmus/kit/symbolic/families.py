@@ -395,7 +395,7 @@ def _contains_shape(cls: type[Component], law: str, signal: str, shape: str) -> 
     They do if, at random points, the shape is a linear combination of the derivatives of the law by
     its parameters.
     """
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(0)  # fixed, so that a component always has the same effects
     instance = cls()
     for v in (*cls.layout.inputs, *cls.layout.states):
         if v.type == "real":

@@ -88,6 +88,7 @@ class PerturbedLaws:
         laws = {n for n in names if law_of(cls, n) is not None and not n.startswith("_")}
 
         def get(instance: Any, name: str) -> Any:
+            """Return an attribute, recording a signal and wrapping a law."""
             value = object.__getattribute__(instance, name)
             if name in self._signals and self._calling:
                 self._read[self._calling[-1]].add(name)

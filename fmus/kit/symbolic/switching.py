@@ -96,6 +96,7 @@ def _switching_expressions(
     expressions: dict[frozenset[int], ca.SX] = {}
 
     def apply(operation: int, operands: list[_Term]) -> _Term:
+        """Return the result of an operation, adding the expression where it switches."""
         expression = _switching_expression(operation, operands)
         if expression is not None:
             # a magnitude switches where a comparison of the same value with zero does

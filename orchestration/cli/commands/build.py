@@ -45,7 +45,7 @@ def build(options: BuildCommand) -> None:
 
     platforms = platform_list(options["platforms"])
     planned = _plan(options)
-    _check(planned, platforms, options)
+    _check_planned(planned, platforms, options)
     complete = _build_all(planned, platforms)
     if options["runtime"] == kit.STOCK:
         for limit in LIMITS:
@@ -66,17 +66,16 @@ def _plan(options: BuildCommand) -> list[_PlannedFmu]:
         raise UserError("--with and --set are about one model; name it")
     buildable = registry.components if fmi == 3 or runtime == kit.STOCK else registry.models
     runtimes = kit.RUNTIMES if runtime == "both" else (runtime,)
-    classes = [_component(name, options) for name in names or buildable()]
-    return [
-        _PlannedFmu(
-            cls, kind, fmi, options["out"] / ("fmi3" if fmi == 3 else kind) / f"{cls.name}.fmu"
-        )
-        for cls in classes
-        for kind in runtimes
-    ]
+    classes = [_class_with_settings(name, options) for name in names or buildable()]
+    planned = []
+    for cls in classes:
+        for kind in runtimes:
+            folder = options["out"] / ("fmi3" if fmi == 3 else kind)
+            planned.append(_PlannedFmu(cls, kind, fmi, folder / f"{cls.name}.fmu"))
+    return planned
 
 
-def _component(name: str, options: BuildCommand) -> type[Component]:
+def _class_with_settings(name: str, options: BuildCommand) -> type[Component]:
     """Return a component with effects laid over it, and with settings as its defaults."""
     from fmus.kit import stack
     from orchestration.fmu.model import find_class, read_settings
@@ -89,7 +88,7 @@ def _component(name: str, options: BuildCommand) -> type[Component]:
     return stack(cls, name=f"{cls.name}_set", defaults=values) if values else cls
 
 
-def _check(
+def _check_planned(
     planned: Sequence[_PlannedFmu], platforms: list[str] | None, options: BuildCommand
 ) -> None:
     """Refuse builds and files that are impossible, before any work is done."""

@@ -47,12 +47,12 @@ def _require(comparison: Comparison, percent: float) -> None:
     from orchestration.reporting.console import warn
 
     judged = comparison.before if comparison.after is None else comparison.after
-    short = {
-        name: one.fit_percent for name, one in judged.items() if not one.fit_percent >= percent
-    }
-    for name, reached in short.items():
-        warn(f"--require {percent:g}%: {name} fits {reached:.4g} %")
-    if short:
+    fits = {name: judgement.fit_percent for name, judgement in judged.items()}
+    # a fit that is not a number is too low as well
+    too_low = {name: fit for name, fit in fits.items() if not fit >= percent}
+    for name, fit in too_low.items():
+        warn(f"--require {percent:g}%: {name} fits {fit:.4g} %")
+    if too_low:
         raise typer.Exit(1)
 
 

@@ -36,9 +36,9 @@ def frequency(options: FrequencyCommand) -> None:
         {"--out": (".csv",), "--json": JSON, "--plot": pictures.FORMATS},
     ).check()
     with isolating(options["isolate"]):
-        found = _without_model(options) if model is None else _beside_model(options)
+        responses = _without_model(options) if model is None else _with_model(options)
         with standard_output_for(options["json"]):
-            _show(found, options)
+            _show(responses, options)
 
 
 def _without_model(options: FrequencyCommand) -> FrequencyResponse:
@@ -49,12 +49,12 @@ def _without_model(options: FrequencyCommand) -> FrequencyResponse:
     for flag, given in (("--with", options["laid_over"]), ("--preset", options["preset"])):
         if given:
             raise UserError(f"{flag}: there is no model; name it with --model")
-    found = frequency_response(options["record"], **only(FrequencyKeywords, options))
-    tell_repairs(found.repairs)
-    return found
+    responses = frequency_response(options["record"], **only(FrequencyKeywords, options))
+    tell_repairs(responses.repairs)
+    return responses
 
 
-def _beside_model(options: FrequencyCommand) -> FrequencyResponse:
+def _with_model(options: FrequencyCommand) -> FrequencyResponse:
     """Estimate responses of the model's signals, and simulate the model on the same inputs."""
     from orchestration.api import frequency_response
     from orchestration.cli.models import open_measured
@@ -68,16 +68,16 @@ def _beside_model(options: FrequencyCommand) -> FrequencyResponse:
         return frequency_response(record, model, **keywords)
 
 
-def _show(found: FrequencyResponse, options: FrequencyCommand) -> None:
+def _show(responses: FrequencyResponse, options: FrequencyCommand) -> None:
     """Print the responses, and write the files of the options."""
     from orchestration.reporting.console import out as console
     from orchestration.reporting.console import wrote
 
-    for part in found.overview():
+    for part in responses.overview():
         console.print(part)
-    write_json(options["json"], found.to_dict())
+    write_json(options["json"], responses.to_dict())
     if options["out"] is not None:
-        wrote(found.to_csv(options["out"]))
+        wrote(responses.to_csv(options["out"]))
     if options["plot"] is not None:
-        found.plot(options["plot"])
+        responses.plot(options["plot"])
         wrote(options["plot"])

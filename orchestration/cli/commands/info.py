@@ -30,14 +30,14 @@ def info(options: InfoCommand) -> None:
     if options["of_model"] is not None:
         raise UserError(f"--model: {model} is no record; --model is for ppy info RECORD")
     Outputs({"the model": model_file(model)}, {"--json": path}, {"--json": JSON}).check()
-    known = _facts(model, options["laid_over"])
+    known = _facts_of(model, options["laid_over"])
     with standard_output_for(path):
         _show(known)
         write_json(path, _as_json(known))
 
 
 class _Facts(NamedTuple):
-    """Facts about a model; of an FMU without equations the first half."""
+    """Facts about a model; an FMU without equations has the first ones only."""
 
     name: str
     summary: str
@@ -52,7 +52,7 @@ class _Facts(NamedTuple):
     effects: Mapping[type[Effect], str] = {}  # each with the assumption that it relaxes
 
 
-def _facts(name: str, effects: Sequence[str]) -> _Facts:
+def _facts_of(name: str, effects: Sequence[str]) -> _Facts:
     """Return the facts of a model: of its class, or else of its FMU's description."""
     from fmus.kit import registry
     from orchestration.fmu import find_model, read_description
@@ -60,12 +60,12 @@ def _facts(name: str, effects: Sequence[str]) -> _Facts:
     from orchestration.reporting.console import note
 
     if effects or name in registry.models() or names_class(name):
-        return _of_class(name, find_class(name, effects))
+        return _facts_of_class(name, find_class(name, effects))
     model = find_model(name)
     for text in model.notes:
         note(text)
     if model.cls is not None:
-        return _of_class(name, model.cls)
+        return _facts_of_class(name, model.cls)
     described = read_description(model.path)
     step = getattr(described.defaultExperiment, "stepSize", None)
     groups = {"inputs": model.inputs, "outputs": model.outputs, "parameters": model.parameters}
@@ -73,7 +73,7 @@ def _facts(name: str, effects: Sequence[str]) -> _Facts:
     return _Facts(name, described.description or "", signals, float(step) if step else None)
 
 
-def _of_class(name: str, cls: type[Component]) -> _Facts:
+def _facts_of_class(name: str, cls: type[Component]) -> _Facts:
     """Return the declarations of a component's class."""
     from fmus.kit.effects import effect_name, unstack
     from orchestration.fmu.model import known_effects
@@ -86,7 +86,12 @@ def _of_class(name: str, cls: type[Component]) -> _Facts:
         "parameters": (*layout.parameters, *layout.texts),
     }
     base, stacked = unstack(cls)
-    there = [effect_name(effect) for effect in stacked]
+    added = [effect_name(effect) for effect in stacked]
+    relaxed_by = {
+        effect: _relaxed_assumption(base, effect)
+        for name, effect in known_effects(cls).items()
+        if name not in added
+    }
     return _Facts(
         name,
         f"{summary(cls)}." if cls.__doc__ else "",
@@ -94,15 +99,16 @@ def _of_class(name: str, cls: type[Component]) -> _Facts:
         cls.experiment[1],
         cls.remark.splitlines(),
         cls.tolerance,
-        {p.name: p.source for p in layout.parameters if p.source},
+        {parameter.name: parameter.source for parameter in layout.parameters if parameter.source},
         {preset: about.doc for preset, about in cls.presets.items()},
         base.name,
-        there,
-        {e: _relaxes(base, e) for name, e in known_effects(cls).items() if name not in there},
+        added,
+        relaxed_by,
     )
 
 
-def _relaxes(cls: type[Component], effect: type[Effect]) -> str:
+def _relaxed_assumption(cls: type[Component], effect: type[Effect]) -> str:
+    """Return the assumption of a component that an effect relaxes, with its number if known."""
     from fmus.kit.build import relaxed_assumption
 
     words, number = relaxed_assumption(cls, effect)
@@ -110,14 +116,12 @@ def _relaxes(cls: type[Component], effect: type[Effect]) -> str:
 
 
 def _as_json(known: _Facts) -> dict[str, Any]:
+    """Return the facts of a model in the form that ``--json`` writes."""
     from fmus.kit.effects import effect_name
 
     signals = {
-        group: [
-            _signal(s) | ({"source": known.sources[s.name]} if s.name in known.sources else {})
-            for s in among
-        ]
-        for group, among in known.signals.items()
+        group: [_signal_as_json(signal, known.sources) for signal in members]
+        for group, members in known.signals.items()
     }
     return {
         "name": known.name,
@@ -129,25 +133,28 @@ def _as_json(known: _Facts) -> dict[str, Any]:
         "remarks": list(known.remarks),
         "effects": [
             {
-                "name": effect_name(e),
-                "id": e.id,
-                "output": e.output or None,
-                "summary": _first_line(e),
-                "parameter": e.neutral,
+                "name": effect_name(effect),
+                "id": effect.id,
+                "output": effect.output or None,
+                "summary": _first_line(effect),
+                "parameter": effect.neutral,
                 "relaxes": relaxed,
             }
-            for e, relaxed in known.effects.items()
+            for effect, relaxed in known.effects.items()
         ],
         "step": known.step,
         "tolerance": known.tolerance,
     }
 
 
-def _signal(signal: Signal) -> dict[str, Any]:
+def _signal_as_json(signal: Signal, sources: Mapping[str, str]) -> dict[str, Any]:
+    """Return the attributes of a signal, with the source of its value if there is one."""
     from dataclasses import asdict
 
     known = asdict(signal) | {"start": signal.default}
     del known["text"]  # a text begins with its start value
+    if signal.name in sources:
+        known["source"] = sources[signal.name]
     return known
 
 
@@ -156,6 +163,7 @@ def _first_line(effect: type[Effect]) -> str:
 
 
 def _show(known: _Facts) -> None:
+    """Print the facts of a model: summary, signals, sources, presets, effects and step."""
     from rich.text import Text
 
     from fmus.kit.units import format_range
@@ -171,15 +179,14 @@ def _show(known: _Facts) -> None:
         out.print(f"  {remark}", style="dim")
     for title in ("inputs", "outputs"):
         table = plain_table(title, "name", "unit", "meaning")
-        for s in known.signals[title]:
-            table.add_row(s.name, s.unit, s.doc)
+        for signal in known.signals[title]:
+            table.add_row(signal.name, signal.unit, signal.doc)
         out.print(table)
         out.print()
     table = plain_table("parameters", "name", "default", "allowed", "meaning")
-    for s in known.signals["parameters"]:
-        table.add_row(
-            s.name, show(s.default, s), "any text" if s.type == "string" else format_range(s), s.doc
-        )
+    for signal in known.signals["parameters"]:
+        allowed = "any text" if signal.type == "string" else format_range(signal)
+        table.add_row(signal.name, show(signal.default, signal), allowed, signal.doc)
     out.print(table)
     for source in dict.fromkeys(known.sources.values()):
         names = ", ".join(name for name, other in known.sources.items() if other == source)
@@ -195,10 +202,7 @@ def _show(known: _Facts) -> None:
 
 
 def _show_effects(effects: Mapping[type[Effect], str]) -> None:
-    """Print the effects that can be laid over a model.
-
-    Of measurements each kind once, with the outputs beneath.
-    """
+    """Print the effects that can be laid over a model, one of a sensor once for all outputs."""
     from fmus.kit.effects import effect_name
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import out
@@ -208,7 +212,8 @@ def _show_effects(effects: Mapping[type[Effect], str]) -> None:
         "effect",
         "what it is (what the model assumes; what switches it)",
     )
-    for effect in {(e.id, e.term.qualifier): e for e in effects}.values():
+    distinct = {(effect.id, effect.term.qualifier): effect for effect in effects}
+    for effect in distinct.values():
         name = effect_name(effect)
         switch = effect.neutral
         if effect.output:

@@ -42,7 +42,7 @@ def linearise(options: LineariseCommand) -> None:
     chosen["over"] = ranges_of(options["over"]) or None
     with progress() as tell:
         tell(f"linearising {name}")
-        model, stimulus = _named(name, options)
+        model, stimulus = _model_and_stimulus(name, options)
         if stimulus is not None:
             chosen["time"] = stimulus.pop("time")
         linear = work(model, stimulus, **chosen)
@@ -58,7 +58,7 @@ def _file(name: str) -> Path | None:
     return None if name in NAMES else model_file(name)
 
 
-def _named(name: str, options: LineariseCommand) -> tuple[Any, dict[str, Any] | None]:
+def _model_and_stimulus(name: str, options: LineariseCommand) -> tuple[Any, dict[str, Any] | None]:
     """Return the model, with effects laid over it, and the record that drives it, if one does."""
     from orchestration.fmu.model import declared_model
     from orchestration.records import read_record

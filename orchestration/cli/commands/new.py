@@ -40,19 +40,19 @@ def new(options: NewCommand) -> None:
             raise UserError(f"{path} is there already; it will not be overwritten")
     words = _words_of_effect(options) if kind == "effect" else _words(name)
     for path, part in texts.items():
-        files.write(path, _filled(kind, part, words).encode())
+        files.write(path, _fill_template(kind, part, words).encode())
         screen.print(str(path))
     screen.print(f"try it: python -m pytest {folder / f'test_{name}.py'}")
 
 
-def _filled(kind: str, part: str, words: Mapping[str, str]) -> str:
-    """Return the text of a template with its words."""
+def _fill_template(kind: str, part: str, words: Mapping[str, str]) -> str:
+    """Return the text of a template with words in its places."""
     text = (_TEMPLATES / kind / f"{part}.txt").read_text(encoding="utf-8")
     return Template(text).substitute(words)
 
 
 def _check_name(name: str) -> None:
-    """Refuse a name that can be none of a module in Python."""
+    """Refuse a name that a module of Python cannot have, with a similar one that it can."""
     import keyword
     import re
 
@@ -64,7 +64,7 @@ def _check_name(name: str) -> None:
 
 
 def _words(name: str) -> dict[str, str]:
-    """Return the words of every template."""
+    """Return the words that every template has places for."""
     parts = name.split("_")
     return {
         "name": name,
@@ -92,10 +92,10 @@ def _words_of_effect(options: NewCommand) -> dict[str, str]:
     cls = unstack(find_class(options["model"]))[0]
     law = options["law"]
     laws = [known.name for known in list_laws(cls) if not known.is_output]
-    held = law_of(cls, law)
-    if law not in laws or held is None:
+    method = law_of(cls, law)
+    if law not in laws or method is None:
         raise UserError(f"--law {law!r}: {cls.name} has no such law{suggestion(law, laws)}")
-    arguments = list(signature(held).parameters)[1:]
+    arguments = list(signature(method).parameters)[1:]
     words = _words(options["name"])
     words |= {
         "law": law,
@@ -105,25 +105,25 @@ def _words_of_effect(options: NewCommand) -> dict[str, str]:
         "relaxes": f"Relaxes that {law} is all that there is",
         "typical": ", ".join("0.7" for _ in arguments),
     }
-    return words | _of_model(options, words)
+    return words | _words_of_model(options, words)
 
 
-def _of_model(options: NewCommand, words: Mapping[str, str]) -> dict[str, str]:
-    """Return how the test of an effect names its model, and where else the effect belongs."""
+def _words_of_model(options: NewCommand, words: Mapping[str, str]) -> dict[str, str]:
+    """Return the words for the model of an effect, and for the rows that it needs elsewhere."""
     from orchestration.fmu.model import names_class
 
     model = options["model"]
     if not names_class(model):
-        return _of_shipped(model, words)
+        return _words_of_component(model, words)
     file, _, cls = model.rpartition(":")
     relative = Path(os.path.relpath(file, options["out"])).as_posix()
-    rows = _filled("effect", "places_file", {**words, "model_file": relative}).rstrip()
+    rows = _fill_template("effect", "places_file", {**words, "model_file": relative}).rstrip()
     place = f'str(FOLDER / {json.dumps(relative, ensure_ascii=False)}) + ":{cls}"'
     return {"model": place, "model_name": shlex.quote(f"{relative}:{cls}"), "rows": rows}
 
 
-def _of_shipped(model: str, words: Mapping[str, str]) -> dict[str, str]:
-    """Return the same of a component of ours, whose README numbers its assumptions."""
+def _words_of_component(model: str, words: Mapping[str, str]) -> dict[str, str]:
+    """Return these words for a component of ours, whose README numbers its assumptions."""
     from importlib.util import find_spec
 
     from fmus.kit import registry
@@ -136,10 +136,10 @@ def _of_shipped(model: str, words: Mapping[str, str]) -> dict[str, str]:
     is_rig = package == registry.component(registry.default_model()).__module__.split(".")[1]
     listed = "" if is_rig else ", and in `EFFECTS`"
     more = {**words, "package": package, "effects": effects, "listed": listed}
-    tests = _filled("effect", "places_rig" if is_rig else "places_component", more).rstrip()
+    tests = _fill_template("effect", "places_rig" if is_rig else "places_component", more).rstrip()
     return {
         "model": f'"{model}"',
         "model_name": model,
-        "rows": _filled("effect", "places_shipped", {**more, "tests": tests}).rstrip(),
+        "rows": _fill_template("effect", "places_shipped", {**more, "tests": tests}).rstrip(),
         "relaxes": f"Relaxes assumption N, that {words['law']} is all that there is",
     }

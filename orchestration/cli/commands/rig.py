@@ -132,14 +132,16 @@ def record(options: RecordRigCommand) -> None:
     results.check(empty_dataset(planned), out)
     data = _drive(planned, remote, credentials, stimulus, live)
     keep(data, out, live)
-    held = f"{data.time.size} rows, {float(data.time[-1]):g} s of {planned.time[-1]:g} s"
-    terminal.print(f"{data.attrs['subject']}: {held}")
+    extent = f"{data.time.size} rows, {float(data.time[-1]):g} s of {planned.time[-1]:g} s"
+    terminal.print(f"{data.attrs['subject']}: {extent}")
     wrote(out, "" if data.attrs["complete"] else "incomplete")
-    _refuse_what_failed(data, planned, out, held)
+    _raise_if_incomplete(data, planned, out, extent)
 
 
-def _refuse_what_failed(data: xarray.Dataset, planned: RecordingPlan, out: Path, held: str) -> None:
-    """Fail where a record is incomplete.
+def _raise_if_incomplete(
+    data: xarray.Dataset, planned: RecordingPlan, out: Path, extent: str
+) -> None:
+    """Raise the error of an incomplete record, which has been written before.
 
     Raises
     ------
@@ -158,17 +160,19 @@ def _refuse_what_failed(data: xarray.Dataset, planned: RecordingPlan, out: Path,
             " (--max-age)"
         )
     if "failure" in data.attrs:
-        raise IncompleteRecord(f"{data.attrs['failure']}; {out} holds {held}")
+        raise IncompleteRecord(f"{data.attrs['failure']}; {out} holds {extent}")
     if data.time.size < planned.time.size:
         raise KeyboardInterrupt
     if gaps := data.attrs["gaps"]:
-        raise IncompleteRecord(f"{gaps} of {data.time.size} rows lack a value; {out} holds {held}")
+        raise IncompleteRecord(
+            f"{gaps} of {data.time.size} rows lack a value; {out} holds {extent}"
+        )
 
 
 def _drive(
     planned: RecordingPlan, remote: Endpoint, credentials: Path | None, where: str, live: Live
 ) -> xarray.Dataset:
-    """Drive the rig, with a journal on the disk and a status line."""
+    """Drive the rig and return the record, with a journal on the disk and a status line."""
     from contextlib import ExitStack
 
     from fmus.kit.interrupt import deferred

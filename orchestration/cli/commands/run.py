@@ -12,7 +12,7 @@ import typer
 from fmus.kit import UserError
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import RunCommand
-from orchestration.cli.experiments import refuse_part, run_and_write
+from orchestration.cli.experiments import raise_if_incomplete, run_and_write
 from orchestration.cli.isolation import hearing_ctrl_c
 from orchestration.cli.outputs import JSON, SIGNALS, Outputs, standard_output_for, write_json
 from orchestration.cli.real_time import live_run
@@ -30,7 +30,7 @@ def run(options: RunCommand) -> None:
     A system (.ssp) runs over its own default experiment; --set inputs.NAME=VALUE drives an input.
     """
     if options["show_list"]:
-        _list()
+        _list_experiments()
         return
     experiment = options["experiment"]
     if experiment is None:
@@ -44,12 +44,12 @@ def run(options: RunCommand) -> None:
     ctrl_c_watch = hearing_ctrl_c(None) if without_isolation else nullcontext()
     with standard_output_for(options["json"]), ctrl_c_watch:
         data, reproduced = _run(experiment, options, live)
-    refuse_part(data, live)
+    raise_if_incomplete(data, live)
     if not reproduced:
         raise typer.Exit(1)
 
 
-def _list() -> None:
+def _list_experiments() -> None:
     import tomllib
 
     from orchestration.experiment import shipped
@@ -90,7 +90,7 @@ def _run(name: str, options: RunCommand, live: Live | None) -> tuple[xarray.Data
 
 
 def _compare(data: xarray.Dataset, earlier: xarray.Dataset, name: str) -> Mapping[str, float]:
-    """Compare a result with an earlier one, and say how far it is off and why that may be."""
+    """Compare a result with an earlier one; print the differences and their possible reasons."""
     import json
 
     from orchestration.experiment import results

@@ -44,12 +44,17 @@ def simulate(options: SimulateCommand) -> None:
 
 
 def _simulate_system(options: SimulateCommand) -> None:
-    from orchestration.cli.experiments import experiment_on_system, refuse_part, run_and_write
+    from orchestration.cli.experiments import (
+        experiment_on_system,
+        raise_if_incomplete,
+        run_and_write,
+    )
 
-    refuse_part(run_and_write(experiment_on_system(options), options["model"], options))
+    raise_if_incomplete(run_and_write(experiment_on_system(options), options["model"], options))
 
 
 def _simulate_model(options: SimulateCommand) -> None:
+    """Simulate a model; print, write and draw the results, also those of a run that ends early."""
     from orchestration.api import values_of
     from orchestration.cli.models import build_model
     from orchestration.fmu import simulation as work
@@ -62,7 +67,7 @@ def _simulate_model(options: SimulateCommand) -> None:
     plot = options["plot"]
     declared = declared_model(options["model"], options["laid_over"])
     parameters = values_of(declared, options["settings"], options["preset"])
-    recorded = _recorded(declared, parameters, options)
+    recorded = _read_inputs(declared, parameters, options)
     model = build_model(declared, options["runtime"])
     isolation = limits(model.foreign, options)
     time, inputs = _stimulus(model, recorded, parameters, options)
@@ -102,7 +107,7 @@ def _simulate_model(options: SimulateCommand) -> None:
         wrote(plot)
 
 
-def _recorded(
+def _read_inputs(
     model: Model, parameters: Mapping[str, Value], options: SimulateCommand
 ) -> Record | None:
     """Read the record of inputs, if one is given."""
@@ -159,13 +164,8 @@ def _show(model: Model, time: Array, outputs: Mapping[str, Array]) -> None:
     columns = ("smallest", "largest", "last")
     table = plain_table(None, "output", *columns, right=columns)
     for name, values in outputs.items():
-        table.add_row(
-            name,
-            *(
-                format_value(v, model.outputs[name])
-                for v in (values.min(), values.max(), values[-1])
-            ),
-        )
+        shown = (values.min(), values.max(), values[-1])
+        table.add_row(name, *(format_value(value, model.outputs[name]) for value in shown))
     out.print(f"{model.title}: {time.size} points from {time[0]:g} s to {time[-1]:g} s")
     out.print(table)
 

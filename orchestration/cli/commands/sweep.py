@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 _DATASET = (".nc", ".zarr")
 _ZARR = ".zarr"
 _TOML = (".toml",)
-_RAN = {"fmu": "FMU", "compiled": "compiled"}
+_ENGINE_NAMES = {"fmu": "FMU", "compiled": "compiled"}
 # options of the command line where a file describes the sweep
 _BESIDE_FILE = (
     RunnableArgument,
@@ -60,7 +60,7 @@ def sweep(options: SweepCommand, context: typer.Context) -> None:
     how = only(SweepFileKeywords, options)
     how["folder"] = folder
     how["limits"] = given_limits(options["isolate"], options)
-    how["check"] = _check(out, options["plot"])
+    how["check"] = _check_results(out, options["plot"])
     if Path(model).suffix.lower() in _TOML:
         _refuse_beside_file(context)
         work = _sweep_of_file(Path(model))
@@ -98,7 +98,7 @@ def _check_outputs(options: SweepCommand) -> None:
         zarr_store.check(store)
 
 
-def _check(out: Path | None, plot: Path | None) -> Callable[[Task, Design], None]:
+def _check_results(out: Path | None, plot: Path | None) -> Callable[[Task, Design], None]:
     """Return a check that refuses a sweep whose result could not be written or drawn."""
 
     def check(task: Task, cases: Design) -> None:
@@ -137,7 +137,7 @@ def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> No
             whole = merge_analysis(data, shown)
     finally:  # cases are kept where there is nothing to be said of them
         if out is not None:
-            _keep(whole, out, folder)
+            _write_result(whole, out, folder)
     if plot is not None:
         shown.plot(plot)
         console.wrote(plot)
@@ -158,7 +158,7 @@ def _sweep_of_options(options: SweepCommand) -> Work:
     model = open_model(options["model"], options["runtime"], options["laid_over"])
     fit = None if options["fitted"] is None else read_fitted(options["fitted"], model)
     cases: SweepKeywords = {**only(GridOptions, options), **only(SweepDesignOptions, options)}
-    over = ranges_of(options["over"]) if fit is None else _drawn(fit, options["over"], cases)
+    over = ranges_of(options["over"]) if fit is None else _draw_cases(fit, options["over"], cases)
     settings = _settings(model, over, options)
     if fit is not None:
         for line in fit.differences(settings):
@@ -187,8 +187,8 @@ def _settings(model: Model, over: Container[str], options: SweepCommand) -> dict
     return kept | values_of(model, options["settings"])
 
 
-def _drawn(fit: SweepFit, over: Sequence[str], cases: SweepKeywords) -> dict[str, Any]:
-    """Return parameters drawn from a fit, and have traces of the cases kept, which bands are of."""
+def _draw_cases(fit: SweepFit, over: Sequence[str], cases: SweepKeywords) -> dict[str, Any]:
+    """Return parameters drawn from a fit, and change `cases` to bands, which need traces."""
     from orchestration.sweeps.reductions import TRACE
     from orchestration.sweeps.sensitivity import BANDS
 
@@ -226,7 +226,7 @@ def ranges_of(over: Sequence[str]) -> dict[str, Any]:
     Parameters
     ----------
     over : sequence of str
-        As ``--over`` has them.
+        Values of ``--over``.
 
     Raises
     ------
@@ -244,8 +244,8 @@ def ranges_of(over: Sequence[str]) -> dict[str, Any]:
     return ranges
 
 
-def _keep(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
-    """Write the result, and only then remove the parts that it was made of."""
+def _write_result(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
+    """Write the result, and only then remove the folder with its parts."""
     from orchestration.experiment import results
     from orchestration.journal import removed_after
     from orchestration.reporting.console import wrote
@@ -262,11 +262,13 @@ def _show(data: xarray.Dataset) -> None:
     from orchestration.reporting.console import note, out
     from orchestration.sweeps.page import case_count, extremes
 
-    out.print(f"{data.attrs['model']}: {case_count(data):,} cases, {_RAN[data.attrs['engine']]}")
+    out.print(
+        f"{data.attrs['model']}: {case_count(data):,} cases, {_ENGINE_NAMES[data.attrs['engine']]}"
+    )
     columns = ("smallest", "largest")
     table = plain_table(None, "over all cases", *columns, "unit", right=columns)
-    for e in extremes(data):
-        table.add_row(e.name, f"{e.smallest:.6g}", f"{e.largest:.6g}", e.unit)
+    for row in extremes(data):
+        table.add_row(row.name, f"{row.smallest:.6g}", f"{row.largest:.6g}", row.unit)
     out.print(table)
     if "failure" in data:
         reasons = data["failure"].values.ravel()

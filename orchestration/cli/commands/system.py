@@ -61,7 +61,7 @@ def _show_members(system: System) -> None:
     table = plain_table(None, "member", "FMU", "values given to it")
     for member in system.members:
         given = [
-            f"{name}={_given(value, variable(member, name))}"
+            f"{name}={_format_value(value, variable(member, name))}"
             for name, value in member.parameters.items()
         ]
         table.add_row(member.name, member.fmu.name, ", ".join(given))
@@ -69,7 +69,7 @@ def _show_members(system: System) -> None:
     out.print(table)
 
 
-def _given(value: Value, signal: Signal) -> str:
+def _format_value(value: Value, signal: Signal) -> str:
     return value if isinstance(value, str) else f"{value:.6g} {signal.unit}".removesuffix(" 1")
 
 
@@ -148,13 +148,13 @@ def check_file(options: CheckSystemCommand) -> None:
 
 
 def _named_after(name: str, ending: str) -> Path:
-    """Return the file that is written of a system unless one is named."""
+    """Return the default path of a file that is written for a system."""
     return Path(f"{Path(name).stem or 'system'}{ending}")
 
 
 @contextmanager
 def _opened(name_or_file: str, runtime: str | None = None) -> Iterator[System]:
-    """Open a system that ships, or one from a file; an archive's FMUs are there only meanwhile."""
+    """Yield a system that ships or is in a file; its FMUs may be removed after the context."""
     from fmus.kit.storage import scratch
     from orchestration.fmu.model import refuse_runtime
     from orchestration.reporting.console import progress
@@ -181,6 +181,7 @@ def _opened(name_or_file: str, runtime: str | None = None) -> Iterator[System]:
 
 
 def _warn(system: System) -> int:
+    """Print the warnings about a system, and return their number."""
     from orchestration.reporting.console import warn
     from orchestration.system import warnings
 

@@ -115,7 +115,7 @@ def _check_documents(archive: Archive) -> Iterator[Finding]:
         yield Finding(10, "note", f"no icon ({sorted(icons)[0]})")
     if not any(name.startswith("documentation/licenses/") for name in names):
         yield Finding(10, "warning", "no licence (documentation/licenses/)")
-    references = [n for n in names if n.startswith("extra/org.fmi-standard.fmi-ls-ref/")]
+    references = [name for name in names if name.startswith("extra/org.fmi-standard.fmi-ls-ref/")]
     if all(name.endswith("/fmi-ls-manifest.xml") for name in references):  # also if there are none
         yield Finding(10, "note", "no reference result (extra/org.fmi-standard.fmi-ls-ref/)")
     documents = names & {

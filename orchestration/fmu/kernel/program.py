@@ -346,6 +346,7 @@ class Execution:
         self._contexts = ExitStack()
 
     def _allocate_progress(self) -> Progress:
+        """Return the progress of a run before its first point, in shared memory if isolated."""
         progress = Progress()
         if self._shared:
             progress = self._shared.allocate_run(self._program.legend())

@@ -110,10 +110,11 @@ def load_subclass(place: str, base: type) -> tuple[Path, str, Any, list[str]]:
         raise UserError(f"{place}: write path/to/file.py:Class")
     path = Path(file)
     module = _load(path)
+    # imported classes are of other modules
     known = [
-        n
-        for n, c in vars(module).items()
-        if is_subclass(c, base) and c.__module__ == module.__name__
+        name_of_class
+        for name_of_class, member in vars(module).items()
+        if is_subclass(member, base) and member.__module__ == module.__name__
     ]
     if not name:
         raise UserError(f"{path}: {_classes_to_name(path, module, known, base)}")

@@ -230,6 +230,7 @@ def _run_once(
     parameters: Mapping[str, Value],
     outputs: Sequence[str],
 ) -> Array:
+    """Open a system and run it once; return its outputs (n, outputs)."""
     with system.open() as runs:
         return runs.run(time, inputs, parameters, outputs)
 

@@ -228,7 +228,7 @@ def _check_grid(
     noise_orders: Sequence[int],
     nk: Count,
 ) -> None:
-    """Refuse an empty grid, one too large, and delays that are not as many as the inputs."""
+    """Refuse an empty grid, one too large, and delays that differ in number from the inputs."""
     if not (structures and path_orders and noise_orders):
         raise UserError(
             f"path orders {list(path_orders)}, noise orders {list(noise_orders)}, structures"

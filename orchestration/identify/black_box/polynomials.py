@@ -138,8 +138,8 @@ def triangle(rows: Array) -> Array:
 def s_plane(z: ArrayLike, step: float) -> Roots:
     """Map poles or zeros from the z-plane to the s-plane, ``s = ln(z) / step`` (thesis, fig. 3-16).
 
-    Poles are exact for an input that is held between samples; zeros have no such counterpart, and
-    are shown where the same rule puts them (Åström, Hagander, Sternby: Automatica 20, 1984).
+    Poles are exact for inputs with a zero-order hold; zeros have no exact counterpart and are
+    mapped by the same rule (Åström, Hagander, Sternby: Automatica 20, 1984).
 
     Parameters
     ----------

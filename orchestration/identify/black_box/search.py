@@ -267,7 +267,8 @@ def _redraw_roots(polynomial: Array, samples: int, random: np.random.Generator) 
     kept: list[complex] = []
     most = max(order - int(random.integers(1, 3)), 0)
     for factor in factors:
-        kept += factor if len(kept) + len(factor) <= most else []
+        if len(kept) + len(factor) <= most:
+            kept += factor
     while len(kept) < order:
         modulus = np.exp(-(samples ** -random.random()))  # exp(-1/T), T from 1 to all samples
         if order - len(kept) > 1 and random.random() < _OSCILLATING:

@@ -145,6 +145,7 @@ def _instrumental_variables(problem: PredictionError, long: _LongModel, i: int) 
     u = filtered(long.a, _ONE, problem.inputs[:, i])
     columns = _regressors(problem, i, noisy, u)[first:]
     instruments = _regressors(problem, i, clean, u)[first:]
+    # Z'X theta = Z'y, with instruments Z that do not correlate with the noise in X and y
     solution = solve_least_squares(instruments.T @ columns, instruments.T @ noisy[first:])
     return stabilised(monic(solution[:nf]))
 

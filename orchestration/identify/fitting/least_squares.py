@@ -201,7 +201,7 @@ class _Search:
         return bool(solution.success), promised
 
     def _residual_at(self, point: Array) -> Array:
-        """Return the residual at a point; infinite where there is none, for a step back."""
+        """Return the residual at a point; infinite if it cannot be simulated, for a step back."""
         self._tried += 1
         values = residual_or_none(self._residual, point)
         if values is None:
@@ -262,7 +262,7 @@ def _predicted_fall(jacobian: Array, residual: Array) -> float:
 
 
 def residual_or_none(residual: Function, q: Array) -> Array | None:
-    """Return the residual at a point; None where its square is not finite, or it is not known."""
+    """Return the residual at a point; None if it raises a UserError or its square is not finite."""
     try:
         values = residual(q)
     except SearchEndedError:

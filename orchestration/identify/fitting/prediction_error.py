@@ -301,9 +301,12 @@ def fit_free_run(
     with np.errstate(
         over="ignore", invalid="ignore"
     ):  # a parameter that diverges is not determined
-        information = sum(j.T @ j / scales[o] ** 2 for o, j in slopes.items())
-    weighted = (j / scales[o] for o, j in slopes.items())
-    noise = [replace(n, deviation=n.deviation / scales[o]) for o, n in fitted.noise.items()]
+        information = sum(j.T @ j / scales[output] ** 2 for output, j in slopes.items())
+    weighted = (j / scales[output] for output, j in slopes.items())
+    noise = [
+        replace(model, deviation=model.deviation / scales[output])
+        for output, model in fitted.noise.items()
+    ]
     bread = parameter_covariance(np.asarray(information), prior.precision)
     return replace(fitted, covariance=sandwich_covariance(bread, weighted, noise))
 
@@ -401,8 +404,10 @@ def _minimise(
     def roots(q: Array) -> dict[str, tuple[Array, Array]]:
         residual = problem.evaluate(q)[0]
         return {
-            o: tails.deviance_roots(n.whiten(residual[o], problem.present[o]), n.freedom)
-            for o, n in noise.items()
+            output: tails.deviance_roots(
+                model.whiten(residual[output], problem.present[output]), model.freedom
+            )
+            for output, model in noise.items()
         }
 
     def rows(q: Array) -> Array:
@@ -411,8 +416,8 @@ def _minimise(
     def slopes(q: Array) -> Array:
         stacked = _whitened_slopes(problem, q, noise, prior.jacobian)
         first = 0
-        for o, (root, weight) in roots(q).items():
-            if noise[o].freedom < np.inf:
+        for output, (root, weight) in roots(q).items():
+            if noise[output].freedom < np.inf:
                 stacked[first : first + len(root)] *= weight[:, np.newaxis]
             first += len(root)
         return stacked
@@ -452,12 +457,12 @@ def _whitened_slopes(problem: Problem, q: Array, noise: Mapping[str, Noise], bel
     ndarray, shape (m + r, p)
     """
     jacobian = problem.evaluate(q)[1]
-    rows = sum(len(jacobian[o]) for o in noise)
+    rows = sum(len(jacobian[output]) for output in noise)
     stacked = np.empty((rows + len(below), len(q)))
     first = 0
-    for o, n in noise.items():
-        last = first + len(jacobian[o])
-        stacked[first:last] = n.whiten(jacobian[o], problem.present[o])
+    for output, model in noise.items():
+        last = first + len(jacobian[output])
+        stacked[first:last] = model.whiten(jacobian[output], problem.present[output])
         first = last
     stacked[rows:] = below
     return stacked
@@ -523,7 +528,7 @@ class _AlternatingFit:
         return fitted
 
     def restart_in_white(self, best: _Pass, in_white: _Pass | None) -> _Pass:
-        """Begin again in white noise where the noise came out coloured, while that is better.
+        """Restart in white noise, as long as the noise is coloured and a restart lowers BIC.
 
         A noise model that explains a part of the record keeps the model from explaining that part.
 
@@ -531,11 +536,11 @@ class _AlternatingFit:
         ----------
         best : _Pass
         in_white : _Pass, optional
-            The last pass in white noise.
+            The last pass in white noise, if there was one.
         """
         brief = replace(self, method=replace(self.method, trials=BRIEF))
         for _ in range(self.method.restarts):
-            if not any(len(n.coefficients) > 1 for n in best.noise.values()):
+            if not any(len(model.coefficients) > 1 for model in best.noise.values()):
                 break
             again = brief.one_pass(best.minimum.q, white_noise(best.residual))
             # where the last pass in white noise ended as well, further passes would go as before
@@ -553,15 +558,21 @@ def _end_pass(problem: Problem, minimum: Minimum, prior: _Prior) -> _Pass:
     q = minimum.q
     residual = problem.evaluate(q)[0]
     noise = problem.noise(residual)
-    innovation = {o: n.whiten(residual[o], problem.present[o]) for o, n in noise.items()}
-    deviance = sum(n.deviance(innovation[o], problem.present[o]) for o, n in noise.items())
+    innovation = {
+        output: model.whiten(residual[output], problem.present[output])
+        for output, model in noise.items()
+    }
+    deviance = sum(
+        model.deviance(innovation[output], problem.present[output])
+        for output, model in noise.items()
+    )
     return _Pass(
         minimum,
         residual,
         noise,
         innovation,
         deviance=float(deviance + (prior.residual(q) ** 2).sum()),
-        parameters=len(q) + sum(n.parameters for n in noise.values()),
+        parameters=len(q) + sum(model.parameters for model in noise.values()),
         samples=sum(map(len, innovation.values())),
     )
 
@@ -579,9 +590,9 @@ def _assess(problem: Problem, end: _Pass, prior: _Prior) -> FitResult:
     q = end.minimum.q
     noise = end.noise
     innovation = end.innovation
-    weights = {o: n.weights(innovation[o]) for o, n in noise.items()}
+    weights = {output: model.weights(innovation[output]) for output, model in noise.items()}
     jacobian = _whitened_slopes(problem, q, noise, np.empty((0, len(q))))
-    score = np.concatenate([weights[o] * innovation[o] for o in noise])
+    score = np.concatenate([weights[output] * innovation[output] for output in noise])
     curvature = _curvature(noise, innovation)
     information = weighted_square(jacobian, curvature.expected)
     plain = parameter_covariance(information, prior.precision)
@@ -612,8 +623,12 @@ class _Curvature(NamedTuple):
 
 def _curvature(noise: Mapping[str, Noise], innovation: Mapping[str, Array]) -> _Curvature:
     """Return the curvature of the loss at the innovations of all outputs."""
-    expected = [np.full_like(innovation[o], n.information) for o, n in noise.items()]
-    observed = [tails.curvature(innovation[o], n.freedom) for o, n in noise.items()]
+    expected = [
+        np.full_like(innovation[output], model.information) for output, model in noise.items()
+    ]
+    observed = [
+        tails.curvature(innovation[output], model.freedom) for output, model in noise.items()
+    ]
     return _Curvature(np.concatenate(expected), np.concatenate(observed))
 
 

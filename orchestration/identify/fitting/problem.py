@@ -309,13 +309,14 @@ class Problem:
         self.order = order if self.even else 0
         self.start = {name: float(p.start) for name, p in self.declared.items()} | dict(fixed)
         self.start |= {name: self.start[base_name(name)] for name in names if name not in fixed}
-        self.measured = {o: y for o, y in measured.items() if np.isfinite(y).any()}
-        self.present = {o: np.isfinite(y) for o, y in self.measured.items()}
+        self.measured = {output: y for output, y in measured.items() if np.isfinite(y).any()}
+        self.present = {output: np.isfinite(y) for output, y in self.measured.items()}
         # indexing with a mask copies; a slice does not
-        self._where = {o: slice(None) if p.all() else p for o, p in self.present.items()}
+        self._where = {output: slice(None) if p.all() else p for output, p in self.present.items()}
         has_step = input_steps(inputs, len(time))
         self.noise_samples = {
-            o: noise_samples(has_step, y)[self.present[o]] for o, y in self.measured.items()
+            output: noise_samples(has_step, y)[self.present[output]]
+            for output, y in self.measured.items()
         }
         self.scales = [scale_of(self.declared[name], self.start[name]) for name in names]
         self.evaluations = 0
@@ -355,11 +356,11 @@ class Problem:
             slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
             residual = {}
             jacobian = {}
-            for o, y in self.measured.items():
-                where = self._where[o]
-                residual[o] = (y - trajectory.signals[o])[where]
+            for output, y in self.measured.items():
+                where = self._where[output]
+                residual[output] = (y - trajectory.signals[output])[where]
                 # taken out, as both at once are much memory for a long record
-                jacobian[o] = trajectory.sensitivities.pop(o)[where] * -slopes
+                jacobian[output] = trajectory.sensitivities.pop(output)[where] * -slopes
             self._at = (q.tobytes(), residual, jacobian)
         return self._at[1:]
 
@@ -405,22 +406,23 @@ class Problem:
     def noise(self, residual: Mapping[str, Array]) -> dict[str, Noise]:
         """Return the noise that is estimated from residuals, (m,) by output."""
         return {
-            o: estimate_noise(
+            output: estimate_noise(
                 e,
-                self.present[o],
+                self.present[output],
                 self.order,
-                self.noise_samples[o],
-                self.freedom.get(o),
-                self.colour.get(o),
+                self.noise_samples[output],
+                self.freedom.get(output),
+                self.colour.get(output),
             )
-            for o, e in residual.items()
+            for output, e in residual.items()
         }
 
     def deviance(self, noise: Mapping[str, Noise], residual: Mapping[str, Array]) -> float:
         """Return minus twice the log likelihood of residuals, (m,) by output, in noise."""
         present = self.present
         return sum(
-            n.deviance(n.whiten(residual[o], present[o]), present[o]) for o, n in noise.items()
+            model.deviance(model.whiten(residual[output], present[output]), present[output])
+            for output, model in noise.items()
         )
 
     def forget_simulation(self) -> None:
@@ -447,7 +449,7 @@ class Problem:
         """Return 95 % confidence intervals by name; infinite where a standard error is."""
         half = float(ndtri(0.975)) * standard_errors
         ends = zip(self.names, self.scales, q - half, q + half, strict=True)
-        return {n: (s.value(low), s.value(high)) for n, s, low, high in ends}
+        return {name: (scale.value(low), scale.value(high)) for name, scale, low, high in ends}
 
     def position(self, values: Mapping[str, float]) -> Array:
         """Return the searched coordinates (p,) of values by name.
@@ -455,8 +457,11 @@ class Problem:
         They are finite: a search may have taken a positive value to zero, and no other one begins
         at minus infinity.
         """
-        at = [s.position(values[n]) for n, s in zip(self.names, self.scales, strict=True)]
-        return np.where(np.isneginf(at), _SMALLEST, at)
+        coordinates = [
+            scale.position(values[name])
+            for name, scale in zip(self.names, self.scales, strict=True)
+        ]
+        return np.where(np.isneginf(coordinates), _SMALLEST, coordinates)
 
     def bounds(self) -> tuple[Array, Array]:
         """Return both ends of the ranges in searched coordinates, each of shape (p,)."""
@@ -485,9 +490,9 @@ class Problem:
         return low, high
 
     def across_sample(self, q: Array) -> Array | None:
-        """Return a point with delays moved beyond the sample that they are at; None if none is.
+        """Return a point with delays moved past the whole number of samples that they end at.
 
-        A search that ended at its `smooth_bounds` continues from there.
+        None if no delay is at one. A search that ended at its `smooth_bounds` continues from there.
         """
         other = q.copy()
         for i, samples in self._delays(q):

@@ -32,10 +32,10 @@ _FINE = 1e-4  # of the spread of an output: least noise that it is weighted by
 
 def error_scales(problem: Problem) -> dict[str, float]:
     """Return the size of the noise of every output, robustly from its third differences."""
-    for o, y in problem.measured.items():
-        if o not in problem.error_scales:
+    for output, y in problem.measured.items():
+        if output not in problem.error_scales:
             fine = _FINE * float(np.nanstd(y))
-            problem.error_scales[o] = max(noise_std(y, 3), fine) or 1.0
+            problem.error_scales[output] = max(noise_std(y, 3), fine) or 1.0
     return problem.error_scales
 
 
@@ -55,9 +55,12 @@ def pooled_error(
     weights : Mapping of str to ndarray, shape (m,), optional
         Weights of all samples; equal by default.
     """
-    scaled = np.concatenate([e / scales[o] for o, e in residual.items()])
+    scaled = np.concatenate([error / scales[output] for output, error in residual.items()])
     counted = np.concatenate(
-        [weights[o] if weights is not None else np.ones_like(e) for o, e in residual.items()]
+        [
+            weights[output] if weights is not None else np.ones_like(error)
+            for output, error in residual.items()
+        ]
     )
     return float(np.sqrt((counted * scaled**2).sum() / counted.sum()))
 
@@ -85,9 +88,9 @@ def weighted_slopes(
     rows = sum(map(len, jacobian.values()))
     stacked = np.empty((rows + len(below), below.shape[1]))
     first = 0
-    for o, slopes in jacobian.items():
+    for output, slopes in jacobian.items():
         last = first + len(slopes)
-        np.divide(slopes, scales[o], out=stacked[first:last])
+        np.divide(slopes, scales[output], out=stacked[first:last])
         first = last
     stacked[rows:] = below
     return stacked
@@ -229,7 +232,9 @@ class _WeightedErrors:
 
     def rows(self, q: Array) -> Array:
         """Return the weighted errors (m,)."""
-        parts = [e / self._scales[o] for o, e in self._problem.evaluate(q)[0].items()]
+        parts = [
+            error / self._scales[output] for output, error in self._problem.evaluate(q)[0].items()
+        ]
         return np.concatenate([*parts, self._prior[0](q)] if self._prior else parts)
 
     def slopes(self, q: Array) -> Array:

@@ -58,7 +58,7 @@ def estimate_colour(residual: Array, present: Mask, order: int = ORDER) -> Array
 
 
 def _highest_order(order: int, samples: int) -> int:
-    """Return the highest order that so many samples allow."""
+    """Return the highest order up to `order` that a number of samples allows."""
     return min(order, max(samples // 10, 0))
 
 

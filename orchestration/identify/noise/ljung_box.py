@@ -124,6 +124,7 @@ def _autocorrelations(values: Array, present: Mask, lags: int) -> tuple[Array, A
     products = np.array([centred[:-k] @ centred[k:] for k in range(1, lags + 1)])
     pairs = np.array([weight[:-k] @ weight[k:] for k in range(1, lags + 1)])
     correlation = products / (centred @ centred)
+    # Ljung and Box: (n - k) / (n (n + 2)) at lag k, where n - k is the number of pairs
     deviation = np.sqrt(pairs / (n * (n + 2.0)))
     tested = pairs > 0
     score = np.divide(correlation, deviation, out=np.zeros(lags), where=tested)

@@ -97,7 +97,7 @@ class Noise:
         return np.concatenate(pieces) if pieces else values[:0]
 
     def weights(self, innovation: Array) -> Array:
-        """Return the weights of innovations with which least squares has the likelihood's optimum.
+        """Return the weights with which least squares of innovations maximises the likelihood.
 
         Parameters
         ----------
@@ -111,9 +111,7 @@ class Noise:
         return weights(innovation, self.freedom)
 
     def deviance(self, innovation: Array, present: Mask) -> float:
-        """Return minus twice the log likelihood.
-
-        It is relative to as many Gaussian samples of unit density at zero.
+        """Return minus twice the log likelihood of innovations, up to ``n log(2 pi)``.
 
         Parameters
         ----------
@@ -209,7 +207,10 @@ class Whitening:
         return cls(
             noise,
             present,
-            {o: n.weights(n.whiten(residual[o], present[o])) for o, n in noise.items()},
+            {
+                output: model.weights(model.whiten(residual[output], present[output]))
+                for output, model in noise.items()
+            },
         )
 
     def __call__(self, values: Mapping[str, Array]) -> Array:
@@ -227,8 +228,8 @@ class Whitening:
 def white_noise(residual: Mapping[str, Array]) -> dict[str, Noise]:
     """Return white Gaussian noise of the size of residuals, (m,) by output."""
     return {
-        o: Noise(np.empty(0), max(float(np.sqrt(np.mean(e**2))), _LEAST))
-        for o, e in residual.items()
+        output: Noise(np.empty(0), max(float(np.sqrt(np.mean(values**2))), _LEAST))
+        for output, values in residual.items()
     }
 
 
@@ -325,8 +326,8 @@ def noise_std(values: Array, differences: int = 2) -> float:
 def noise_samples(moved: Mask, measured: Array) -> Mask:
     """Return the samples (n,) at which the noise dominates the error of an incomplete model.
 
-    The output did not stand still, and no step of an input came close before. Where these are too
-    few, the steps are not minded.
+    They are those where the output changes and no input has stepped within `_SETTLING` samples; if
+    these are too few, all where the output changes.
 
     Parameters
     ----------
@@ -334,7 +335,8 @@ def noise_samples(moved: Mask, measured: Array) -> Mask:
         True where an input steps.
     measured : ndarray, shape (n,)
     """
-    alive = np.diff(measured, prepend=np.nan) != 0.0
-    settled = alive & ~(np.convolve(moved, np.ones(_SETTLING))[: len(moved)] > 0.0)
-    enough = settled.sum() > max(_FEWEST, 0.1 * alive.sum())
-    return np.asarray(settled if enough else alive)
+    changing = np.diff(measured, prepend=np.nan) != 0.0
+    after_step = np.convolve(moved, np.ones(_SETTLING))[: len(moved)] > 0.0
+    settled = changing & ~after_step
+    is_enough = settled.sum() > max(_FEWEST, 0.1 * changing.sum())
+    return np.asarray(settled if is_enough else changing)

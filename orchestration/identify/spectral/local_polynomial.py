@@ -321,7 +321,7 @@ def _smooth_terms(line: int, window: Indices) -> Array:
 
 
 def _significance_of_terms(residual: Spectrum, explained: Spectrum, freedom: int) -> Array:
-    """Return the p-value of the terms that were left out, for every output, by the F-test.
+    """Return the p-value of the higher terms, for every output, by the F-test.
 
     Parameters
     ----------

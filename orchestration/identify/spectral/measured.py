@@ -190,7 +190,7 @@ def _check_ratio(record: Record, inputs: Sequence[str], varying: Sequence[str], 
 
 
 def _check_whole(record: Record, name: str) -> None:
-    """Refuse a signal of which samples are missing."""
+    """Refuse a signal with missing samples."""
     missing = np.flatnonzero(~np.isfinite(record.signals[name]))
     if missing.size:
         more = f" and {missing.size - 1} more" if missing.size > 1 else ""
@@ -210,7 +210,10 @@ def _choose_stretch(
     ratios: Sequence[Ratio],
     period: float | None,
 ) -> _Stretch:
-    """Return the samples that are used: whole periods of all inputs, if there are two of them."""
+    """Return the last samples that are whole common periods of the periodic inputs.
+
+    In a record of fewer than two of these, inputs count as not periodic, and all samples are used.
+    """
     outputs = sorted({name for ratio in ratios for name in ratio if name not in inputs})
     for name in (*inputs, *outputs):
         _check_whole(record, name)

@@ -108,14 +108,16 @@ class FrequencyResponse(Displayable):
         UserError
             If it cannot be written.
         """
-        names = list(dict.fromkeys(n for one in self.responses.values() for n in one.columns()))
+        names: dict[str, None] = {}  # ordered
+        for response in self.responses.values():
+            names |= dict.fromkeys(response.columns())
         text = io.StringIO()
         rows = csv.writer(text, lineterminator="\n")
         rows.writerow(["response", "unit", *(_heading(name) for name in names)])
         for ratio, response in self.responses.items():
             columns = response.columns()
             for k in range(response.frequency.size):
-                cells = [repr(float(columns[n][k])) if n in columns else "" for n in names]
+                cells = [repr(float(columns[name][k])) if name in columns else "" for name in names]
                 rows.writerow([ratio, response.unit, *cells])
         files.write(Path(path), text.getvalue().encode())
         return Path(path)

@@ -127,8 +127,8 @@ def sandwich_covariance(
 ) -> Covariance:
     """Return the covariance of parameters fitted as if residuals were white (Ljung, section 9.4).
 
-    Between two halves of the inverse normal matrix stands the covariance of the scores, in coloured
-    noise.
+    It is the covariance of the scores in coloured noise, multiplied by the inverse normal matrix
+    from both sides.
 
     Parameters
     ----------
@@ -179,10 +179,10 @@ def excess_variance(
     robust = np.zeros(jacobian.shape[1])
     for block in _blocks(len(jacobian)):
         slopes = jacobian[block]
-        along = slopes @ bread.matrix
-        leverage = np.clip(curved[block] * np.einsum("ij,ij->i", along, slopes), 0.0, _LEVERAGE)
-        along *= (score[block] / (1.0 - leverage))[:, np.newaxis]
-        robust += np.einsum("ij,ij->j", along, along)
+        influence = slopes @ bread.matrix  # of each sample on the estimates, for a score of one
+        leverage = np.clip(curved[block] * np.einsum("ij,ij->i", influence, slopes), 0.0, _LEVERAGE)
+        influence *= (score[block] / (1.0 - leverage))[:, np.newaxis]
+        robust += np.einsum("ij,ij->j", influence, influence)
     plain = np.diag(bread.matrix)
     ratio = np.divide(robust, plain, out=np.ones_like(plain), where=plain > 0.0)
     return np.asarray(np.maximum(ratio, 1.0))

@@ -196,7 +196,7 @@ class Side:
 
 
 def profile_likelihood(
-    name: str, declared: Described, refit: Refit, q: Array, along: Coordinate
+    name: str, declared: Described, refit: Refit, q: Array, coordinate: Coordinate
 ) -> Profile:
     """Follow the deviance to both sides of an estimate.
 
@@ -208,7 +208,7 @@ def profile_likelihood(
         See `trace`; its deviance is over that at which the interval ends.
     q : ndarray, shape (p,)
         The estimate.
-    along : Coordinate
+    coordinate : Coordinate
 
     Returns
     -------
@@ -216,43 +216,43 @@ def profile_likelihood(
         Its interval is the part about the estimate: there may be others, where the deviance has
         several minima.
     """
-    half = float(np.sqrt(LEVEL)) * along.standard_error
-    centre = q[along.index]
-    ends = _search_ends(centre, half, along)
+    half = float(np.sqrt(LEVEL)) * coordinate.standard_error
+    centre = q[coordinate.index]
+    ends = _search_ends(centre, half, coordinate)
     step = max(_FIRST * min(half, 1.0), _SHORTEST)
-    below = trace(refit, q, along.index, along.tangent, -1.0 * step, ends[0])
-    above = trace(refit, q, along.index, along.tangent, 1.0 * step, ends[1])
-    points = np.array([point[along.index] for point in (*below.points, *above.points)])
+    below = trace(refit, q, coordinate.index, coordinate.tangent, -1.0 * step, ends[0])
+    above = trace(refit, q, coordinate.index, coordinate.tangent, 1.0 * step, ends[1])
+    points = np.array([point[coordinate.index] for point in (*below.points, *above.points)])
     deviance = np.concatenate([below.deviance, above.deviance])
-    values = np.array([along.value(x) for x in points])
+    values = np.array([coordinate.value(x) for x in points])
     order = np.unique(points, return_index=True)[1]
     warnings = [
-        *_end_warnings("below", name, declared, below, ends[0], along),
-        *_end_warnings("above", name, declared, above, ends[1], along),
+        *_end_warnings("below", name, declared, below, ends[0], coordinate),
+        *_end_warnings("above", name, declared, above, ends[1], coordinate),
         *_better_warnings(name, declared, values, deviance),
     ]
-    estimate = along.value(centre)
-    size = 1.0 if along.logarithmic else along.value(centre + 1.0) - estimate
+    estimate = coordinate.value(centre)
+    size = 1.0 if coordinate.logarithmic else coordinate.value(centre + 1.0) - estimate
     return Profile(
         name=name,
         estimate=estimate,
         values=values[order],
         deviance=LEVEL * deviance[order],
         interval=(
-            declared.min if below.crossing is None else along.value(below.crossing),
-            declared.max if above.crossing is None else along.value(above.crossing),
+            declared.min if below.crossing is None else coordinate.value(below.crossing),
+            declared.max if above.crossing is None else coordinate.value(above.crossing),
         ),
         open=(below.crossing is None, above.crossing is None),
-        ellipse=(along.value(centre - half), along.value(centre + half)),
-        standard_error=size * along.standard_error,
-        logarithmic=along.logarithmic,
+        ellipse=(coordinate.value(centre - half), coordinate.value(centre + half)),
+        standard_error=size * coordinate.standard_error,
+        logarithmic=coordinate.logarithmic,
         declared=declared,
         fits=below.fits + above.fits,
         warnings=tuple(warnings),
     )
 
 
-def _search_ends(centre: float, half: float, along: Coordinate) -> tuple[float, float]:
+def _search_ends(centre: float, half: float, coordinate: Coordinate) -> tuple[float, float]:
     """Return the coordinates beyond which a profile is not followed.
 
     Parameters
@@ -261,22 +261,22 @@ def _search_ends(centre: float, half: float, along: Coordinate) -> tuple[float, 
         Coordinate of the estimate.
     half : float
         Half of the ellipse's interval.
-    along : Coordinate
+    coordinate : Coordinate
     """
     widths = _WIDTHS * half if np.isfinite(half) else 0.0
-    distance = _FARTHEST if along.logarithmic else max(_SIZES, widths)
-    return max(along.low, centre - distance), min(along.high, centre + distance)
+    distance = _FARTHEST if coordinate.logarithmic else max(_SIZES, widths)
+    return max(coordinate.low, centre - distance), min(coordinate.high, centre + distance)
 
 
 def _end_warnings(
-    word: str, name: str, declared: Described, side: Side, end: float, along: Coordinate
+    word: str, name: str, declared: Described, side: Side, end: float, coordinate: Coordinate
 ) -> list[str]:
     """Return a warning if one end of the interval is open or inexact, else an empty list."""
 
     def shown(x: float) -> str:
-        return format_value(float(along.value(x)), declared)
+        return format_value(float(coordinate.value(x)), declared)
 
-    coordinates = [point[along.index] for point in side.points]
+    coordinates = [point[coordinate.index] for point in side.points]
     farthest = min(coordinates) if word == "below" else max(coordinates)
     if side.between is not None:
         inner, outer = map(shown, side.between)
@@ -314,15 +314,14 @@ def _better_warnings(name: str, declared: Described, values: Array, deviance: Ar
 def trace(refit: Refit, q: Array, i: int, tangent: Array, step: float, end: float) -> Side:
     """Follow the deviance along one coordinate until it is above one, or to an end.
 
-    Every fit begins where the line through the two before it leads. Steps adapt to how fast the
-    deviance rises, and become shorter where the model fails.
+    Every fit begins on the line through the ends of the two fits before. Steps adapt to the rise of
+    the deviance, and become shorter where the model fails.
 
     Parameters
     ----------
     refit : callable
-        Returns where a fit ends that begins at a point and holds coordinate i there, (p,), and the
-        deviance, as in `Side`. Where there is no fit it raises a UserError, or the deviance is not
-        finite.
+        Fits all coordinates except i from a point (p,); returns the end (p,) and the deviance, as
+        in `Side`. If the fit fails it raises a UserError, or the deviance is not finite.
     q : ndarray, shape (p,)
         The estimate.
     i : int

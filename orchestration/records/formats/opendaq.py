@@ -20,8 +20,8 @@ def read_opendaq(path: Path, content: bytes) -> Table:
     """Read a file of openDAQ's recorder; a `Reader`.
 
     Time is the column ``Domain`` in ticks; without this column it counts samples from the first
-    row. A
-    domain other than time, and a resolution or step that is not a number above 0, are refused.
+    row. A domain other than time, and a resolution or step that is not a number above 0, are
+    refused.
     """
     text = decode(path, content)
     fields = dict(re.findall(r"(\w+)=([^;]*)", text.lines[0]))

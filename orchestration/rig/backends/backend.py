@@ -27,7 +27,7 @@ class Backend(ABC):
     outputs : Mapping of str to str
         Measured signals and their units.
     limits : Mapping of str to Limit
-        Of commands and of measured values.
+        Limits of commands and of measured values, by signal.
     """
 
     inputs: Mapping[str, str]
@@ -50,14 +50,14 @@ class Backend(ABC):
         Returns
         -------
         sequence of str
-            By default one name: the class, its file, and the options.
+            Names; by default one of the class, its file, and the options.
         """
         given = "".join(f" {key}={value}" for key, value in sorted(options.items()))
         return [f"{Path(inspect.getfile(cls)).resolve()}:{cls.__qualname__}{given}"]
 
     @abstractmethod
     def read(self) -> Mapping[str, float]:
-        """Take the newest value of every output; NaN where there is none.
+        """Return the newest value of every output; NaN for one without a value.
 
         Returns
         -------
@@ -74,12 +74,12 @@ class Backend(ABC):
         """
 
     def read_back(self) -> Mapping[str, float]:
-        """Return the inputs that the device reports to have, as far as it reports them.
+        """Return the values of inputs that the device reports.
 
         Returns
         -------
         Mapping of str to float
-            Of some inputs, or of none.
+            Values of some inputs, or of none.
         """
         return {}
 
@@ -105,5 +105,5 @@ class Steppable(Backend):
         Parameters
         ----------
         step : float
-            In s.
+            Seconds.
         """

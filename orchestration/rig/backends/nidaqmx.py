@@ -56,7 +56,7 @@ class NiDaqmx(Backend):
     calibration : str
         A file, or the name of one that ships.
     device : str
-        Its name in NI MAX; channels without a device of their own are its.
+        Name of the device in NI MAX; also that of the device of channels that name none.
     timing : {"auto", "hardware", "software"}
         Whether inputs are sampled by the device's clock; auto asks the device.
     timeout : str
@@ -65,7 +65,7 @@ class NiDaqmx(Backend):
     Attributes
     ----------
     watchdog : str
-        Which watchdog timer there is, or why there is none.
+        Description of the watchdog timer, or of why there is none.
     timing : str
         ``hardware`` or ``software``.
 

@@ -25,7 +25,7 @@ def open_backend(spec: str, options: Mapping[str, str]) -> Backend:
     spec : str
         ``emulator``, ``replay``, ``nidaqmx``, ``visa``, or ``path/to/file.py:Class``.
     options : Mapping of str to str
-        Its options by name; the error for a wrong one lists those that exist.
+        Options of the backend by name; the error for an unknown one lists those that exist.
 
     Returns
     -------
@@ -54,7 +54,7 @@ def device_names(spec: str, options: Mapping[str, str]) -> tuple[str, ...]:
     Parameters
     ----------
     spec, options
-        As for :func:`open_backend`.
+        See :func:`open_backend`.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def device_names(spec: str, options: Mapping[str, str]) -> tuple[str, ...]:
     Raises
     ------
     UserError
-        As for :func:`open_backend`, and if it does not say names.
+        See :func:`open_backend`; and if its names are no texts.
     """
     cls = _checked_class(spec, options)
     names = tuple(_call(spec, "does not say its devices", cls.devices, options))
@@ -105,7 +105,7 @@ def _call(
 def backends() -> Mapping[str, EntryPoint]:
     """Return the backends that installed packages bring by name; none is loaded for it.
 
-    Where two packages have one of the same name, ours is meant.
+    If two packages have a backend of the same name, ours is returned.
     """
     found = sorted(entry_points(group=_ENTRY_POINTS), key=_is_ours)
     return {entry.name: entry for entry in found}
@@ -121,7 +121,7 @@ def backend_class(spec: str) -> type[Backend]:
     Parameters
     ----------
     spec : str
-        As for :func:`open_backend`.
+        See :func:`open_backend`.
 
     Raises
     ------

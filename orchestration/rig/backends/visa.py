@@ -30,7 +30,7 @@ class Visa(Backend):
     calibration : str
         A file, or the name of one that ships.
     library : str
-        Of VISA, as pyvisa names it: empty for the one that is installed, ``@py`` for pyvisa-py.
+        VISA library, in pyvisa's notation: empty for the installed one, ``@py`` for pyvisa-py.
 
     Raises
     ------

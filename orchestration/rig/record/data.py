@@ -42,7 +42,7 @@ def dataset(
     where : str
         File or name of the experiment.
     endpoint : str
-        Of the rig's server.
+        Address of the rig's server.
 
     Returns
     -------
@@ -74,6 +74,7 @@ def dataset(
 
 
 def _about_rig(planned: RecordingPlan, endpoint: str) -> dict[str, Any]:
+    """Return the attributes of a record that describe the rig."""
     limits: Mapping[str, Any] = planned.limits
     return {
         "subject": f"the rig at {endpoint}",
@@ -87,6 +88,7 @@ def _about_rig(planned: RecordingPlan, endpoint: str) -> dict[str, Any]:
 
 
 def _signals(planned: RecordingPlan) -> dict[str, Signal]:
+    """Return the descriptions of a record's signals by name."""
     described = dict.fromkeys(planned.inputs, "As applied to the rig")
     described |= dict.fromkeys(planned.outputs, "As measured at the rig")
     described |= {f"{name}_age": f"Age of {name} when the rig sent it" for name in planned.outputs}

@@ -38,9 +38,10 @@ class RecordedRun:
     Attributes
     ----------
     inputs : ndarray, shape (m, number of inputs)
-        As applied, for the first m rows; NaN where the rig was not heard.
+        Inputs as applied, for the first m rows; NaN where the rig was not heard.
     outputs, ages : ndarray, shape (m, number of outputs)
-        As measured, and how old each value was when the rig sent it, in s; NaN where there is none.
+        Outputs as measured, and the age of each value in s when the rig sent it; NaN without a
+        value.
     failure : str
         The reason for an early end; empty without one, or after an interrupt.
     pacing : Pacing
@@ -93,7 +94,7 @@ class _Row:
         ----------
         sample : Mapping
         max_age : float
-            In s.
+            Largest age of a value in s.
         since : float
             Time on the rig's clock from which the commands are those of this row; default when this
             row was accepted.
@@ -131,7 +132,7 @@ def drive(
     Parameters
     ----------
     link : Link
-        With the plan's signals; not connected yet.
+        Link with the plan's signals; not connected yet.
     planned : RecordingPlan
     interrupt : Interrupt
         Ends the run.

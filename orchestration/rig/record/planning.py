@@ -30,23 +30,23 @@ class RecordingPlan:
     Attributes
     ----------
     experiment : Experiment
-        With duration and step as they will be.
+        Experiment with the duration and step that are used.
     inputs : Mapping of str to str
-        All of the rig, and their units.
+        Units of all inputs of the rig, by name.
     outputs : Mapping of str to str
-        Those of the rig that are recorded, and their units.
+        Units of the outputs that are recorded, by name.
     time : ndarray, shape (n,)
-        Of the rows of the record, in s.
+        Times of the rows of the record, in s.
     values : ndarray, shape (n, number of inputs)
-        Commands, each from its row to the next; in the rig's units.
+        Commands in the rig's units, each held from its row to the next.
     exchanges : int
-        With the rig in each step, evenly spaced.
+        Number of exchanges with the rig in each step, evenly spaced.
     period, watchdog : float
-        Of the rig, in s.
+        Period and watchdog time of the rig, in s.
     limits : Mapping
-        Of the rig, as it states them.
+        Limits of the rig, as it states them.
     max_age : float
-        In s; values that are older are not recorded.
+        Largest age in s of a value that is recorded.
     """
 
     experiment: Experiment
@@ -86,7 +86,7 @@ def plan_recording(
     rate : float, optional
         Rows a second; default those of the experiment.
     max_age : float, optional
-        In s; default two steps.
+        Largest age in s of a recorded value; default two steps.
     note : callable
         Called with a line for every remark.
 

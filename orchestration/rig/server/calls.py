@@ -22,7 +22,7 @@ Result = TypeVar("Result")
 
 
 class BackendError(Exception):
-    """A failure of a backend; the text says in one line in which call, and how."""
+    """A failure of a backend, described in one line with the call."""
 
 
 def call(name: str, function: Callable[..., Result], *arguments: Any) -> Result:
@@ -162,7 +162,7 @@ class BackendSignals:
         Raises
         ------
         BackendError
-            If there is no room for it.
+            If it is longer than the shared memory has room for.
         """
         limits = {name: (limit.min, limit.max, limit.rate) for name, limit in self.limits.items()}
         text = json.dumps([self.inputs, self.outputs, limits, self.notes]).encode()
@@ -200,7 +200,7 @@ def measure(backend: Backend, signals: BackendSignals) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        By output, in the order of `signals`; NaN where there is none.
+        Values by output, in the order of `signals`; NaN for one without a value.
 
     Raises
     ------
@@ -217,7 +217,7 @@ def measure(backend: Backend, signals: BackendSignals) -> dict[str, float]:
 
 
 def read_back(backend: Backend, signals: BackendSignals) -> list[float]:
-    """Return the inputs that a backend reports to have.
+    """Return the values of the inputs that a backend reports.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ def read_back(backend: Backend, signals: BackendSignals) -> list[float]:
     Returns
     -------
     list of float
-        In the order of the inputs; NaN where it cannot say.
+        Values in the order of the inputs; NaN for one that is not reported.
 
     Raises
     ------

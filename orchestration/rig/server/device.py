@@ -74,19 +74,19 @@ def main(settings: ServerSettings, memory: Any) -> None:
 
 
 def longest_sleep(watchdog: float) -> float:
-    """Return the longest time that the device may sleep at once.
+    """Return the longest time for which the device may sleep without a sign of life.
 
-    The guard takes one that is silent for too long to hang.
+    The guard assumes that a device hangs that is silent for too long.
 
     Parameters
     ----------
     watchdog : float
-        In s.
+        Watchdog time in s.
 
     Returns
     -------
     float
-        In s.
+        Seconds.
     """
     return min(_LOOK, watchdog / 4)
 

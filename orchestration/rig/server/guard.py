@@ -82,7 +82,7 @@ def fault_of(beat: Beat, command: Command, now: float, settings: ServerSettings)
     command : Command
         The newest.
     now : float
-        In s.
+        Present time in s.
     settings : ServerSettings
 
     Returns

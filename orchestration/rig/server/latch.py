@@ -90,7 +90,7 @@ class Latch:
         ----------
         reason : str
         detail : str
-            For the log.
+            Further text for the log.
         kind : str
             Kind of the line in the log (see `EventLog.tell`), used if the latch is closed already.
         """
@@ -129,14 +129,14 @@ class Latch:
         Parameters
         ----------
         name : str
-            Of the latch that is meant; empty for an alarm without one.
+            Name of the latch that is acknowledged; empty for an alarm without one.
         who : str
-            For the log.
+            Sender of the acknowledgement, for the log.
 
         Returns
         -------
         str
-            The reason for which it is refused; empty if it is not.
+            Reason of a refusal; empty without one.
         """
         if name != self.name and self.is_closed:
             refusal = f"the present latch is {self.name} ({self._cause}), not {name[:40]!r}"

@@ -151,7 +151,7 @@ class RealTimeRig:
         ----------
         values : sequence of float
         now : float
-            When they were accepted, in s.
+            Time in s at which they were accepted.
         """
         self._order(self._command._replace(order=RUN, accepted=now, values=pack(values)))
 

@@ -79,7 +79,7 @@ class RequestHandler:
         Parameters
         ----------
         message : Mapping
-            As :func:`fmus.rig_proxy.protocol.decode` gives it.
+            A decoded message, see :func:`fmus.rig_proxy.protocol.decode`.
 
         Raises
         ------
@@ -255,7 +255,7 @@ class RequestHandler:
         ----------
         reason : str
         detail : str
-            For the log.
+            Further text for the log.
         """
         self._close_latch(f"stopped: {reason}", detail, "stopped again")
 

@@ -18,7 +18,7 @@ class RigState:
     Attributes
     ----------
     number : int
-        Counts the samples.
+        Number of the sample, counted from the start.
     applied : tuple of float or None
         Value of each input; zero in the safe state, None where it is unknown.
     read_back : tuple of float or None
@@ -26,7 +26,7 @@ class RigState:
     values : tuple of float or None
         The newest finite value of every output.
     taken : tuple of float
-        When that was, in s of the rig's clock.
+        Time of each of these values, in s of the rig's clock.
     missed : int
         Deadlines missed so far.
     """
@@ -44,12 +44,12 @@ class RigState:
         Parameters
         ----------
         now : float
-            In s of the rig's clock.
+            Present time in s of the rig's clock.
 
         Returns
         -------
         list of float or None
-            In s; None where there is no value.
+            Ages in s; None for an output without a value.
         """
         return [
             None if value is None else max(0.0, now - then)
@@ -63,9 +63,9 @@ class Rig(Protocol):
     Attributes
     ----------
     mode : str
-        Of the protocol.
+        Mode of the protocol: real time or lockstep.
     watchdog : float
-        In s; 0 if there is none.
+        Watchdog time in s; 0 if there is none.
     bound : float
         Longest that going safe may take, s; beyond it the safe state counts as not reached.
     signals : BackendSignals

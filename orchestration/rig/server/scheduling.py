@@ -22,7 +22,7 @@ class Deadlines:
     Parameters
     ----------
     period : float
-        In s.
+        Period in s.
     start : float
         The first one.
 
@@ -31,7 +31,7 @@ class Deadlines:
     next : float
         The next one: always a whole number of periods from the start.
     missed : int
-        How many were skipped.
+        Number of deadlines that were skipped.
     """
 
     def __init__(self, period: float, start: float) -> None:

@@ -28,20 +28,20 @@ class ServerSettings:
     Attributes
     ----------
     backend : str
-        A name, or ``file.py:Class``.
+        Name of the backend, or ``file.py:Class``.
     options : Mapping of str to str
-        Of the backend.
+        Options of the backend.
     rate : float
         Samples per second.
     watchdog : float
-        How long the rig goes on without a fresh command, in s.
+        Time in s after which the rig stops without a fresh command.
     lockstep : bool
-        Time is the client's.
+        Whether the client advances the time of an emulated rig.
     host : str
         Address to bind to.
     port : int
-        Of the requests; telemetry is one higher, operators' requests are two. Zero is any that is
-        free.
+        Port of the requests; telemetry has the next, and operators the one after it. Zero is any
+        that is free.
     keys : Path or None
         Key file of the server.
     log : Path or None

@@ -226,7 +226,7 @@ class SharedMemory:
     Parameters
     ----------
     memory : ctypes array
-        From :func:`new_memory`.
+        Memory from :func:`new_memory`.
 
     Attributes
     ----------

@@ -34,7 +34,6 @@ class TelemetrySocket:
         self._topics = 0
 
     def _bind_new(self) -> zmq.Socket[bytes]:
-        """Return a new socket that is bound to the address."""
         socket = self._make()
         try:
             socket.bind(self._address)

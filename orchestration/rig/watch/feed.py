@@ -83,7 +83,7 @@ class Feed:
         ----------
         message : Mapping
         sent : float, optional
-            When its request was sent, in s of :func:`time.monotonic`; it bounds transit times.
+            Time at which it was requested, in s of :func:`time.monotonic`; it bounds transit times.
         """
         now = monotonic()
         rig = {
@@ -154,7 +154,7 @@ class Feed:
         Parameters
         ----------
         serial : int
-            Of the newest one that the page has; -1 if it was just opened.
+            Number of the newest item that the page has; -1 if it was just opened.
 
         Returns
         -------

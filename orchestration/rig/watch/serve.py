@@ -57,9 +57,9 @@ class PageServer(ThreadingHTTPServer):
     Parameters
     ----------
     port : int
-        On the loopback address; 0 takes a free one.
+        Port of the loopback address; 0 takes a free one.
     name : str
-        Of the rig's server, for the page.
+        Name of the rig's server, shown by the page.
     feed : Feed
     stop : callable
         Stops the rig and returns its status; raises UserError if it does not answer.

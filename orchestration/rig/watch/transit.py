@@ -41,9 +41,9 @@ class TransitBound:
         Parameters
         ----------
         clock : float
-            Its stamp, on the server's clock, in s.
+            Stamp of the message, on the server's clock, in s.
         received : float
-            On our clock, in s.
+            Time of its arrival on our clock, in s.
 
         Returns
         -------

@@ -175,7 +175,7 @@ def table(indices: xarray.Dataset) -> Table:
 
 
 def draw(indices: xarray.Dataset) -> Figure:
-    """Draw indices as bars with their intervals."""
+    """Draw first-order and total index of each parameter as bars with their intervals."""
     names = names_to_draw(_numbers(indices))
     title = f"{indices.attrs['model']}: shares of the variance"
     figure, panels = pictures.panels(len(names), title)

@@ -36,7 +36,7 @@ _ROOTS = (
 
 @make_page.register(BlackBox)
 def black_box_page(result: BlackBox, command: str = "") -> Page:
-    """Make the page; it has no command, so ``command`` is not used."""
+    """Make the page of a black-box study, which shows no ``command``."""
     title = f"{result.columns.path.name}: black-box models of {result.model.output_name}"
     page = Page(title, result.sentence)
     _add_data(page, result)

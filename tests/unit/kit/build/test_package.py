@@ -3,7 +3,7 @@
 import pytest
 
 from fmus.kit import UserError, stack
-from fmus.kit.build.package import RUNTIME_MODULES, place_of, python_package
+from fmus.kit.build.package import RUNTIME_MODULES, name_in_package, python_package
 from fmus.kit.corrections import SignalTerm, SmoothTable, correction
 from fmus.kit.curves import EffectNames, curve
 from fmus.kit.sensors import sensor_lag
@@ -66,5 +66,5 @@ def test_a_class_in_a_function_cannot_travel():
 
 
 def test_modules_have_a_place_below_the_package():
-    assert place_of("fmus.foot.model") == "foot.model"
-    assert place_of("lab.models.creep") == "packages.lab.models.creep"
+    assert name_in_package("fmus.foot.model") == "foot.model"
+    assert name_in_package("lab.models.creep") == "packages.lab.models.creep"
