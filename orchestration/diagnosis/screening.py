@@ -41,7 +41,7 @@ _REMEMBERED = {
     Memory.FADING: (Shape.LINEAR, Shape.DRY),
     Memory.PLAY: (Shape.LINEAR,),
     Memory.DAHL: (Shape.LINEAR,),
-    Memory.HEAT: (Shape.LINEAR,),
+    Memory.HEAT: (),  # it changes a law in percent
 }
 _FACTORS = {
     Memory.NONE: (Shape.LINEAR, Shape.SQUARE, Shape.DRY, Shape.CURVE),

@@ -33,7 +33,7 @@ from orchestration.diagnosis.subject import Subject
 from orchestration.diagnosis.terms import Term
 
 _PIECES = (1, 8, 40)  # of a record, of the courses along which terms are proposed
-_QUOTAS = {1: {1: 5, 2: 5, 3: 3}, 8: {1: 4, 2: 4, 3: 2}, 40: {1: 4, 2: 4, 3: 2}}
+_QUOTAS = {1: {1: 7, 2: 6, 3: 3}, 8: {1: 6, 2: 5, 3: 2}, 40: {1: 6, 2: 5, 3: 2}}
 _SECOND = {1: 4, 2: 2}  # sets that are fitted around each of the best, by terms added
 _LEADS = 2  # sets of one size with the same first term
 _BEST = 3  # fits around which a second round goes

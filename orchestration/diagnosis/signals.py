@@ -103,7 +103,8 @@ def seen(
                 continue
             for constant in _WAYS if kind in (Memory.PLAY, Memory.DAHL) else constants:
                 remembered = _remembered(kind, values, times, float(constant))
-                if remembered.std() < 1e-3 * values.std():
+                kept = values**2 if kind is Memory.HEAT else values
+                if remembered.std() < 1e-3 * kept.std():
                     continue
                 z = _standardised(remembered)
                 limit = _NO_MEMORY if kind is not Memory.FADING else _FADES
