@@ -322,6 +322,7 @@ class ProxySlave:
     # ----------------------------------------------------------------------------------------------
 
     def _check_parameters(self) -> None:
+        """Raise UserError if ``on_stale`` or ``deadline`` has a value that is not allowed."""
         if self._text("on_stale") not in (HOLD, FAIL):
             raise UserError(
                 f"parameter 'on_stale' = {self._text('on_stale')!r}: must be {HOLD} or {FAIL}"

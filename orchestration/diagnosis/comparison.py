@@ -15,6 +15,7 @@ import numpy as np
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.fitting import Fit, effective_samples
 from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.terms import Memory, Shape, Term
 
 
@@ -40,6 +41,13 @@ class Weights:
     law_as_signal, foreign, time : float
         Prior of a law as the signal of another, of a signal that the law does not depend on, and of
         the time, which is no cause.
+    readings : Mapping of ReadingKind to float
+        Prior of a file that is misread: a wrong sign or unit is no rare fault and does nothing
+        else, while an offset, a delay or a start is a size, and like a law.
+    nominal : float
+        Weight of the distance from nominal parameters between two readings of a file: the prior
+        of a fit, a factor of ten, lets a search run, while a model that is worth a diagnosis is
+        within a factor of three.
     behind : float
         Errors of the difference on what is left out, by which a fit may be behind the best there:
         the rule of one standard error (Breiman et al.: Classification and Regression Trees, 1984).
@@ -58,6 +66,8 @@ class Weights:
         Probability from which a cause is named, and which a group reaches.
     most : int
         Causes in a group.
+    same : float
+        Relative difference of errors, up to which two models say the same of the fitted samples.
     """
 
     fitted: float = 0.5
@@ -92,6 +102,18 @@ class Weights:
     law_as_signal: float = 2.0
     foreign: float = 1.5
     time: float = 8.0
+    readings: Mapping[ReadingKind, float] = field(
+        default_factory=lambda: {
+            ReadingKind.SIGN: 2.0,
+            ReadingKind.UNIT: 2.0,
+            ReadingKind.CLOCK: 2.0,
+            ReadingKind.EXCHANGED: 2.0,
+            ReadingKind.OFFSET: 6.0,
+            ReadingKind.LATE: 6.0,
+            ReadingKind.START: 6.0,
+        }
+    )
+    nominal: float = 4.0
     behind: float = 1.0
     share_behind: float = 0.02
     gaining: float = 0.5
@@ -102,6 +124,7 @@ class Weights:
     sure: float = 0.9
     group: float = 0.9
     most: int = 3
+    same: float = 0.05
 
 
 WEIGHTS = Weights()
@@ -142,18 +165,35 @@ class Judged:
         Errors in spreads, on what is left out: of the samples that take part in the choice, and of
         those by which nothing is chosen.
     words : float
-        Prior of its terms, nats.
+        Prior of its terms and of its reading, nats.
+    reading : Reading or None
+        Of the file.
     """
 
     fit: Fit
     choosing: Array
     measuring: Array
     words: float
+    reading: Reading | None = None
 
     @property
     def terms(self) -> tuple[Term, ...]:
         """The terms of the fit."""
         return self.fit.terms
+
+    @property
+    def parts(self) -> tuple[Reading | Term, ...]:
+        """All that may be a cause: the reading and the terms."""
+        return self.fit.terms if self.reading is None else (self.reading, *self.fit.terms)
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom that the terms and the reading add."""
+        if self.reading is None:
+            return self.fit.freedom
+        anywhere = self.reading.kind is ReadingKind.START
+        starts = len(self.fit.problem.model.states) if anywhere else 0
+        return self.fit.freedom + self.reading.is_fitted + starts
 
     @cached_property
     def left_out(self) -> float:
@@ -188,6 +228,8 @@ class Comparison:
         By which its parameters are farther from nominal, nats.
     words : float
         Prior of its words, nats.
+    rereads : bool
+        Whether the files are read in another way.
     """
 
     fitted: float
@@ -198,11 +240,17 @@ class Comparison:
     terms: int
     distance: float
     words: float
+    rereads: bool = False
 
     @property
     def gain(self) -> float:
         """Weighed gain, nats."""
         return WEIGHTS.fitted * self.fitted + WEIGHTS.left_out * self.left_out
+
+    @property
+    def evidence(self) -> float:
+        """Gain on what is left out, nats; with another reading that of plausible parameters too."""
+        return self.left_out - (self.distance if self.rereads else 0.0)
 
     @property
     def is_worse(self) -> bool:
@@ -232,7 +280,8 @@ def compare(one: Judged, base: Judged, effective: tuple[list[Array], Array]) -> 
     )
     rise, error = difference(one, base)
     samples = sum(float(n.sum()) for n in effective[0])
-    freedom = one.fit.freedom - base.fit.freedom
+    freedom = one.freedom - base.freedom
+    rereads = one.reading != base.reading
     return Comparison(
         fitted,
         _gain(one.choosing, base.choosing, effective[1]),
@@ -240,37 +289,56 @@ def compare(one: Judged, base: Judged, effective: tuple[list[Array], Array]) -> 
         error,
         0.5 * freedom * float(np.log(max(samples, 3.0))),
         len(one.terms) - len(base.terms),
-        one.fit.distance - base.fit.distance,
+        (one.fit.distance - base.fit.distance) * (WEIGHTS.nominal if rereads else 1.0),
         one.words - base.words,
+        rereads,
     )
 
 
 def difference(one: Judged, base: Judged) -> tuple[float, float]:
     """Return the rise of the mean square on what is left out, and its standard error."""
-    return _rise(one.choosing, base.choosing)
+    return _rise(one.choosing, base.choosing, _resolution(one, base))
 
 
 def rises(one: Judged, base: Judged) -> bool:
     """Return whether the error rises beyond its own error where nothing is chosen by it."""
-    rise, error = _rise(one.measuring, base.measuring)
+    rise, error = _rise(one.measuring, base.measuring, _resolution(one, base))
     return rise > error
 
 
-def _rise(ours: Array, theirs: Array) -> tuple[float, float]:
-    """Return the rise of the mean square of errors (n, ny) over others, and its standard error."""
+def are_same(one: Judged, other: Judged) -> bool:
+    """Return whether two fits leave the same errors, but for their sign."""
+    ours, theirs = (np.abs(np.concatenate(judged.fit.errors)) for judged in (one, other))
+    known = np.isfinite(ours) & np.isfinite(theirs)
+    difference = np.linalg.norm((ours - theirs)[known])
+    return bool(difference < WEIGHTS.same * np.linalg.norm(theirs[known]))
+
+
+def _resolution(one: Judged, base: Judged) -> float:
+    """Return the share of a mean square that makes no difference: two readings may be the same."""
+    return 0.0 if one.reading == base.reading else WEIGHTS.share_behind
+
+
+def _rise(ours: Array, theirs: Array, least: float) -> tuple[float, float]:
+    """Return the rise of the mean square of errors (n, ny) over others, and its standard error.
+
+    This is so large a share of the others' mean square at least.
+    """
     known = np.isfinite(ours).any(axis=1) & np.isfinite(theirs).any(axis=1)
     if known.sum() < 4:
         return 0.0, np.inf
     rise = np.nanmean(ours[known] ** 2, axis=1) - np.nanmean(theirs[known] ** 2, axis=1)
     blocks = np.array([b.mean() for b in np.array_split(rise, min(12, len(rise) // 2))])
     draws = np.random.default_rng(0).choice(blocks, (400, len(blocks))).mean(axis=1)
-    return float(rise.mean()), float(draws.std())
+    error = max(float(draws.std()), least * float(np.nanmean(theirs[known] ** 2)))
+    return float(rise.mean()), error
 
 
 def _gain(ours: Array, theirs: Array, effective: Array) -> float:
-    """Return the gain in log likelihood of errors (n, ny) over others."""
-    one = np.maximum(np.nanmean(ours**2, axis=0), 1e-12)
-    other = np.maximum(np.nanmean(theirs**2, axis=0), 1e-12)
+    """Return the gain in log likelihood of errors (n, ny) over others, where both are known."""
+    gap = np.where(np.isfinite(ours) & np.isfinite(theirs), 0.0, np.nan)
+    one = np.maximum(np.nanmean(ours**2 + gap, axis=0), 1e-12)
+    other = np.maximum(np.nanmean(theirs**2 + gap, axis=0), 1e-12)
     ratio = 0.5 * effective * np.log(other / one)
     return float(np.sum(ratio[np.isfinite(ratio)]))
 

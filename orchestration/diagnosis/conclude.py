@@ -7,7 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestration.diagnosis.comparison import WEIGHTS, Comparison, Judged, difference, rises
+from orchestration.diagnosis.comparison import (
+    WEIGHTS,
+    Comparison,
+    Judged,
+    are_same,
+    difference,
+    rises,
+)
+from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.search import Found
 from orchestration.diagnosis.terms import Term
 
@@ -22,9 +30,10 @@ class Cause:
     Attributes
     ----------
     law, signal : str
+        Of the leading term; kind and columns of a reading that leads.
     probability : float
     judged : Judged
-    terms : tuple of Term
+    parts : tuple of Reading or Term
         In the order in which they explain.
     comparison : Comparison
         To the model without terms.
@@ -34,8 +43,19 @@ class Cause:
     signal: str
     probability: float
     judged: Judged
-    terms: tuple[Term, ...]
+    parts: tuple[Reading | Term, ...]
     comparison: Comparison
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """The terms, in the order in which they explain."""
+        return tuple(part for part in self.parts if isinstance(part, Term))
+
+    @property
+    def reading(self) -> Reading | None:
+        """The reading of the file, if that is the cause: the file is misread."""
+        lead = self.parts[0]
+        return lead if isinstance(lead, Reading) else None
 
     @property
     def name(self) -> str:
@@ -69,7 +89,7 @@ def conclude(found: Found) -> Conclusion:
     ranked = [entry for entry in found.compared() if not entry[1].is_worse]
     best: dict[object, Scored] = {}
     for entry in _near_the_lowest(ranked, found.base):
-        best.setdefault(frozenset(t.source[:3] for t in entry[0].terms), entry)
+        best.setdefault(frozenset(part.source[:3] for part in entry[0].parts), entry)
     top = sorted(best.values(), key=lambda entry: -entry[2])[:_SETS]
     if not top:
         return Conclusion("consistent", (), 1.0, found.base)
@@ -88,14 +108,31 @@ def _shares(top: Sequence[Scored]) -> list[float]:
 
 
 def _causes(top: Sequence[Scored], shares: Sequence[float], found: Found) -> list[Cause]:
-    """Join the sets with the same first term to causes, the most probable first."""
+    """Join the sets with the same first part to causes, the most probable first.
+
+    Terms that leave what a file leaves that is read in another way, without any value being fitted,
+    say the same in more words.
+    """
+    entries = [(entry, _in_order(entry[0], found)) for entry in top]
+    misread = [(entry, parts) for entry, parts in entries if _is_plain_reading(entry[0])]
+    meant = {
+        parts[0].cause: reading
+        for entry, parts in entries
+        for reading in misread
+        if len(parts) == 1 and are_same(entry[0], reading[0][0])
+    }
     causes: dict[tuple[str, str], Cause] = {}
-    for (one, comparison, _), share in zip(top, shares, strict=True):
-        terms = _in_order(one, found)
-        law, signal = terms[0].cause
-        known = causes.setdefault((law, signal), Cause(law, signal, 0.0, one, terms, comparison))
+    for (entry, own), share in zip(entries, shares, strict=True):
+        (one, comparison, _), parts = meant.get(own[0].cause, (entry, own))
+        law, signal = parts[0].cause
+        known = causes.setdefault((law, signal), Cause(law, signal, 0.0, one, parts, comparison))
         causes[law, signal] = replace(known, probability=known.probability + share)
     return sorted(causes.values(), key=lambda cause: -cause.probability)
+
+
+def _is_plain_reading(one: Judged) -> bool:
+    """Return whether a fit is without terms, of a file in a reading that has no value to fit."""
+    return one.reading is not None and not one.reading.is_fitted and not one.terms
 
 
 def _group(causes: Sequence[Cause]) -> tuple[Cause, ...]:
@@ -108,7 +145,7 @@ def _group(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 def _verdict(group: Sequence[Cause], score: float, base: Judged) -> str:
     """Return the verdict; never a cause whose error rises where nothing is chosen by it."""
     first = group[0]
-    if score <= 0.0 or first.comparison.left_out <= WEIGHTS.least:
+    if score <= 0.0 or first.comparison.evidence <= WEIGHTS.least:
         return "consistent"
     if sum(cause.probability for cause in group) < WEIGHTS.group or rises(first.judged, base):
         return "unexplained"
@@ -133,27 +170,27 @@ def _near_the_lowest(ranked: Sequence[Scored], base: Judged) -> list[Scored]:
     return near
 
 
-def _in_order(one: Judged, found: Found) -> tuple[Term, ...]:
-    """Return the terms in the order in which they explain.
+def _in_order(one: Judged, found: Found) -> tuple[Reading | Term, ...]:
+    """Return the parts in the order in which they explain.
 
     First that which gains most alone, if this is half of what the set gains; else that whose loss
     costs most.
     """
     gains: dict[frozenset[object], float] = {frozenset(): 0.0}
     for other, comparison, _ in found.compared():
-        key = frozenset(t.source for t in other.terms)
+        key = frozenset(t.source for t in other.parts)
         gains[key] = max(gains.get(key, -np.inf), comparison.gain)
 
-    def gain(terms: Sequence[Term]) -> float:
-        return gains.get(frozenset(t.source for t in terms), -np.inf)
+    def gain(parts: Sequence[Reading | Term]) -> float:
+        return gains.get(frozenset(t.source for t in parts), -np.inf)
 
-    order: list[Term] = []
-    rest = list(one.terms)
+    order: list[Reading | Term] = []
+    rest = list(one.parts)
     while rest:
         alone = {t: gain([*order, t]) for t in rest}
-        lost = {t: gain([x for x in one.terms if x is not t]) for t in rest}
+        lost = {t: gain([x for x in one.parts if x is not t]) for t in rest}
         first = max(rest, key=lambda t: alone[t])
-        if alone[first] < WEIGHTS.alone * gain(one.terms):
+        if alone[first] < WEIGHTS.alone * gain(one.parts):
             first = min(rest, key=lambda t: lost[t] if np.isfinite(lost[t]) else np.inf)
         order.append(first)
         rest = [t for t in rest if t is not first]

@@ -17,6 +17,8 @@ from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import Cause, Conclusion, conclude
 from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.law_model import LawModel, Record
+from orchestration.diagnosis.misreadings import reading_that_runs
+from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.remainder import Remainder, remainders
 from orchestration.diagnosis.search import Found, search
 from orchestration.diagnosis.subject import Subject, subject_of
@@ -36,18 +38,23 @@ _LARGE = 0.15  # of the spread, from which on a slow remainder is no consistent 
 
 @dataclass(frozen=True)
 class Rung:
-    """A step of the ladder: so many terms of the best model, with their error on unseen samples.
+    """A step of the ladder: so many parts of the best model, with their error on unseen samples.
 
     Attributes
     ----------
-    terms : tuple of Term
-        Empty for the model without terms.
+    parts : tuple of Reading or Term
+        Empty for the model without terms on the file as it was read.
     error : float or None
         Root mean square on samples by which nothing was chosen; see `Diagnosis.error`.
     """
 
-    terms: tuple[Term, ...]
+    parts: tuple[Reading | Term, ...]
     error: float | None
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """The terms among its parts."""
+        return tuple(part for part in self.parts if isinstance(part, Term))
 
 
 @dataclass(frozen=True)
@@ -74,8 +81,8 @@ class Diagnosis:
 
     @property
     def subject(self) -> Subject:
-        """The compiled model with its records, as they were fitted."""
-        return self.found.subject
+        """The compiled model with its records, as they were fitted by the final model."""
+        return self.found.subject_of(self.reading)
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -101,6 +108,11 @@ class Diagnosis:
         """The model that all figures after the diagnosis are of: with the first cause if named."""
         return self.causes[0].judged if self.is_named else self.found.base
 
+    @property
+    def reading(self) -> Reading | None:
+        """The reading of the files by the final model; None if it is as they were read."""
+        return self.final.reading
+
     @cached_property
     def terms(self) -> dict[str, Term]:
         """Terms of the final model in the order in which they explain, by name."""
@@ -111,13 +123,14 @@ class Diagnosis:
         """The final model as a component, with fitted values as defaults."""
         made = extended_component(self.final.fit, self.terms)
         files = ", ".join(dict.fromkeys(record.source.name for record in self.records))
-        made.remark = f"Fitted to {files!a}\n{made.remark}".strip()
+        read = "" if self.reading is None else f", in which {self.reading.sentence}"
+        made.remark = f"Fitted to {files!a}{read}\n{made.remark}".strip()
         return made
 
     @cached_property
     def remainders(self) -> tuple[Remainder, ...]:
         """What the final model leaves of each measured output."""
-        return remainders(self.final, self.sizes)
+        return remainders(self.final, self.sizes(self.final))
 
     @cached_property
     def parameters(self) -> dict[str, Estimate]:
@@ -142,38 +155,40 @@ class Diagnosis:
     def ladder(self) -> tuple[Rung, ...]:
         """Errors of the model without terms, and with one more of the first cause at a time."""
         rungs = [Rung((), self.error(self.found.base))]
-        terms = self.causes[0].terms if self.causes else ()
-        for count in range(1, len(terms) + 1):
-            sources = {t.source for t in terms[:count]}
-            same = [one for one in self.found.fits if {t.source for t in one.terms} == sources]
-            if count == len(terms):
+        parts = self.causes[0].parts if self.causes else ()
+        for count in range(1, len(parts) + 1):
+            sources = {part.source for part in parts[:count]}
+            same = [one for one in self.found.fits if {p.source for p in one.parts} == sources]
+            if count == len(parts):
                 same = [self.causes[0].judged]
             if same:
                 best = min(same, key=lambda one: float(np.nanmean(one.choosing**2)))
-                rungs.append(Rung(terms[:count], self.error(best)))
+                rungs.append(Rung(parts[:count], self.error(best)))
         return tuple(rungs)
 
-    @cached_property
-    def sizes(self) -> Array:
-        """RMS (ny,) of each output about its mean where nothing was fitted, in its spread.
+    def sizes(self, judged: Judged) -> Array:
+        """Return the RMS (ny,) of each output about its mean where nothing was fitted.
 
-        NaN of an output that was not measured there or does not move.
+        In spreads, of the files as a fit reads them; NaN of an output that was not measured there
+        or does not move.
         """
-        unseen = np.concatenate([one.record.outputs[one.first :] for one in self.subject.left_out])
+        subject = self.found.subject_of(judged.reading)
+        unseen = np.concatenate([one.record.outputs[one.first :] for one in subject.left_out])
         size = np.full(unseen.shape[1], np.nan)
         for j, values in enumerate(unseen.T):
             measured = values[np.isfinite(values)]
             if measured.size and np.ptp(measured) > 0.0:
-                size[j] = measured.std() / self.subject.problem.spread[j]
+                size[j] = measured.std() / subject.problem.spread[j]
         return size
 
     def errors(self, judged: Judged) -> dict[str, float | None]:
         """Return RMS errors on samples by which nothing was chosen, over `sizes`, by output."""
         result = {}
+        sizes = self.sizes(judged)
         for j, output in enumerate(self.subject.problem.model.outputs):
             error = judged.measuring[:, j]
             error = error[np.isfinite(error)]
-            share = float(np.sqrt(np.mean(error**2)) / self.sizes[j]) if error.size else np.nan
+            share = float(np.sqrt(np.mean(error**2)) / sizes[j]) if error.size else np.nan
             result[output.name] = share if np.isfinite(share) else None
         return result
 
@@ -229,14 +244,54 @@ def diagnose(
         # an output that was not recorded has no mean
         warnings.simplefilter("ignore", RuntimeWarning)
         subject = subject_of(law_model, fitted, unseen, hold, values)
+        if subject is not None:
+            _check_information(model, subject, records)
         found = None if subject is None else search(subject, progress)
         if found is None:
-            raise UserError(
-                f"{model.name}: a free run over {_names(records)} leaves all bounds, and cannot be"
-                f" fitted by the new engine; use {option('engine', 'old')}"
+            read = reading_that_runs(
+                law_model,
+                fitted,
+                lambda reading: subject_of(
+                    law_model,
+                    [reading.apply(law_model, r) for r in fitted],
+                    [reading.apply(law_model, r) for r in unseen],
+                    hold,
+                    values,
+                ),
             )
+            raise UserError(_refusal(model, records, read))
         conclusion = conclude(found)
     return Diagnosis(model, tuple(records), tuple(holdouts), found, conclusion, (*notes, *more))
+
+
+def _refusal(model: Model, records: Sequence[MeasuredRecord], read: Reading | None) -> str:
+    """Return why a model cannot be fitted, with the reading of the files by which it can."""
+    where = f"{model.name}: a free run over {_names(records)} leaves all bounds"
+    if read is not None:
+        return f"{where}, and follows it if {read.sentence}: {read.correction}"
+    return f"{where}, and cannot be fitted by the new engine; use {option('engine', 'old')}"
+
+
+def _check_information(model: Model, subject: Subject, records: Sequence[MeasuredRecord]) -> None:
+    """Raise an error unless the records say something of the model, and leave samples to judge it.
+
+    Raises
+    ------
+    UserError
+    """
+    samples, rank = subject.samples, subject.rank
+    where = f"{model.name}: {_names(records)}"
+    if not rank and len(subject.base.curvature):
+        raise UserError(
+            f"{where}: its {samples} measured values say nothing of any parameter or start state;"
+            " record a run in which the outputs move"
+        )
+    if samples <= rank:
+        raise UserError(
+            f"{where}: {samples} measured values are fitted, by {rank} parameters and start states"
+            " that they determine, and none is over to judge the model by; add samples or"
+            f" hold parameters ({option('hold')})"
+        )
 
 
 def _law_model(model: Model) -> LawModel:

@@ -9,7 +9,7 @@ from orchestration.diagnosis.comparison import Comparison, Judged
 from orchestration.diagnosis.conclude import Conclusion
 from orchestration.diagnosis.fitting import effective_samples
 from orchestration.diagnosis.search import Found
-from orchestration.diagnosis.terms import Memory
+from orchestration.diagnosis.terms import Memory, Term
 
 _LEAST = 1e-12
 
@@ -31,7 +31,7 @@ def features_of(found: Found, conclusion: Conclusion) -> dict[str, float]:
         a share of that of the set. ``removed``: share of the mean square on what is left out that
         is removed. ``widths``: logarithm of the error on what is left out over the noise.
         ``independence``: logarithm of the share of independent samples in what is left. ``terms``,
-        ``words``: number of terms, and their prior, nats. ``memory``, ``rate``, ``time``,
+        ``words``: number of parts, and their prior, nats. ``memory``, ``rate``, ``time``,
         ``factor``: whether the first term has a memory, is a fading one, is over time, is in
         proportion to a law. ``share``: probability of the first cause by scores alone.
     """
@@ -39,7 +39,7 @@ def features_of(found: Found, conclusion: Conclusion) -> dict[str, float]:
         return {}
     cause = conclusion.causes[0]
     compared = found.compared()
-    first = cause.terms[0]
+    first = cause.parts[0]
     gain = max(cause.comparison.gain, _LEAST)
     score = next(s for one, _, s in compared if one is cause.judged)
     without = _best_without(compared, cause.law, cause.signal)
@@ -51,12 +51,12 @@ def features_of(found: Found, conclusion: Conclusion) -> dict[str, float]:
         "removed": 1.0 - float(np.nanmean(errors**2) / np.nanmean(base**2)),
         "widths": float(np.log(np.sqrt(np.nanmean(errors**2)) / _noise(cause.judged))),
         "independence": float(np.mean([np.log(_independent(e)) for e in errors.T])),
-        "terms": float(len(cause.terms)),
+        "terms": float(len(cause.parts)),
         "words": cause.judged.words,
-        "memory": float(first.memory is not Memory.NONE),
-        "rate": float(first.memory is Memory.FADING),
-        "time": float(first.signal == "time"),
-        "factor": float(bool(first.factor)),
+        "memory": float(isinstance(first, Term) and first.memory is not Memory.NONE),
+        "rate": float(isinstance(first, Term) and first.memory is Memory.FADING),
+        "time": float(isinstance(first, Term) and first.signal == "time"),
+        "factor": float(isinstance(first, Term) and bool(first.factor)),
         "share": cause.probability,
     }
 
@@ -66,7 +66,7 @@ def _best_without(compared: list[tuple[Judged, Comparison, float]], law: str, si
     others = (
         score
         for one, comparison, score in compared
-        if not comparison.is_worse and all(t.cause != (law, signal) for t in one.terms)
+        if not comparison.is_worse and all(t.cause != (law, signal) for t in one.parts)
     )
     return max(others, default=0.0)
 
@@ -76,7 +76,7 @@ def _gain_alone(compared: list[tuple[Judged, Comparison, float]], law: str, sign
     alone = (
         comparison.gain
         for one, comparison, _ in compared
-        if one.terms and all(t.cause == (law, signal) for t in one.terms)
+        if one.parts and all(t.cause == (law, signal) for t in one.parts)
     )
     return max(alone, default=0.0)
 

@@ -10,6 +10,7 @@ from fmus.kit.titles import capitalised, in_words
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.report import curves, terminal, wording
 from orchestration.diagnosis.term_names import sentence, shape_text, unit_of
+from orchestration.diagnosis.terms import Term
 from orchestration.reporting import flag, make_page, pictures
 from orchestration.reporting.html import (
     Bar,
@@ -28,7 +29,6 @@ _HEIGHT, _RESIDUAL_HEIGHT, _CURVE_HEIGHT = 190, 110, 190  # pixels
 _SETS = 12  # that are listed
 _MARKS = 150  # samples that are marked below a curve
 _SET_HEAD = ("Terms", "Gain fitted [nat]", "Gain unseen [nat]", "Score [nat]", "Error")
-_WITHOUT, _WITH = "without terms", "with terms"
 
 
 @make_page.register(Diagnosis)
@@ -89,7 +89,7 @@ def _add_causes(page: Page, diagnosis: Diagnosis) -> None:
         diagnosis.ladder, terminal.ladder_rows(diagnosis), strict=True
     ):
         length = np.nan if rung.error is None else rung.error
-        colour = pictures.FITTED if rung.terms else pictures.MODEL
+        colour = pictures.FITTED if rung.parts else pictures.MODEL
         bars.append(Bar(f"{capitalised(count)}: {added}", colour, length, error))
     page.parts.append(elements.bar_chart("Error on unseen samples, by terms", bars))
     page.text(
@@ -102,12 +102,10 @@ def _add_course(page: Page, diagnosis: Diagnosis, course: curves.OutputCourse) -
     """Add a chart of an output above its residuals."""
     unit = unit_of(diagnosis.subject.problem.model.cls, course.output)
     bracket = "" if unit == "1" else f" [{unit}]"
-    simulated = {_WITHOUT: (course.before, pictures.MODEL)}
-    if diagnosis.is_named:
-        simulated[_WITH] = (course.after, pictures.FITTED)
-    above = [Trace("measured", course.time, course.measured, pictures.MEASURED, 3.5)]
+    measured = "measured" if diagnosis.reading is None else "measured, corrected"
+    above = [Trace(measured, course.time, course.measured, pictures.MEASURED, 3.5)]
     below = []
-    for name, (values, colour) in simulated.items():
+    for name, values, colour in curves.simulations(diagnosis, course):
         above.append(Trace(name, course.time, values, colour))
         below.append(Trace(name, course.time, course.measured - values, colour))
     title = capitalised(in_words(course.output))
@@ -121,6 +119,8 @@ def _add_course(page: Page, diagnosis: Diagnosis, course: curves.OutputCourse) -
         Panel(f"measured − simulated{bracket}", _RESIDUAL_HEIGHT, below),
     ]
     caption = f"{title} of {course.record}, and what the models leave of it."
+    if diagnosis.reading is not None:
+        caption = f"{caption} Its values are those that it means: {diagnosis.reading.sentence}."
     page.chart(stacked(panels, "time [s]", boundary=boundary), caption)
 
 
@@ -166,7 +166,12 @@ def _add_sets(page: Page, diagnosis: Diagnosis) -> None:
     cls = diagnosis.subject.problem.model.cls
     rows = []
     for judged, comparison, score in fits[:_SETS]:
-        terms = "; ".join(f"{sentence(cls, t)}, {shape_text(t)}" for t in judged.terms)
+        terms = "; ".join(
+            f"{sentence(cls, p)}, {shape_text(p)}"
+            if isinstance(p, Term)
+            else wording.part_text(diagnosis, p)
+            for p in judged.parts
+        )
         figures = (f"{comparison.fitted:.1f}", f"{comparison.left_out:.1f}", f"{score:.1f}")
         error = wording.error_text(diagnosis.error(judged))
         rows.append((format_quantities(terms), *figures, error))

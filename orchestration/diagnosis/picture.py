@@ -22,10 +22,7 @@ def draw_diagnosis(diagnosis: Diagnosis) -> Figure:
     for k, course in enumerate(courses):
         over, below = axes[2 * k], axes[2 * k + 1]
         over.plot(course.time, course.measured, color=pictures.MEASURED, lw=3, label="measured")
-        simulated = [("without terms", course.before, pictures.MODEL)]
-        if diagnosis.is_named:
-            simulated.append(("with terms", course.after, pictures.FITTED))
-        for name, values, colour in simulated:
+        for name, values, colour in curves.simulations(diagnosis, course):
             over.plot(course.time, values, color=colour, label=name)
             below.plot(course.time, course.measured - values, color=colour)
         unit = unit_of(cls, course.output)

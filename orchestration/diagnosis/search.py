@@ -23,6 +23,8 @@ from orchestration.diagnosis.fitting import (
     weights_of,
 )
 from orchestration.diagnosis.law_model import Record
+from orchestration.diagnosis.misreadings import misreadings
+from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.screening import (
     Screen,
     at_other_instants,
@@ -34,6 +36,7 @@ from orchestration.diagnosis.terms import Term
 
 _PIECES = (1, 8, 40)  # of a record, of the courses along which terms are proposed
 _QUOTAS = {1: {1: 7, 2: 6, 3: 3}, 8: {1: 6, 2: 5, 3: 2}, 40: {1: 6, 2: 5, 3: 2}}
+_OF_READING = {1: {1: 3, 2: 2}}  # the same of a file that is read in another way
 _SECOND = {1: 4, 2: 2}  # sets that are fitted around each of the best, by terms added
 _LEADS = 2  # sets of one size with the same first term
 _BEST = 3  # fits around which a second round goes
@@ -52,18 +55,26 @@ _PIECE_WEIGHT = 0.5 / 0.1**2 / 5.0  # of squared errors of a piece: within a ten
 
 @dataclass
 class Found:
-    """All fits of one reading of a record, with their comparisons to the model without terms.
+    """All fits of a record, with their comparisons to the model without terms.
 
     Attributes
     ----------
     subject : Subject
+        Of the file as it was read.
     base : Judged
     fits : list of Judged
+    read : list of Subject
+        Of the file in other readings.
     """
 
     subject: Subject
     base: Judged
     fits: list[Judged] = field(default_factory=list)
+    read: list[Subject] = field(default_factory=list)
+
+    def subject_of(self, reading: Reading | None) -> Subject:
+        """Return the subject of a reading."""
+        return next((s for s in self.read if s.reading == reading), self.subject)
 
     def compared(self) -> list[tuple[Judged, Comparison, float]]:
         """Return each fit with its comparison to the base and its score, best first."""
@@ -112,7 +123,23 @@ def search(subject: Subject, progress: Callable[[str], None] = lambda text: None
     rounds.shapes()
     rounds.polish()
     rounds.subsets()
+    _read_otherwise(rounds.found, progress)
     return rounds.found
+
+
+def _read_otherwise(found: Found, progress: Callable[[str], None]) -> None:
+    """Add fits of the file in other readings, without terms and with a few."""
+    progress("other readings of the file")
+    for subject in misreadings(found.subject, found.base):
+        base = subject.judge(subject.base)
+        if base is None:
+            continue
+        rounds = _Rounds(Found(subject, base), progress)
+        rounds.propose(subject.base, tuple(_OF_READING), _OF_READING)
+        rounds.subsets()
+        rounds.polish()
+        found.read.append(subject)
+        found.fits += [base, *rounds.found.fits]
 
 
 class _Rounds:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from fmus.kit.arrays import Array, single_threaded
-from orchestration.diagnosis.comparison import Judged, words
+from orchestration.diagnosis.comparison import WEIGHTS, Judged, words
 from orchestration.diagnosis.fitting import (
     Fit,
     Point,
@@ -18,6 +19,7 @@ from orchestration.diagnosis.fitting import (
     fit_start,
 )
 from orchestration.diagnosis.law_model import LawModel, Record, Setting
+from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.terms import Shape, Term
 
 _PART = 2.0 / 3.0  # of a single record that is fitted
@@ -59,14 +61,22 @@ class Subject:
     left_out : tuple of LeftOut
     base : Fit
         Without terms.
+    reading : Reading or None
+        Of the file, if it means other values than those that were read.
     """
 
     problem: Problem
     left_out: tuple[LeftOut, ...]
     base: Fit
+    reading: Reading | None = None
 
     def judge(self, fitted: Fit) -> Judged | None:
-        """Run a fit over what is left out; None if it runs away there."""
+        """Run a fit over what is left out.
+
+        None if it runs away there, or if it has more to fit than the record can tell.
+        """
+        if fitted.terms and self.samples <= self.rank + fitted.freedom:
+            return None
         choosing, measuring = [], []
         for one in self.left_out:
             errors = self.errors(fitted, one)
@@ -77,7 +87,27 @@ class Subject:
             measuring += blocks[1::2]
         model = self.problem.model
         prior = sum(words(model, term, depends(model, term)) for term in fitted.terms)
-        return Judged(fitted, np.concatenate(choosing), np.concatenate(measuring), prior)
+        if self.reading is not None:
+            prior += WEIGHTS.readings[self.reading.kind]
+        chosen_by, unseen = np.concatenate(choosing), np.concatenate(measuring)
+        return Judged(fitted, chosen_by, unseen, prior, self.reading)
+
+    @cached_property
+    def samples(self) -> int:
+        """Measured values that are fitted."""
+        return sum(int(np.isfinite(r.outputs).sum()) for r in self.problem.records)
+
+    @cached_property
+    def rank(self) -> int:
+        """Directions of parameters and start states of which the record says more than the prior.
+
+        Eigenvalues of the information matrix of the fit without terms, in prior deviations.
+        """
+        curvature = self.base.curvature
+        own = self.problem.deviation
+        widths = np.append(own, np.ones(len(curvature) - len(own)))
+        with_prior = np.linalg.eigvalsh(curvature * np.outer(widths, widths))
+        return int(np.sum(with_prior - 1.0 > 1.0))
 
     def errors(self, fitted: Fit, one: LeftOut) -> Array | None:
         """Return the errors (m, ny) of a fit on samples that are left out, in spreads.
@@ -101,7 +131,9 @@ class Subject:
         problem = self.problem
         setting = problem.setting(fitted.point, fitted.terms)
         start = (
-            _start(problem, fitted, one.record) if one.of is None else fitted.point.starts[one.of]
+            _start(problem, fitted, one.record, self.reading)
+            if one.of is None
+            else fitted.point.starts[one.of]
         )
         if start is None:
             return None
@@ -132,24 +164,31 @@ def depends(model: LawModel, term: Term) -> bool:
     return not term.signal or term.signal in model.perturbed.computed_from(term.law)
 
 
-def _start(problem: Problem, fitted: Fit, record: Record) -> Array | None:
+def _start(problem: Problem, fitted: Fit, record: Record, reading: Reading | None) -> Array | None:
     """Return the start states of a held-out record, from its first samples."""
-    beginning = record.part(0, max(20, len(record.time) // _BEGINNING))
-    prior = start_prior(problem.model, beginning)
+    beginning = record.part(0, _beginning(record))
+    prior = start_prior(problem.model, beginning, reading)
     setting = problem.setting(fitted.point, fitted.terms)
     weight = np.full(len(problem.spread), _WELL / len(beginning.time))
     return fit_start(problem, setting, beginning, prior, weight)
 
 
-def start_prior(model: LawModel, record: Record) -> StartPrior:
+def _beginning(record: Record) -> int:
+    """Return the number of samples that give the start states of a held-out record."""
+    count = len(record.time)
+    return min(max(20, count // _BEGINNING), count // 2)
+
+
+def start_prior(model: LawModel, record: Record, reading: Reading | None = None) -> StartPrior:
     """Return what is known of the start states: declared, or read off an output that is the state.
 
     A state that is declared to start somewhere starts near it if the model has inputs; without
-    inputs its start is all that moves.
+    inputs its start is all that moves. It starts anywhere if the file is read so.
     """
     nominal = model.nominal_states
     mean = np.array([float(model.parameters[i].start) for i in model.start_positions])
-    near = _DECLARED if len(model.inputs) else 1.0
+    anywhere = reading is not None and reading.kind is ReadingKind.START
+    near = _DECLARED if len(model.inputs) and not anywhere else 1.0
     deviation = near * nominal
     for i, j in model.measured_states.items():
         first = record.outputs[:_FIRST, j]
@@ -224,8 +263,7 @@ def subject_of(
     """
     # of what is fitted alone, or a fit would depend on what is left out
     fitted = records if held_out else [r.part(0, int(_PART * len(r.time))) for r in records]
-    spread = np.mean([np.nanstd(r.outputs, axis=0) for r in fitted], axis=0)
-    spread = np.where(spread > 0.0, spread, 1.0)
+    spread = _spread(fitted)
     best = None
     for smooth in (False, True) if len(model.inputs) and len(model.states) else (False,):
         inputs = (smooth,) * len(model.inputs)
@@ -261,6 +299,25 @@ def _steps(problem: Problem) -> list[int]:
     return [problem.substeps * len(record.time) for record in problem.records]
 
 
+def _spread(records: Sequence[Record]) -> Array:
+    """Return the standard deviations (ny,) of the outputs; 1 of one that stands still."""
+    spread = np.mean([np.nanstd(r.outputs, axis=0) for r in records], axis=0)
+    return np.where(spread > 0.0, spread, 1.0)
+
+
+def divided_as_read(subject: Subject, reading: Reading) -> tuple[Problem, tuple[LeftOut, ...]]:
+    """Return the problem of a subject and what is left out, of what the file means by a reading."""
+    problem = subject.problem
+    model = problem.model
+    records = tuple(reading.apply(model, r) for r in problem.records)
+    left_out = tuple(replace(o, record=reading.apply(model, o.record)) for o in subject.left_out)
+    starts = tuple(start_prior(model, r, reading) for r in records)
+    changed = replace(problem, records=records, spread=_spread(records), starts=starts)
+    if reading.kind is ReadingKind.CLOCK:
+        changed = replace(changed, substeps=_substeps(changed, records, changed.mean))
+    return changed, left_out
+
+
 def _divided(
     problem: Problem,
     records: Sequence[Record],
@@ -275,7 +332,7 @@ def _divided(
     if held_out:
         fitted = whole
         others = [thinned(problem, r, q) for r in held_out]
-        left_out = [LeftOut(r, max(20, len(r.time) // _BEGINNING), None) for r in others]
+        left_out = [LeftOut(r, _beginning(r), None) for r in others]
     else:
         cuts = [int(_PART * len(r.time)) for r in whole]
         fitted = [r.part(0, cut) for r, cut in zip(whole, cuts, strict=True)]

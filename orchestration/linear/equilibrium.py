@@ -194,7 +194,11 @@ def _integrals(graph: Graph) -> set[str]:
 def _laws(
     graph: Graph, request: TrimRequest, targets: Mapping[str, float]
 ) -> tuple[list[str], list[ca.SX]]:
-    """Return the equations in words, and the expressions that must be zero."""
+    """Return the equations in words, and the expressions that must be zero, over nominal values.
+
+    States without drift are at rest, discrete states stay the same, drifting ones have constant
+    rates, and fixed signals have their values.
+    """
     layout = graph.layout
     rows: list[str] = []
     laws: list[ca.SX] = []

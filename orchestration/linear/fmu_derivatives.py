@@ -123,7 +123,7 @@ def _check_names(
 
 
 def _by_laws(request: FmuRequest, directional: bool) -> LinearModel | None:
-    """Linearise by model exchange; return None if the FMU has hidden samples."""
+    """Linearise the rates and outputs of model exchange; return None if the FMU samples within."""
     with ExchangeFmu(request.path, request.settings) as fmu:
         states = fmu.states
         simulated = _states_at(request, states)
@@ -141,12 +141,12 @@ def _by_laws(request: FmuRequest, directional: bool) -> LinearModel | None:
             jacobian = fmu.directional_derivatives([*fmu.rates, *request.outputs], knowns)
         else:
             jacobian = _central_differences(fmu, request, np.array(state), values)
-    n = len(states)
     inputs = tuple(request.inputs)
-    identity = np.eye(n + len(inputs))
-    signals = {name: identity[k] for k, name in enumerate((*states, *inputs))}
-    signals |= dict(zip(request.outputs, jacobian[n:], strict=True))
-    blocks = LinearBlocks(tuple(states), (), inputs, jacobian[:n], (), signals)
+    rates, outputs = np.split(jacobian, [len(states)])
+    columns = (*states, *inputs)
+    signals = dict(zip(columns, np.eye(len(columns)), strict=True))
+    signals |= zip(request.outputs, outputs, strict=True)
+    blocks = LinearBlocks(tuple(states), (), inputs, rates, (), signals)
     matrices = assemble(blocks.between(inputs, request.outputs), request.outputs)
     now = dict(zip(inputs, values.tolist(), strict=True))
     point = _operating_point(request, now, dict(zip(states, state, strict=True)))

@@ -127,7 +127,16 @@ class LinearSubject:
     def _blocks(
         self, point: OperatingPoint, cuts: Sequence[Connection], step: float
     ) -> LinearBlocks:
-        """Return the blocks without the connections to cut; `step` as in `linearise`."""
+        """Return the blocks about an operating point, without some connections.
+
+        Parameters
+        ----------
+        point : OperatingPoint
+        cuts : sequence of Connection
+            Connections to remove; their targets become inputs.
+        step : float
+            Communication step of all other connections, s; 0 for a continuous exchange.
+        """
         if self.system is None or not (step or cuts):
             graph, function = self._graph_without(())
             return blocks_of(graph, point, function)

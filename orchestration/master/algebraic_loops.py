@@ -11,6 +11,7 @@ from fmus.kit.arrays import Array
 
 TOLERANCE = 1e-10  # of nominal value plus magnitude before
 _ROUNDING = 1e-13  # of the magnitude
+_DIFFERENCE = 1e-6  # step of differences for a Jacobian, of nominal value plus magnitude
 _MOST_EVALUATIONS = 200
 _MOST_UPDATES = 8  # of a Jacobian, before it is measured anew
 
@@ -111,11 +112,18 @@ class FixedPoint:
         return self._g(x * self._scale) / self._scale - x
 
     def _step(self, x: Array, r: Array, measure_jacobian: bool) -> Array:
-        """Return Newton's step; with booleans or integers that of plain iteration."""
+        """Return Newton's step, or that of plain iteration with booleans or integers.
+
+        Raises
+        ------
+        UserError
+            If the Jacobian is not finite.
+        """
         if not self._continuous:
             return r
         if self._jacobian is None or measure_jacobian:
-            sizes = 1e-6 * (1.0 + np.abs(x))
+            sizes = _DIFFERENCE * (1.0 + np.abs(x))
+            # each move changes one value, so that its sum is the size
             columns = [(self._residual(x + move) - r) / move.sum() for move in np.diag(sizes)]
             self._jacobian = np.column_stack(columns)
         if not np.isfinite(self._jacobian).all():

@@ -63,7 +63,7 @@ class BufferTransfer(NamedTuple):
 def list_transfers(
     verb: str, fmu: Fmu, ports: Sequence[Port], buffer: Buffer
 ) -> list[BufferTransfer]:
-    """List the calls that move values of a member.
+    """Return the transfers that move values of a member, one for each FMI call.
 
     Parameters
     ----------
@@ -91,14 +91,14 @@ def list_transfers(
         kinds.setdefault(type_of(fmu.variables[port.variable]), []).append(port)
     if "string" in kinds:
         raise UserError(f"{kinds['string'][0]} is text, not a number")
-    ports_in_buffer = list(buffer.at)
+    ports_in_buffer = list(buffer.at)  # in the order of their places
     runs = _contiguous_runs(sorted(buffer.at[port] for port in kinds.pop("real", [])))
     reals = [BufferTransfer(verb, "real", ports_in_buffer[run[0] : run[-1] + 1]) for run in runs]
     return reals + [BufferTransfer(verb, kind, others) for kind, others in kinds.items()]
 
 
 def bind(transfer: BufferTransfer, fmu: Fmu, buffer: Buffer) -> FmiCall:
-    """Return the call of a transfer.
+    """Return a function that makes the FMI call of a transfer.
 
     Parameters
     ----------

@@ -227,6 +227,8 @@ class Executor:
         parts = max(1, int(settings.rates.get(member.name, 1)))
         slow = member.name in self.slow
         if linear or parts > 1 or slow:
+            # outputs that depend on inputs are read after the step, with the inputs of its end
+            set_at_end = not settings.feedthrough or len(reads) > len(early)
             step = MemberStep(
                 member=member,
                 present_step=self.present_step,
@@ -236,12 +238,12 @@ class Executor:
                 updated=[self._connections[port] for port in updated if port in linear],
                 parts=parts,
                 resumes=slow,
-                set_at_end=not settings.feedthrough or len(reads) > len(early),
+                set_at_end=set_at_end,
                 may_go_back=settings.adaptive,
                 history=self._history(member, len(linear)),
             )
             calls.append(MemberCall(step, member, STEP))
-            if linear or slow:
+            if linear:
                 schedule.extrapolating.append(step)
         else:
             calls.append(self._plain_step_call(member))

@@ -49,6 +49,7 @@ def realtime_priority(processor: int | None = None, priority: bool = False) -> I
 
 
 def _stop_garbage_collection(cleanup: ExitStack) -> None:
+    """Collect garbage once, freeze what remains, and collect no more until the cleanup."""
     if gc.isenabled():
         cleanup.callback(gc.enable)
     if gc.get_freeze_count() == 0:  # else objects are frozen for another purpose

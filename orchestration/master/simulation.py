@@ -408,7 +408,7 @@ class _Runner:
             schedule = executor.schedule(executor.due(k, len(self._points) - 1))
         executor.step(schedule, self._points[k - 1], self._points[k])
         if linear:
-            # slopes are of the values before a jump of those from outside
+            # slopes end before a jump of external values: first exchange with the previous ones
             executor.exchange(schedule.stages, k - 1 if changes else k)
             executor.update_slopes(schedule)
         if not linear or changes:

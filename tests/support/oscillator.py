@@ -95,7 +95,7 @@ def with_group(diagnosis: Diagnosis, verdict: str, *probabilities: float) -> Dia
         terms = (replace(cause.terms[0], signal=signal),)
         judged = replace(cause.judged, fit=replace(cause.judged.fit, terms=terms))
         group.append(
-            replace(cause, signal=signal, probability=probability, terms=terms, judged=judged)
+            replace(cause, signal=signal, probability=probability, parts=terms, judged=judged)
         )
     conclusion = Conclusion(verdict, tuple(group), 0.01, diagnosis.found.base)
     return replace(diagnosis, conclusion=conclusion)

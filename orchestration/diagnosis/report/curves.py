@@ -12,6 +12,7 @@ from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import Course
 from orchestration.diagnosis.terms import Memory, Term
+from orchestration.reporting import pictures
 
 _POINTS = 200  # of a curve
 _OUTSIDE = 0.005  # share of the samples beyond either end of a curve
@@ -25,7 +26,9 @@ class OutputCourse:
     ----------
     output, record : str
     time, measured, before, after : ndarray, shape (n,)
-        Simulated without terms, and by the final model; NaN where a run left its bounds.
+        Simulated without terms, and by the final model; NaN where a run left its bounds. With
+        another reading of the files `measured` is what they mean by it, and the model without
+        terms, which was fitted to the files as they were read, is not simulated.
     unseen_from : float
         Time from which on nothing was fitted.
     """
@@ -76,11 +79,23 @@ def output_courses(diagnosis: Diagnosis) -> list[OutputCourse]:
     return courses
 
 
+def simulations(diagnosis: Diagnosis, course: OutputCourse) -> list[tuple[str, Array, str]]:
+    """Return the simulated courses of an output that a chart shows: label, values and colour."""
+    result = []
+    if diagnosis.reading is None:
+        result.append(("without terms", course.before, pictures.MODEL))
+    if diagnosis.is_named:
+        label = "with terms" if diagnosis.terms else "fitted"
+        result.append((label, course.after, pictures.FITTED))
+    return result
+
+
 def _simulated(diagnosis: Diagnosis, judged: Judged) -> Array:
     """Return the outputs (n, ny) of a model over the record of `output_courses`."""
     subject = diagnosis.subject
     one = subject.left_out[0]
-    errors = subject.errors(judged.fit, replace(one, first=0))
+    is_same = judged.reading == diagnosis.reading
+    errors = subject.errors(judged.fit, replace(one, first=0)) if is_same else None
     if errors is None:
         return np.full(one.record.outputs.shape, np.nan)
     return np.asarray(one.record.outputs - errors * subject.problem.spread)

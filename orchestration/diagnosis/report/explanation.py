@@ -22,7 +22,6 @@ from orchestration.diagnosis.fitting import fit, nominal_point, weights_of
 from orchestration.diagnosis.report import wording
 from orchestration.diagnosis.report.curves import signal_samples
 from orchestration.diagnosis.signals import scale_of_signal
-from orchestration.diagnosis.term_names import sentence
 from orchestration.diagnosis.terms import Shape, Term
 from orchestration.reporting import Displayable, one_line, option, plain_table
 
@@ -168,13 +167,9 @@ def explain(diagnosis: Diagnosis, first: str, second: str) -> Explanation:
     )
 
 
-def _name(term: Term) -> str:
-    return f"{term.law}({term.signal})"
-
-
 def _is_of(judged: Judged, name: str, other: str) -> bool:
     """Return whether a fit has one candidate and not the other."""
-    names = {_name(term) for term in judged.terms}
+    names = {wording.name(part) for part in judged.parts}
     return name in names and other not in names
 
 
@@ -200,7 +195,7 @@ def _fitted_now(diagnosis: Diagnosis, name: str) -> list[Judged]:
     law, bracket, signal = name.partition("(")
     signal = signal.removesuffix(")")
     if not bracket or law not in model.laws or signal not in model.signals:
-        fitted = dict.fromkeys(_name(t) for one in diagnosis.found.fits for t in one.terms)
+        fitted = dict.fromkeys(wording.name(p) for one in diagnosis.found.fits for p in one.parts)
         raise UserError(
             f"{option('explain', [name])}: a candidate is LAW(SIGNAL) or {NOTHING}; fitted were"
             f" {', '.join(fitted) or 'none'}"
@@ -246,5 +241,4 @@ def _likeness(diagnosis: Diagnosis, one: Judged, other: Judged) -> float:
 
 
 def _text(diagnosis: Diagnosis, judged: Judged) -> str:
-    cls = diagnosis.subject.problem.model.cls
-    return "; ".join(sentence(cls, term) for term in judged.terms) or "no term"
+    return "; ".join(wording.part_text(diagnosis, part) for part in judged.parts) or "no term"

@@ -6,6 +6,7 @@ from typing import Any
 
 from orchestration.diagnosis.conclude import Cause
 from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.report import wording
 from orchestration.diagnosis.term_names import (
     estimates,
@@ -40,7 +41,7 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         "group": [cause_figures(diagnosis, cause) for cause in diagnosis.causes],
         "nothing": {"probability": float(diagnosis.conclusion.nothing)},
         "ladder": [
-            {"terms": [t.law + f"({t.signal})" for t in rung.terms], "error": rung.error}
+            {"terms": [wording.name(part) for part in rung.parts], "error": rung.error}
             for rung in diagnosis.ladder
         ],
         "gain": {"holdout_nrmse_before": before, "holdout_nrmse_after": after},
@@ -66,12 +67,16 @@ def _fit_percent(error: float | None) -> float | None:
 
 
 def cause_figures(diagnosis: Diagnosis, cause: Cause) -> dict[str, Any]:
-    """Return the figures of a cause: its leading term, and those that go with it."""
+    """Return the figures of a cause: its leading part, and those that go with it."""
     fitted = estimates(cause.judged.fit, stems(cause.terms))
-    figures = [
-        _term_figures(diagnosis, stem, term, fitted) for stem, term in stems(cause.terms).items()
+    of_terms = {
+        term: _term_figures(diagnosis, stem, term, fitted)
+        for stem, term in stems(cause.terms).items()
+    }
+    first, *others = [
+        _reading_figures(part) if isinstance(part, Reading) else of_terms[part]
+        for part in cause.parts
     ]
-    first, *others = figures
     return {
         "effect": cause.name,
         "component": diagnosis.model.name,
@@ -80,6 +85,19 @@ def cause_figures(diagnosis: Diagnosis, cause: Cause) -> dict[str, Any]:
         **first,
         "with": others,
         "error": diagnosis.error(cause.judged),
+    }
+
+
+def _reading_figures(reading: Reading) -> dict[str, Any]:
+    """Return a reading of the files: ``factor * value + shift`` is what they mean."""
+    return {
+        "reading": reading.kind.name.lower(),
+        "columns": list(reading.columns),
+        "factor": reading.factor,
+        "shift": reading.shift,
+        "unit": reading.unit,
+        "correction": reading.correction,
+        "instead": [_reading_figures(other) for other in reading.instead],
     }
 
 

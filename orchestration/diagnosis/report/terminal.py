@@ -10,7 +10,8 @@ from rich.text import Text
 
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.report import wording
-from orchestration.diagnosis.term_names import memory_text, sentence, shape_text
+from orchestration.diagnosis.term_names import memory_text, shape_text
+from orchestration.diagnosis.terms import Term
 from orchestration.reporting import plain_table
 
 Rows = Sequence[tuple[str, ...]]
@@ -44,17 +45,17 @@ def _table(title: str, head: Sequence[str], rows: Rows, right: Sequence[int]) ->
 
 def group_rows(diagnosis: Diagnosis) -> Rows:
     """Return a row for each cause of the group."""
-    cls = diagnosis.subject.problem.model.cls
     rows = []
     for cause in diagnosis.causes:
-        first, *others = cause.terms
+        first, *others = cause.parts
+        term = first if isinstance(first, Term) else None
         rows.append(
             (
                 wording.percent(cause.probability),
                 wording.cause_text(diagnosis, cause),
-                shape_text(first),
-                memory_text(first),
-                "; ".join(sentence(cls, term) for term in others),
+                shape_text(term) if term else "",
+                memory_text(term) if term else "",
+                "; ".join(wording.part_text(diagnosis, part) for part in others),
                 wording.error_text(diagnosis.error(cause.judged)),
             )
         )
@@ -63,10 +64,10 @@ def group_rows(diagnosis: Diagnosis) -> Rows:
 
 def ladder_rows(diagnosis: Diagnosis) -> Rows:
     """Return a row for each number of terms."""
-    cls = diagnosis.subject.problem.model.cls
     rows = []
     for rung in diagnosis.ladder:
-        added = sentence(cls, rung.terms[-1]) if rung.terms else "parameters refitted"
+        last = rung.parts[-1] if rung.parts else None
+        added = "parameters refitted" if last is None else wording.part_text(diagnosis, last)
         count = wording.number_of_terms(len(rung.terms))
         rows.append((count, added, wording.error_text(rung.error)))
     return rows

@@ -8,8 +8,10 @@ from math import isfinite
 from fmus.kit.units import format_value
 from orchestration.diagnosis.conclude import Cause
 from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.remainder import Remainder
 from orchestration.diagnosis.term_names import sentence
+from orchestration.diagnosis.terms import Term
 from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting import option
 from orchestration.reporting.html import format_ends
@@ -35,8 +37,27 @@ def number_of_terms(count: int) -> str:
 
 
 def cause_text(diagnosis: Diagnosis, cause: Cause) -> str:
-    """Return the leading term of a cause for people."""
-    return sentence(diagnosis.subject.problem.model.cls, cause.terms[0])
+    """Return the leading part of a cause for people."""
+    return part_text(diagnosis, cause.parts[0])
+
+
+def part_text(diagnosis: Diagnosis, part: Reading | Term) -> str:
+    """Return a part of a cause for people: a term, or a fault of the files."""
+    if isinstance(part, Reading):
+        return f"{part.sentence} in {files(diagnosis)}"
+    return sentence(diagnosis.subject.problem.model.cls, part)
+
+
+def name(part: Reading | Term) -> str:
+    """Return the name of a part of a cause, ``LAW(SIGNAL)``."""
+    law, signal = part.cause
+    return f"{law}({signal})"
+
+
+def files(diagnosis: Diagnosis) -> str:
+    """Return the names of the files of a diagnosis."""
+    records = (*diagnosis.records, *diagnosis.holdouts)
+    return _listed(list(dict.fromkeys(record.source.name for record in records)))
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -95,6 +116,8 @@ def next_step(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "recalibrate":
         sets = [f"{n}={diagnosis.parameters[n].value:.4g}" for n in diagnosis.changed]
         return f"use the model with {', '.join(sets)}; {option('fmu', 'fitted.fmu')} builds it."
+    if diagnosis.is_named and diagnosis.causes[0].reading is not None:
+        return _next_of_misread(diagnosis, diagnosis.causes[0].reading)
     if diagnosis.verdict == "cause":
         more = ""
         if largest and largest[0].is_more_than_noise:
@@ -111,9 +134,20 @@ def next_step(diagnosis: Diagnosis) -> str:
     )
 
 
+def _next_of_misread(diagnosis: Diagnosis, reading: Reading) -> str:
+    """Return how to correct the files."""
+    ways = " or ".join(one.correction for one in (reading, *reading.instead))
+    check = "" if diagnosis.verdict == "cause" else "check how it was recorded: if so, "
+    return (
+        f"{check}{ways} in {files(diagnosis)}, and diagnose it again;"
+        f" {option('fmu', 'fitted.fmu')} builds the model fitted to the corrected values."
+    )
+
+
 def _next_of_ambiguous(diagnosis: Diagnosis) -> str:
     """Return the experiment that would tell the causes of a group apart."""
-    terms = [cause.terms[0] for cause in diagnosis.causes]
+    leads = [cause.parts[0] for cause in diagnosis.causes]
+    terms = [part for part in leads if isinstance(part, Term)]
     signals = list(dict.fromkeys(t.signal or "the operating point" for t in terms))
     if len(signals) > 1:
         change = f"{_listed(signals)} do not move together, such as slow and fast, small and large"

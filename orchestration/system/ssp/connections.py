@@ -122,7 +122,7 @@ def read_connections(
         for wire in find_all(parts, "ssd:Connections/ssd:Connection")
         for connection in reader.read(wire)
     ]
-    connectors.connected_outputs()
+    connectors.connected_outputs()  # refuses outputs without a connection
     for connector in declared:
         _check_system_connector(connector, members, connectors)
     return connections, connectors

@@ -72,16 +72,16 @@ def _is_int(text: str | None) -> bool:
 
 
 def connector(
-    name: str, kind: str, own_type: Element | None, shape: tuple[int, ...] = ()
+    name: str, kind: str, type_element: Element | None, shape: tuple[int, ...] = ()
 ) -> Element:
-    """Describe a connector.
+    """Return the element of a connector.
 
     Parameters
     ----------
     name : str
     kind : {"input", "output"}
-    own_type : Element, optional
-        Its type, or that of an element of an array.
+    type_element : Element, optional
+        Element of its type, or of the type of an array's elements.
     shape : tuple of int
         Shape of an array; empty for a scalar.
 
@@ -90,13 +90,13 @@ def connector(
     Element
     """
     element = Element(tag("ssd:Connector"), name=name, kind=kind)
-    element.extend([] if own_type is None else [own_type])
+    element.extend([] if type_element is None else [type_element])
     element.extend(Element(tag("ssc:Dimension"), size=str(size)) for size in shape)
     return element
 
 
 def type_of(member: Member, variable: str, definitions: Definitions) -> Element | None:
-    """Describe the type of a variable; None if SSP cannot define it, so that the FMU's is used.
+    """Return the element of a variable's type; None if SSP cannot define it: the FMU's is used.
 
     Parameters
     ----------

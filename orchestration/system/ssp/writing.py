@@ -207,9 +207,9 @@ def _connectors_of(member: Member, ends: Container[End], definitions: Definition
             name = end.connector
             is_used = end in ends or End(member.name, name) in ends
             if name not in described and (is_used or kind == "output"):
-                own_type = type_of(member, element, definitions)
+                type_element = type_of(member, element, definitions)
                 shape = variable_of(member, name).shape
-                described[name] = connector(name, kind, own_type, shape)
+                described[name] = connector(name, kind, type_element, shape)
     return list(described.values())
 
 
@@ -269,10 +269,10 @@ def _outside_annotation(connectors: Sequence[Element], outer: Sequence[Wire]) ->
 
 
 def _master_annotation(step: float) -> Element:
-    """Return the annotation with which OMSimulator is a Jacobi master with a step in s.
+    """Return the annotation that makes OMSimulator a Jacobi master with a communication step in s.
 
-    The tolerances are its defaults. FMUs receive one of them, with which ours are at least as exact
-    as without.
+    The tolerances are OMSimulator's defaults. It passes one to the FMUs, which makes ours no less
+    accurate.
     """
     annotation = Element(tag("ssc:Annotation"), type=MASTER)
     own_annotations = SubElement(annotation, tag("oms:Annotations"))

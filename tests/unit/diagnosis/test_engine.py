@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 from fmus.kit import Component, Discrete, Output, UserError
-from orchestration.diagnosis import Found, diagnose, engine
+from orchestration.diagnosis import (
+    Found,
+    Subject,
+    diagnose,
+    engine,
+    fit,
+    nominal_point,
+    weights_of,
+)
+from orchestration.diagnosis import Record as KernelRecord
 from orchestration.fmu.model import declared_model_of
 from orchestration.records import Record
 from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record
@@ -139,3 +148,36 @@ def test_a_record_without_outputs_is_refused():
         diagnose([only], MODEL)
     with pytest.raises(UserError, match="no parameter named 'mas'"):
         diagnose([record], MODEL, hold=["mas"])
+
+
+@pytest.mark.usefixtures("without_search")
+def test_a_record_is_refused_by_its_information_alone() -> None:
+    """26 samples tell three parameters and two start states; three samples tell three of them."""
+    free = oscillator_record(1, samples=700)
+
+    def thinned(step: int, count: int) -> Record:
+        chosen = slice(0, step * count, step)
+        signals = {name: values[chosen] for name, values in free.signals.items()}
+        return replace(free, time=free.time[chosen], signals=signals)
+
+    diagnosis = diagnose([thinned(10, 26)], MODEL)
+    assert diagnosis.subject.samples == 17
+    with pytest.raises(UserError, match=r"oscillator_1.csv: 3 measured values are fitted.*hold"):
+        diagnose([thinned(25, 5)], MODEL)
+
+
+def test_no_terms_are_judged_that_take_more_than_the_record_tells() -> None:
+    """Of seven values that are fitted three or more tell the parameters."""
+    diagnosis = diagnosis_with(oscillator_record(1, samples=40))
+    subject = diagnosis.subject
+    few = replace(subject, problem=replace(subject.problem, records=(_first(subject, 7),)))
+    weights = weights_of(subject.base.errors)
+    terms = (DRY, CUBE, replace(DRY, signal="elongation"))
+    fitted = fit(subject.problem, terms, [nominal_point(subject.problem, terms)], weights)
+    assert subject.judge(fitted) is not None
+    assert few.rank >= 2
+    assert few.judge(fitted) is None
+
+
+def _first(subject: Subject, count: int) -> KernelRecord:
+    return subject.problem.records[0].part(0, count)

@@ -24,6 +24,11 @@ class _Fitted:
     size: float
     words: float = 1.0
 
+    @property
+    def parts(self):
+        """As the file is read as it is, its terms."""
+        return self.terms
+
     def __post_init__(self):
         noise = np.random.default_rng(0).standard_normal((4000, 1))
         self.choosing = self.size * noise
@@ -42,7 +47,7 @@ def _features(*others):
     cause = SimpleNamespace(
         law="torque",
         signal="current",
-        terms=best.terms,
+        parts=best.terms,
         judged=best,
         comparison=compared[0][1],
         probability=0.8,
@@ -83,7 +88,7 @@ def test_correlated_errors_are_wider_than_the_noise_and_not_independent():
     best.fit = SimpleNamespace(errors=(best.choosing,))
     found = SimpleNamespace(compared=lambda: [(best, _gained(5.0), 4.0)], base=_Fitted((), 2.0))
     cause = SimpleNamespace(
-        law="friction", signal="speed", terms=best.terms, judged=best, comparison=_gained(5.0),
+        law="friction", signal="speed", parts=best.terms, judged=best, comparison=_gained(5.0),
         probability=0.5,
     )  # fmt: skip
     values = features_of(found, SimpleNamespace(causes=(cause,)))

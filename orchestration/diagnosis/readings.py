@@ -1,0 +1,233 @@
+"""Readings: the ways in which a file may mean other values than those that were read from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from fmus.kit.arrays import Array
+from orchestration.diagnosis.law_model import LawModel, Record
+
+TIME = "time"
+_PREFIXES = {"m": 1e-3, "k": 1e3, "u": 1e-6}
+_WORDS = {"m": "thousandths", "k": "thousands", "u": "millionths"}
+_PREFIXED = ("A", "V", "W", "N", "Pa", "ohm", "F", "H", "C", "J", "s", "m")
+_RPM, _DEGREES = math.pi / 30.0, math.pi / 180.0
+# By the unit of a variable: units in which laboratories write it, by their size in that unit.
+_USUAL = {
+    "rad": {"deg": _DEGREES, "revolutions": 2.0 * math.pi},
+    "rad/s": {"rpm": _RPM, "deg/s": _DEGREES, "Hz": 2.0 * math.pi},
+    "Pa": {"bar": 1e5},
+    "m": {"cm": 1e-2},
+    "1": {"%": 1e-2},
+    "C": {"A*h": 3600.0},
+    "J": {"W*h": 3600.0},
+    "m/s": {"km/h": 1.0 / 3.6},
+    "N": {"kgf": 9.80665},
+}
+_PER_SECOND = {"min": 60.0, "h": 3600.0}
+_CLOCKS = {"us": 1e-6, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+_ZERO_CELSIUS = 273.15
+
+
+class ReadingKind(Enum):
+    """How a file may be misread."""
+
+    SIGN = "opposite sign"
+    UNIT = "other unit"
+    OFFSET = "offset"
+    EXCHANGED = "exchanged columns"
+    CLOCK = "other clock"
+    LATE = "late column"
+    START = "other start"
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A way to read a file: ``factor * value + shift`` in place of each value of a column.
+
+    Attributes
+    ----------
+    kind : ReadingKind
+    columns : tuple of str
+        Inputs and outputs that it changes; two that are exchanged; ``time``.
+    factor : float
+    shift : float
+        SI; of a late column its delay, s, negative of an early one; of another start the
+        deviation of the start states, in that which the model declares.
+    unit : str
+        That the file has.
+    instead : tuple of Reading
+        Others that a model cannot tell from it.
+    """
+
+    kind: ReadingKind
+    columns: tuple[str, ...]
+    factor: float = 1.0
+    shift: float = 0.0
+    unit: str = ""
+    instead: tuple[Reading, ...] = ()
+
+    @property
+    def source(self) -> tuple[ReadingKind, tuple[str, ...]]:
+        """All but its values."""
+        return self.kind, self.columns
+
+    @property
+    def cause(self) -> tuple[str, str]:
+        """Kind and columns, as law and signal of a term."""
+        return f"reading_{self.kind.name.lower()}", ",".join(self.columns)
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether its shift is estimated."""
+        return self.kind in (ReadingKind.OFFSET, ReadingKind.LATE)
+
+    def moves_inputs(self, model: LawModel) -> bool:
+        """Return whether a run of the model is another one by it."""
+        inputs = {v.name for v in model.inputs} | {TIME}
+        return not inputs.isdisjoint(self.columns)
+
+    def apply(self, model: LawModel, record: Record) -> Record:
+        """Return a record of the values that the file means."""
+        if self.kind is ReadingKind.CLOCK:
+            return replace(record, time=np.ascontiguousarray(record.time * self.factor))
+        if self.kind is ReadingKind.START:
+            return record
+        names = [v.name for v in (*model.inputs, *model.outputs)]
+        values = np.hstack([record.inputs, record.outputs])
+        places = [names.index(name) for name in self.columns]
+        if self.kind is ReadingKind.EXCHANGED:
+            values[:, places] = values[:, places[::-1]]
+        elif self.kind is ReadingKind.LATE:
+            step = float(np.median(np.diff(record.time)))
+            is_input = places[0] < len(model.inputs)
+            values[:, places[0]] = _earlier(
+                values[:, places[0]], round(self.shift / step), is_input=is_input
+            )
+        else:
+            values[:, places] = self.factor * values[:, places] + self.shift
+        inputs, outputs = np.split(values, [len(model.inputs)], axis=1)
+        return replace(
+            record,
+            inputs=np.ascontiguousarray(inputs),
+            outputs=np.ascontiguousarray(outputs),
+        )
+
+    @property
+    def sentence(self) -> str:
+        """The fault of the file, without its name."""
+        return " or ".join([self._fault, *(one._fault for one in self.instead)])
+
+    @property
+    def _fault(self) -> str:
+        column = self.columns[0] if self.columns else ""
+        if self.kind is ReadingKind.SIGN:
+            return f"{column} has the opposite sign"
+        if self.kind is ReadingKind.UNIT:
+            return f"{column} is {self.unit}"
+        if self.kind is ReadingKind.OFFSET:
+            return f"{column} is {abs(self.shift):.3g} too {'low' if self.shift > 0.0 else 'high'}"
+        if self.kind is ReadingKind.EXCHANGED:
+            return f"{column} and {self.columns[1]} are exchanged"
+        if self.kind is ReadingKind.CLOCK:
+            return f"{TIME} is {self.unit}"
+        if self.kind is ReadingKind.LATE:
+            return f"{column} is {abs(self.shift):.3g} s {'late' if self.shift > 0.0 else 'early'}"
+        return "the run begins from another state than the model declares"
+
+    @property
+    def correction(self) -> str:
+        """The way to correct the file."""
+        column = self.columns[0] if self.columns else ""
+        if self.kind is ReadingKind.SIGN:
+            return f"multiply {column} by -1"
+        if self.kind is ReadingKind.UNIT and self.shift:
+            return f"add {self.shift:g} to {column}, or write its unit in the header"
+        if self.kind in (ReadingKind.UNIT, ReadingKind.CLOCK):
+            return f"multiply {column} by {self.factor:.6g}, or write its unit in the header"
+        if self.kind is ReadingKind.OFFSET:
+            return f"add {self.shift:.4g} to {column}"
+        if self.kind is ReadingKind.EXCHANGED:
+            return f"exchange the names of {column} and {self.columns[1]}"
+        if self.kind is ReadingKind.LATE:
+            direction = "earlier" if self.shift > 0.0 else "later"
+            return f"move {column} {abs(self.shift):.4g} s {direction} against the other columns"
+        return "set the start states of the model"
+
+    def __str__(self) -> str:
+        return f"{self.cause[0]}({self.cause[1]})"
+
+
+def _earlier(values: Array, samples: int, *, is_input: bool) -> Array:
+    """Return a column so many samples earlier; an input keeps its end value, an output has none."""
+    count = len(values)
+    places = np.arange(count) + samples
+    moved = values[np.clip(places, 0, count - 1)]
+    if not is_input:
+        moved = np.where((places >= 0) & (places < count), moved, np.nan)
+    return moved
+
+
+def readings_of(model: LawModel, records: Sequence[Record]) -> list[Reading]:
+    """Return every way to read the records, the plainest first; fitted shifts are 0 yet.
+
+    Parameters
+    ----------
+    model : LawModel
+    records : sequence of Record
+        A column that stands still in them, or is not measured, is read as it is.
+    """
+    inputs = np.concatenate([r.inputs for r in records])
+    outputs = np.concatenate([r.outputs for r in records])
+    moving = {
+        v.name: v.unit
+        for v, column in zip(
+            (*model.inputs, *model.outputs), np.hstack([inputs, outputs]).T, strict=True
+        )
+        if np.isfinite(column).sum() > 1 and np.nanstd(column) > 0.0
+    }
+    kinds = ReadingKind
+    result = [Reading(kinds.SIGN, (name,), factor=-1.0) for name in moving]
+    for name, unit in moving.items():
+        result += _units(name, unit)
+    result += [
+        Reading(kinds.EXCHANGED, (one, other))
+        for i, (one, unit) in enumerate(moving.items())
+        for other, its in list(moving.items())[i + 1 :]
+        if unit == its
+    ]
+    result += [Reading(kinds.OFFSET, (name,)) for name in moving]
+    if not model.states:
+        return result
+    for unit, size in _CLOCKS.items():
+        result.append(Reading(kinds.CLOCK, (TIME,), size, unit=f"in {unit}"))
+        result.append(Reading(kinds.CLOCK, (TIME,), 1.0 / size, unit=f"in s and read as {unit}"))
+    # all inputs late and all outputs early are the same
+    columns = list(moving) if len(moving) != 2 else list(moving)[1:]
+    result += [Reading(kinds.LATE, (name,)) for name in columns]
+    if len(model.inputs):
+        result.append(Reading(kinds.START, ()))
+    return result
+
+
+def _units(column: str, unit: str) -> Iterator[Reading]:
+    """Yield a column in other units than its own."""
+    kind = ReadingKind.UNIT
+    for prefix, size in _PREFIXES.items():
+        told = f"{prefix}{unit}" if unit in _PREFIXED else f"{_WORDS[prefix]} of {unit}"
+        yield Reading(kind, (column,), size, unit=f"in {told}")
+    others = dict(_USUAL.get(unit, {}))
+    quantity, slash, seconds = unit.rpartition("/")
+    if slash and seconds == "s" and unit not in _USUAL:
+        others |= {f"{quantity}/{name}": 1.0 / size for name, size in _PER_SECOND.items()}
+    for name, size in others.items():
+        yield Reading(kind, (column,), size, unit=f"in {name}")
+        yield Reading(kind, (column,), 1.0 / size, unit=f"in {unit} and read as {name}")
+    if unit == "K":
+        yield Reading(kind, (column,), shift=_ZERO_CELSIUS, unit="in degC")
+        yield Reading(kind, (column,), shift=-_ZERO_CELSIUS, unit="in K and read as degC")

@@ -1,0 +1,139 @@
+"""Claims: a file that is misread is told from a model that is wrong, and a right one is not."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from orchestration.diagnosis import Diagnosis, Found, Shape, Term
+from orchestration.diagnosis.conclude import conclude
+from orchestration.diagnosis.misreadings import misreadings, reading_that_runs
+from orchestration.diagnosis.readings import Reading, ReadingKind
+from orchestration.diagnosis.report import summary, terminal, wording
+from orchestration.records import Record
+from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record
+
+RIGHT = oscillator_record(1)
+
+
+PUSH = Term("acceleration", "force", Shape.LINEAR, size=5.0, scale=5.0)
+
+
+def columns(**changed: np.ndarray) -> Record:
+    """Return the record of an oscillator with other columns."""
+    time = changed.pop("time", RIGHT.time)
+    return replace(RIGHT, time=time, signals=RIGHT.signals | changed)
+
+
+def read(**changed: np.ndarray) -> list[Reading | None]:
+    """Return the readings that gain on the record of an oscillator with other columns."""
+    found = diagnosis_with(columns(**changed)).found
+    return [subject.reading for subject in misreadings(found.subject, found.base)]
+
+
+def diagnosed(record: Record, *sets: tuple[Term, ...]) -> Diagnosis:
+    """Return a diagnosis by these sets of terms and by other readings of the file."""
+    diagnosis = diagnosis_with(record, *sets)
+    found = diagnosis.found
+    others = misreadings(found.subject, found.base)
+    judged = [one.judge(one.base) for one in others]
+    fits = [*found.fits, *(one for one in judged if one is not None)]
+    found = Found(found.subject, found.base, fits, others)
+    return replace(diagnosis, found=found, conclusion=conclude(found))
+
+
+@pytest.fixture(scope="module")
+def flipped() -> Diagnosis:
+    return diagnosed(columns(force=-RIGHT.signals["force"]), (PUSH,), (DRY,), (CUBE,))
+
+
+def test_a_force_of_the_other_sign_is_the_cause(flipped: Diagnosis) -> None:
+    """Though a term that turns the force round explains it as well."""
+    assert flipped.verdict == "cause"
+    assert [cause.name for cause in flipped.causes] == ["reading_sign(force)"]
+    turned = next(one for one in flipped.found.fits if one.terms == (PUSH,))
+    assert turned.fit.misfit < 1.05 * flipped.final.fit.misfit
+    assert flipped.terms == {}
+
+
+def test_the_model_is_that_of_the_corrected_file(flipped: Diagnosis) -> None:
+    low, high = flipped.parameters["damping"].interval
+    assert low < 0.8 < high
+    assert flipped.component.name == "oscillator_fitted"
+    assert "force has the opposite sign" in flipped.component.remark
+    assert flipped.error(flipped.final) < 0.02
+    assert flipped.error(flipped.found.base) > 0.5
+
+
+def test_the_fault_and_its_correction_are_said(flipped: Diagnosis) -> None:
+    assert "force has the opposite sign" in wording.headline(flipped)
+    assert "in oscillator_1.csv" in wording.headline(flipped)
+    assert wording.next_step(flipped).startswith("multiply force by -1")
+    (row,) = terminal.group_rows(flipped)
+    assert row[1].startswith("force has the opposite sign")
+    assert [added for _, added, _ in terminal.ladder_rows(flipped)][1] == row[1]
+    figures = json.loads(json.dumps(summary.summary(flipped)))
+    (cause,) = figures["causes"]
+    assert (cause["reading"], cause["columns"], cause["factor"]) == ("sign", ["force"], -1.0)
+
+
+def test_dry_friction_is_no_misread_file() -> None:
+    diagnosis = diagnosed(oscillator_record(1, dry=1.5), (DRY,), (CUBE,))
+    assert [cause.name for cause in diagnosis.causes] == ["friction(velocity)"]
+    assert diagnosis.reading is None
+
+
+def test_a_right_record_is_read_as_it_is() -> None:
+    assert read() == []
+
+
+def test_a_force_of_the_other_sign_is_a_place_of_the_other_sign() -> None:
+    first, *_ = read(force=-RIGHT.signals["force"])
+    assert first.cause == ("reading_sign", "force")
+    assert [one.cause for one in first.instead] == [("reading_sign", "position")]
+
+
+def test_a_clock_in_minutes() -> None:
+    first, *_ = read(time=RIGHT.time / 60.0)
+    assert (first.kind, first.unit) == (ReadingKind.CLOCK, "in min")
+
+
+def test_an_offset_is_estimated() -> None:
+    first, *_ = read(position=RIGHT.signals["position"] + 0.4)
+    assert first.kind is ReadingKind.OFFSET
+    shifts = {one.columns[0]: one.shift for one in (first, *first.instead)}
+    if "position" in shifts:
+        assert shifts["position"] == pytest.approx(-0.4, abs=0.01)
+    else:  # the spring has 20 N/m
+        assert shifts["force"] == pytest.approx(8.0, abs=0.2)
+
+
+def test_a_delay_is_estimated() -> None:
+    first, *_ = read(position=np.roll(RIGHT.signals["position"], 9))
+    assert first.kind is ReadingKind.LATE
+    assert first.shift == pytest.approx(0.18)
+
+
+def test_a_reading_with_a_value_is_not_preferred_to_terms_that_do_the_same() -> None:
+    """An offset of the force is a constant force."""
+    constant = Term("acceleration", "", Shape.CONSTANT, size=5.0)
+    diagnosis = diagnosed(columns(force=RIGHT.signals["force"] + 3.0), (constant,))
+    assert {cause.name for cause in diagnosis.causes} >= {"acceleration()"}
+
+
+@pytest.mark.parametrize(("misfit", "told"), [(0.1, "in min"), (0.8, None)])
+def test_a_model_that_runs_away_is_asked_in_other_readings(misfit: float, told: str | None) -> None:
+    """By one it stays within its bounds; that it follows the record there is another matter."""
+    subject = diagnosis_with(RIGHT).subject
+    base = SimpleNamespace(misfit=misfit)
+
+    def subject_as(reading: Reading) -> SimpleNamespace | None:
+        return SimpleNamespace(base=base) if reading.unit == "in min" else None
+
+    problem = subject.problem
+    found = reading_that_runs(problem.model, problem.records, subject_as)
+    assert (found and found.unit) == told
