@@ -84,6 +84,7 @@ class Weights:
             Shape.CUBE: 0.3,
             Shape.ABOVE: 0.7,
             Shape.BELOW: 0.7,
+            Shape.STEP: 1.0,
         }
     )
     memories: Mapping[Memory, float] = field(
@@ -94,6 +95,7 @@ class Weights:
             Memory.RATE_LIMIT: 3.0,
             Memory.PLAY: 2.0,
             Memory.DAHL: 2.0,
+            Memory.HEAT: 2.0,
         }
     )
     factor: float = 1.0
@@ -148,7 +150,7 @@ def words(model: LawModel, term: Term, depends: bool) -> float:
         total += WEIGHTS.factor
     if not depends:
         total += WEIGHTS.foreign
-    if term.signal == "time":
+    if term.is_trend:
         total += WEIGHTS.time
     if term.signal in model.laws:
         total += WEIGHTS.law_as_signal

@@ -14,11 +14,11 @@ from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.law_term import LawTerm, law_term_effect
 from orchestration.diagnosis.term_names import (
     FORMS,
+    seen_unit,
     sentence,
     shape_text,
     stems,
     term_parameters,
-    unit_of,
 )
 from orchestration.diagnosis.terms import Memory, NamedTerm, Shape, Term
 
@@ -104,7 +104,7 @@ def _law_term(fitted: Fit, stem: str, term: Term) -> LawTerm:
         term.memory.name.lower(),
         stem,
         amount.unit,
-        unit_of(model.cls, term.signal) if term.signal else "1",
+        seen_unit(model.cls, term),
         FORMS[term.shape].power,
         float(term.size),
         float(term.scale),

@@ -8,15 +8,16 @@ of Levenberg and Marquardt (Nocedal, Wright: Numerical Optimization, section 10.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.law_model import Course, LawModel, Record, Setting
-from orchestration.diagnosis.terms import Term
+from orchestration.diagnosis.terms import Shape, Term
 from orchestration.identify.fitting import Scale, scale_of
 
 _LOGARITHM = float(np.log(10.0))  # prior deviation of a positive parameter: a factor of ten
@@ -25,11 +26,17 @@ _COEFFICIENT = 10.0  # prior deviation of a coefficient, in the size of its law
 _CONSTANT = 0.8  # prior deviation of the logarithm of a constant of a memory
 _WIDTH = 0.6  # prior deviation of the logarithm of a width
 _LONGEST = 1.5  # step of a coordinate, in prior deviations of a logarithm
-_FLAT = 1e-4  # relative fall of the cost that ends a search, twice in a row
+FLAT = 1e-4  # relative fall of the cost that ends a search, twice in a row
+_HALVINGS = 8  # of a step that does not go downhill, before a search ends
+_START_STEPS = 12  # of a fit of start states alone
 _STARTS = 3  # that are tried, of those that begin nearest to the record
 _TRIAL = 4  # steps from each, before the best goes on
 SMALL = 1e-3  # coefficient from which a search starts, so that a term has slopes
 _FEWEST = 4.0  # effective samples that are counted at least
+
+
+Place = TypeVar("Place")
+Evaluated = tuple[float, Array, Array, tuple[Array, ...]]  # cost, curvature, gradient, errors
 
 
 def effective_samples(error: Array) -> float:
@@ -232,6 +239,16 @@ class Fit:
         raise KeyError(str(term))
 
 
+def located(fitted: Fit) -> Fit:
+    """Return a fit whose changes at an instant are named by the instant that was fitted."""
+    terms = []
+    for term in fitted.terms:
+        is_change = term.shape is Shape.STEP
+        width = float(np.exp(fitted.values_of(term)[-1])) if is_change else term.width
+        terms.append(replace(term, width=width))
+    return replace(fitted, terms=tuple(terms))
+
+
 def weights_of(errors: Sequence[Array]) -> list[Array]:
     """Return weights (ny,) of squared errors, record by record: ``n_eff / n / sigma^2``.
 
@@ -276,7 +293,7 @@ class _Search:
             cost += 0.5 * float(np.nansum(error**2 * self.weights[r]))
         return cost
 
-    def evaluate(self, point: Point) -> tuple[float, Array, Array, tuple[Array, ...]] | None:
+    def evaluate(self, point: Point) -> Evaluated | None:
         """Return cost, curvature, downhill gradient and errors; None where a run fails."""
         problem = self.problem
         nx = len(problem.model.states)
@@ -334,36 +351,62 @@ class _Search:
         )
         return Point(q, point.values + step[p : self.size], starts)
 
-    def minimise(self, point: Point, most: int) -> Fit | None:
+    def minimise(self, point: Point, most: int, flat: float = FLAT) -> Fit | None:
         """Search downhill from a point, for so many steps at most."""
-        here = self.evaluate(point)
-        if here is None:
+        found = _downhill(self.evaluate, self.moved, point, most, flat)
+        if found is None:
             return None
-        damping, flat = 1e-2, 0
-        for _ in range(most):
-            cost, curvature, gradient, _ = here
-            diagonal = np.diag(curvature)
-            there = None
-            for _ in range(8):
-                try:
-                    step = np.linalg.solve(curvature + np.diag(damping * diagonal), gradient)
-                except np.linalg.LinAlgError:
-                    damping *= 10.0
-                    continue
-                trial = self.moved(point, np.asarray(step, dtype=np.float64))
-                there = self.evaluate(trial)
-                if there is not None and there[0] < cost:
-                    break
-                there = None
-                damping = max(damping, 1e-6) * 6.0
-            if there is None:
+        there, (cost, curvature, _, errors) = found
+        return Fit(self.problem, self.terms, there, errors, cost, curvature)
+
+
+def _downhill(
+    evaluate: Callable[[Place], Evaluated | None],
+    moved: Callable[[Place, Array], Place],
+    place: Place,
+    most: int,
+    flat: float,
+) -> tuple[Place, Evaluated] | None:
+    """Search downhill from a place by damped Gauss-Newton steps; None if it cannot start there.
+
+    Parameters
+    ----------
+    evaluate : callable
+        Returns cost, curvature, downhill gradient and errors at a place, or None.
+    moved : callable
+        Returns the place after a step.
+    place : Point or ndarray
+    most : int
+        Steps at most.
+    flat : float
+        Relative fall of the cost that ends the search, twice in a row.
+    """
+    here = evaluate(place)
+    if here is None:
+        return None
+    damping, small = 1e-2, 0
+    for _ in range(most):
+        cost, curvature, gradient, _ = here
+        lower = None
+        for _ in range(_HALVINGS):
+            damped = curvature + np.diag(damping * np.diag(curvature))
+            try:
+                trial = moved(place, np.asarray(np.linalg.solve(damped, gradient)))
+            except np.linalg.LinAlgError:
+                damping *= 10.0
+                continue
+            there = evaluate(trial)
+            if there is not None and there[0] < cost:
+                lower = there
                 break
-            fall = cost - there[0]
-            point, here, damping = trial, there, max(damping / 6.0, 1e-9)
-            flat = flat + 1 if fall < _FLAT * max(1.0, here[0]) else 0
-            if flat >= 2:
-                break
-        return Fit(self.problem, self.terms, point, here[3], here[0], here[1])
+            damping = max(damping, 1e-6) * 6.0
+        if lower is None:
+            break
+        place, here, damping = trial, lower, max(damping / 6.0, 1e-9)
+        small = small + 1 if cost - here[0] < flat * max(1.0, here[0]) else 0
+        if small >= 2:
+            break
+    return place, here
 
 
 def fit(
@@ -372,6 +415,7 @@ def fit(
     starts: Iterable[Point],
     weights: Sequence[Array],
     most: int = 25,
+    flat: float = FLAT,
 ) -> Fit | None:
     """Fit from the nearest of several points; that which is lowest after a few steps goes on.
 
@@ -384,6 +428,8 @@ def fit(
         Of squared errors, for each record; see `weights_of`.
     most : int
         Steps from each point.
+    flat : float
+        Relative fall of the cost that ends it, twice in a row.
 
     Returns
     -------
@@ -392,9 +438,9 @@ def fit(
     """
     search = _Search(problem, terms, weights)
     nearest = sorted(starts, key=search.cost)[:_STARTS]
-    begun = [search.minimise(point, _TRIAL) for point in nearest]
+    begun = [search.minimise(point, _TRIAL, flat) for point in nearest]
     best = min((f for f in begun if f is not None), key=lambda f: f.cost, default=None)
-    return best and search.minimise(best.point, most)
+    return best and search.minimise(best.point, most, flat)
 
 
 def nominal_point(problem: Problem, terms: Sequence[Term] = ()) -> Point:
@@ -404,9 +450,17 @@ def nominal_point(problem: Problem, terms: Sequence[Term] = ()) -> Point:
     return Point(problem.mean, np.concatenate([np.zeros(0), *values]), starts)
 
 
-def fit_base(problem: Problem) -> Fit | None:
-    """Fit the model without terms: weights from the nominal run, then from the fit itself."""
+def fit_base(problem: Problem, q: Array | None = None) -> Fit | None:
+    """Fit the model without terms: weights from the nominal run, then from the fit itself.
+
+    Parameters
+    ----------
+    problem : Problem
+    q : ndarray, shape (p,), optional
+        Where it starts; by default nominal.
+    """
     point = nominal_point(problem)
+    point = point if q is None else replace(point, q=q)
     weights = [np.ones(len(problem.spread)) * 10.0 for _ in problem.records]
     best = None
     for _ in range(3):
@@ -439,7 +493,7 @@ def fit_start(
         return prior.mean
     root = np.sqrt(weight)
 
-    def evaluate(z: Array) -> tuple[float, Array, Array] | None:
+    def evaluate(z: Array) -> Evaluated | None:
         start = prior.mean + z * prior.deviation
         course = model.run(record, setting, start, sensitive=True)
         if course is None:
@@ -449,26 +503,10 @@ def fit_start(
         rows = (rows * (root / problem.spread)[:, None]).reshape(-1, nx)
         present = np.isfinite(e)
         e, rows = e[present], rows[present]
-        return 0.5 * float(e @ e + z @ z), rows.T @ rows + np.eye(nx), rows.T @ e - z
+        return 0.5 * float(e @ e + z @ z), rows.T @ rows + np.eye(nx), rows.T @ e - z, (e,)
 
-    z = np.zeros(nx)
-    here = evaluate(z)
-    if here is None:
-        return None
-    damping = 1e-3
-    for _ in range(12):
-        cost, curvature, gradient = here
-        step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
-        there = evaluate(z + step)
-        if there is None or there[0] >= cost:
-            damping = 10.0 * max(damping, 1e-3)
-            if damping > 1e6:
-                break
-            continue
-        z, here, damping = z + step, there, damping / 10.0
-        if cost - here[0] < _FLAT * max(1.0, cost):
-            break
-    return prior.mean + z * prior.deviation
+    found = _downhill(evaluate, np.add, np.zeros(nx), _START_STEPS, FLAT)
+    return None if found is None else prior.mean + found[0] * prior.deviation
 
 
 def final_curvature(fitted: Fit) -> Array:

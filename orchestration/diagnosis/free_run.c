@@ -20,11 +20,12 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-enum shape { CONSTANT, LINEAR, MODULUS, SQUARE, ODD_SQUARE, CUBE, ROOT, DRY, DEAD_ZONE, ABOVE, BELOW, CURVE };
-enum memory { NONE, LAG, FADING, TWO_LAGS, RATE_LIMIT, PLAY, DAHL };
+enum shape { CONSTANT, LINEAR, MODULUS, SQUARE, ODD_SQUARE, CUBE, ROOT, DRY, DEAD_ZONE, ABOVE, BELOW, STEP, CURVE };
+enum memory { NONE, LAG, FADING, TWO_LAGS, RATE_LIMIT, PLAY, DAHL, HEAT };
 
 #define KNOTS 9
 #define ROUNDED 0.02   /* of the scale, within which a root is straight */
+#define ABRUPT 0.004   /* of the scale, within which a step is made */
 #define LARGEST 1e12   /* of a state or an output, beyond which a run has left its range */
 
 typedef struct {
@@ -46,9 +47,11 @@ typedef struct {
 typedef struct {
     const run *of;
     int ns, nz;            /* columns of sensitivities; memories */
+    int changed, of_laws;  /* laws with terms; whether a term looks at a law */
     int *first, *store;    /* of each term its first constant, and its memory or -1 */
-    double *arg_a;         /* additions to laws */
-    double *da;            /* NL x ns */
+    int *law, *row;        /* the changed laws; of each term the place of its law among them */
+    double *arg_a, *none;  /* additions to laws; zeros */
+    double *da;            /* changed x ns */
     double *g, *gx, *gp;   /* laws and their derivatives */
     double *f, *fx, *fp, *fa;
     double *ds, *dv, *dm;  /* ns each */
@@ -102,6 +105,12 @@ static void shape_at(const term *q, int j, double z, double w, double *value, do
         *by_z = z < -w;
         *by_w = z < -w ? w : 0.0;
         break;
+    case STEP:
+        e = tanh((z - w) / ABRUPT);
+        *value = 0.5 + 0.5 * e;
+        *by_z = 0.5 * (1.0 - e * e) / ABRUPT;
+        *by_w = -w * *by_z;
+        break;
     default: {  /* CURVE: hat j of a piecewise linear curve, constant beyond its ends */
         const double *k = q->places;
         *value = *by_z = 0.0;
@@ -116,50 +125,59 @@ static void shape_at(const term *q, int j, double z, double w, double *value, do
 }
 
 static int coefficients(const term *q) { return q->shape == CURVE ? q->knots : 1; }
-static int has_width(const term *q) { return q->shape >= DRY && q->shape <= BELOW; }
+static int has_width(const term *q) { return q->shape >= DRY && q->shape <= STEP; }
 static int of_memory(const term *q) {
     return q->memory == NONE ? 0 : q->memory == TWO_LAGS || q->memory == RATE_LIMIT ? 2 : 1;
 }
 
-/* a signal at a point, and its total derivatives by theta where d is given */
-static double signal(int i, const double *X, const double *S, const double *u, double t, work *k, double *d) {
+/* A signal at a point, and in *d its total derivatives by theta: a row of S or of `out`, 0 for none. */
+static double signal(int i, const double *X, const double *S, const double *u, double t, work *k,
+                     double *out, const double **d) {
     const run *r = k->of;
-    int ns = k->ns;
-    if (d) memset(d, 0, ns * sizeof(double));
+    int ns = k->ns, l = i - NU - NX;
+    *d = 0;
     if (i < NU) return u[i];
-    if (i < NU + NX) {
-        if (d) memcpy(d, S + (i - NU) * ns, ns * sizeof(double));
+    if (l < 0) {
+        if (S) *d = S + (i - NU) * ns;
         return X[i - NU];
     }
-    if (i == NU + NX + NL) return t;
-    int l = i - NU - NX;
-    if (d) {
+    if (l == NL) return t;
+    if (S) {
+        memset(out, 0, ns * sizeof(double));
         for (int j = 0; j < NX; j++) {
             double v = k->gx[l + j * NL];
-            if (v != 0.0) for (int q = 0; q < ns; q++) d[q] += v * S[j * ns + q];
+            if (v != 0.0) for (int q = 0; q < ns; q++) out[q] += v * S[j * ns + q];
         }
-        for (int q = 0; q < r->free; q++) d[q] += k->gp[l + r->position[q] * NL];
+        for (int q = 0; q < r->free; q++) out[q] += k->gp[l + r->position[q] * NL];
+        *d = out;
     }
     return k->g[l];
+}
+
+static int is_law(int i) { return i >= NU + NX && i < NU + NX + NL; }
+
+/* laws without terms at a point, where a term looks at one */
+static void see_laws(const double *X, const double *u, double t, int sensitive, work *k) {
+    if (!k->of_laws) return;
+    double *laws[8] = {k->g, sensitive ? k->gx : 0, sensitive ? k->gp : 0};
+    call(laws_of, X, u, t, k->of->parameters, k->none, laws, k);
 }
 
 /* additions to the laws and rates of the memories at a point */
 static void add_terms(const double *X, const double *S, const double *u, double t, double *dX, double *dS, work *k) {
     const run *r = k->of;
     int ns = k->ns, sensitive = S != 0;
-    memset(k->arg_a, 0, NL * sizeof(double));
-    if (sensitive) memset(k->da, 0, NL * ns * sizeof(double));
-    if (!r->terms) return;
-    double *laws[8] = {k->g, sensitive ? k->gx : 0, sensitive ? k->gp : 0};
-    call(laws_of, X, u, t, r->parameters, k->arg_a, laws, k);
+    for (int i = 0; i < k->changed; i++) k->arg_a[k->law[i]] = 0.0;
+    if (sensitive) memset(k->da, 0, k->changed * ns * sizeof(double));
+    see_laws(X, u, t, sensitive, k);
     for (int i = 0; i < r->terms; i++) {
         const term *q = r->term + i;
         int nc = coefficients(q), c0 = k->first[i], z = k->store[i], at_memory = c0 + nc;
         const double *c = r->values + c0;
         int col = r->free + c0;
-        double *ds = sensitive ? k->ds : 0, *dv = k->dv, *dm = sensitive ? k->dm : 0;
-        double s = signal(q->signal, X, S, u, t, k, ds), v = s;
-        if (sensitive) memcpy(dv, ds, ns * sizeof(double));
+        const double *ds, *dm, *dv;
+        double s = signal(q->signal, X, S, u, t, k, k->ds, &ds), v = s;
+        dv = ds;
         if (q->memory != NONE) {
             double Z = X[z];
             const double *sz = sensitive ? S + z * ns : 0;
@@ -168,7 +186,8 @@ static void add_terms(const double *X, const double *S, const double *u, double 
                 if (dX) dX[z] = 0.0;
                 if (dS) memset(dS + z * ns, 0, ns * sizeof(double));
             } else if (dX) {
-                double gap = s - Z, by_gap = 1.0 / tau, by_first = -gap / tau, by_second = 0.0, rate;
+                double into = q->memory == HEAT ? s * s : s, by_into = q->memory == HEAT ? 2.0 * s : 1.0;
+                double gap = into - Z, by_gap = 1.0 / tau, by_first = -gap / tau, by_second = 0.0, rate;
                 if (q->memory == TWO_LAGS && gap < 0.0) {
                     double ratio = exp(r->values[at_memory + 1]);
                     by_gap /= ratio; by_first /= ratio; by_second = -gap * by_gap;
@@ -182,19 +201,28 @@ static void add_terms(const double *X, const double *S, const double *u, double 
                 }
                 dX[z] = rate;
                 if (dS) {
-                    for (int j = 0; j < ns; j++) dS[z * ns + j] = by_gap * (ds[j] - sz[j]);
+                    double *to = dS + z * ns;
+                    for (int j = 0; j < ns; j++) to[j] = -by_gap * sz[j];
+                    if (ds) for (int j = 0; j < ns; j++) to[j] += by_gap * by_into * ds[j];
                     dS[z * ns + r->free + at_memory] += by_first;
                     if (of_memory(q) == 2) dS[z * ns + r->free + at_memory + 1] += by_second;
                 }
             }
-            v = q->memory == FADING ? s - Z : Z;
-            if (sensitive) for (int j = 0; j < ns; j++) dv[j] = q->memory == FADING ? ds[j] - sz[j] : sz[j];
+            int behind = q->memory == FADING || q->memory == TWO_LAGS || q->memory == RATE_LIMIT;
+            v = behind ? s - Z : Z;
+            dv = sz;
+            if (sensitive && behind) {
+                for (int j = 0; j < ns; j++) k->dv[j] = (ds ? ds[j] : 0.0) - sz[j];
+                dv = k->dv;
+            }
         }
-        double m = q->factor < 0 ? 1.0 : signal(q->factor, X, S, u, t, k, dm);
+        double m = 1.0;
+        dm = 0;
+        if (q->factor >= 0) m = signal(q->factor, X, S, u, t, k, k->dm, &dm);
         int at_width = at_memory + of_memory(q);
         double w = has_width(q) ? exp(r->values[at_width]) : 1.0;
         double zz = (v - q->middle) / q->scale, sum = 0.0, by_z = 0.0, by_w = 0.0, size = q->size;
-        double *da = k->da + q->law * ns;
+        double *da = k->da + k->row[i] * ns;
         for (int j = 0; j < nc; j++) {
             double a, b, d;
             shape_at(q, j, zz, w, &a, &b, &d);
@@ -204,8 +232,8 @@ static void add_terms(const double *X, const double *S, const double *u, double 
         k->arg_a[q->law] += size * m * sum;
         if (sensitive) {
             double by_v = size * m * by_z / q->scale;
-            for (int j = 0; j < ns; j++) da[j] += by_v * dv[j];
-            if (q->factor >= 0) for (int j = 0; j < ns; j++) da[j] += size * sum * dm[j];
+            if (dv) for (int j = 0; j < ns; j++) da[j] += by_v * dv[j];
+            if (dm) for (int j = 0; j < ns; j++) da[j] += size * sum * dm[j];
             if (has_width(q)) da[r->free + at_width] += size * m * by_w;
         }
     }
@@ -221,11 +249,10 @@ static void chain(int rows, const double *by_x, const double *by_p, const double
             double v = by_x[i + j * rows];
             if (v != 0.0) for (int q = 0; q < ns; q++) o[q] += v * S[j * ns + q];
         }
-        if (r->terms)
-            for (int l = 0; l < NL; l++) {
-                double v = by_a[i + l * rows];
-                if (v != 0.0) for (int q = 0; q < ns; q++) o[q] += v * k->da[l * ns + q];
-            }
+        for (int l = 0; l < k->changed; l++) {
+            double v = by_a[i + k->law[l] * rows];
+            if (v != 0.0) for (int q = 0; q < ns; q++) o[q] += v * k->da[l * ns + q];
+        }
         for (int q = 0; q < r->free; q++) o[q] += by_p[i + r->position[q] * rows];
     }
 }
@@ -246,6 +273,11 @@ static void observe(const double *X, const double *S, const double *u, double t,
     chain(NY, k->fx, k->fp, k->fa, S, dy, k);
 }
 
+static void copy(double *to, const double *from, int count) {
+    if (from) memcpy(to, from, count * sizeof(double));
+    else memset(to, 0, count * sizeof(double));
+}
+
 /* memories without a rate follow their signal after each step: play, and a bristle that gives before it slides */
 static void follow(double *X, double *S, const double *u, double t, const double *before, const double *dbefore, work *k) {
     const run *r = k->of;
@@ -254,20 +286,21 @@ static void follow(double *X, double *S, const double *u, double t, const double
         const term *q = r->term + i;
         if (q->memory != PLAY && q->memory != DAHL) continue;
         int z = k->store[i], at = k->first[i] + coefficients(q), column = r->free + at;
-        double w = q->scale * exp(r->values[at]), s = signal(q->signal, X, S, u, t, k, S ? k->ds : 0);
+        const double *ds;
+        double w = q->scale * exp(r->values[at]), s = signal(q->signal, X, S, u, t, k, k->ds, &ds);
         double *sz = S ? S + z * ns : 0;
         if (q->memory == PLAY) {
             double gap = s - X[z];
             if (fabs(gap) <= w) continue;
             double side = gap > 0.0 ? 1.0 : -1.0;
             X[z] = s - side * w;
-            if (S) { memcpy(sz, k->ds, ns * sizeof(double)); sz[column] -= side * w; }
+            if (S) { copy(sz, ds, ns); sz[column] -= side * w; }
         } else {  /* dz = ds - |ds| z / w, exactly for a signal that moves one way within the step */
             double moved = s - before[i], side = moved < 0.0 ? -1.0 : 1.0, e = exp(-fabs(moved) / w), Z = X[z];
             X[z] = e * Z + side * w * (1.0 - e);
             if (S) {
                 double by_moved = e * (1.0 - side * Z / w);
-                for (int j = 0; j < ns; j++) sz[j] = e * sz[j] + by_moved * (k->ds[j] - dbefore[i * ns + j]);
+                for (int j = 0; j < ns; j++) sz[j] = e * sz[j] + by_moved * ((ds ? ds[j] : 0.0) - dbefore[i * ns + j]);
                 sz[column] += e * Z * fabs(moved) / w + side * w * (1.0 - e) - side * e * fabs(moved);
             }
         }
@@ -282,15 +315,14 @@ static int simulate(work *k, double *memory) {
     memset(S, 0, nX * ns * sizeof(double));
     memcpy(X, r->start, NX * sizeof(double));
     for (int i = 0; i < NX; i++) S[i * ns + ns - NX + i] = 1.0;
-    double *laws[8] = {k->g, k->gx, k->gp};
-    memset(k->arg_a, 0, NL * sizeof(double));
-    call(laws_of, X, r->inputs, r->time[0], r->parameters, k->arg_a, laws, k);
-    for (int i = 0; i < r->terms; i++)  /* memories begin in equilibrium */
+    see_laws(X, r->inputs, r->time[0], 1, k);
+    for (int i = 0; i < r->terms; i++)  /* memories begin in equilibrium; bristles and heat at rest */
         if (k->store[i] >= 0) {
-            int dahl = r->term[i].memory == DAHL;
-            double s = signal(r->term[i].signal, X, S, r->inputs, r->time[0], k, k->ds);
-            X[k->store[i]] = dahl ? 0.0 : s;
-            if (!dahl) memcpy(S + k->store[i] * ns, k->ds, ns * sizeof(double));
+            int rests = r->term[i].memory == DAHL || r->term[i].memory == HEAT;
+            const double *ds;
+            double s = signal(r->term[i].signal, X, S, r->inputs, r->time[0], k, k->ds, &ds);
+            X[k->store[i]] = rests ? 0.0 : s;
+            if (!rests) copy(S + k->store[i] * ns, ds, ns);
         }
     for (int j = 0; j < r->n; j++) {
         const double *here = r->inputs + j * NU, *next = here + NU;
@@ -317,8 +349,9 @@ static int simulate(work *k, double *memory) {
                 if (!stage)
                     for (int i = 0; i < r->terms; i++)
                         if (r->term[i].memory == DAHL) {
-                            before[i] = signal(r->term[i].signal, X, sensitive ? S : 0, u, t, k, sensitive ? k->ds : 0);
-                            if (sensitive) memcpy(dbefore + i * ns, k->ds, ns * sizeof(double));
+                            const double *ds;
+                            before[i] = signal(r->term[i].signal, X, sensitive ? S : 0, u, t, k, k->ds, &ds);
+                            if (sensitive) copy(dbefore + i * ns, ds, ns);
                         }
             }
             for (int i = 0; i < nX; i++) X[i] += h / 6.0 * (K[i] + 2.0 * K[nX + i] + 2.0 * K[2 * nX + i] + K[3 * nX + i]);
@@ -327,9 +360,8 @@ static int simulate(work *k, double *memory) {
                 for (int i = 0; i < m; i++) S[i] += h / 6.0 * (L[i] + 2.0 * L[m + i] + 2.0 * L[2 * m + i] + L[3 * m + i]);
             }
             if (k->nz) {
-                double *again[8] = {k->g, sensitive ? k->gx : 0, sensitive ? k->gp : 0};
                 if (sub == r->substeps - 1) for (int i = 0; i < NU; i++) u[i] = next[i];
-                call(laws_of, X, u, t + h, r->parameters, k->arg_a, again, k);
+                see_laws(X, u, t + h, sensitive, k);
                 follow(X, sensitive ? S : 0, u, t + h, before, dbefore, k);
             }
         }
@@ -340,25 +372,30 @@ static int simulate(work *k, double *memory) {
 /* Set up the work of a run, with columns for start states or, for a linearisation, all states. */
 static double *prepare(work *k, const run *r, int all_states) {
     *k = (work){.of = r};
-    int *integers = calloc(2 * r->terms + 2 + LAWS_IW + 1, sizeof(int));
+    int *integers = calloc(4 * r->terms + 4 + LAWS_IW + 1, sizeof(int));
     if (!integers) return 0;
     k->first = integers;
     k->store = integers + r->terms + 1;
-    k->iw = integers + 2 * r->terms + 2;
+    k->law = integers + 2 * r->terms + 2;
+    k->row = integers + 3 * r->terms + 3;
+    k->iw = integers + 4 * r->terms + 4;
     for (int i = 0, at = 0; i < r->terms; i++) {
         const term *q = r->term + i;
         k->first[i] = at;
         k->store[i] = q->memory == NONE ? -1 : NX + k->nz++;
         at += coefficients(q) + of_memory(q) + has_width(q);
+        while (k->row[i] < k->changed && k->law[k->row[i]] != q->law) k->row[i]++;
+        if (k->row[i] == k->changed) k->law[k->changed++] = q->law;
+        k->of_laws |= is_law(q->signal) || is_law(q->factor);
     }
     int nX = NX + k->nz, rows = NX > NY ? NX : NY;
     int ns = k->ns = r->free + r->constants + (all_states ? nX : NX);
-    size_t own = NL + NL * ns + NL * (1 + NX + NP) + rows * (NX + NP + NL) + 3 * ns + LAWS_W + 16;
+    size_t own = 2 * NL + k->changed * ns + NL * (1 + NX + NP) + rows * (NX + NP + NL) + 3 * ns + LAWS_W + 16;
     size_t spare = (size_t)nX * (6 + 6 * ns) + NU + NY + 2 + (r->terms + 1) * (1 + ns) + 16;
     double *at = calloc(own + spare, sizeof(double));
     if (!at) { free(integers); return 0; }
 #define TAKE(name, count) k->name = at; at += (count)
-    TAKE(arg_a, NL + 1); TAKE(da, NL * ns + 1); TAKE(g, NL + 1); TAKE(gx, NL * NX + 1); TAKE(gp, NL * NP + 1);
+    TAKE(arg_a, NL + 1); TAKE(none, NL + 1); TAKE(da, k->changed * ns + 1); TAKE(g, NL + 1); TAKE(gx, NL * NX + 1); TAKE(gp, NL * NP + 1);
     TAKE(fx, rows * NX + 1); TAKE(fp, rows * NP + 1); TAKE(fa, rows * NL + 1);
     TAKE(ds, ns); TAKE(dv, ns); TAKE(dm, ns); TAKE(w, LAWS_W + 1);
     return at;
@@ -405,7 +442,7 @@ EXPORT int linearise(const run *r, const double *states, double *rate_slopes, do
         observe(X, S, u, r->time[j], y, output_slopes + (size_t)j * NY * ns, &k);
         memcpy(output_by_laws + (size_t)j * NY * NL, k.fa, NY * NL * sizeof(double));
         double *results[8] = {laws + j * NL};
-        call(laws_of, X, u, r->time[j], r->parameters, k.arg_a, results, &k);
+        call(laws_of, X, u, r->time[j], r->parameters, k.none, results, &k);
     }
     release(&k);
     return 0;

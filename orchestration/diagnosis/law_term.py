@@ -19,6 +19,7 @@ from fmus.kit.functions import absolute, exp, maximum, minimum, sqrt, table, tan
 
 # a sample period, s, that leaves one sample in any simulation: the one at the start
 _ONCE = 1e9
+_ABRUPT = 0.004  # of the scale, within which a step is made, as in free_run.c
 _ROUNDED = 0.02  # of the scale, within which a root is straight, as in free_run.c
 _WIDEST = 1e6  # of a width or a constant, in its value, and the reciprocal of the smallest
 
@@ -36,7 +37,8 @@ class LawTerm:
     stem : str
         Name of the parameter that switches it; those of other variables begin with it.
     amount_unit, signal_unit : str
-        Of the coefficient (of a curve, of its values), and of the signal.
+        Of the coefficient (of a curve, of its values), and of the signal as the shape has it: of
+        heat its square.
     power : float
         Power of the signal in the coefficient's unit.
     size, scale, middle : float
@@ -153,7 +155,7 @@ def _shape_parameters(term: LawTerm) -> dict[str, Any]:
         return declared
     doc = f"part of {term.law} over {term.signal or 'nothing'} (a)"
     declared[stem] = coefficient(term.amount_unit, nominal, doc)
-    if term.shape in ("dry", "dead_zone", "above", "below"):
+    if term.shape in ("dry", "dead_zone", "above", "below", "step"):
         doc = f"{term.signal} at which {stem} bends (w)"
         declared[f"{stem}_width"] = _positive(term.scale, term.signal_unit, doc)
     return declared
@@ -170,6 +172,7 @@ _SHAPES: dict[str, Callable[[Any, Any, Any], Any]] = {
     "dry": lambda x, w, s: tanh(x / w),
     "dead_zone": lambda x, w, s: x - maximum(minimum(x, w), -w),
     "above": lambda x, w, s: maximum(x - w, 0.0 * w),
+    "step": lambda x, w, s: 0.5 + 0.5 * tanh((x - w) / (_ABRUPT * s)),
     "below": lambda x, w, s: minimum(x + w, 0.0 * w),
 }
 
@@ -202,7 +205,30 @@ def _memory(term: LawTerm) -> _Memory:
         return _Memory({}, lambda self: 0.0)
     if term.memory == "none":
         return _Memory({}, lambda self: _value_of(self, term.signal))
+    if term.memory == "heat":
+        return _heat(term)
     return _sampled(term) if term.memory in ("play", "dahl") else _continuous(term)
+
+
+def _heat(term: LawTerm) -> _Memory:
+    """Return a memory of the square of a signal, which begins at rest."""
+    time, heat = f"{term.stem}_time", f"{term.stem}_heat"
+
+    def rate(self: Any) -> Any:
+        now = _value_of(self, term.signal)
+        return (now * now - getattr(self, heat)) / getattr(self, time)
+
+    members = {
+        time: _positive(1.0, "s", f"time constant of {term.stem}"),
+        heat: State(
+            term.signal_unit,
+            rate=f"{heat}_rate",
+            nominal=term.scale,
+            doc=f"lag of the square of {term.signal}",
+        ),
+        f"{heat}_rate": rate,
+    }
+    return _Memory(members, lambda self: getattr(self, heat))
 
 
 def _continuous(term: LawTerm) -> _Memory:
@@ -211,6 +237,7 @@ def _continuous(term: LawTerm) -> _Memory:
     Its state is the change since the start, as a start value cannot be computed from an input.
     """
     stem = term.stem
+    is_behind = term.memory in ("fading", "two_lags", "rate_limit")
     unit = term.signal_unit
     names = {role: f"{stem}_{role}" for role in ("change", "begin", "begun", "time")}
 
@@ -234,7 +261,7 @@ def _continuous(term: LawTerm) -> _Memory:
 
     def value(self: Any) -> Any:
         before = remembered(self)
-        return now(self) - before if term.memory == "fading" else before
+        return now(self) - before if is_behind else before
 
     members = {
         names["time"]: _positive(1.0, "s", f"time constant of {stem}"),

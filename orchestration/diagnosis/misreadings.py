@@ -137,7 +137,7 @@ def _thin(subject: Subject) -> Subject:
     """Return a subject of fewer samples, if the model sees no difference."""
     problem = subject.problem
     most = _MOST // len(problem.records)
-    records = tuple(thinned(problem, r, most) for r in problem.records)
+    records = tuple(thinned(problem, r, problem.mean, most) for r in problem.records)
     return replace(subject, problem=replace(problem, records=records), left_out=())
 
 

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import expm
 
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.law_model import Linearisation, Record
 
-_BLOCK = 500  # steps whose exponentials are taken at once
+_SMALL = 0.5  # norm of a matrix whose series is summed
+_ORDER = 12  # of that series: the rest is below rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,22 +93,38 @@ def steps_along(part: Linearisation, durations: Array) -> tuple[Array, Array]:
     Returns
     -------
     transitions, driven : ndarray, shape (n - 1, nx, nx)
-        ``exp(A h)`` and ``h phi_1(A h)``, from one exponential (Van Loan: Computing integrals
-        involving the matrix exponential, IEEE Transactions on Automatic Control 23, 1978).
+        ``exp(A h)`` and ``h phi_1(A h)``.
     """
     n, nx = len(durations), part.rates.shape[1]
     if not n or not nx:
         return np.zeros((n, nx, nx)), np.zeros((n, nx, nx))
-    whole = np.zeros((n, 2 * nx, 2 * nx))
-    whole[:, :nx, :nx] = part.rates[:-1, :, part.rates.shape[2] - nx :]
-    whole[:, :nx, nx:] = np.eye(nx)
-    whole = np.nan_to_num(whole * durations[:, None, None], posinf=0.0, neginf=0.0)
-    steps = np.concatenate([expm(block) for block in np.array_split(whole, max(1, n // _BLOCK))])
-    return steps[:, :nx, :nx], steps[:, :nx, nx:]
+    rates = part.rates[:-1, :, part.rates.shape[2] - nx :] * durations[:, None, None]
+    transitions, means = _exponential(np.nan_to_num(rates, posinf=0.0, neginf=0.0))
+    return transitions, means * durations[:, None, None]
 
 
 def _finite(columns: Array) -> Array:
     return np.nan_to_num(columns[:-1], posinf=0.0, neginf=0.0)
+
+
+def _exponential(matrices: Array) -> tuple[Array, Array]:
+    """Return the exponential of matrices (n, k, k), and its mean from no to the whole of them.
+
+    The Taylor series of the mean, of matrices halved until they are small, and doubled again
+    (Higham: Functions of Matrices, SIAM 2008, section 10.7.4).
+    """
+    one = np.eye(matrices.shape[1])
+    largest = np.abs(matrices).sum(axis=2).max(initial=0.0)
+    halvings = int(np.ceil(np.log2(max(largest / _SMALL, 1.0))))
+    small = matrices / 2.0**halvings
+    mean = np.broadcast_to(one, matrices.shape)
+    for k in range(_ORDER, 0, -1):
+        mean = one + small @ mean / (k + 1.0)
+    whole = one + small @ mean
+    for _ in range(halvings):
+        mean = mean @ (whole + one) / 2.0
+        whole = whole @ whole
+    return whole, mean
 
 
 @dataclass(frozen=True, eq=False)

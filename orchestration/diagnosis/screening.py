@@ -8,7 +8,7 @@ do is projected out, with their priors.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,8 +42,14 @@ _REMEMBERED = {
     Memory.FADING: (Shape.LINEAR, Shape.DRY),
     Memory.PLAY: (Shape.LINEAR,),
     Memory.DAHL: (Shape.LINEAR,),
+    Memory.HEAT: (),  # it changes a law in percent
 }
-_FACTOR = (Shape.LINEAR, Shape.SQUARE, Shape.DRY, Shape.CURVE)
+_FACTORS = {
+    Memory.NONE: (Shape.LINEAR, Shape.SQUARE, Shape.DRY, Shape.CURVE),
+    Memory.HEAT: (Shape.LINEAR,),
+}
+_PRODUCT = (Shape.LINEAR, Shape.SQUARE, Shape.CURVE)  # of a term in proportion to an input
+_PLACES = 24  # instants of a record at which a law may have changed
 _WIDTHS = {
     Shape.DRY: (0.05, 0.4),
     Shape.DEAD_ZONE: (0.4, 1.0),
@@ -53,6 +59,8 @@ _WIDTHS = {
 _DRY, _BEND = 0.3, 0.6  # widths from which other shapes of a term are fitted, in scales
 _RANGE = -2.0, 2.0  # of a signal whose curve has no knots yet, in scales
 _KNOTS = 9
+_RATIO = 4.0  # of two lags, from which a search starts
+_QUICK, _RATES = 5.0, (0.5, 2.0)  # of a rate limit: its lag, and rates in scales over that of a lag
 _ROWS = 1600  # of the screen at most
 _SAME = 0.9999  # cosine from which on two laws act alike
 _RIDGE = 1e-2  # prior precision of a coefficient
@@ -107,6 +115,8 @@ class Screen:
         laws = np.concatenate([part.laws for part in parts])
         times = [r.time for r in pieces]
         self.candidates = list(_candidates(model, classes, signals, laws, times))
+        if len(fitted.problem.records) == 1:  # an instant is one of a record
+            self.candidates += _changes(model, classes, np.concatenate(times), laws)
         if named:
             at = problem.parameters(fitted.point.q)
             effects = named_terms(model, at, pieces, courses, parts, problem.spread)
@@ -359,15 +369,68 @@ def _candidates(
             shapes = _REMEMBERED.get(view.memory, _PLAIN)
             for term in _terms(law, view, shapes, size):
                 yield _candidate(model, term, view, np.full(len(laws), size), depends)
-        for law in same:
-            if len(same) > 1 and (law in rates or np.ptp(value_of[law]) == 0.0):
+        yield from _in_percent(model, same, views, value_of)
+        yield from _by_inputs(model, same, size, views, dict(signals))
+
+
+def _in_percent(
+    model: LawModel, same: Sequence[str], views: Sequence[Seen], value_of: Mapping[str, Array]
+) -> Iterator[Candidate]:
+    """Yield terms in proportion to each law of those that act alike."""
+    rates = {s.rate for s in model.states}
+    for law in same:
+        if len(same) > 1 and (law in rates or np.ptp(value_of[law]) == 0.0):
+            continue
+        own = model.perturbed.computed_from(law)
+        for view in views:
+            shapes = _FACTORS.get(view.memory, ())
+            is_own = view.memory is Memory.NONE and own == {view.signal}
+            if is_own or view.signal == law:
                 continue
-            for view in views:
-                own = model.perturbed.computed_from(law)
-                if view.memory is not Memory.NONE or own == {view.signal} or view.signal == law:
-                    continue
-                for term in _terms(law, view, _FACTOR, 1.0, factor=law):
-                    yield _candidate(model, term, view, value_of[law], view.signal in own)
+            for term in _terms(law, view, shapes, 1.0, factor=law):
+                yield _candidate(model, term, view, value_of[law], view.signal in own)
+
+
+def _by_inputs(
+    model: LawModel,
+    same: Sequence[str],
+    size: float,
+    views: Sequence[Seen],
+    values: Mapping[str, Array],
+) -> Iterator[Candidate]:
+    """Yield terms in proportion to an input: command times state, heat by flow over charge.
+
+    Where a law is a function of the input alone, these are changes in percent of that law.
+    """
+    others = {v.name for v in (*model.inputs, *model.states)}
+    for factor in (v.name for v in model.inputs if v.name in values):
+        if any(model.perturbed.computed_from(law) == {factor} for law in same):
+            continue
+        amount = values[factor]
+        unit = size / float(np.sqrt(np.mean(amount**2)))
+        for view in views:
+            if view.memory is Memory.NONE and view.signal in others - {factor}:
+                law, depends = _owner(model, same, view.signal)
+                for term in _terms(law, view, _PRODUCT, unit, factor=factor):
+                    yield _candidate(model, term, view, unit * amount, depends)
+
+
+def _changes(
+    model: LawModel, classes: Sequence[Sequence[str]], time: Array, laws: Array
+) -> Iterator[Candidate]:
+    """Yield changes of laws in percent at an instant, and offsets from one on."""
+    length = float(time.max())
+    view = Seen("time", Memory.NONE, (), time, length, 0.0)
+    rates = {s.rate for s in model.states}
+    value_of = dict(zip(model.laws, laws.T, strict=True))
+    for same in classes:
+        for law in same:
+            if len(same) > 1 and law in rates:
+                continue
+            amount = value_of[law]
+            for place in (np.arange(_PLACES) + 1.0) / (_PLACES + 1.0):
+                term = Term(law, "time", Shape.STEP, factor=law, scale=length, width=float(place))
+                yield _candidate(model, term, view, amount, True)
 
 
 def _terms(
@@ -403,11 +466,31 @@ def other_shapes(term: Term) -> Iterator[Term]:
     """Yield a term with each of the other shapes of its signal."""
     low, high = (term.places[0], term.places[-1]) if term.places else _RANGE
     for shape in Shape:
-        if shape is term.shape or shape in (Shape.CONSTANT, Shape.MODULUS):
+        if shape is term.shape or shape in (Shape.CONSTANT, Shape.MODULUS, Shape.STEP):
             continue
         places = tuple(np.linspace(low, high, _KNOTS)) if shape is Shape.CURVE else ()
         width = _DRY if shape is Shape.DRY else _BEND
         yield replace(term, shape=shape, width=width, places=places)
+
+
+def other_memories(term: Term) -> Iterator[Term]:
+    """Yield a term that lags or fades with lags that differ by direction, or a limited rate."""
+    if term.memory not in (Memory.LAG, Memory.FADING):
+        return
+    lag = term.constants[0]
+    kinds: list[tuple[Memory, tuple[float, ...]]] = [(Memory.FADING, (lag,))]
+    kinds += [(Memory.TWO_LAGS, (lag / ratio**0.5, ratio)) for ratio in (_RATIO, 1.0 / _RATIO)]
+    kinds += [(Memory.RATE_LIMIT, (lag / _QUICK, rate / lag)) for rate in _RATES]
+    for memory, constants in kinds:
+        if memory is not term.memory or term.shape is not Shape.LINEAR:
+            yield replace(term, memory=memory, constants=constants, shape=Shape.LINEAR, places=())
+
+
+def at_other_instants(term: Term) -> Iterator[Term]:
+    """Yield a change at an instant with instants between those of the screen."""
+    if term.shape is Shape.STEP:
+        for part in (-1.0 / 3.0, 1.0 / 3.0):
+            yield replace(term, width=term.width + part / (_PLACES + 1.0))
 
 
 def _candidate(model: LawModel, term: Term, view: Seen, amount: Array, depends: bool) -> Candidate:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, single_threaded
 from orchestration.diagnosis.comparison import Comparison, Judged, common_of, compare
 from orchestration.diagnosis.fitting import (
     SMALL,
@@ -18,18 +18,24 @@ from orchestration.diagnosis.fitting import (
     StartPrior,
     fit,
     fit_start,
+    located,
     nominal_point,
     weights_of,
 )
 from orchestration.diagnosis.law_model import Record
 from orchestration.diagnosis.misreadings import misreadings
 from orchestration.diagnosis.readings import Reading
-from orchestration.diagnosis.screening import Screen, other_shapes
+from orchestration.diagnosis.screening import (
+    Screen,
+    at_other_instants,
+    other_memories,
+    other_shapes,
+)
 from orchestration.diagnosis.subject import Subject
 from orchestration.diagnosis.terms import NamedTerm, Term, effects_in
 
 _PIECES = (1, 8, 40)  # of a record, of the courses along which terms are proposed
-_QUOTAS = {1: {1: 5, 2: 5, 3: 3}, 8: {1: 4, 2: 4, 3: 2}, 40: {1: 4, 2: 4, 3: 2}}
+_QUOTAS = {1: {1: 7, 2: 6, 3: 3}, 8: {1: 6, 2: 5, 3: 2}, 40: {1: 6, 2: 5, 3: 2}}
 _OF_READING = {1: {1: 3, 2: 2}}  # the same of a file that is read in another way
 _SECOND = {1: 4, 2: 2}  # sets that are fitted around each of the best, by terms added
 _NAMED = {1: 6, 2: 4}  # sets with an effect of the catalogue, beside those without
@@ -42,6 +48,7 @@ _FAR = 0.4  # prior deviations from nominal, from which on a search starts at no
 _WORTH = -5.0  # nats of evidence by the screen, below which a set is not fitted
 _STEPS, _FEWER_STEPS = 15, 12  # of a fit; of one that starts from a fit of nearly the same terms
 _LAST_STEPS = 25
+_NEARLY_FLAT = 1e-3  # fall of the cost that ends a fit before the last ones: a nat of thousands
 _SUBSETS, _SHAPES = 6, 2  # of the best fits, that are fitted with fewer terms, or other shapes
 _SHORTEST = 12  # samples of a piece
 _PIECE_WEIGHT = 0.5 / 0.1**2 / 5.0  # of squared errors of a piece: within a tenth of the spread
@@ -99,6 +106,7 @@ class Found:
         return result
 
 
+@single_threaded
 def search(subject: Subject, progress: Callable[[str], None] = lambda text: None) -> Found | None:
     """Fit what the record proposes; None if the base cannot be judged.
 
@@ -206,6 +214,10 @@ class _Rounds:
         if np.any(np.abs(q - problem.mean) > _FAR * problem.deviation):
             nominal = replace(nominal_point(problem), values=np.concatenate([base, *small]))
             points.append(nominal)
+        for k, term in enumerate(terms):
+            for other in at_other_instants(term):
+                instead = [*wanted[:k], other.values(wanted[k][0]), *wanted[k + 1 :]]
+                points.append(Point(moved, np.concatenate([base, *instead]), starts))
         return (*fitted.terms, *terms), points
 
     def _fit_all(
@@ -222,8 +234,8 @@ class _Rounds:
         subject = self.found.subject
 
         def one(job: tuple[tuple[Term, ...], list[Point]]) -> Judged | None:
-            fitted = fit(subject.problem, job[0], job[1], self._weights, most)
-            return None if fitted is None else subject.judge(fitted)
+            fitted = fit(subject.problem, job[0], job[1], self._weights, most, _NEARLY_FLAT)
+            return None if fitted is None else subject.judge(located(fitted))
 
         with ThreadPoolExecutor() as pool:
             self.found.fits += [judged for judged in pool.map(one, new) if judged is not None]
@@ -247,13 +259,13 @@ class _Rounds:
         self._fit_all(asked, _FEWER_STEPS)
 
     def shapes(self) -> None:
-        """Fit the best sets with other shapes of each of their terms."""
+        """Fit the best sets with other shapes and other memories of each of their terms."""
         asked = []
         for one in self.found.best(_SHAPES):
             for term in one.terms:
                 if not term.signal or isinstance(term, NamedTerm):
                     continue
-                for other in other_shapes(term):
+                for other in itertools.chain(other_shapes(term), other_memories(term)):
                     terms = tuple(other if t == term else t for t in one.terms)
                     asked.append((terms, [_extended(one.fit, terms)]))
         self._fit_all(asked, _FEWER_STEPS)
@@ -263,6 +275,8 @@ class _Rounds:
         asked = []
         for one in self.found.best(_SHAPES):
             for term in one.terms:
+                if not term.signal or isinstance(term, NamedTerm):
+                    continue
                 for other in self._in_other_laws(term):
                     terms = tuple(other if t == term else t for t in one.terms)
                     asked.append((terms, [_extended(one.fit, terms)]))
@@ -270,15 +284,11 @@ class _Rounds:
 
     def _in_other_laws(self, term: Term) -> Iterable[Term]:
         """Return a term of a signal in each of the other laws that a screen had it in."""
-        same = {
-            t.law: t
-            for t in self._terms
-            if (t.signal, t.memory, bool(t.factor)) == (term.signal, term.memory, bool(term.factor))
-        }
+        same = {other.law: other for other in self._terms if _view_of(other) == _view_of(term)}
         return [
             replace(term, law=law, factor=other.factor, size=other.size)
             for law, other in same.items()
-            if term.signal and law != term.law
+            if law != term.law
         ]
 
     def polish(self) -> None:
@@ -290,6 +300,11 @@ class _Rounds:
             judged = None if fitted is None else subject.judge(fitted)
             if judged is not None:
                 self.found.fits.append(judged)
+
+
+def _view_of(term: Term) -> tuple[object, ...]:
+    """Return what a term sees of a signal, in proportion to what: all but its law and shape."""
+    return term.signal, term.memory, "law" if term.factor == term.law else term.factor
 
 
 def _extended(fitted: Fit, terms: Sequence[Term]) -> Point:
@@ -309,7 +324,7 @@ def _by_quota(
         size = len(terms)
         first = max(chosen, key=lambda i: screen.value([i]))
         lead = size, screen.candidates[first].term.source
-        timed = any(t.signal == "time" for t in terms)
+        timed = any(t.is_trend for t in terms)
         is_named = bool(effects_in(terms))
         own = _NAMED if is_named else quota
         kind = size, "named" if is_named else "laws"

@@ -103,7 +103,8 @@ def seen(
                 continue
             for constant in _WAYS if kind in (Memory.PLAY, Memory.DAHL) else constants:
                 remembered = _remembered(kind, values, times, float(constant))
-                if remembered.std() < 1e-3 * values.std():
+                kept = values**2 if kind is Memory.HEAT else values
+                if remembered.std() < 1e-3 * kept.std():
                     continue
                 z = _standardised(remembered)
                 limit = _NO_MEMORY if kind is not Memory.FADING else _FADES
@@ -178,9 +179,15 @@ def _dahl(values: Array, time: Array, share: float) -> Array:
     return bristle
 
 
+def _heat(values: Array, time: Array, constant: float) -> Array:
+    rest = values[0] ** 2 * np.exp(-(time - time[0]) / constant)
+    return lagged(values**2, time, constant) - rest
+
+
 _MEMORIES: dict[Memory, Callable[[Array, Array, float], Array]] = {
     Memory.LAG: lagged,
     Memory.FADING: _faded,
     Memory.PLAY: _play,
     Memory.DAHL: _dahl,
+    Memory.HEAT: _heat,
 }

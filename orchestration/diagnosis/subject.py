@@ -8,19 +8,19 @@ from functools import cached_property
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, single_threaded
 from orchestration.diagnosis.comparison import WEIGHTS, Judged, words
 from orchestration.diagnosis.fitting import (
     Fit,
+    Point,
     Problem,
     StartPrior,
     fit_base,
     fit_start,
-    nominal_point,
 )
-from orchestration.diagnosis.law_model import LawModel, Record
+from orchestration.diagnosis.law_model import LawModel, Record, Setting
 from orchestration.diagnosis.readings import Reading, ReadingKind
-from orchestration.diagnosis.terms import Term
+from orchestration.diagnosis.terms import Shape, Term
 
 _PART = 2.0 / 3.0  # of a single record that is fitted
 _BEGINNING = 6  # a held-out record gives its start states in the first part of so many
@@ -110,7 +110,24 @@ class Subject:
         return int(np.sum(with_prior - 1.0 > 1.0))
 
     def errors(self, fitted: Fit, one: LeftOut) -> Array | None:
-        """Return the errors (m, ny) of a fit on samples that are left out, in spreads."""
+        """Return the errors (m, ny) of a fit on samples that are left out, in spreads.
+
+        A change at an instant is one of the fitted record: another was made before it or after it,
+        as its beginning says.
+        """
+        errors = None
+        least = np.inf
+        for variant in _before_and_after(fitted) if one.of is None else [fitted]:
+            whole = self._whole_errors(variant, one)
+            if whole is None:
+                continue
+            size = float(np.nansum(whole[: one.first] ** 2))
+            if size < least:
+                errors, least = whole[one.first :], size
+        return errors
+
+    def _whole_errors(self, fitted: Fit, one: LeftOut) -> Array | None:
+        """Return the errors (n, ny) of a fit on a record that is left out, from its start."""
         problem = self.problem
         setting = problem.setting(fitted.point, fitted.terms)
         start = (
@@ -123,7 +140,23 @@ class Subject:
         course = problem.model.run(one.record, setting, start)
         if course is None:
             return None
-        return ((one.record.outputs - course.outputs) / problem.spread)[one.first :]
+        return (one.record.outputs - course.outputs) / problem.spread
+
+
+def _before_and_after(fitted: Fit) -> list[Fit]:
+    """Return a fit as it is before its changes at an instant, and after them."""
+    if not any(term.shape is Shape.STEP for term in fitted.terms):
+        return [fitted]
+    terms = [replace(t, shape=Shape.CONSTANT) if t.shape is Shape.STEP else t for t in fitted.terms]
+    variants = []
+    for share in (0.0, 1.0):
+        values = [
+            share * fitted.values_of(t)[:1] if t.shape is Shape.STEP else fitted.values_of(t)
+            for t in fitted.terms
+        ]
+        point = replace(fitted.point, values=np.concatenate(values))
+        variants.append(replace(fitted, terms=tuple(terms), point=point))
+    return variants
 
 
 def depends(model: LawModel, term: Term) -> bool:
@@ -165,13 +198,13 @@ def start_prior(model: LawModel, record: Record, reading: Reading | None = None)
     return StartPrior(mean, deviation)
 
 
-def thinned(problem: Problem, record: Record, most: int = _MOST) -> Record:
-    """Return a record of fewer samples, if the nominal model sees no difference.
+def thinned(problem: Problem, record: Record, q: Array, most: int = _MOST) -> Record:
+    """Return a record of fewer samples, if the model at `q` (p,) sees no difference.
 
-    Inputs are averaged over the samples that fall between.
+    Inputs that are held are averaged over the samples that fall between.
     """
     model = problem.model
-    setting = problem.setting(nominal_point(problem), ())
+    setting = _setting(problem, q)
     start = start_prior(model, record).mean
     whole = model.run(record, setting, start)
     step = int(np.ceil(len(record.time) / most))
@@ -188,13 +221,21 @@ def thinned(problem: Problem, record: Record, most: int = _MOST) -> Record:
     return record
 
 
+def _setting(problem: Problem, q: Array) -> Setting:
+    """Return the model without terms at searched coordinates of its parameters."""
+    return problem.setting(Point(q, np.zeros(0), ()), ())
+
+
 def _every(record: Record, step: int) -> Record:
-    """Return every so many samples, inputs averaged up to the next."""
+    """Return every so many samples; inputs that are held are averaged up to the next."""
     n = len(record.time) // step * step
+    if any(record.smooth):  # an average up to the next would be half a step late
+        return record.part(0, n, step)
     inputs = record.inputs[:n].reshape(n // step, step, -1).mean(axis=1)
     return replace(record.part(0, n, step), inputs=np.ascontiguousarray(inputs))
 
 
+@single_threaded
 def subject_of(
     model: LawModel,
     records: Sequence[Record],
@@ -234,7 +275,28 @@ def subject_of(
         base = fit_base(parts[0])
         if base is not None and (best is None or base.misfit < _NEARER * best.base.misfit):
             best = Subject(*parts, base)
-    return best
+    return None if best is None else _as_fitted(best, records, held_out)
+
+
+def _as_fitted(subject: Subject, records: Sequence[Record], held_out: Sequence[Record]) -> Subject:
+    """Divide records by the steps that the fitted model needs: the nominal one may be unstable."""
+    problem, base = subject.problem, subject.base
+    smooth = problem.records[0].smooth
+    parts = _divided(
+        replace(problem, records=(), starts=()),
+        [replace(r, smooth=smooth) for r in records],
+        [replace(r, smooth=smooth) for r in held_out],
+        base.point.q,
+    )
+    if _steps(parts[0]) == _steps(problem):
+        return subject
+    refitted = fit_base(parts[0], base.point.q)
+    return subject if refitted is None else Subject(*parts, refitted)
+
+
+def _steps(problem: Problem) -> list[int]:
+    """Return the steps of a run over each record."""
+    return [problem.substeps * len(record.time) for record in problem.records]
 
 
 def _spread(records: Sequence[Record]) -> Array:
@@ -252,20 +314,24 @@ def divided_as_read(subject: Subject, reading: Reading) -> tuple[Problem, tuple[
     starts = tuple(start_prior(model, r, reading) for r in records)
     changed = replace(problem, records=records, spread=_spread(records), starts=starts)
     if reading.kind is ReadingKind.CLOCK:
-        changed = replace(changed, substeps=_substeps(changed, records))
+        changed = replace(changed, substeps=_substeps(changed, records, changed.mean))
     return changed, left_out
 
 
 def _divided(
-    problem: Problem, records: Sequence[Record], held_out: Sequence[Record]
+    problem: Problem,
+    records: Sequence[Record],
+    held_out: Sequence[Record],
+    q: Array | None = None,
 ) -> tuple[Problem, tuple[LeftOut, ...]]:
-    """Return the problem over what is fitted, and what is left out."""
+    """Return the problem over what is fitted, and what is left out, by runs at `q` or nominal."""
     most = _MOST if len(records) == 1 else _MOST // 2
-    problem = replace(problem, substeps=_substeps(problem, records))
-    whole = [thinned(problem, r, most) for r in records]
+    q = problem.mean if q is None else q
+    problem = replace(problem, substeps=_substeps(problem, records, q))
+    whole = [thinned(problem, r, q, most) for r in records]
     if held_out:
         fitted = whole
-        others = [thinned(problem, r) for r in held_out]
+        others = [thinned(problem, r, q) for r in held_out]
         left_out = [LeftOut(r, _beginning(r), None) for r in others]
     else:
         cuts = [int(_PART * len(r.time)) for r in whole]
@@ -275,10 +341,10 @@ def _divided(
     return replace(problem, records=tuple(fitted), starts=starts), tuple(left_out)
 
 
-def _substeps(problem: Problem, records: Sequence[Record]) -> int:
-    """Return steps between two samples for the fastest rate of the nominal model."""
+def _substeps(problem: Problem, records: Sequence[Record], q: Array) -> int:
+    """Return steps between two samples for the fastest rate of the model at `q`."""
     model = problem.model
-    setting = problem.setting(nominal_point(problem), ())
+    setting = _setting(problem, q)
     counts = [1]
     for record in records:
         for substeps in (1, 8, 60):

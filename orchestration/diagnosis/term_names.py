@@ -10,7 +10,7 @@ import numpy as np
 
 from fmus.kit import Component
 from fmus.kit.arrays import Array
-from fmus.kit.curves import per
+from fmus.kit.curves import in_brackets, per
 from fmus.kit.symbolic import list_laws
 from fmus.kit.titles import in_words, law_title, within_sentence
 from orchestration.diagnosis.fitting import Fit, final_curvature
@@ -40,6 +40,7 @@ FORMS = {
     Shape.DEAD_ZONE: Form("a (x - clip(x, -w, w))", 1.0),
     Shape.ABOVE: Form("a max(x - w, 0)", 1.0),
     Shape.BELOW: Form("a min(x + w, 0)", 1.0),
+    Shape.STEP: Form("a step(x - w)", 0.0),
     Shape.CURVE: Form("a curve", 0.0),
 }
 _OVER = {
@@ -50,6 +51,7 @@ _OVER = {
     Memory.RATE_LIMIT: "{} limited in its rate",
     Memory.PLAY: "{} with play",
     Memory.DAHL: "{} that gives before it slides",
+    Memory.HEAT: "heat by {}",
 }
 
 
@@ -102,7 +104,7 @@ def term_parameters(cls: type[Component], stem: str, term: Term) -> list[TermPar
     if term.factor:
         below = unit_of(cls, term.factor)
         unit = "1" if unit == below else per(unit, below)
-    signal = unit_of(cls, term.signal)
+    signal = seen_unit(cls, term)
     power = FORMS[term.shape].power
     scale = term.size / term.scale**power
     amount = [f"{stem}_at_{k}" for k in range(len(term.places))] or [stem]
@@ -130,6 +132,12 @@ def unit_of(cls: type[Component], name: str) -> str:
     layout = cls.layout
     declared = {v.name: v.unit for v in (*layout.inputs, *layout.states)} | {"time": "s"}
     return declared.get(name) or {law.name: law.unit for law in list_laws(cls)}.get(name) or "1"
+
+
+def seen_unit(cls: type[Component], term: Term) -> str:
+    """Return the SI unit of the signal of a term as its shape has it: of heat its square."""
+    unit = unit_of(cls, term.signal)
+    return unit if unit == "1" or term.memory is not Memory.HEAT else f"{in_brackets(unit)}^2"
 
 
 def estimates(fitted: Fit, terms: Mapping[str, Term]) -> dict[str, Estimate]:
@@ -247,6 +255,8 @@ def sentence(cls: type[Component], term: Term) -> str:
     law = within_sentence(law_title(cls, term.law))
     if not term.signal:
         return f"an offset of {law}"
+    if term.signal == "time" and term.shape is Shape.STEP:
+        return f"{law} changes at {term.width * term.scale:.4g} s"
     signal = "time" if term.signal == "time" else within_sentence(law_title(cls, term.signal))
     seen = _OVER[term.memory].format(signal)
     return f"{law} in percent over {seen}" if term.factor else f"{law} over {seen}"

@@ -29,20 +29,22 @@ class Shape(IntEnum):
     DEAD_ZONE = 8
     ABOVE = 9
     BELOW = 10
-    CURVE = 11
+    STEP = 11
+    CURVE = 12
 
     @property
     def has_width(self) -> bool:
         """Whether a width is searched with it, in scales of the signal."""
-        return Shape.DRY <= self <= Shape.BELOW
+        return Shape.DRY <= self <= Shape.STEP
 
 
 class Memory(IntEnum):
     """The memory through which a term sees its signal; in the order of ``free_run.c``.
 
-    A lag follows its signal, fading is the signal less its lag; two lags differ by direction; a
-    rate limit follows no faster than its rate. Play follows at a distance (Prandtl); a Dahl element
-    gives before it slides.
+    A lag follows its signal, fading is the signal less its lag. Two lags are the signal less a lag
+    that differs by direction, a rate limit is the signal less one that follows no faster than a
+    rate. Play follows at a distance (Prandtl); a Dahl element gives before it slides. Heat is the
+    lag of the square, from rest.
     """
 
     NONE = 0
@@ -52,6 +54,7 @@ class Memory(IntEnum):
     RATE_LIMIT = 4
     PLAY = 5
     DAHL = 6
+    HEAT = 7
 
     @property
     def constants(self) -> int:
@@ -145,9 +148,14 @@ class Term:
         return f"{self.law}({self.signal})"
 
     @property
-    def source(self) -> tuple[str, str, Memory, bool]:
+    def is_trend(self) -> bool:
+        """Whether it is a course over time, which is no cause; a change at an instant is one."""
+        return self.signal == "time" and self.shape is not Shape.STEP
+
+    @property
+    def source(self) -> tuple[str, str, Memory, str]:
         """All but shape and constants: two terms of one source are never in one set."""
-        return self.law, self.signal, self.memory, bool(self.factor)
+        return self.law, self.signal, self.memory, self.factor
 
     def structure(self, laws: list[str], signals: list[str]) -> TermStructure:
         """Return the term as ``free_run.c`` reads it, with positions in place of names."""
@@ -244,9 +252,9 @@ class NamedTerm(Term):
         return self.effect
 
     @property
-    def source(self) -> tuple[str, str, Memory, bool]:
-        """The effect, whatever its constants."""
-        return self.effect, "", Memory.NONE, False
+    def source(self) -> tuple[str, str, Memory, str]:
+        """The effect with any constants."""
+        return self.effect, "", Memory.NONE, ""
 
     def __str__(self) -> str:
         return self.effect

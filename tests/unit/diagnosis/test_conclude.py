@@ -101,7 +101,7 @@ def test_a_fit_that_is_worse_on_what_is_left_out_is_no_cause() -> None:
 
 def test_a_gain_in_what_is_fitted_alone_is_no_cause() -> None:
     conclusion = conclude(found(judged(0.5, 1.0, DRY)))
-    assert conclusion.verdict == "consistent"
+    assert conclusion.verdict == "unexplained"
 
 
 def test_a_fit_behind_the_lowest_is_no_rival() -> None:

@@ -103,6 +103,9 @@ def _shaped(shape: Shape) -> tuple[Term, list[float]]:
     """Return a term of a shape over the velocity, with values at which it acts."""
     places = (-1.0, -0.3, 0.2, 1.0) if shape is Shape.CURVE else ()
     signal = "" if shape is Shape.CONSTANT else "velocity"
+    if shape is Shape.STEP:
+        term = Term("friction", "time", shape, factor="friction", size=5.0, scale=STEP * SAMPLES)
+        return term, [0.1, np.log(0.4)]
     term = Term("friction", signal, shape, size=5.0, scale=0.5, middle=0.1, places=places)
     amount = 0.01 if shape in (Shape.SQUARE, Shape.ODD_SQUARE, Shape.CUBE) else 0.1
     values = np.linspace(amount, 2.0 * amount, term.coefficients).tolist()
@@ -121,6 +124,7 @@ def test_every_shape_runs_as_in_the_kernel(shape):
 @pytest.mark.parametrize("signal", ["elongation", "force", "spring_force"])
 def test_every_memory_of_state_input_and_law_runs_as_in_the_kernel(memory, signal):
     scale = {"elongation": 0.3, "force": 4.0, "spring_force": 5.0}[signal]
+    scale = scale**2 if memory is Memory.HEAT else scale
     constants = (0.3, 0.5)[: memory.constants]
     term = Term("friction", signal, Shape.LINEAR, memory, constants, size=5.0, scale=scale)
     kernel, without, fmu = courses(Oscillator, [term], [[0.2, *np.log(constants)]])

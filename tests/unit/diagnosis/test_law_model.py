@@ -43,7 +43,9 @@ SHAPES: dict[Shape, Callable[[float], float]] = {
     Shape.DEAD_ZONE: lambda z: np.sign(z) * max(abs(z) - WIDTH, 0.0),
     Shape.ABOVE: lambda z: max(z - WIDTH, 0.0),
     Shape.BELOW: lambda z: min(z + WIDTH, 0.0),
+    Shape.STEP: lambda z: 0.5 + 0.5 * np.tanh((z - WIDTH) / 0.004),
 }
+LENGTH = 3.0  # s, scale of a step over time
 
 
 def shaped(shape: Shape, z: float) -> float:
@@ -56,6 +58,10 @@ def shaped(shape: Shape, z: float) -> float:
 def term_of(shape: Shape, memory: Memory = Memory.NONE, **changes: object) -> Term:
     constants = (T, 0.5)[: memory.constants]
     places = PLACES if shape is Shape.CURVE else ()
+    if shape is Shape.STEP:
+        return Term(
+            "spring", "time", shape, memory, constants, size=SIZE, scale=LENGTH, width=WIDTH
+        )
     return Term(
         "spring", "x", shape, memory, constants, size=SIZE, scale=SCALE, middle=MIDDLE,
         width=WIDTH, places=places, **changes,
@@ -95,7 +101,8 @@ def test_a_run_with_a_shape_solves_the_equations(shape: Shape) -> None:
     record = pushed(160)
 
     def of(x: Array, u: float, t: float) -> list[float]:
-        return rates(x, u, SIZE * shaped(shape, (x[0] - MIDDLE) / SCALE))
+        z = t / LENGTH if shape is Shape.STEP else (x[0] - MIDDLE) / SCALE
+        return rates(x, u, SIZE * shaped(shape, z))
 
     course = run(record, setting_of(term_of(shape), substeps=8))
     expected = integrated(record, of, START)
@@ -109,20 +116,25 @@ def test_shape_functions_sum_to_the_shape(shape: Shape) -> None:
     term = term_of(shape)
     x = np.linspace(-0.5, 0.5, 101)
     total = mass().shape_values(term, x) @ COEFFICIENTS[: term.coefficients]
-    assert total == pytest.approx([shaped(shape, z) for z in (x - MIDDLE) / SCALE], abs=1e-12)
+    scaled = (x - term.middle) / term.scale
+    assert total == pytest.approx([shaped(shape, z) for z in scaled], abs=1e-12)
 
 
-def lag(gap: float) -> float:
-    return gap / T
+def lag(x: float, z: float) -> float:
+    return (x - z) / T
 
 
-def two_lags(gap: float) -> float:
-    return gap / (T if gap >= 0.0 else T * 0.5)
+def two_lags(x: float, z: float) -> float:
+    return (x - z) / (T if x >= z else T * 0.5)
 
 
-def rate_limit(gap: float) -> float:
+def rate_limit(x: float, z: float) -> float:
     most = SCALE * 0.5
-    return most * np.tanh(gap / T / most)
+    return most * np.tanh((x - z) / T / most)
+
+
+def heat(x: float, z: float) -> float:
+    return (x**2 - z) / T
 
 
 RATES = {
@@ -130,6 +142,7 @@ RATES = {
     Memory.FADING: lag,
     Memory.TWO_LAGS: two_lags,
     Memory.RATE_LIMIT: rate_limit,
+    Memory.HEAT: heat,
 }
 
 
@@ -138,13 +151,14 @@ def test_a_run_with_a_memory_of_a_rate_solves_the_equations(memory: Memory) -> N
     record = pushed(100)
 
     def of(x: Array, u: float, t: float) -> list[float]:
-        gap = x[0] - x[2]
-        seen = gap if memory is Memory.FADING else x[2]
+        stays = memory in (Memory.LAG, Memory.HEAT)
+        seen = x[2] if stays else x[0] - x[2]
         addition = SIZE * shaped(Shape.CUBE, (seen - MIDDLE) / SCALE)
-        return [*rates(x, u, addition), RATES[memory](gap)]
+        return [*rates(x, u, addition), RATES[memory](x[0], x[2])]
 
     course = run(record, setting_of(term_of(Shape.CUBE, memory), substeps=8))
-    expected = integrated(record, of, np.append(START, START[0]))  # in equilibrium at first
+    begin = 0.0 if memory is Memory.HEAT else START[0]  # at rest, or in equilibrium
+    expected = integrated(record, of, np.append(START, begin))
     assert course.states == pytest.approx(expected, abs=2e-6)
 
 
@@ -187,13 +201,13 @@ def test_play_and_dahl_act_on_the_law(memory: Memory) -> None:
     assert course.states[:, :2] == pytest.approx(expected, abs=1e-5)
 
 
-@pytest.mark.parametrize("memory", [m for m in Memory if m is not Memory.NONE])
+@pytest.mark.parametrize("memory", [m for m in Memory if m not in (Memory.NONE, Memory.HEAT)])
 def test_memories_begin_in_equilibrium(memory: Memory) -> None:
     """A mass at rest under a spring's force stays there, whatever the memory."""
     start = np.array([0.1, 0.0])
     term = term_of(Shape.LINEAR, memory)
-    bristle = memory in (Memory.FADING, Memory.DAHL)
-    addition = SIZE * C * ((0.0 if bristle else start[0]) - MIDDLE) / SCALE
+    is_place = memory in (Memory.LAG, Memory.PLAY)
+    addition = SIZE * C * ((start[0] if is_place else 0.0) - MIDDLE) / SCALE
     record = pushed(50)
     record.inputs[:] = K * start[0] + addition
     states = run(record, setting_of(term), start).states

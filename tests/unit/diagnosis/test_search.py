@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 import orchestration.diagnosis.search  # noqa: F401
-from orchestration.diagnosis import Found, Shape, Term, subject_of
+from fmus.kit.arrays import Array
+from orchestration.diagnosis import Found, Memory, Shape, Term, subject_of
 from orchestration.diagnosis.search import search
-from tests.support.diagnosed_mass import mass, pushed
+from orchestration.diagnosis.term_names import sentence
+from tests.support.diagnosed_mass import START, D, K, M, integrated, mass, pushed
 from tests.support.dry_mass import drawn, dry, nothing, outside, searched, small_search
 
 NAMES = sys.modules["orchestration.diagnosis.search"]
@@ -56,12 +58,21 @@ def test_every_shape_of_the_winner_is_tried(found: Found) -> None:
     assert len(shapes) >= 8  # some run away
 
 
-def test_the_winner_is_tried_in_every_other_law(found: Found) -> None:
-    """Of one cause there may be several owners."""
-    (term,) = found.compared()[0][0].terms
-    alone = [one.terms[0] for one in found.fits if len(one.terms) == 1]
-    same = {t.law for t in alone if (t.signal, t.memory) == (term.signal, term.memory)}
-    assert same >= {"friction", "velocity"}, "spring and acceleration act like friction"
+def test_a_term_has_other_owners_with_their_sizes(found: Found) -> None:
+    """Those laws in which the screen had the same signal, seen in the same way."""
+    rounds = NAMES._Rounds(Found(found.subject, found.base), print)
+    heat = Term("heat", "v", Shape.SQUARE, size=7.0)
+    rounds._terms = [
+        Term("friction", "v", Shape.DRY, size=2.0),
+        heat,
+        replace(heat, law="load", factor="load"),
+        replace(heat, law="slow", memory=Memory.LAG, constants=(1.0,)),
+        replace(heat, law="other", signal="x"),
+    ]
+    curve = Term("friction", "v", Shape.CUBE, size=2.0)
+    assert rounds._in_other_laws(curve) == [replace(curve, law="heat", size=7.0)]
+    change = replace(curve, factor="friction", size=1.0)
+    assert rounds._in_other_laws(change) == [replace(change, law="load", factor="load", size=7.0)]
 
 
 def test_no_set_is_fitted_twice_but_to_polish_it(found: Found) -> None:
@@ -162,3 +173,24 @@ def test_a_whole_search_names_friction_and_nothing_else() -> None:
     assert found.compared()[0][0].terms[0].shape is Shape.DRY
     assert searched(nothing)[1].verdict == "consistent"
     assert searched(outside)[1].verdict != "cause"
+
+
+@pytest.mark.slow
+def test_a_law_that_changes_is_found_with_its_instant() -> None:
+    """The damper doubles after 4.3 s."""
+    record = pushed(400)
+
+    def rates(x: Array, u: float, t: float) -> list[float]:
+        damping = D * (2.0 if t > 4.3 else 1.0)
+        return [x[1], (u - K * x[0] - damping * x[1]) / M]
+
+    noise = 0.003 * np.random.default_rng(3).standard_normal((400, 1))
+    outputs = integrated(record, rates, START, 1e-7)[:, :1] + noise
+    subject = subject_of(mass(), [replace(record, outputs=outputs)])
+    assert subject is not None
+    found = search(subject)
+    assert found is not None
+    (term,) = found.compared()[0][0].terms
+    assert (term.law, term.shape, term.factor) == ("friction", Shape.STEP, "friction")
+    assert term.width * term.scale == pytest.approx(4.3, abs=0.3)
+    assert sentence(mass().cls, term) == f"friction changes at {term.width * term.scale:.4g} s"

@@ -115,3 +115,14 @@ def test_a_signal_of_one_sign_is_one_sided() -> None:
     assert positive.one_sided
     assert not both.one_sided
     assert both.scaled * both.scale + both.middle == pytest.approx(WAVE)
+
+
+def test_heat_lags_the_square_from_rest() -> None:
+    """Of a constant signal s it is s^2 (1 - exp(-t / T))."""
+    switched = np.where(TIME < 10.0, 2.0, -2.0)
+    views = seen([("a", switched)], [TIME], [Memory.HEAT])
+    heats = [view for view in views if view.memory is Memory.HEAT]
+    assert heats
+    for view in heats:
+        expected = 4.0 * (1.0 - np.exp(-TIME / view.constants[0]))
+        assert view.values == pytest.approx(expected, abs=1e-9)

@@ -113,19 +113,31 @@ def test_a_long_record_is_thinned_where_the_model_sees_no_difference() -> None:
     slow = pushed(400, 0.005)
     slow.inputs[:] = 5.0 * np.sin(slow.time)[:, None]
     problem = problem_of([replace(slow, outputs=np.sin(slow.time)[:, None])])
-    thin = thinned(problem, slow, 100)
+    thin = thinned(problem, slow, problem.mean, 100)
     assert thin.time == pytest.approx(slow.time[::4])
     assert thin.inputs == pytest.approx(slow.inputs.reshape(100, 4).mean(axis=1)[:, None])
-    assert thinned(problem, slow, 400) is slow
+    assert thinned(problem, slow, problem.mean, 400) is slow
     fast = pushed(400, 0.02)
     fast.inputs[:] = 50.0 * np.sign(np.sin(9.0 * fast.time))[:, None]
-    assert len(thinned(problem, fast, 100).time) > 100
+    assert len(thinned(problem, fast, problem.mean, 100).time) > 100
 
 
 def test_a_fast_model_gets_substeps() -> None:
-    subject = made(drawn(), values={"mass": 0.1, "damping": 40.0})
+    fast = {"mass": 0.1, "damping": 40.0}
+    subject = made(drawn(), values=fast, hold=["mass", "damping"])
     assert subject.problem.substeps == np.ceil(0.02 * 400.0 / 0.7)
     assert made(drawn()).problem.substeps == 1
+
+
+def test_steps_are_those_of_the_fitted_model() -> None:
+    """The nominal one asks for twelve, and sees a difference between any samples."""
+    force = pushed(7200, 0.005)
+    force.inputs[:] = 5.0 * np.sin(force.time)[:, None]
+    record = replace(force, outputs=exact(force, TRUTH, START, force.inputs[:, 0])[:, :1])
+    subject = made(record, values={"mass": 0.1, "damping": 40.0})
+    assert subject.problem.substeps == 1
+    assert len(subject.problem.records[0].time) <= 1600
+    assert subject.base.misfit < 0.1
 
 
 def test_a_fit_that_runs_away_over_what_is_left_out_is_not_judged() -> None:
@@ -134,6 +146,24 @@ def test_a_fit_that_runs_away_over_what_is_left_out_is_not_judged() -> None:
     term = Term("friction", "time", Shape.ABOVE, size=1.0, scale=1.0, middle=3.2, factor="friction")
     point = replace(subject.base.point, values=np.array([-3000.0, np.log(0.01)]))
     assert subject.judge(replace(subject.base, terms=(term,), point=point)) is None
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 1.5])
+def test_a_change_at_an_instant_is_before_or_after_another_record(stiffness: float) -> None:
+    """Its beginning says which; of neither a record of another stiffness is."""
+    other = pushed(240)
+    truth = (TRUTH[0], stiffness * TRUTH[1], TRUTH[2])
+    outputs = exact(other, truth, START, other.inputs[:, 0])[:, :1]
+    record = replace(other, outputs=outputs)
+    subject = made(drawn(), held_out=[record])
+    changed = Term("spring", "time", Shape.STEP, factor="spring", scale=5.0)
+    point = replace(subject.base.point, values=np.array([0.5, np.log(0.4)]))
+    errors = subject.errors(
+        replace(subject.base, terms=(changed,), point=point), subject.left_out[0]
+    )
+    base = subject.errors(subject.base, subject.left_out[0])
+    assert np.sqrt(np.mean(errors**2)) < 0.03
+    assert (np.sqrt(np.mean(base**2)) < 0.03) == (stiffness == 1.0)
 
 
 def test_a_law_depends_on_its_signals() -> None:

@@ -8,7 +8,7 @@ import pytest
 from orchestration.diagnosis import Memory, Shape, Term
 from tests.support.diagnosed_mass import mass
 
-WIDE = {Shape.DRY, Shape.DEAD_ZONE, Shape.ABOVE, Shape.BELOW}
+WIDE = {Shape.DRY, Shape.DEAD_ZONE, Shape.ABOVE, Shape.BELOW, Shape.STEP}
 
 
 def test_shapes_of_a_width_search_its_logarithm() -> None:
