@@ -17,6 +17,7 @@ from orchestration.diagnosis.comparison import (
     difference,
     rises,
 )
+from orchestration.diagnosis.features import confidence, features_of
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.search import Found
 from orchestration.diagnosis.terms import NamedTerm, Term
@@ -42,6 +43,8 @@ class Cause:
         To the model without terms.
     score : float
         Of that comparison, nats.
+    members : frozenset of (str, str)
+        Laws with their signals that are this cause in other words, its own among them.
     aliases : tuple of str
         Laws with their signals that act like this effect of a catalogue.
     """
@@ -53,6 +56,7 @@ class Cause:
     parts: tuple[Reading | Term, ...]
     comparison: Comparison
     score: float
+    members: frozenset[tuple[str, str]]
     aliases: tuple[str, ...] = ()
 
     @property
@@ -102,7 +106,7 @@ def conclude(found: Found) -> Conclusion:
         best.setdefault(frozenset(part.source[:3] for part in entry[0].parts), entry)
     top = sorted(best.values(), key=lambda entry: -entry[2])[:_SETS]
     *shares, nothing = _shares(top)
-    group = _group(_causes(top, shares, found))
+    group = _group(_calibrated(_causes(top, shares, found), found))
     return Conclusion(_verdict(group, found), group, nothing, found.base)
 
 
@@ -133,9 +137,12 @@ def _causes(top: Sequence[Scored], shares: Sequence[float], found: Found) -> lis
     for (entry, own), share in zip(entries, shares, strict=True):
         (one, comparison, score), parts = meant.get(own[0].cause, (entry, own))
         law, signal = parts[0].cause
-        new = Cause(law, signal, 0.0, one, parts, comparison, score)
+        members = frozenset({(law, signal), own[0].cause})
+        new = Cause(law, signal, 0.0, one, parts, comparison, score, members)
         known = causes.setdefault((law, signal), new)
-        causes[law, signal] = replace(known, probability=known.probability + share)
+        causes[law, signal] = replace(
+            known, probability=known.probability + share, members=known.members | members
+        )
     ordered = sorted(causes.values(), key=lambda cause: -cause.probability)
     return _joined(ordered, common_of(found.fits)) if ordered else []
 
@@ -168,6 +175,7 @@ def _joined(causes: Sequence[Cause], common: Common) -> list[Cause]:
         named[nearest] = replace(
             one,
             probability=one.probability + cause.probability,
+            members=one.members | cause.members,
             aliases=(*one.aliases, cause.name),
         )
     return sorted([*named, *others], key=lambda cause: -cause.probability)
@@ -186,11 +194,24 @@ def _is_plain_reading(one: Judged) -> bool:
     return one.reading is not None and not one.reading.is_fitted and not one.terms
 
 
+def _calibrated(causes: Sequence[Cause], found: Found) -> list[Cause]:
+    """Return as many causes as may be in a group, with probabilities by their features.
+
+    That of each is by how much it raises the probability that the true one is among them.
+    """
+    result = []
+    before = 0.0
+    for count, cause in enumerate(causes[: WEIGHTS.most], start=1):
+        reached = max(before, confidence(features_of(found, causes[:count])))
+        result.append(replace(cause, probability=reached - before))
+        before = reached
+    return sorted(result, key=lambda cause: -cause.probability)
+
+
 def _group(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return the smallest group that reaches the probability, or as many as may be in one."""
+    """Return the smallest group that reaches the probability, or all."""
     reached = np.cumsum([cause.probability for cause in causes])
-    count = int(np.searchsorted(reached, WEIGHTS.group)) + 1
-    return tuple(causes[: min(count, WEIGHTS.most)])
+    return tuple(causes[: int(np.searchsorted(reached, WEIGHTS.group)) + 1])
 
 
 def _verdict(group: Sequence[Cause], found: Found) -> str:

@@ -87,6 +87,11 @@ class Reading:
         """Whether its shift is estimated."""
         return self.kind in (ReadingKind.OFFSET, ReadingKind.LATE)
 
+    @property
+    def is_shift(self) -> bool:
+        """Whether it adds to a column, to time, or to where a record starts."""
+        return self.is_fitted or self.kind is ReadingKind.START
+
     def moves_inputs(self, model: LawModel) -> bool:
         """Return whether a run of the model is another one by it."""
         inputs = {v.name for v in model.inputs} | {TIME}

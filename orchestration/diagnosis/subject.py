@@ -29,7 +29,6 @@ _FIRST = 6  # samples that show where a state starts
 _DECLARED = 0.1  # deviation of a start state that is declared, in its nominal value
 _WELL = 20.0 / 0.05**2  # weight of the beginning: twenty samples within a twentieth of the spread
 _MOST = 2400  # samples of a record that are fitted; more are thinned
-_NEARER = 0.98  # of the misfit, at which inputs are in straight lines and not held
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
 
 
@@ -88,7 +87,7 @@ class Subject:
         model = self.problem.model
         prior = sum(words(model, term, depends(model, term)) for term in fitted.terms)
         if self.reading is not None:
-            prior += WEIGHTS.readings[self.reading.kind]
+            prior += WEIGHTS.shifted if self.reading.is_shift else WEIGHTS.misread
         chosen_by, unseen = np.concatenate(choosing), np.concatenate(measuring)
         return Judged(fitted, chosen_by, unseen, prior, self.reading)
 
@@ -273,7 +272,7 @@ def subject_of(
             [replace(r, smooth=inputs) for r in held_out],
         )
         base = fit_base(parts[0])
-        if base is not None and (best is None or base.misfit < _NEARER * best.base.misfit):
+        if base is not None and (best is None or base.misfit < best.base.misfit):
             best = Subject(*parts, base)
     return None if best is None else _as_fitted(best, records, held_out)
 

@@ -19,10 +19,7 @@ from benchmarks.tables import Table, Topic
 from fmus.kit.arrays import Array
 from studies.judging.study import Row
 
-USED = (
-    "left_out_gain", "margin", "alone", "removed", "widths", "independence", "terms", "words",
-    "rate", "time", "factor",
-)  # fmt: skip
+USED = ("margin", "ratio", "share")
 BINS = 10
 _PRIOR = 1.0  # precision of a coefficient of a feature in its standard deviations
 _LARGEST = 3.0  # standard deviations beyond which a feature says nothing more
@@ -148,7 +145,7 @@ def report(rows: Iterable[Row], names: Sequence[str] = USED) -> Topic:
     usable = [row for row in rows if row.get("features")]
     features = np.array([[row["features"][name] for name in names] for row in usable], dtype=float)
     right = np.array([bool(row["first_right"]) for row in usable])
-    raw = np.array([row["features"]["share"] for row in usable])
+    raw = np.array([row["said"][0]["probability"] for row in usable])
     fitted = fit_logistic(names, features, right)
     left_out = left_out_in_turn(
         [row["plant"] for row in usable],
@@ -156,7 +153,7 @@ def report(rows: Iterable[Row], names: Sequence[str] = USED) -> Topic:
         features,
     )
     kinds = {
-        "softmax of scores": raw,
+        "as it was said": raw,
         "logistic, fitted": fitted.probability(features),
         "logistic, plant left out": left_out,
     }
@@ -192,11 +189,10 @@ def report(rows: Iterable[Row], names: Sequence[str] = USED) -> Topic:
 
 def _coefficients(fitted: Logistic) -> Table:
     parts = zip(fitted.names, fitted.coefficients[1:], fitted.middle, fitted.scale, strict=True)
-    lines: list[list[str | int | float]] = [
-        [name, float(c), float(m), float(s)] for name, c, m, s in parts
-    ]
-    lines.append(["constant", float(fitted.coefficients[0]), 0.0, 1.0])
-    return Table(["feature", "coefficient, scaled", "middle", "scale"], lines)
+    lines: list[list[str | int | float]] = [[name, float(c / s)] for name, c, _, s in parts]
+    shift = np.sum(fitted.coefficients[1:] * fitted.middle / fitted.scale)
+    lines.append(["constant", float(fitted.coefficients[0] - shift)])
+    return Table(["feature", "log odds"], lines)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

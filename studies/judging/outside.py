@@ -79,7 +79,7 @@ def judge(case: OutsideCase) -> Row:
     conclusion = conclude.conclude(found)
     row |= {"seconds": clock.perf_counter() - began, "processor": clock.process_time() - used}
     row |= _answer(conclusion, drawn) | _errors(conclusion, drawn, subject)
-    row |= {"fits": len(found.fits), "features": features_of(found, conclusion)}
+    row |= {"fits": len(found.fits), "features": _features(found, conclusion)}
     return row | _in_search(found, drawn) | _floor(subject, drawn)
 
 
@@ -129,6 +129,12 @@ def _errors(conclusion: Conclusion, drawn: Drawn, subject: Subject) -> Row:
     if conclusion.verdict == "consistent":
         best = conclusion.base
     return {"before": conclusion.base.left_out / noise, "after": best.left_out / noise}
+
+
+def _features(found: Found, conclusion: Conclusion) -> Row:
+    """Return the features of the first cause, if one is claimed."""
+    claimed = conclusion.verdict != "consistent" and conclusion.causes
+    return features_of(found, conclusion.causes[:1]) if claimed else {}
 
 
 def _in_search(found: Found, drawn: Drawn) -> Row:

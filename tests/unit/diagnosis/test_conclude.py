@@ -88,7 +88,7 @@ def test_more_than_three_that_explain_alike_are_no_explanation() -> None:
     conclusion = conclude(found(*fits))
     assert conclusion.verdict == "unexplained"
     assert len(conclusion.causes) == 3
-    assert conclusion.causes[0].probability == pytest.approx(0.2, abs=0.01)
+    assert sum(c.probability for c in conclusion.causes) < 0.9
 
 
 def test_a_fit_that_is_worse_on_what_is_left_out_is_no_cause() -> None:

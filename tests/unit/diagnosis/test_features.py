@@ -1,4 +1,4 @@
-"""Claims: the features of a first cause are those that one computes of its fits by hand."""
+"""Claims: features of causes are those that one computes of fits by hand, and make odds."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from orchestration.diagnosis.features import features_of
+from orchestration.diagnosis.comparison import WEIGHTS
+from orchestration.diagnosis.features import confidence, features_of
 from orchestration.diagnosis.terms import Memory, Shape, Term
 
 _DRY = Term("friction", "speed", Shape.DRY)
@@ -32,69 +33,53 @@ class _Fitted:
     def __post_init__(self):
         noise = np.random.default_rng(0).standard_normal((4000, 1))
         self.choosing = self.size * noise
-        self.fit = SimpleNamespace(errors=(noise,))
+        self.fit = SimpleNamespace(errors=(noise,), misfit=1.0)
 
 
-def _gained(gain, left_out=0.0, worse=False):
-    return SimpleNamespace(gain=gain, left_out=left_out, is_worse=worse)
+def _gained(gain, worse=False):
+    return SimpleNamespace(gain=gain, is_worse=worse)
 
 
-def _features(*others):
+def _cause(judged, score, gain):
+    lead = judged.terms[0]
+    return SimpleNamespace(
+        law=lead.law, signal=lead.signal, parts=judged.terms, judged=judged,
+        comparison=_gained(gain), score=score, members={lead.cause}, probability=0.4,
+    )  # fmt: skip
+
+
+def _features(*others, more=()):
     """Return the features of a first cause by two terms, which gains 100, beside others."""
-    best = _Fitted((_FADING, _DRY), 1.0, 4.0)
-    compared = [(best, _gained(100.0, 59.0), 80.0), *others]
-    found = SimpleNamespace(compared=lambda: compared, base=_Fitted((), 2.0))
-    cause = SimpleNamespace(
-        law="torque",
-        signal="current",
-        parts=best.terms,
-        judged=best,
-        comparison=compared[0][1],
-        probability=0.8,
-    )
-    return features_of(found, SimpleNamespace(causes=(cause,)))
+    best = _Fitted((_FADING, _DRY), 2.0)
+    compared = [(best, _gained(100.0), 80.0), *others]
+    found = SimpleNamespace(compared=lambda: compared)
+    return features_of(found, [_cause(best, 80.0, 100.0), *more])
 
 
-def test_what_is_of_the_best_fit_alone():
+def test_errors_are_compared_with_those_fitted_and_shares_are_added():
     values = _features()
-    assert values["left_out_gain"] == pytest.approx(np.log(60.0))
-    assert values["removed"] == pytest.approx(0.75)
-    assert values["widths"] == pytest.approx(0.0, abs=0.05)
-    assert values["independence"] == pytest.approx(0.0, abs=0.1)
-    assert (values["terms"], values["words"], values["share"]) == (2.0, 4.0, 0.8)
-    marks = [values[name] for name in ("memory", "rate", "time", "factor")]
-    assert marks == [1.0, 1.0, 0.0, 1.0]
+    assert values["ratio"] == pytest.approx(np.log(2.0), abs=0.05)
+    assert values["share"] == pytest.approx(0.4)
+    assert _features(more=[_cause(_Fitted((_DRY,), 1.0), 5.0, 6.0)])["share"] == pytest.approx(0.8)
 
 
-def test_the_margin_is_to_the_best_fit_that_is_not_worse_and_lacks_the_cause():
+def test_the_margin_is_to_the_best_fit_that_is_not_worse_and_lacks_the_causes():
     assert _features()["margin"] == pytest.approx(0.8)  # to no term at all
     worse = _Fitted((_LINEAR,), 1.0), _gained(90.0, worse=True), 79.0
     with_it = _Fitted((_FADING, _LINEAR), 1.0), _gained(90.0), 75.0
     other = _Fitted((_DRY,), 1.0), _gained(70.0), 50.0
     assert _features(worse, with_it, other)["margin"] == pytest.approx(0.3)
+    second = _cause(other[0], 50.0, 70.0)
+    assert _features(worse, with_it, other, more=[second])["margin"] == pytest.approx(0.8)
 
 
-def test_the_first_alone_is_what_fits_of_its_terms_gain():
-    alone = _Fitted((_FADING,), 1.0), _gained(40.0), 30.0
-    other = _Fitted((_DRY,), 1.0), _gained(70.0), 50.0
-    assert _features(other)["alone"] == 0.0
-    assert _features(alone, other)["alone"] == pytest.approx(0.4)
-
-
-def test_correlated_errors_are_wider_than_the_noise_and_not_independent():
-    slow = np.sin(np.linspace(0.0, 20.0, 4000))[:, None]
-    best = _Fitted((_DRY,), 1.0)
-    best.choosing = 0.1 * best.choosing + 2.0 * slow
-    best.fit = SimpleNamespace(errors=(best.choosing,))
-    found = SimpleNamespace(compared=lambda: [(best, _gained(5.0), 4.0)], base=_Fitted((), 2.0))
-    cause = SimpleNamespace(
-        law="friction", signal="speed", parts=best.terms, judged=best, comparison=_gained(5.0),
-        probability=0.5,
-    )  # fmt: skip
-    values = features_of(found, SimpleNamespace(causes=(cause,)))
-    assert values["widths"] == pytest.approx(np.log(np.sqrt(2.01) / 0.1), abs=0.1)
-    assert values["independence"] < -4.0
-
-
-def test_there_are_none_without_a_cause():
-    assert features_of(SimpleNamespace(), SimpleNamespace(causes=())) == {}
+def test_a_wide_margin_is_trusted_and_a_rise_on_what_was_not_seen_is_not():
+    plain = {"margin": 0.0, "ratio": 0.0, "share": 0.5}
+    assert confidence(plain | {"margin": 0.9}) > 0.9
+    assert confidence(plain) > confidence(plain | {"ratio": 2.0})
+    assert confidence(plain) > confidence(plain | {"share": 0.2})
+    odds = WEIGHTS.confidence
+    at = {"constant": 1.0, "margin": 0.5, "ratio": 0.3, "share": 0.7}
+    expected = 1.0 / (1.0 + np.exp(-sum(odds[n] * v for n, v in at.items())))
+    del at["constant"]
+    assert confidence(at) == pytest.approx(expected)
