@@ -57,11 +57,11 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
     for entry in entries:
         column, equals, target = (part.strip() for part in entry.rpartition("="))
         signal, unit = split_header_cell(target)
-        # the index of an array element, A[2,1], is a part of its name; other brackets have a unit
-        has_stray_bracket = set("[]") & set(INDEX.sub("", signal)) or (
+        # brackets are either the index of an array element, as in A[2,1], or around a unit
+        has_other_bracket = set("[]") & set(INDEX.sub("", signal)) or (
             unit is None and "[" in target
         )
-        if not (equals and column and signal) or has_stray_bracket:
+        if not (equals and column and signal) or has_other_bracket:
             raise UserError(
                 f"{option('mapping', entry)}: the form is file_column=signal or"
                 " file_column=signal[unit]"
