@@ -8,7 +8,7 @@ from ..kit import maximum
 
 
 def tracking_share(period: Any, tracking_time: Any) -> Any:
-    """Return the share of the excess that is removed at a sample, h / T_t, or 1 where T_t < h.
+    """Return the share of the windup that is removed at a sample, h / T_t, or 1 where T_t < h.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def back_calculated(unlimited: Any, applied: Any, share: Any) -> Any:
         Command that was carried out, in the same unit; where both are equal, so is the result, to
         the last bit.
     share : float
-        Share of the excess that is removed, see :func:`tracking_share`.
+        Share of the excess (the windup) that is removed, see :func:`tracking_share`.
 
     Returns
     -------

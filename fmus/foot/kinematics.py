@@ -17,6 +17,7 @@ _TABLE = "thesis table 5-1"
 
 
 def _angle(degrees: float, low: float, high: float, doc: str) -> Any:
+    """Declare an angle in rad by its value in degrees, as in the table, and its range in rad."""
     return Parameter(
         radians(degrees),
         "rad",
@@ -30,6 +31,7 @@ def _angle(degrees: float, low: float, high: float, doc: str) -> Any:
 
 
 def _length(metres: float, low: float, high: float, doc: str) -> Any:
+    """Declare a length by its value and its range in m."""
     return Parameter(
         metres, "m", min=low, max=high, nominal=1e-2, display="mm", source=_TABLE, doc=doc
     )

@@ -159,7 +159,7 @@ class Actuator(Component):
     # ----------------------------------------------------------------------------------------------
 
     def capacitance(self) -> Any:
-        """Bulk capacitance of the films, C (fig. 3-1)."""
+        """Bulk capacitance C of the films in F (fig. 3-1)."""
         return self.C
 
     def film_voltage(self) -> Any:

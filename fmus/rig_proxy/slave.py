@@ -201,16 +201,22 @@ class ProxySlave:
             sleep(max(0.0, min(due - monotonic(), resend_interval)))
 
     def _due(self, begin: float, step: float) -> float:
-        """Return the time of our clock at the end of a step, which begins ``begin`` s after the
-        start of the simulation.
+        """Return the time of ``monotonic`` at which a step ends that begins at ``begin``.
 
-        The clock starts with the first step. Of a delay, no more than one step is made up for:
-        otherwise simulation time would run faster than the rig, and a loop over it diverge. One
-        step is the lag behind another proxy of the same master, which waits for the clock as well.
+        Parameters
+        ----------
+        begin : float
+            Time from the start of the simulation in s.
+        step : float
+            Size of the step in s.
         """
         now = monotonic()
         if self._clock_at_start is None:
             self._clock_at_start = now - begin
+        # A step that begins late is shortened by at most its own size, and a longer delay shifts
+        # all later steps: were it made up for by steps without a wait, simulation time would run
+        # faster than the rig, and a loop over it could diverge. The size of a step is the delay
+        # that another proxy of the same master causes, as it waits for its end of the step first.
         self._clock_at_start = max(self._clock_at_start, now - begin - step)
         return self._clock_at_start + begin + step
 

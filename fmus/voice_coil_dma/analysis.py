@@ -248,9 +248,21 @@ def closed_loop_step(
 
 
 def rise_time(time: Array, response: Array, final: float = 1.0) -> float:
-    """Return the time in s at which a response first reaches 63.2 % of its final value.
+    """Return the time after which a step response first reaches 63.2 % of its final value.
 
-    It is interpolated between samples, and NaN if the response does not get there.
+    It is the time constant of a first-order lag, not the rise time from 10 to 90 %.
+
+    Parameters
+    ----------
+    time, response : ndarray, shape (n,)
+        Times in s after the step, and the response to it.
+    final : float
+        Final value, in the unit of the response.
+
+    Returns
+    -------
+    float
+        In s, interpolated between samples; NaN if the response does not get there.
     """
     level = 1.0 - np.exp(-1.0)
     share = np.asarray(response) / final

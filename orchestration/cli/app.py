@@ -70,7 +70,7 @@ _GROUPS: _Groups = {
             ".linearise:linearise",
         ),
         "simulate": ("Simulate a component, any FMU, or a system (.ssp).", ".simulate:simulate"),
-        "run": ("Run an experiment, a system, or a result again, bit by bit.", ".run:run"),
+        "run": ("Run an experiment, a system, or a result again, bit for bit.", ".run:run"),
         "system": ("Show, draw and check systems of FMUs; export them as SSP.", ".system:systems"),
         "sweep": ("Run a model over many values of its parameters.", ".sweep:sweep"),
         "optimise": (

@@ -105,9 +105,9 @@ def _check_ending(option: str, path: Path, allowed: Sequence[str]) -> None:
 
 
 def _check_folder(folder: Path, path: Path) -> None:
-    """Refuse a folder that is none, or in which nothing can be made.
+    """Raise UserError if a folder is a file, or is read-only.
 
-    One that is not there yet is made later.
+    If it does not exist, its nearest parent that does is checked; it is made later.
     """
     while not folder.exists():
         folder = folder.parent

@@ -301,7 +301,7 @@ def _from_parquet(content: bytes) -> xarray.Dataset:
 
 
 def differences(new: xarray.Dataset, old: xarray.Dataset) -> dict[str, float]:
-    """Return the largest deviation of each signal that is not the same bit by bit.
+    """Return the largest deviation of each signal that is not the same bit for bit.
 
     Of results of different length the common beginning is compared.
 

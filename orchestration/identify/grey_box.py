@@ -132,7 +132,7 @@ class Fit(Displayable):
         return self.profiles[name]
 
     def plot_profiles(self, path: str | Path | None = None) -> Figure:
-        """Draw the profiles that were made, with the ellipse's parabola and both intervals.
+        """Draw the profiles that were made, with parabolas and intervals of the linearised fit.
 
         Parameters
         ----------

@@ -8,7 +8,7 @@ them at a communication point.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
@@ -17,7 +17,7 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.linear.blocks import LinearBlocks
+from orchestration.linear.blocks import LinearBlocks, SampledUpdate
 
 _SAME = 1e-9  # largest relative difference due to rounding
 _LARGEST_RATIO = 10_000  # numerator or denominator of the ratio of two periods
@@ -123,18 +123,22 @@ def assemble(blocks: LinearBlocks, outputs: Sequence[str], step: float = 0.0) ->
 
 
 def _transition(blocks: LinearBlocks, period: float) -> Array:
-    """Return the transition matrix of states, discrete states and inputs over a hyper-period."""
+    """Return the transition matrix of states, discrete states and inputs over a hyper-period.
+
+    It is the product of flows of the continuous states between samples, and of jumps of the
+    discrete states at samples.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        With the n columns of the blocks.
+    """
     from scipy.linalg import expm
 
     width = len(blocks.columns)
     n = len(blocks.states)
     generator = np.zeros((width, width))
     generator[:n] = blocks.rates
-    samples: list[tuple[float, int]] = []  # instant, and index of the update
-    for index, update in enumerate(blocks.updates):
-        shift = update.shift % update.period
-        count = round(period / update.period)
-        samples += [(shift + k * update.period, index) for k in range(count)]
     flows: dict[float, Array] = {}
 
     def flow(duration: float) -> Array:
@@ -146,14 +150,39 @@ def _transition(blocks: LinearBlocks, period: float) -> Array:
 
     result = np.eye(width)
     now = 0.0
-    for instant, index in sorted(samples):  # those at one instant in the order of the updates
+    for instant, update in _samples(blocks.updates, period):
         if instant - now > _SAME * period:
             result = flow(instant - now) @ result
             now = instant
-        update = blocks.updates[index]
         jump = np.eye(width)
         jump[[n + row for row in update.rows]] = update.matrix
         result = jump @ result
     if period - now > _SAME * period:
         result = flow(period - now) @ result
     return result
+
+
+def _samples(
+    updates: Sequence[SampledUpdate], period: float
+) -> Iterator[tuple[float, SampledUpdate]]:
+    """Yield the instant in s and the update of every sample in a hyper-period.
+
+    Instants that differ by rounding, such as 3 * 0.1 and 0.3, are one, with samples in the order of
+    the updates.
+    """
+    samples: list[tuple[float, int]] = []
+    for index, update in enumerate(updates):
+        shift = update.shift % update.period
+        if update.period - shift <= _SAME * update.period:
+            shift = 0.0  # a whole number of periods, such as 0.3 % 0.1 = 0.09999999999999998
+        count = round(period / update.period)
+        samples += [(shift + k * update.period, index) for k in range(count)]
+    samples.sort()
+    first = 0.0
+    simultaneous: list[tuple[float, int]] = []
+    for instant, index in samples:
+        if instant - first > _SAME * period:
+            first = instant
+        simultaneous.append((first, index))
+    for instant, index in sorted(simultaneous):
+        yield instant, updates[index]

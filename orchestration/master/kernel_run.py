@@ -212,7 +212,7 @@ class _Translation:
         else:
             operation = SET_WHOLE[kind] if is_setting else library.GET_WHOLE
             values = _buffer_place(buffer, 0)
-            self.program.add_whole(
+            self.program.add_integers(
                 operation, call, references, values, places, handler, owner=owner
             )
 

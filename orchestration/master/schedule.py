@@ -182,6 +182,7 @@ class MemberStep:
         self._span = 1.0
 
     def _bind_slopes(self) -> FmiCall:
+        """Return the call that sets the first time derivatives of the linear inputs."""
         variables = self.member.fmu.variables
         references = [variables[port.variable].valueReference for port in self.linear]
         count = len(references)

@@ -76,10 +76,11 @@ def check_capabilities(
     """
     sizes = np.diff(points)
     for member in members:
-        slow = 1 / settings.rates.get(member.name, Fraction(1))  # steps of the system in its step
-        has_rest = slow > 1 and sizes.size % int(slow) != 0  # which makes its last step shorter
-        uneven = np.ptp(sizes) > _SAME_SIZE * sizes[0] or has_rest
-        if (uneven or settings.adaptive) and not member.can_vary_step:
+        system_steps = 1 / settings.rates.get(member.name, Fraction(1))  # in one of the member
+        is_slow = system_steps > 1
+        is_last_shorter = is_slow and sizes.size % int(system_steps) != 0
+        is_uneven = np.ptp(sizes) > _SAME_SIZE * sizes[0] or is_last_shorter
+        if (is_uneven or settings.adaptive) and not member.can_vary_step:
             raise UserError(
                 f"{member.name}: its steps must all be of one size"
                 " (canHandleVariableCommunicationStepSize is false)"
@@ -89,7 +90,7 @@ def check_capabilities(
                 f"{member.name}: cannot restore its state (canGetAndSetFMUstate is false), which a"
                 " tolerance needs"
             )
-        if settings.adaptive and slow > 1:
+        if settings.adaptive and is_slow:
             raise UserError(f"{member.name}: a rate below 1 does not go with a tolerance")
 
 
@@ -311,7 +312,7 @@ def initialize(executor: Executor) -> list[str]:
         If a member refuses.
     """
     notes = []
-    # one exchange for each member that a start value may pass, and others to see that none changes
+    # one exchange for each member that a start value may pass, two more to see that none changes
     for _ in range(len(executor.members) + 2):
         before = executor.inputs.values.copy()
         _propagate(executor)
@@ -329,17 +330,25 @@ def initialize(executor: Executor) -> list[str]:
 
 
 def _propagate(executor: Executor) -> None:
-    """Exchange all values once in the initialization mode."""
+    """Exchange all values once in the initialization mode.
+
+    Raises
+    ------
+    UserError
+        If a member fails; with the error of a parameter that a member refuses, if there is one.
+    """
     try:
         executor.read_early()
         executor.exchange(executor.complete.stages, 0)
     except UserError:
-        # FMUs check their parameters at the end, and bad ones are the more likely reason
+        # Bad parameters are the likely reason, and FMUs check them when they exit initialization:
+        # that error, if it is raised here, is reported instead.
         _exit_initialization(executor)
         raise
 
 
 def _exit_initialization(executor: Executor) -> None:
+    """Exit the initialization mode of all members; UserError if one refuses."""
     for member in executor.members:
         _named(member, lambda fmu: fmu.exit_initialization())
 

@@ -408,10 +408,11 @@ class _Runner:
             schedule = executor.schedule(executor.due(k, len(self._points) - 1))
         executor.step(schedule, self._points[k - 1], self._points[k])
         if linear:
-            # slopes end before a jump of external values: first exchange with the previous ones
+            # Slopes of connected inputs are taken from this exchange. A jump of an external value
+            # at the point must not be in them, so the exchange is made with the values before it.
             executor.exchange(schedule.stages, k - 1 if changes else k)
             executor.update_slopes(schedule)
-        if not linear or changes:
+        if not linear or changes:  # else the exchange above has set these values already
             executor.exchange(schedule.stages, k)
 
     def _advance_in_kernel(self, interrupt: Interrupt) -> None:

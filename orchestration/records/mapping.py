@@ -11,7 +11,6 @@ from orchestration.records.times import (
     TIME,
     complementary_column,
     find_time,
-    holds_instants,
     merge_date_and_time,
 )
 from orchestration.reporting import option
@@ -58,11 +57,11 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
     for entry in entries:
         column, equals, target = (part.strip() for part in entry.rpartition("="))
         signal, unit = split_header_cell(target)
-        # the index of an array element, A[2,1], is a part of its name; other brackets have a unit
-        has_stray_bracket = set("[]") & set(INDEX.sub("", signal)) or (
+        # brackets are either the index of an array element, as in A[2,1], or around a unit
+        has_other_bracket = set("[]") & set(INDEX.sub("", signal)) or (
             unit is None and "[" in target
         )
-        if not (equals and column and signal) or has_stray_bracket:
+        if not (equals and column and signal) or has_other_bracket:
             raise UserError(
                 f"{option('mapping', entry)}: the form is file_column=signal or"
                 " file_column=signal[unit]"
@@ -192,10 +191,8 @@ def _unmatched(table: Table, matched: list[Column]) -> list[Column]:
 
 
 def _complete_time(table: Table, matches: dict[str, Match], matched: list[Column]) -> None:
-    """Merge date and time of day in `matches`, where they are in two columns."""
+    """Merge the time with the column of its date or time of day, if there is one."""
     time = matches[TIME]
-    if not holds_instants(time.column):
-        return
     other = complementary_column(time.column, _unmatched(table, matched))
     if other is not None:
         matched.append(other)
@@ -226,7 +223,7 @@ def _match_member_signals(
 ) -> None:
     """Match a column ``member.signal`` of a system's result to a signal without a column.
 
-    Only if there is one such column; the match is added to the repairs.
+    A signal is matched only if there is exactly one such column; it is noted as a repair.
     """
     for signal in signals:
         columns = [

@@ -1,7 +1,8 @@
 """Monitor of sensors that show the same number again and again, and of writes that are ignored.
 
 A number that stays the same says nothing by itself: a value that does not depend on what is
-commanded stays, and a converter shows the same step. It is held against what the sensor did before.
+commanded stays, and a converter shows the same step. So it is compared with what the sensor did
+before.
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ from math import isfinite, nan
 
 from orchestration.rig.signals import Limit
 
-# of the range of a command, by which it changes much, and by which a device may round it
+# of the range of a command: smallest change that counts, and largest rounding by a device
 _CHANGE = 0.01
-# of the samples in which no input changed, that show another number than the one before
+# of the samples in which no input changed: share with another value, above which a sensor is noisy
 _NOISY = 0.5
 
 
@@ -37,9 +38,9 @@ class StuckMonitor:
         samples: int,
     ) -> None:
         self._inputs, self._outputs = signals
-        self._much = [_CHANGE * _range_width(limits.get(name)) for name in self._inputs]
+        self._least_changes = [_CHANGE * _range_width(limits.get(name)) for name in self._inputs]
         self._samples = samples
-        self._sensors = {name: _Sensor(self._much, samples) for name in self._outputs}
+        self._sensors = {name: _Sensor(self._least_changes, samples) for name in self._outputs}
         self._ignored = dict.fromkeys(self._inputs, 0)
 
     def check(
@@ -82,10 +83,10 @@ class StuckMonitor:
     def _ignored_writes(self, applied: Sequence[float], read_back: Sequence[float]) -> list[str]:
         """Return an alarm for each input that the device has not taken for a number of samples."""
         alarms = []
-        for name, wanted, reported, much in zip(
-            self._inputs, applied, read_back, self._much, strict=True
+        for name, wanted, reported, least in zip(
+            self._inputs, applied, read_back, self._least_changes, strict=True
         ):
-            is_ignored = abs(reported - wanted) > much  # False where the device reports none
+            is_ignored = abs(reported - wanted) > least  # False where the device reports none
             self._ignored[name] = self._ignored[name] + 1 if is_ignored else 0
             if self._ignored[name] == self._samples:
                 unit = self._inputs[name]
@@ -101,7 +102,7 @@ class _Sensor:
 
     Parameters
     ----------
-    much : sequence of float
+    least_changes : sequence of float
         Smallest change of each input that counts.
     samples : int
         Length of the window in which changes of the sensor and of inputs belong together.
@@ -112,18 +113,19 @@ class _Sensor:
         Samples in a row with the present value.
     """
 
-    def __init__(self, much: Sequence[float], samples: int) -> None:
-        self._much = much
+    def __init__(self, least_changes: Sequence[float], samples: int) -> None:
+        self._least_changes = least_changes
         self._samples = samples
         self.same = 0
         self._value = nan
         self._applied: tuple[float, ...] = ()
         self._meanwhile = _Span()  # of the inputs, while the value stayed the same
-        self._window = _Span()  # of the inputs, in samples that are looked at together
-        self._changes = 0  # of the value, in those
-        self._still = 0  # samples in which no input changed, and those of them with another value
-        self._noisy = 0
-        self._followed: set[frozenset[int]] = set()  # inputs that moved when the value did
+        self._window = _Span()  # of the inputs, in the samples of a window
+        self._changes = 0  # of the value, in the window
+        self._still = 0  # samples in which no input changed
+        self._noisy = 0  # of these, samples with another value than the one before
+        # sets of inputs that changed in a window in which the value changed too
+        self._followed: set[frozenset[int]] = set()
 
     def add(self, value: float, applied: tuple[float, ...]) -> None:
         """Take note of a sample."""
@@ -139,11 +141,11 @@ class _Sensor:
         self._window.add(applied)
         self._changes += is_new and isfinite(self._value)
         if self._window.count > self._samples:
-            moved = self._window.moved(self._much)
+            moved = self._window.moved(self._least_changes)
             if moved and self._changes:
                 self._followed.add(moved)
             self._window = _Span()
-            self._window.add(applied)  # from which the next change is one
+            self._window.add(applied)  # so that a change from this sample to the next counts
             self._changes = 0
         self._value = value
         self._applied = applied
@@ -154,7 +156,7 @@ class _Sensor:
         These are all that changed, if the sensor is noisy, so that it never stays the same for
         long, or has followed some of them before; else none.
         """
-        moved = self._meanwhile.moved(self._much)
+        moved = self._meanwhile.moved(self._least_changes)
         is_noisy = self._still >= self._samples and self._noisy > _NOISY * self._still
         if is_noisy or any(one <= moved for one in self._followed):
             return moved
@@ -174,9 +176,9 @@ class _Span:
         self._most = tuple(map(max, self._most, applied)) if self.count else applied
         self.count += 1
 
-    def moved(self, much: Sequence[float]) -> frozenset[int]:
+    def moved(self, least_changes: Sequence[float]) -> frozenset[int]:
         """Return the indices of the inputs whose change counts."""
-        spans = zip(self._least, self._most, much, strict=True)
+        spans = zip(self._least, self._most, least_changes, strict=True)
         return frozenset(k for k, (low, high, least) in enumerate(spans) if high - low > least)
 
 

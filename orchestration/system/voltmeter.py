@@ -8,15 +8,15 @@ from fmus.kit import Component, Input, Output
 
 
 class Voltmeter(Component):
-    """Voltage as it is measured: what is there, and an error that comes from outside."""
+    """Voltage as it is measured: the true voltage, and an error that comes from outside."""
 
     name = "voltmeter"
     experiment = (10.0, 0.1)
 
-    voltage = Input("V", doc="voltage that is there")
+    voltage = Input("V", doc="true voltage")
     error = Input("V", doc="error of the measurement: noise, hum, an offset")
 
     @Output("V")
     def measured_voltage(self) -> Any:
-        """Sum of the voltage that is there and the error."""
+        """Sum of the true voltage and the error."""
         return self.voltage + self.error

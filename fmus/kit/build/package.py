@@ -74,33 +74,35 @@ def python_package(cls: type[Component]) -> dict[str, bytes]:
         See :func:`.bundle`.
     """
     base, effects = unstack(cls)
-    slave = "from .kit.slave import Slave"
+    slave_import = "from .kit.slave import Slave"
     engine_modules: list[str] = []
     needs: Mapping[str, str] = {}
     if cls.engine is not None:
         module, name = cls.engine.slave.split(":")
-        slave = f"from .{name_in_package(module)} import {name} as Slave"
+        slave_import = f"from .{name_in_package(module)} import {name} as Slave"
         engine_modules = [module]
         needs = cls.engine.needs
     modules, places = bundle((base, *effects), engine_modules, needs)
     for name in RUNTIME_MODULES:
         modules[f"kit/{name}.py"] = (_KIT_FOLDER / f"{name}.py").read_bytes()
-    modules["__init__.py"] = _entry(cls, places, slave).encode()
+    modules["__init__.py"] = _entry(cls, places, slave_import).encode()
     packed = {f"resources/python/{name}": contents for name, contents in modules.items()}
     note = f"{_PYTHON} with {', '.join(needs.values())} installed.\n" if needs else _ALONE
     return packed | {"documentation/externalDependencies.txt": note.encode()}
 
 
-def _entry(cls: type[Component], places: dict[type[Component], tuple[str, str]], slave: str) -> str:
+def _entry(
+    cls: type[Component], places: dict[type[Component], tuple[str, str]], slave_import: str
+) -> str:
     """Write the module that rebuilds the component's class and defines ``create``.
 
-    ``fmi/python.c`` calls ``create``. `places` is that of :func:`bundle`; `slave` is the statement
-    that imports the class of an instance.
+    ``fmi/python.c`` calls ``create``. `places` is that of :func:`bundle`; `slave_import` is the
+    statement that imports the class of an instance.
     """
     base, effects = unstack(cls)
     # classes of different modules may share a name
     parts = {used: f"Part{n}" for n, used in enumerate(places)}
-    imports = ["from .kit import stack", *_argument_imports(effects), slave]
+    imports = ["from .kit import stack", *_argument_imports(effects), slave_import]
     for used, (place, name) in places.items():
         imports.append(f"from .{place} import {name} as {parts[used]}")
     if cls is base:

@@ -82,7 +82,10 @@ class PerturbedLaws:
         self._functions_over_points: dict[int, ca.Function] = {}
 
     def _recording_class(self, cls: type[Component]) -> type[Component]:
-        """Make a class that records the laws and signals that are read, and adds to the laws."""
+        """Return a subclass whose laws add their symbol to their value.
+
+        Its instances record the signals and laws that each law reads.
+        """
         # law_of rather than getattr: an input that an effect changes has no value in the class
         names = set(dir(cls)) - set(dir(Component))
         laws = {n for n in names if law_of(cls, n) is not None and not n.startswith("_")}

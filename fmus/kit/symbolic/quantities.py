@@ -91,7 +91,7 @@ class Unit:
     def match(self, other: Unit) -> None:
         """Check that numbers in this and another unit can be added or compared.
 
-        If the units differ, an open one becomes the other.
+        If the units differ, the one that is open (`is_open`) takes the powers of the other.
 
         Raises
         ------

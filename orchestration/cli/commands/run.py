@@ -1,4 +1,4 @@
-"""``ppy run``: an experiment or a system run, or one made again and compared bit by bit."""
+"""``ppy run``: an experiment or a system run, or one made again and compared bit for bit."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @command(RunCommand)
 def run(options: RunCommand) -> None:
-    """Run an experiment: one that ships, a TOML file, a system, or a result again, bit by bit.
+    """Run an experiment, a system, or a result again, and compare that with it bit for bit.
 
     A system (.ssp) runs over its own default experiment; --set inputs.NAME=VALUE drives an input.
     """

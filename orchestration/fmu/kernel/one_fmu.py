@@ -193,7 +193,7 @@ def _add_transfers(
         else:
             operation = SET_WHOLE[kind] if verb == "Set" else library.GET_WHOLE
             places = [columns.index(k) for k in positions]
-            program.add_whole(operation, call, references, values, places, handler)
+            program.add_integers(operation, call, references, values, places, handler)
 
 
 class _TransferFailures:

@@ -160,7 +160,7 @@ class Program:
             integers=orders,
         )
 
-    def add_whole(
+    def add_integers(
         self,
         kind: int,
         call: partial[int],
@@ -171,7 +171,25 @@ class Program:
         *,
         owner: int = 0,
     ) -> None:
-        """Add an operation that sets or gets integers or booleans at indices of the values."""
+        """Add an operation that sets or gets integers or booleans.
+
+        Parameters
+        ----------
+        kind : int
+            Operation of the library.
+        call : functools.partial
+            Bound function of the FMU.
+        references : sequence of int
+            Value references, shape (n,).
+        values : Values
+            Doubles, which the kernel converts from and to integers.
+        places : sequence of int
+            Index in the values of each variable, shape (n,).
+        handler : callable
+            Raises the error of a failure.
+        owner : int
+            Index of the FMU.
+        """
         count = len(references)
         self._add(
             handler,

@@ -71,7 +71,10 @@ def _is_declaration(value: ast.expr) -> bool:
 
 
 def remarks(path: Path, text: bytes, owner: str) -> tuple[str, ...]:
-    """Return remarks on methods of a class that hide laws from effects and diagnoses.
+    """Return remarks on methods of a class that keep effects from changing one law alone.
+
+    An effect of a diagnosis overrides methods: it cannot change a law that is computed inside an
+    output, and changes the physics where another method calls an output.
 
     Parameters
     ----------
@@ -84,7 +87,7 @@ def remarks(path: Path, text: bytes, owner: str) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Each with the line and the correction.
+        A remark for each such method, with its line and the correction.
     """
     lines = []
     for body in _classes(text):

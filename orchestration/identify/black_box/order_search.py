@@ -215,7 +215,7 @@ def search_orders(
 
 
 def _check_known(kind: str, names: Sequence[str], known: Sequence[str]) -> None:
-    """Refuse a name that is none of those known."""
+    """Raise UserError if a name is not known."""
     for name in names:
         if name not in known:
             raise UserError(f"{kind} {name}: there is none{suggestion(name, known)}")

@@ -75,7 +75,7 @@ class Identification:
 
     @property
     def aic(self) -> float:
-        """Akaike's criterion per sample, ``log V + 2 d / N``.
+        """Akaike's criterion per sample, ``log V + 2 d / N``: loss V, d parameters, N samples.
 
         Sources: Ljung, eq. 16.47; thesis, table 3-2.
         """
@@ -83,7 +83,10 @@ class Identification:
 
     @property
     def bic(self) -> float:
-        """Schwarz's criterion per sample, ``log V + d log(N) / N`` (Ljung, section 16.4)."""
+        """Schwarz's criterion per sample, ``log V + d log(N) / N`` (Ljung, section 16.4).
+
+        The symbols are those of `aic`.
+        """
         samples = len(self.residual)
         return self._log_loss + self.count * float(np.log(samples)) / samples
 

@@ -295,7 +295,7 @@ _Key = tuple[type[Component], tuple[type[Effect], ...]]
 _KEPT = 64  # compiled models
 _MORE = 3  # derivatives that a model may have beyond those that are wanted, and serve as well
 _compiled_models: dict[_Key, list[CompiledModel]] = {}
-_compiling = Lock()
+_models_lock = Lock()  # not held while a model is compiled, so that others are compiled meanwhile
 
 
 def _compiled(
@@ -303,11 +303,11 @@ def _compiled(
 ) -> CompiledModel:
     """Return a compiled model with derivatives by `names`, and by at most `_MORE` other parameters.
 
-    It is compiled once for all fits. With any derivatives it has those by start values of the
-    states of effects, if they are few, because some fits search these.
+    It is compiled once for all fits. If it has any derivatives, it also has those by the few start
+    values of the states of effects, because some fits search these.
     """
     key = (base, effects)
-    with _compiling:
+    with _models_lock:
         for model in _compiled_models.get(key, []):
             if set(names) <= set(model.names) and len(model.names) <= len(names) + _MORE:
                 return model
@@ -316,7 +316,7 @@ def _compiled(
     more = [name for name in starts if name not in names] if names else []
     compiled_names = [*names, *more] if len(more) <= _MORE else list(names)
     model = CompiledModel(stack(base, *effects) if effects else base, compiled_names)
-    with _compiling:
+    with _models_lock:
         if sum(map(len, _compiled_models.values())) >= _KEPT:
             del _compiled_models[next(iter(_compiled_models))]
         _compiled_models.setdefault(key, []).append(model)

@@ -47,24 +47,26 @@ _CURVED = 0.1  # of the expected curvature, below which the observed one is chan
 
 @dataclass(frozen=True)
 class Method:
-    """The effort of a fit: tolerance, passes and trial points.
+    """Limits of the effort of a fit.
 
-    The default tolerance is far below any difference that evidence depends on.
+    A pass fits the parameters with a noise model, and then estimates the noise model from the
+    residual.
 
     Attributes
     ----------
     tolerance : float
-        Fall of the sum of squared innovations that ends a search.
+        Fall of the sum of squared innovations (of variance 1) below which a search ends. The
+        default is far below any difference that evidence depends on.
     passes : int
-        Of fitting with a noise model and estimating the noise model from the residual, at most.
+        Largest number of passes.
     settled : float
-        Fall of BIC from one pass to the next that ends them.
+        Fall of BIC from one pass to the next below which no further pass is made.
     trials : int
-        Points that a pass may try.
+        Largest number of points that the search of a pass tries.
     restarts : int
-        Times that a fit is begun again in white noise, at most.
+        Largest number of restarts in white noise.
     near : bool
-        Whether fits begin near where they end, so that no second start finds another end.
+        Whether the start is known to be near the optimum, so that no other start is tried.
     """
 
     tolerance: float = 0.05
@@ -237,7 +239,7 @@ def _move_off_bounds(problem: Problem, start: Array) -> Array:
 
 
 def nearest_free_run(problem: Problem, start: Array, physical: Mask | None = None) -> Array:
-    """Return where plain least squares of the free run ends, without an assessment.
+    """Return the point to which least squares fits the free run, without assessing the fit.
 
     Parameters
     ----------
@@ -332,7 +334,8 @@ def choose_credible_fit(problem: Problem, likeliest: FitResult, free_run: FitRes
 def _is_positive(observed: Array, expected: Array) -> bool:
     """Tell whether an observed information is clearly positive in every direction.
 
-    Its least eigenvalue, scaled by the expected information, is compared with that of the latter.
+    Both are scaled by the diagonal of the expected information; then their least eigenvalues are
+    compared.
     """
     scale = np.sqrt(np.diag(expected))
     seen = (scale > 0.0) & np.isfinite(scale)
@@ -345,7 +348,7 @@ def _is_positive(observed: Array, expected: Array) -> bool:
 
 
 def _make_prior(problem: Problem, physical: Mask | None, prior_std: float) -> _Prior:
-    """Return the prior of physical parameters, about where the problem starts."""
+    """Return the prior of physical parameters, with the start of the problem as its mean."""
     mean = problem.position(problem.start)
     informed = np.isfinite(mean) & (False if physical is None else physical.astype(bool))
     return _Prior(mean, np.where(informed, prior_std**-2, 0.0))
@@ -443,7 +446,7 @@ def _minimise(
 def _whitened_slopes(problem: Problem, q: Array, noise: Mapping[str, Noise], below: Array) -> Array:
     """Return the whitened Jacobians of all outputs one below the other, and more rows below them.
 
-    They are whitened one by one into their place: all of them twice are much memory.
+    They are whitened one by one into the result, as a second copy of all takes much memory.
 
     Parameters
     ----------
@@ -518,7 +521,10 @@ class _AlternatingFit:
         return _end_pass(problem, end._replace(q=near), self.prior)
 
     def iterate(self, first: _Pass) -> _Pass:
-        """Fit in the noise that is estimated where the last pass ended, until BIC falls no more."""
+        """Repeat passes until BIC falls by less than `Method.settled`; return the best pass.
+
+        Each begins where the last one ended, with the noise that was estimated there.
+        """
         fitted = first
         for _ in range(self.method.passes - 1):
             before = fitted
@@ -640,9 +646,23 @@ def _covariance(
     information: Array,
     prior: _Prior,
 ) -> Covariance:
-    """Return the covariance of the fit, by the observed curvature if that is clearly positive.
+    """Return the covariance of the parameters, corrected for noise of varying level.
 
-    The curvature of few samples in heavy tails may be negative by chance.
+    The curvature of the log-likelihood is the observed one, unless it is not clearly positive, as
+    may happen by chance with few samples in heavy tails. It is then the expected one (Fisher).
+
+    Parameters
+    ----------
+    plain : Covariance
+        Inverse of expected curvature and prior.
+    jacobian : ndarray, shape (m, p)
+        Of all innovations.
+    score : ndarray, shape (m,)
+        Derivative of the loss by every innovation.
+    curvature : _Curvature
+    information : ndarray, shape (p, p)
+        Expected curvature, without the prior.
+    prior : _Prior
     """
     observed = weighted_square(jacobian, curvature.observed)
     if not _is_positive(observed, information):

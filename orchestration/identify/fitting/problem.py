@@ -511,7 +511,7 @@ class Problem:
         return delays
 
     def _delay_position(self, i: int, samples: float) -> float:
-        """Return the searched coordinate of a delay that is given in samples."""
+        """Return the value of searched coordinate `i`, a delay, for a length in samples."""
         return self.scales[i].position(samples * self._step)
 
     def inside(self, q: Array) -> Array:

@@ -22,11 +22,15 @@ from orchestration.records.runs import base_name
 _SPREAD = float(np.log(10.0))
 _STARTS = 4  # in addition to the nominal one
 _BRIEF = 12  # trial points after which only the best start goes on
-_FLOOR = 1.1  # times the noise: an error below it leaves nothing to be gained elsewhere
+# Root mean square error, in standard deviations of the noise, that leaves nothing to be gained
+# elsewhere: that of the true parameters is 1.
+_FLOOR = 1.1
 # Fall of minus twice the log-likelihood for which another optimum than that of the nominal start is
 # taken: very strong evidence (Kass and Raftery 1995). A parameter that does nothing where it is
 # nominal may follow a little of the noise elsewhere, as a limit does that is just reached.
 _CLEARLY = 10.0
+# times the least sum of squares: a brief search that ended above it is not continued
+_HOPELESS = 4.0
 _FINE = 1e-4  # of the spread of an output: least noise that it is weighted by
 
 
@@ -70,7 +74,7 @@ def weighted_slopes(
 ) -> Array:
     """Return the Jacobians of all outputs over their scales, and more rows below them.
 
-    They are divided into their place: all of them twice are much memory for a long record.
+    Quotients are written into the result directly, as a second copy takes much memory.
 
     Parameters
     ----------
@@ -114,8 +118,8 @@ def error_at(problem: Problem, q: Array) -> float:
 def starting_points(problem: Problem) -> list[Array]:
     """Return the nominal point, and others spread evenly within a decade on either side.
 
-    A decade is of parameters that are searched in their logarithm; others move by as much in units
-    of their size. Start values of states, and values that are a run's own, stay nominal.
+    Parameters that are not searched in their logarithm are spread by as much in units of their
+    size, log(10). Start values of states, and parameters of a single run, stay nominal.
     """
     nominal = problem.inside(problem.position(problem.start))
     is_spread = np.array(
@@ -173,13 +177,13 @@ def fit_simulation_error(
     tolerance: float,
     prior: tuple[Callable[[Array], Array], Array] | None = None,
 ) -> Minimum:
-    """Fit by plain least squares, each output over the size of its noise.
+    """Fit by least squares, with the error of each output divided by the size of its noise.
 
     Parameters
     ----------
     problem : Problem
     starts : sequence of ndarray, shape (p,)
-        The first is searched to the end; the others only if that does not come down to the noise.
+        The others are tried only if the search from the first ends above the noise.
     scales : Mapping of str to float
         See `error_scales`.
     tolerance : float
@@ -190,7 +194,8 @@ def fit_simulation_error(
     Returns
     -------
     Minimum
-        Where the first search ended, or the best of the others if it is clearly better.
+        The end of the search from the first start, or the best of the others if that is clearly
+        better.
 
     Raises
     ------
@@ -200,15 +205,17 @@ def fit_simulation_error(
     errors = _WeightedErrors(problem, scales, prior)
     first = errors.search(starts[0], tolerance)
     best = first
-    if errors.cost(best.q) <= _FLOOR**2 * problem.samples:
-        return best
+    if errors.cost(first.q) <= _FLOOR**2 * problem.samples:
+        return first
     for start in starts[1:]:
         if problem.out_of_time():
             break
         best = errors.better_minimum(best, start, tolerance)
-    # not by a ratio, for a record without noise may be met exactly
-    clearly = errors.cost(first.q) > errors.cost(best.q) * np.exp(_CLEARLY / problem.samples)
-    return best if clearly else first
+    # Minus twice the log-likelihood is N log(S) plus a constant, with the sum of squares S and the
+    # size of the noise estimated. No logarithm is taken: S is zero where noise-free data is met.
+    factor = np.exp(_CLEARLY / problem.samples)
+    is_clearly_better = errors.cost(first.q) > factor * errors.cost(best.q)
+    return best if is_clearly_better else first
 
 
 class _WeightedErrors:
@@ -259,9 +266,10 @@ class _WeightedErrors:
             tried = self.search(start, tolerance, _BRIEF)
             cost = self.cost(tried.q)
             least = self.cost(best.q)
-            # a search that ends where the best one did is no other optimum
-            is_other = cost - tried.promised < least * np.exp(-_CLEARLY / self._problem.samples)
-            if not tried.converged and is_other and cost < 4.0 * least:
+            # clearly below the best, if the next step falls as promised; else it is no other
+            # optimum, or one that is not clearly better
+            may_win = cost - tried.promised < least * np.exp(-_CLEARLY / self._problem.samples)
+            if not tried.converged and may_win and cost < _HOPELESS * least:
                 tried = self.search(tried.q, tolerance)
         except UserError:  # it cannot be simulated there
             return best

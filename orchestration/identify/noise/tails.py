@@ -14,21 +14,27 @@ from scipy.special import gammaln, ndtri
 
 from fmus.kit.arrays import Array
 
+# degrees of freedom that are tried; below 2 there is no variance, and 25 are almost Gaussian
 _FREEDOMS = np.array([2.2, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 25.0])
 _QUARTILE = float(ndtri(0.75))  # of Gaussian samples of unit variance
 _FEW = 50  # samples below which noise is taken as Gaussian
 # standard errors of the kurtosis of Gaussian samples, below which tails are not tested
 _SUSPECT = 3.0
+# Gain in twice the log-likelihood that heavy tails need, in BIC's penalties of the one parameter
+# that they add. More than one, for a local level is divided out that is itself estimated, which
+# makes tails heavier.
+_PENALTIES = 2.0
 _NEIGHBOURS = 61  # samples about one of them whose median is the level of the noise there
-_ROUNDS = (
-    12  # iterations of scale and weights, after which the scale changes by less than a percent
-)
+_LEAST_LEVEL = 1e-3  # of the root mean square: the local level is taken as at least that
+# iterations of scale and weights, after which the scale changes by less than a percent
+_ROUNDS = 12
 
 
 def heavy_tails(innovation: Array, freedom: float | None = None) -> tuple[float, float]:
     """Estimate the degrees of freedom of innovations by maximum likelihood.
 
-    They are infinite, so that innovations are Gaussian, unless BIC prefers heavy tails.
+    They are infinite, so that innovations are Gaussian, unless the kurtosis is clearly high and
+    the likelihood prefers heavy tails by twice the penalty of BIC.
 
     Parameters
     ----------
@@ -48,7 +54,8 @@ def heavy_tails(innovation: Array, freedom: float | None = None) -> tuple[float,
     if freedom == inf or len(innovation) < _FEW or not size > 0.0 or not _is_heavy(innovation):
         return inf, size
     local = median_filter(np.abs(innovation), _NEIGHBOURS, mode="nearest")
-    estimated = _estimate_freedom(innovation / np.maximum(local, 1e-3 * size))
+    level = np.maximum(local, _LEAST_LEVEL * size)
+    estimated = _estimate_freedom(innovation / level)
     if estimated == inf:
         return inf, size
     return estimated, float(_fit_scales(innovation, np.array([estimated]))[1][0])
@@ -109,15 +116,18 @@ def _is_heavy(innovation: Array) -> bool:
 
 
 def _estimate_freedom(innovation: Array) -> float:
-    """Return the degrees of freedom of innovations of one level; infinite if BIC says so."""
+    """Return the degrees of freedom of Student's t distribution for innovations of one level.
+
+    Infinite, which is the Gaussian distribution, if the tails are not clearly heavy.
+    """
     if not _is_heavy(innovation):
         return inf
     n = len(innovation)
     power = float(np.mean(innovation**2))
-    likelihoods, _ = _fit_scales(innovation, _FREEDOMS)
-    best = int(np.argmax(likelihoods))
+    log_likelihoods, _ = _fit_scales(innovation, _FREEDOMS)
+    best = int(np.argmax(log_likelihoods))
     gaussian = -0.5 * n * (1.0 + float(np.log(2.0 * np.pi * power)))
-    if 2.0 * (likelihoods[best] - gaussian) < 2.0 * np.log(n):
+    if 2.0 * (log_likelihoods[best] - gaussian) < _PENALTIES * np.log(n):
         return inf
     return float(_FREEDOMS[best])
 

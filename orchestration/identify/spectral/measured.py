@@ -158,7 +158,7 @@ def _choose_ratios(
 
 
 def parts_of_ratio(text: str) -> tuple[str, str]:
-    """Return the two signals of a ratio, such as ``voltage/current``; UserError if it is none."""
+    """Return the two signals of a ratio such as ``voltage/current``; UserError for another text."""
     above, slash, below = (part.strip() for part in text.partition("/"))
     if not (slash and above and below) or above == below:
         raise UserError(
@@ -168,7 +168,7 @@ def parts_of_ratio(text: str) -> tuple[str, str]:
 
 
 def _check_ratio(record: Record, inputs: Sequence[str], varying: Sequence[str], text: str) -> Ratio:
-    """Return a ratio of a record's signals; refuse one without, or with two, varying inputs."""
+    """Return a ratio of a record's signals; UserError unless one varying input causes it."""
     written = option("of", text)
     above, below = parts_of_ratio(text)
     for name in (above, below):

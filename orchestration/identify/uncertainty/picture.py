@@ -23,12 +23,21 @@ _WIDE = 30.0  # ratio of ends from which on an axis is logarithmic
 
 @draw.register(Profile)
 def draw_profile(profile: Profile) -> Figure:
-    """Draw the profile with the ellipse's parabola and both intervals."""
+    """Draw the profile and its interval, with parabola and interval of the linearised fit."""
     return draw_profiles([profile])
 
 
 def draw_profiles(profiles: Sequence[Profile]) -> Figure:
-    """Draw the deviance over each parameter, with parabola, 95 % level and both intervals."""
+    """Draw the deviance over each parameter, with the 95 % level and the interval that it gives.
+
+    The parabola and the interval of the linearised fit (of its confidence ellipse) are drawn for
+    comparison.
+
+    Parameters
+    ----------
+    profiles : sequence of Profile
+        One panel each.
+    """
     figure, axes = pictures.panels(len(profiles), "likelihood profiles", "", 2.9, shared=False)
     for profile, axis in zip(profiles, axes, strict=True):
         _draw_profile(profile, axis)
@@ -102,7 +111,7 @@ def _deviance_at(profile: Profile, values: Array) -> Array:
 
 
 def _axis_ends(profile: Profile) -> tuple[float, float]:
-    """Return the ends of the axis: both intervals; where they are open, the last fits."""
+    """Return ends of the axis that show both intervals; where they are open, the last fits."""
     inside = profile.values[profile.deviance <= LEVEL]
     low = min(_finite_ends(profile, 0, float(inside.min())))
     high = max(_finite_ends(profile, 1, float(inside.max())))

@@ -174,11 +174,11 @@ class Side:
     Attributes
     ----------
     points : list of ndarray, shape (p,)
-        Where the others were fitted, in the order in which it was done; the estimate is the first.
+        Points of the fits, in the order in which they were made; the estimate is the first.
     deviance : list of float
-        At these points, above that of the estimate and over the level of the interval.
+        At these points, above that of the estimate, divided by the level of the interval.
     crossing : float or None
-        Coordinate at which it is one; None if it was not reached.
+        Coordinate at which the deviance is one, the end of the interval; None if it stays below.
     failed : bool
         True if the model could not be simulated farther on.
     between : tuple of float or None
@@ -198,14 +198,14 @@ class Side:
 def profile_likelihood(
     name: str, declared: Described, refit: Refit, q: Array, coordinate: Coordinate
 ) -> Profile:
-    """Follow the deviance to both sides of an estimate.
+    """Return the profile of a parameter's likelihood, followed to both sides of the estimate.
 
     Parameters
     ----------
     name : str
     declared : Described
     refit : callable
-        See `trace`; its deviance is over that at which the interval ends.
+        See `trace`; its deviance is divided by the level at which the interval ends.
     q : ndarray, shape (p,)
         The estimate.
     coordinate : Coordinate

@@ -244,22 +244,31 @@ class _Drive:
         return ""
 
     def _exchange(self, k: int, point: float) -> Mapping[str, Any] | None:
-        """Send the commands of a row, and complete rows with the sample that comes back."""
+        """Send the commands of row `k`, and store the sample that answers them.
+
+        Returns
+        -------
+        Mapping of str to object or None
+            The sample; None if none came in time. One that tells of a latch or of a refused command
+            ends the run, and is not stored.
+        """
         interval = self._plan.interval
         commands = self._commands[min(k, len(self._commands) - 1)]
         wait = max(_LEAST_WAIT, _WAITING * interval)
         sample = self._link.exchange(commands, point, interval, wait)
         if sample is not None and (describe_latch(sample) or sample["refused"]):
             return sample
-        before = self._row
-        if before is None or before.k != k:
-            if before is not None:
-                self._offer(before, sample)
-                self._finish(before)
-            if before is None or commands != before.commands:
-                self._since = inf
+        previous = self._row
+        if previous is not None and previous.k != k:
+            # the first answer to new commands was measured under the previous ones
+            self._offer(previous, sample)
+            self._finish(previous)
+            if commands != previous.commands:
+                self._since = inf  # no sample has come yet since the rig has these commands
+        if previous is None or previous.k != k:
             self._row = self._begin(k, commands)
         if self._row is not None:
+            # of a new row, this notes when the rig accepted it; values must be measured later
             self._offer(self._row, sample)
         return sample
 
@@ -271,7 +280,7 @@ class _Drive:
             self._since = min(self._since, sample["clock"])
 
     def _begin(self, k: int, commands: list[float]) -> _Row | None:
-        """Begin a row; None after the last one."""
+        """Return a new row, after rows without values for those skipped; None after the last."""
         outputs = len(self._plan.outputs)
         while len(self.rows) < min(k, len(self._commands)):  # rows that were skipped
             self._finish(_Row(len(self.rows), commands, outputs))

@@ -74,20 +74,15 @@ def main(settings: ServerSettings, memory: Any) -> None:
 
 
 def longest_sleep(watchdog: float) -> float:
-    """Return the longest time for which the device may sleep without a sign of life.
-
-    The guard assumes that a device hangs that is silent for too long.
+    """Return the longest time in s for which the device may sleep without a sign of life.
 
     Parameters
     ----------
     watchdog : float
         Watchdog time in s.
-
-    Returns
-    -------
-    float
-        Seconds.
     """
+    # a quarter, well below `ServerSettings.silence`, after which the guard takes over, so that a
+    # process that wakes late does not count as hung
     return min(_LOOK, watchdog / 4)
 
 

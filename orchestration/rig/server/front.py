@@ -193,14 +193,14 @@ class EventLoop:
                 return
 
     def _newer_exchange(self, held: ReceivedMessage, arrived: ReceivedMessage) -> ReceivedMessage:
-        """Return the newer of two exchanges; the other is dropped, or answered if it still counts.
+        """Return the newer of two exchanges; the other is dropped if it may be, else answered.
 
         Messages may overtake each other, so the one that arrives later may be the older one.
         """
         overtaken = arrived.message["sequence"] <= held.message["sequence"]
-        if overtaken and self._handler.supersedes(held.message, arrived.message):
+        if overtaken and self._handler.drop_earlier(held.message, arrived.message):
             return held
-        if not self._handler.supersedes(arrived.message, held.message):
+        if not self._handler.drop_earlier(arrived.message, held.message):
             self._answer(self._sockets.requests, held)
         return arrived
 
@@ -247,6 +247,7 @@ class EventLoop:
                 )
 
     def _count_turned_away(self) -> None:
+        """Count and log the peers that were turned away since the last call."""
         number = self._sockets.turned_away()
         if number:
             self._handler.counts["turned away"] += number

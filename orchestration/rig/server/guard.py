@@ -183,6 +183,7 @@ class Guard:
         return self._shared.command.read() or Command()
 
     def _is_to_end(self, parent: Any) -> bool:
+        """Return True if a signal or the front has ordered the end, or the front has ended."""
         return (
             self._ending
             or self._command().order == END
@@ -190,7 +191,7 @@ class Guard:
         )
 
     def _start(self) -> None:
-        """Start a device process, with a sign of life before and after, for it takes its time."""
+        """Start a device process, which takes a while: with a sign of life before and after."""
         self._device = self._context.Process(
             target=device.main, args=(self._settings, self._memory), name="device"
         )
@@ -202,7 +203,8 @@ class Guard:
 
     def _check_device(self) -> None:
         """Check the device once, and take its place if it has failed."""
-        # before all else: an acknowledgement refers to the shared memory as it was before
+        # Read before the report: else a device might report its end, and be acknowledged, between
+        # the two, and the acknowledgement would be taken for one of the device that still serves.
         command = self._command()
         trip = self._shared.trip.read()
         beat = self._shared.beat.read()

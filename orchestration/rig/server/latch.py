@@ -26,7 +26,10 @@ _SENTENCES = {
 
 
 class Latch:
-    """The latch of a rig.
+    """Latch of a rig: while it is closed, the rig is in its safe state or on the way to it.
+
+    A stop or a fault closes it. An acknowledgement that names it opens it, as soon as the safe
+    state is confirmed.
 
     Parameters
     ----------
@@ -38,15 +41,15 @@ class Latch:
     Attributes
     ----------
     name : str
-        Name of the present latch; empty while it is open.
+        Name of this closing, which an acknowledgement has to give; empty while it is open.
     reason : str
         Reason for which it is closed, or the condition that it waits for to open.
     state : str
-        ``stopping``, ``safe`` or ``not reached`` while it is closed.
+        ``stopping``, ``safe`` or ``not reached`` while it is closed, ``safe`` while it is open.
     reached : float or None
         Time in s from closing the latch to the safe state; None until that is confirmed.
     alarm : str
-        Message for the operator until it is acknowledged.
+        Message for the operator, until it is acknowledged; empty without one.
     """
 
     def __init__(self, rig: Rig, log: EventLog, keeper: LatchKeeper) -> None:

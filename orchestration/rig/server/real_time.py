@@ -101,24 +101,19 @@ class RealTimeRig:
         Raises
         ------
         UserError
-            If the backend cannot be opened, or not in time.
+            If the backend cannot be opened, or not in time, or all guards have ended.
         """
         until = monotonic() + guard.LONGEST_OPENING + _SPARE
         latest = 0.0  # of all wake-ups, s
-        while monotonic() < until and any(one.is_alive() for one in self._guards.values()):
+        while monotonic() < until:
+            # asked first: a guard that ends has reported why before
+            is_alive = any(one.is_alive() for one in self._guards.values())
             self.beat()
-            for trip in (self._shared.trip.read(), self._shared.rescue.read()):
-                if trip is not None and trip.ended:
-                    raise cannot_open(self._settings, read_text(trip.reason))
-            watch = self._shared.watch.read()
-            description = self._shared.description.read()
-            if watch is not None:
-                self._keep_a_standby(watch)
-            is_serving = watch is not None and watch.at == SERVING
-            is_backed = self._shared.standby.read() is not None
-            if is_serving and is_backed and description is not None:
-                self.bound = self.watchdog + self._settings.period + description.opening
-                signals = BackendSignals.from_record(description)
+            self._raise_if_failed()
+            if not is_alive:
+                raise cannot_open(self._settings, "its guard process ended before it was open")
+            signals = self._opened_signals()
+            if signals is not None:
                 signals.notes.extend(self._warn_of_wake_ups(latest))
                 return signals
             due = monotonic() + _LOOK
@@ -126,10 +121,29 @@ class RealTimeRig:
             latest = max(latest, monotonic() - due)
         raise cannot_open(self._settings, f"it did not open in {guard.LONGEST_OPENING:g} s")
 
+    def _raise_if_failed(self) -> None:
+        """Raise UserError if device or guard has reported that the backend cannot be used."""
+        for trip in (self._shared.trip.read(), self._shared.rescue.read()):
+            if trip is not None and trip.ended:
+                raise cannot_open(self._settings, read_text(trip.reason))
+
+    def _opened_signals(self) -> BackendSignals | None:
+        """Return the signals if the device serves and a guard stands by; start one if none does."""
+        watch = self._shared.watch.read()
+        description = self._shared.description.read()
+        if watch is None:
+            return None
+        self._keep_a_standby(watch)
+        has_standby = self._shared.standby.read() is not None
+        if watch.at != SERVING or not has_standby or description is None:
+            return None
+        self.bound = self.watchdog + self._settings.period + description.opening
+        return BackendSignals.from_record(description)
+
     def _warn_of_wake_ups(self, latest: float) -> list[str]:
         """Return a line if processes of this machine wake too late for the watchdog time.
 
-        They sleep for a quarter of it at most, and are held to hang after three quarters.
+        They sleep for a quarter of it at most, and count as hung after three quarters.
         """
         least = _WAKE_UPS * latest
         if self.watchdog >= least:
@@ -166,9 +180,9 @@ class RealTimeRig:
     def safe_since(self) -> float | None:
         """Return since when the rig is confirmed to be in its safe state; None while it is not.
 
-        The newest word counts, of the device or of a guard in its place. A device may be about to
-        carry out a command that came before the order to rest, until it has seen that. Of one that
-        shows no sign of life nobody knows, unless it has ended.
+        The newest report counts, of the device or of a guard in its place. That of the device
+        counts once it has seen the last order to rest, as it may carry out an earlier command until
+        then, and while it shows signs of life; or for good, if it is the last one of its process.
         """
         beat = self._shared.beat.read()
         rescue = self._shared.rescue.read()
@@ -181,7 +195,7 @@ class RealTimeRig:
         return beat.safe if is_over or is_heard else None
 
     def release(self) -> None:
-        """Serve again: the device, if it is still there, or another one."""
+        """Let the device serve again, or another one if it has ended."""
         self._failed = 0
         self._has_given_up = False
         self._order(self._command._replace(order=REST, acknowledged=self._command.acknowledged + 1))
@@ -197,7 +211,7 @@ class RealTimeRig:
         self._shared.command.write(self._command)
 
     def opening(self) -> str:
-        """Return the reason for which the rig cannot be used: its device is not open."""
+        """Return the reason for which the rig cannot be used; empty if its device is open."""
         watch = self._shared.watch.read()
         if (
             watch is not None

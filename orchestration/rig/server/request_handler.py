@@ -122,12 +122,12 @@ class RequestHandler:
             return encode("refused", reason=reason)
         return self._answers[kind](peer, message)
 
-    def supersedes(self, message: Mapping[str, Any], before: Mapping[str, Any]) -> bool:
-        """Return True if a waiting exchange makes an earlier one useless, which is counted as late.
+    def drop_earlier(self, newer: Mapping[str, Any], earlier: Mapping[str, Any]) -> bool:
+        """Count an exchange as late if a newer one of its session waits; else return False.
 
-        Only the newest is carried out, so that lag does not grow.
+        Only the newest is carried out, so that lag does not grow. In lockstep all are.
         """
-        if self._rig.mode == LOCKSTEP or message["session"] != before["session"]:
+        if self._rig.mode == LOCKSTEP or newer["session"] != earlier["session"]:
             return False
         self.counts["late"] += 1
         return True

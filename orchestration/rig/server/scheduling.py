@@ -66,15 +66,17 @@ class Suspension:
 
     def since(self) -> float:
         """Return for how long the computer was suspended since the last call, at least, s."""
-        _, most = self._ahead
+        _, most_before = self._ahead
         self._ahead = _boot_time_ahead()
-        return max(0.0, self._ahead[0] - most)
+        least_now, _ = self._ahead
+        return max(0.0, least_now - most_before)
 
 
 def _boot_time_ahead() -> tuple[float, float]:
-    """Return bounds of the lead of the clock that runs during suspension over the monotonic one, s.
+    """Return the least and the largest lead of the boot-time clock over the monotonic one, s.
 
-    The two are read one after the other, and the process may have to wait in between.
+    The boot-time clock also runs during a suspension. The two are read one after the other, and the
+    process may have to wait in between.
     """
     if not hasattr(time, "CLOCK_BOOTTIME"):
         return 0.0, 0.0

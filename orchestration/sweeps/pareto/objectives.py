@@ -130,14 +130,14 @@ class Objectives:
         self.display = {name: signal.display for name, signal in signals.items()}
         self.evaluations = 0
         self._model = CompiledModel(cls, [one.name for one in ranges])
-        self._run = time, dict(inputs), dict(settings)
+        self._conditions = time, dict(inputs), dict(settings)
         self._last: tuple[bytes, tuple[list[Array], list[Array]]] | None = None
 
     def digests(self) -> dict[str, str]:
         """Return digests of model, ranges, objectives, settings and inputs, by name."""
         graph = trace(self._cls)
         start = [parameter.start for parameter in graph.layout.parameters]
-        time, inputs, settings = self._run
+        time, inputs, settings = self._conditions
         ranges = [(one.name, one.logarithmic, *one.values.tolist()) for one in self.ranges]
         return {
             "the model": digest(graph.digest, start),
@@ -155,7 +155,7 @@ class Objectives:
 
     def nominal(self) -> Array:
         """Return the objectives, shape (m,), at nominal parameters, with signs as in `evaluate`."""
-        time, inputs, settings = self._run
+        time, inputs, settings = self._conditions
         signals = self._model.run(time, inputs, settings).signals
         return np.array(
             [min(one.sign * signals[name][-1] for name in one.outputs) for one in self.objectives]
@@ -185,7 +185,7 @@ class Objectives:
         key = np.asarray(shares, dtype=float).tobytes()
         if self._last is not None and self._last[0] == key:
             return self._last[1]
-        time, inputs, settings = self._run
+        time, inputs, settings = self._conditions
         run = self._model.run(time, inputs, settings | self.parameters(shares))
         self.evaluations += 1
         # chain rule: derivatives by parameters times those of parameters by their shares

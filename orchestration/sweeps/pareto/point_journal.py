@@ -29,7 +29,20 @@ class PointJournal:
         self._journal = journal
 
     def find(self, row: int, search: Callable[[], Array]) -> Array:
-        """Return the shares of a point from the journal, or else from a search."""
+        """Return the parameters of a point, searched for and stored unless the journal has them.
+
+        Parameters
+        ----------
+        row : int
+            Of the point, in the journal.
+        search : callable
+            Returns the parameters.
+
+        Returns
+        -------
+        ndarray, shape (p,)
+            Shares of their ranges, from 0 to 1.
+        """
         if self._journal.is_done(row):
             self._objectives.evaluations += int(self._journal.numbers[row, -1])
         else:

@@ -269,14 +269,18 @@ def _outside_annotation(connectors: Sequence[Element], outer: Sequence[Wire]) ->
 
 
 def _master_annotation(step: float) -> Element:
-    """Return the annotation that makes OMSimulator a Jacobi master with a communication step in s.
+    """Return the annotation that makes OMSimulator run as a Jacobi master with a fixed step.
 
-    The tolerances are OMSimulator's defaults. It passes one to the FMUs, which makes ours no less
-    accurate.
+    Parameters
+    ----------
+    step : float
+        Communication step, s.
     """
     annotation = Element(tag("ssc:Annotation"), type=MASTER)
     own_annotations = SubElement(annotation, tag("oms:Annotations"))
     simulation = SubElement(own_annotations, tag("oms:SimulationInformation"))
+    # The tolerances are OMSimulator's defaults. It passes one to the FMUs, of which ours take the
+    # smaller of it and their own.
     values = {"stepSize": step, "absoluteTolerance": 1e-4, "relativeTolerance": 1e-4}
     # xs:decimal has no exponent
     texts = {name: np.format_float_positional(value, trim="0") for name, value in values.items()}

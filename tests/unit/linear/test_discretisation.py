@@ -89,3 +89,30 @@ def test_clocks_without_a_common_period_are_refused_in_a_line():
         hyper_period({"a": 0.1, "b": 0.1 * np.sqrt(2.0)})
     with pytest.raises(UserError, match="more than 100,000 samples"):
         hyper_period({"a": 0.1, "b": 0.1 * 9973 / 9967, "c": 0.1 * 9949 / 9941})
+
+
+@pytest.mark.parametrize(
+    ("shift", "counter_first", "copies"),
+    [(0.0, True, (5, 4)), (0.0, False, (4, 3)), (0.3, True, (6, 4)), (0.3, False, (5, 3))],
+)
+def test_samples_at_one_instant_are_in_the_order_of_the_updates(shift, counter_first, copies):
+    """Instants that differ by rounding, 3 * 0.1 and 0.3, are one; 0.3 is 3 periods of 0.1.
+
+    Oracle: a counter of samples every 0.1 s, of which slower clocks keep a copy, by hand. Of 0.6 s,
+    a clock of 0.2 s samples last at 0.4 s, or at 0.5 s with the shift, one of 0.3 s at 0.3 s.
+    """
+    columns = ("integral", "counter", "second", "third", "u")
+    rates = np.array([[0.0, 1.0, 0.0, 0.0, 0.0]])
+    read = np.array([[0.0, 1.0, 0.0, 0.0, 0.0]])
+    counter = SampledUpdate("0.1", 0.1, shift, (0,), np.array([[0.0, 1.0, 0.0, 0.0, 1.0]]))
+    others = [
+        SampledUpdate("0.2", 0.2, shift, (1,), read),
+        SampledUpdate("0.3", 0.3, 0.3, (2,), read),
+    ]
+    updates = (counter, *others) if counter_first else (*others, counter)
+    blocks = LinearBlocks(columns[:1], columns[1:4], columns[4:], rates, updates, {})
+    m = assemble(blocks, [])
+    assert m.period == pytest.approx(0.6)
+    # from a counter of 0, and from one of 1 with nothing counted
+    np.testing.assert_allclose(m.B[:, 0], [0.1 * (1 + 2 + 3 + 4 + 5 + 6), 6.0, *copies], rtol=1e-12)
+    np.testing.assert_allclose(m.A[:, 1], [0.6, 1.0, 1.0, 1.0], rtol=1e-12)

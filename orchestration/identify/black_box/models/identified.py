@@ -80,11 +80,27 @@ class IdentifiedModel(ABC):
 
     @abstractmethod
     def poles(self, which: int | str = 0) -> Roots:
-        """Return the poles in z of the path from an input, given by number or name."""
+        """Return the poles in z of the path from an input.
+
+        Parameters
+        ----------
+        which : int or str
+            Number of the input, from 0, or its name.
+
+        Returns
+        -------
+        ndarray of complex, shape (number of poles,)
+            Without poles at the origin.
+
+        Raises
+        ------
+        UserError
+            If there is no such input.
+        """
 
     @abstractmethod
     def zeros(self, which: int | str = 0) -> Roots:
-        """Return the zeros in z of the path from an input; delays are none."""
+        """Return the zeros in z of the path from an input, without those of delays."""
 
     @abstractmethod
     def transfer_function(self, which: int | str = 0) -> Any:

@@ -97,11 +97,11 @@ class PolynomialModel(IdentifiedModel):
         return filtered(self.c, np.convolve(self.a, self.d), impulse)
 
     def poles(self, which: int | str = 0) -> Roots:
-        """Return the poles in z of the path from an input, given by number or name."""
+        """Return the poles in z of the path from an input; see `IdentifiedModel.poles`."""
         return roots(self._denominator(self._index(which)))
 
     def zeros(self, which: int | str = 0) -> Roots:
-        """Return the zeros in z of the path from an input; delays are none."""
+        """Return the zeros in z of the path from an input, without those of delays."""
         return roots(self.b[self._index(which)])
 
     def transfer_function(self, which: int | str = 0) -> Any:

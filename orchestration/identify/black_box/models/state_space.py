@@ -76,7 +76,7 @@ class StateSpaceModel(IdentifiedModel):
         return np.asarray(np.linalg.eigvals(self.a), dtype=np.complex128)
 
     def zeros(self, which: int | str = 0) -> Roots:
-        """Return the zeros in z of the path from an input; delays are none."""
+        """Return the zeros in z of the path from an input, without those of delays."""
         i = self._index(which)
         count = len(self.a)
         upper = [self.a, self.b[:, [i]]]

@@ -36,7 +36,10 @@ _ROOTS = (
 
 @make_page.register(BlackBox)
 def black_box_page(result: BlackBox, command: str = "") -> Page:
-    """Make the page of a black-box study, which shows no ``command``."""
+    """Make the page of a black-box study.
+
+    `command` is not used, as the page has no section on reproduction.
+    """
     title = f"{result.columns.path.name}: black-box models of {result.model.output_name}"
     page = Page(title, result.sentence)
     _add_data(page, result)

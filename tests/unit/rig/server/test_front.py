@@ -55,7 +55,7 @@ class Handler:
         if message.get("session") == "misfit":
             raise ProtocolError("an exchange that does not fit")
 
-    def supersedes(self, message, before):
+    def drop_earlier(self, message, before):
         if message["session"] != before["session"]:
             return False
         self.counts["late"] += 1

@@ -93,13 +93,25 @@ def test_it_is_open_when_the_guard_says_so(rig, started):
     assert rig._shared.command.read() == Command(values=bytes(256))
 
 
-def test_a_backend_that_does_not_open_is_an_error_with_its_reason(monkeypatch):
+@pytest.mark.parametrize(
+    ("report", "alive", "reason"),
+    [
+        ("the cable is out", True, "the cable is out"),
+        ("the cable is out", False, "the cable is out"),
+        ("", False, "its guard process ended before it was open"),
+    ],
+)
+def test_a_backend_that_does_not_open_is_an_error_with_its_reason(
+    monkeypatch, report, alive, reason
+):
     def fail(rig, rescue, *, stands_by=False):
         start(rig, [], rescue)
-        rig._shared.trip.write(Trip(1.0, True, True, write_text("the cable is out")))
+        rig._guards[1].alive = alive
+        if report:
+            rig._shared.trip.write(Trip(1.0, True, True, write_text(report)))
 
     monkeypatch.setattr(RealTimeRig, "_start_guard", fail)
-    with pytest.raises(UserError, match=r"^backend own\.py:Own: the cable is out$"):
+    with pytest.raises(UserError, match=rf"^backend own\.py:Own: {reason}$"):
         RealTimeRig(ServerSettings("own.py:Own"))
 
 

@@ -196,9 +196,9 @@ def test_an_exchange_of_the_session_with_another_number_of_values_is_malformed(t
 def test_of_two_that_wait_only_the_newer_is_of_use(trial):
     trial.connect()
     first, second = ({"session": trial.session, "sequence": k} for k in (1, 2))
-    assert trial.handler.supersedes(second, first)
+    assert trial.handler.drop_earlier(second, first)
     assert trial.handler.counts["late"] == 1
-    assert not trial.handler.supersedes(second, {"session": "another", "sequence": 1})
+    assert not trial.handler.drop_earlier(second, {"session": "another", "sequence": 1})
 
 
 def test_one_client_at_a_time(trial):
