@@ -14,8 +14,9 @@ import numpy as np
 from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.catalogue import usable_effects
+from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.comparison import Judged
-from orchestration.diagnosis.conclude import Cause, Conclusion, conclude
+from orchestration.diagnosis.conclude import Conclusion, conclude
 from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.law_model import LawModel, Record
 from orchestration.diagnosis.misreadings import reading_that_runs

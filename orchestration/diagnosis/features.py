@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import expit
 
+from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.comparison import WEIGHTS
 from orchestration.diagnosis.search import Found
-
-if TYPE_CHECKING:
-    from orchestration.diagnosis.conclude import Cause
 
 _LEAST = 1e-12
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from orchestration.diagnosis.conclude import Cause
+from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.report import wording

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import isfinite
 
 from fmus.kit.units import format_value
-from orchestration.diagnosis.conclude import Cause
+from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.remainder import Remainder
