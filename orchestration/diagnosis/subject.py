@@ -15,6 +15,7 @@ from orchestration.diagnosis.fitting import (
     Point,
     Problem,
     StartPrior,
+    effective_samples,
     fit_base,
     fit_start,
 )
@@ -272,7 +273,7 @@ def subject_of(
             [replace(r, smooth=inputs) for r in held_out],
         )
         base = fit_base(parts[0])
-        if base is not None and (best is None or base.misfit < best.base.misfit):
+        if base is not None and (best is None or _gain(base, best.base) > WEIGHTS.least):
             best = Subject(*parts, base)
     return None if best is None else _as_fitted(best, records, held_out)
 
@@ -315,6 +316,12 @@ def divided_as_read(subject: Subject, reading: Reading) -> tuple[Problem, tuple[
     if reading.kind is ReadingKind.CLOCK:
         changed = replace(changed, substeps=_substeps(changed, records, changed.mean))
     return changed, left_out
+
+
+def _gain(one: Fit, other: Fit) -> float:
+    """Return the gain in log likelihood of a fit over another that leaves like errors, nats."""
+    samples = sum(effective_samples(column) for errors in other.errors for column in errors.T)
+    return samples * float(np.log(other.misfit / one.misfit))
 
 
 def _divided(

@@ -43,6 +43,7 @@ FAULTS: tuple[str, ...] = (
     r"no column of a signal has any value",
     r"this is the same record as \S+; it tells nothing more",
     r"the clock jumps back: row \d+ is at ",
+    r"the clock restarts: row \d+ is at .*; split the file before row \d+",
     r"effects: \S+ is of an output that the record does not have",
     r"no output can be both fitted and unseen: ",
     r"row 1: 'time \[s\]' is not a header of several columns",

@@ -69,7 +69,8 @@ def test_a_report_counts_rows_with_features_alone():
     x, right = _data(60)
     rows = [
         {
-            "features": {"a": a, "b": b, "c": c, "share": 0.5},
+            "features": {"a": a, "b": b, "c": c},
+            "said": [{"probability": 0.5}],
             "first_right": bool(r),
             "plant": "one" if k % 2 else "two",
             "group": "inside",

@@ -77,7 +77,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(screening, "_PLAIN", (Shape.LINEAR, Shape.CUBE))
     monkeypatch.setattr(screening, "_REMEMBERED", {})
-    monkeypatch.setattr(screening, "_FACTOR", ())
+    monkeypatch.setattr(screening, "_FACTORS", {})
     monkeypatch.setattr("orchestration.diagnosis.search._PIECES", (1,))
     monkeypatch.setattr("orchestration.diagnosis.search.other_shapes", lambda term: ())
 
