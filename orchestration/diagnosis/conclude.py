@@ -105,12 +105,9 @@ def _joined(causes: Sequence[Cause], common: Common) -> list[Cause]:
     the other, if it were true, is less than what scores of causes may differ by.
     """
     named = [cause for cause in causes if isinstance(cause.parts[0], NamedTerm)]
-    others = []
+    others = [cause for cause in causes if cause.reading is not None]
     for cause in causes:
-        if cause in named:
-            continue
-        if cause.reading is not None:
-            others.append(cause)
+        if cause in named or cause in others:
             continue
         apart = {
             k: nats
