@@ -63,9 +63,9 @@ class Weights:
     temper, temper_of_gain : float
         Scale of scores that a probability is made of: of nats, and as a share of the largest gain.
     confidence : Mapping of str to float
-        Log odds that the true cause is among some, by their `features.features_of`: fitted by
-        `studies.judging.calibration` to records of five plants, half of them with truths outside of
-        what can be searched.
+        Log odds that the true cause is among some, by their `features.features_of`: fitted to
+        records of five plants, half of them with truths outside of what can be searched (decision
+        91).
     sure, group : float
         Probability from which a cause is named, and which a group reaches.
     most : int
