@@ -18,7 +18,7 @@ from fmus.kit.arrays import Array
 from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.effects import effect_name, unstack
 from fmus.kit.symbolic import ComponentAlong, EffectForcing, Forcing, Points
-from orchestration.diagnosis.law_model import Course, LawModel, Linearisation, Record
+from orchestration.diagnosis.courses import Courses
 from orchestration.diagnosis.responses import steps_along
 from orchestration.diagnosis.terms import NamedTerm, Released, Shape
 from orchestration.fmu.model import catalogue
@@ -61,53 +61,23 @@ def _declared(effect: type[Effect]) -> list[ParameterDeclaration]:
     return sorted(own, key=lambda p: p.name != effect.neutral)
 
 
-def named_terms(
-    model: LawModel,
-    parameters: Array,
-    records: Sequence[Record],
-    courses: Sequence[Course],
-    parts: Sequence[Linearisation],
-    spread: Array,
-) -> Iterator[Named]:
-    """Yield named terms of all effects of a model, in several settings each.
-
-    Parameters
-    ----------
-    model : LawModel
-    parameters : ndarray, shape (np,)
-        All of them, SI.
-    records : sequence of Record
-    courses : sequence of Course
-        Of the model over the records.
-    parts : sequence of Linearisation
-        Along the courses.
-    spread : ndarray, shape (ny,)
-        Of the outputs.
-    """
-    if not model.effects:
-        return
-    values = {p.name: float(v) for p, v in zip(model.parameters, parameters, strict=True)}
-    along = [
-        _along(model, values, record, course)
-        for record, course in zip(records, courses, strict=True)
-    ]
-    length = max(float(record.time[-1] - record.time[0]) for record in records)
-    for name, effect in model.effects.items():
+def named_terms(along: Courses) -> Iterator[Named]:
+    """Yield named terms of all effects of a model, in several settings each."""
+    effects = along.model.effects
+    components = _components(along) if effects else []
+    for name, effect in effects.items():
         declared = _declared(effect)
         try:
-            forcings = [EffectForcing(one, effect) for one in along]
+            forcings = [EffectForcing(one, effect) for one in components]
         except UserError:  # it acts through a discrete state
             continue
         for strengths in ((0.0,), _STRENGTHS):
-            settings = list(_settings(declared, strengths, length))
-            runs = zip(records, parts, forcings, strict=True)
-            responses = np.concatenate(
-                [_response(record, part, forcing.of(settings)) for record, part, forcing in runs]
-            )
+            settings = list(_settings(declared, strengths, along.length))
+            responses = _responses(along, [forcing.of(settings) for forcing in forcings])
             seen = False
             for k, setting in enumerate(settings):
                 response = responses[:, :, k] / (setting[declared[0].name] or 1.0)
-                size = float(np.sqrt(np.mean((response / spread) ** 2)))
+                size = float(np.sqrt(np.mean((response / along.spread) ** 2)))
                 if np.isfinite(size) and size * declared[0].nominal > _UNSEEN:
                     seen = True
                     yield Named(_term(name, effect, declared, setting, 1.0 / size), response / size)
@@ -161,28 +131,35 @@ def _term(
     )
 
 
-def _along(
-    model: LawModel, values: Mapping[str, float], record: Record, course: Course
-) -> ComponentAlong:
-    """Return the component along a course, with inputs as the run takes them."""
-    time, inputs = record.time[np.newaxis], record.inputs.T
-    states = course.states.T[: len(model.states)]
-    none = np.zeros((0, len(record.time)))
-    begin = Points(time, inputs, states, none)
-    later = np.append(np.arange(1, len(record.time)), len(record.time) - 1)
-    smooth = np.array(record.smooth, dtype=bool)[:, np.newaxis]
-    at_end = np.where(smooth, inputs[:, later], inputs)
-    end = Points(time[:, later], at_end, states[:, later], none)
-    return ComponentAlong(model.cls, values, begin, end)
+def _components(along: Courses) -> list[ComponentAlong]:
+    """Return the component along each course, with inputs as the run takes them."""
+    model = along.model
+    pairs = zip(model.parameters, along.parameters, strict=True)
+    values = {p.name: float(v) for p, v in pairs}
+    components = []
+    for piece, course in zip(along.pieces, along.courses, strict=True):
+        states = course.states.T[: len(model.states)]
+        none = np.zeros((0, len(piece.time)))
+        begin = Points(piece.time[np.newaxis], piece.inputs.T, states, none)
+        later = np.append(np.arange(1, len(piece.time)), len(piece.time) - 1)
+        smooth = np.array(piece.smooth, dtype=bool)[:, np.newaxis]
+        at_end = np.where(smooth, begin.inputs[:, later], begin.inputs)
+        end = Points(begin.time[:, later], at_end, states[:, later], none)
+        components.append(ComponentAlong(model.cls, values, begin, end))
+    return components
 
 
-def _response(record: Record, part: Linearisation, forcing: Forcing) -> Array:
-    """Return the change (n, ny, k) of the outputs of a model that is linearised along a course."""
-    n, own, k = forcing.begin.shape
-    nx = part.rates.shape[1]
-    transitions, driven = steps_along(part, np.diff(record.time))
-    between = driven[:, :, :own] @ (0.5 * (forcing.begin + forcing.end))[:-1]
-    states = np.zeros((n, nx, k))
-    for j, transition in enumerate(transitions):
-        states[j + 1] = transition @ states[j] + between[j]
-    return np.asarray(forcing.shown + part.outputs[:, :, part.outputs.shape[2] - nx :] @ states)
+def _responses(along: Courses, forcings: Sequence[Forcing]) -> Array:
+    """Return the change (n, m, k) of the measured outputs of the model linearised along courses."""
+    changes = []
+    for piece, part, forcing in zip(along.pieces, along.parts, forcings, strict=True):
+        n, own, k = forcing.begin.shape
+        nx = part.rates.shape[1]
+        transitions, driven = steps_along(part, np.diff(piece.time))
+        between = driven[:, :, :own] @ (0.5 * (forcing.begin + forcing.end))[:-1]
+        states = np.zeros((n, nx, k))
+        for j, transition in enumerate(transitions):
+            states[j + 1] = transition @ states[j] + between[j]
+        by_states = part.outputs[:, :, part.outputs.shape[2] - nx :]
+        changes.append(forcing.shown[:, along.measured] + by_states @ states)
+    return np.concatenate(changes)

@@ -115,6 +115,23 @@ class Linearisation:
     outputs_by_laws: Array
     laws: Array
 
+    def of_outputs(self, chosen: Array) -> Linearisation:
+        """Return the derivatives of some outputs, by a mask (ny,)."""
+        return replace(
+            self,
+            outputs=self.outputs[:, chosen],
+            outputs_by_laws=self.outputs_by_laws[:, chosen],
+        )
+
+    def weighed(self, weights: Array) -> Linearisation:
+        """Return the derivatives of the outputs times weights (ny,)."""
+        by_output = weights[:, np.newaxis]
+        return replace(
+            self,
+            outputs=self.outputs * by_output,
+            outputs_by_laws=self.outputs_by_laws * by_output,
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Setting:

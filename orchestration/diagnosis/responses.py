@@ -14,6 +14,8 @@ import numpy as np
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.law_model import Linearisation, Record
 
+Places = slice | Array | list[int]  # of columns
+
 _SMALL = 0.5  # norm of a matrix whose series is summed
 _ORDER = 12  # of that series: the rest is below rounding
 
@@ -64,20 +66,22 @@ def respond(
         between = 0.5 * (drive[:-1] + drive[1:])
     state = np.zeros((nx, drive.shape[1]))
     other = np.hstack([np.zeros((nx, own)), np.eye(nx)])
-    driven, free = [], []
+    shown = -(-len(record.time) // stride), part.outputs.shape[1]
+    driven = np.empty((*shown, drive.shape[1]))
+    free = np.empty((*shown, own + nx))
     for k in range(len(record.time)):
         if k % stride == 0:
+            row = k // stride
             by_states = part.outputs[k][:, own:]
-            driven.append(part.outputs_by_laws[k][:, law_of] * drive[k] + by_states @ state)
-            seen = by_states @ other
-            seen[:, :own] += part.outputs[k][:, :own]
-            free.append(seen)
+            np.multiply(part.outputs_by_laws[k][:, law_of], drive[k], out=driven[row])
+            driven[row] += by_states @ state
+            np.matmul(by_states, other, out=free[row])
+            free[row, :, :own] += part.outputs[k][:, :own]
         if nx and k < len(transitions):
             state = transitions[k] @ state + by_laws[k][:, law_of] * between[k]
             other = transitions[k] @ other
             other[:, :own] += by_own[k]
-    nuisance = np.array(free)
-    return Response(np.array(driven), nuisance[:, :, :own], nuisance[:, :, own:])
+    return Response(driven, free[:, :, :own], free[:, :, own:])
 
 
 def steps_along(part: Linearisation, durations: Array) -> tuple[Array, Array]:
@@ -151,20 +155,23 @@ class Projection:
         basis, triangle = np.linalg.qr(stacked)
         return basis[: len(self.target)], triangle
 
-    def _free(self, values: Array) -> Array:
-        """Return the inner products of the columns with values, the others projected out."""
-        basis, _ = self._factors
-        return self.columns.T @ values - (basis.T @ self.columns).T @ (basis.T @ values)
-
     @cached_property
-    def products(self) -> Array:
-        """Inner products (c, c) of the columns, the others projected out."""
-        return self._free(self.columns)
+    def _explained(self) -> Array:
+        """Inner products (o, c) of the basis of the others with the columns."""
+        basis, _ = self._factors
+        return np.asarray(basis.T @ self.columns)
+
+    def products(self, first: Places, second: Places) -> Array:
+        """Return inner products of some columns with some, the others projected out."""
+        inside = self._explained[:, first].T @ self._explained[:, second]
+        return np.asarray(self.columns[:, first].T @ self.columns[:, second] - inside)
 
     @cached_property
     def moments(self) -> Array:
         """Inner products (c,) with the target, the others projected out."""
-        return self._free(self.target)
+        basis, _ = self._factors
+        inside = self._explained.T @ (basis.T @ self.target)
+        return np.asarray(self.columns.T @ self.target - inside)
 
     @cached_property
     def remaining(self) -> Array:

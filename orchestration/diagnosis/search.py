@@ -11,6 +11,7 @@ import numpy as np
 
 from fmus.kit.arrays import Array, single_threaded
 from orchestration.diagnosis.comparison import Comparison, Judged, common_of, compare
+from orchestration.diagnosis.courses import courses_of
 from orchestration.diagnosis.fitting import (
     SMALL,
     Fit,
@@ -183,14 +184,12 @@ class _Rounds:
 
     def _screen(self, fitted: Fit, count: int) -> Screen | None:
         """Return the responses along the free run, or along pieces whose starts are estimated."""
-        problem = fitted.problem
-        try:
-            if count == 1:
-                return Screen(fitted, problem.records, fitted.point.starts, named=True)
+        if count == 1:
+            along = courses_of(fitted, fitted.problem.records, fitted.point.starts)
+        else:
             pieces, starts = _pieces(fitted, count)
-            return Screen(fitted, pieces, starts) if pieces else None
-        except FloatingPointError:
-            return None
+            along = courses_of(fitted, pieces, starts) if pieces else None
+        return None if along is None else Screen(along, named=count == 1)
 
     def _from_screen(
         self, screen: Screen, chosen: tuple[int, ...], fitted: Fit

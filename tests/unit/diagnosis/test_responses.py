@@ -48,7 +48,7 @@ FOUND = Projection(TARGET, COLUMNS, OTHERS)
 def test_products_are_those_in_the_covariance_of_the_others() -> None:
     """By Woodbury: C' (1 + N N')^-1 C."""
     inverse = np.linalg.inv(np.eye(40) + OTHERS @ OTHERS.T)
-    assert FOUND.products == pytest.approx(COLUMNS.T @ inverse @ COLUMNS)
+    assert FOUND.products(slice(None), slice(None)) == pytest.approx(COLUMNS.T @ inverse @ COLUMNS)
     assert FOUND.moments == pytest.approx(COLUMNS.T @ inverse @ TARGET)
     assert FOUND.sum_of_squares == pytest.approx(TARGET @ inverse @ TARGET)
     assert FOUND.alone == pytest.approx(np.diag(COLUMNS.T @ COLUMNS))

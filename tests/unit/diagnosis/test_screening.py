@@ -11,6 +11,7 @@ import pytest
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term
+from orchestration.diagnosis.courses import courses_of
 from orchestration.diagnosis.fitting import (
     Fit,
     Problem,
@@ -34,6 +35,8 @@ from tests.support.diagnosed_mass import (
 )
 from tests.support.diagnosed_vessels import vessels
 
+_ALL = slice(None)
+
 
 def drawn(size: float) -> Record:
     """Return a record of the mass whose spring has a cubic part, without noise worth the name."""
@@ -56,7 +59,9 @@ def screened(size: float = 40.0) -> tuple[Screen, Fit]:
     assert course is not None
     errors = ((record.outputs - course.outputs) / problem.spread,)
     found = Fit(problem, (), nominal_point(problem), errors, 0.0, np.zeros((5, 5)))
-    return Screen(found, problem.records, found.point.starts), found
+    along = courses_of(found, problem.records, found.point.starts)
+    assert along is not None
+    return Screen(along), found
 
 
 def weight(found: Fit) -> float:
@@ -122,7 +127,10 @@ def test_products_are_without_what_parameters_and_starts_can_do() -> None:
     inverse = np.linalg.inv(np.eye(len(y)) + free @ free.T)
     scale = np.sqrt(np.diag(c.T @ c) + 1e-30)
     expected = c.T @ inverse @ c
-    assert np.abs((screen._columns.products - expected) / np.outer(scale, scale)).max() < 0.03
+    assert (
+        np.abs((screen._columns.products(_ALL, _ALL) - expected) / np.outer(scale, scale)).max()
+        < 0.03
+    )
     size = np.sqrt(y @ y)
     assert np.abs((screen._columns.moments - c.T @ inverse @ y) / (scale * size)).max() < 0.03
     assert screen._columns.sum_of_squares == pytest.approx(y @ inverse @ y, rel=0.03)
@@ -136,7 +144,7 @@ def test_what_a_parameter_does_is_left_with_nothing() -> None:
         at = screen.ends[i]
         if candidate.term.memory is Memory.NONE and not candidate.term.factor:
             left[candidate.term.signal, candidate.term.shape] = (
-                screen._columns.products[at, at] / screen._columns.alone[at]
+                screen._columns.products([at], [at]).item() / screen._columns.alone[at]
             )
     assert left["x", Shape.LINEAR] < 0.02
     assert left["v", Shape.LINEAR] < 0.02
@@ -159,9 +167,7 @@ def test_the_fall_is_that_of_the_least_squares() -> None:
     screen, _ = screened()
     for chosen in ([0], [3, 7], [5, 11, 20]):
         at = np.concatenate([np.arange(screen.ends[i], screen.ends[i + 1]) for i in chosen])
-        a = screen._columns.products[np.ix_(at, at)] + np.diag(
-            1e-6 * screen._columns.alone[at] + 1e-2
-        )
+        a = screen._columns.products(at, at) + np.diag(1e-6 * screen._columns.alone[at] + 1e-2)
         m = screen._columns.moments[at]
         assert screen.fall(chosen) == pytest.approx(m @ np.linalg.solve(a, m), rel=1e-6)
 
@@ -264,7 +270,9 @@ def tank() -> Screen:
     record = replace(record, outputs=course.outputs + noise)
     problem = replace(problem, records=(record,))
     fitted = Fit(problem, (), point, (noise,), 0.0, np.zeros((3, 3)))
-    return Screen(fitted, problem.records, point.starts)
+    along = courses_of(fitted, problem.records, point.starts)
+    assert along is not None
+    return Screen(along)
 
 
 def test_laws_of_one_signal_are_no_signals() -> None:
@@ -281,3 +289,12 @@ def test_a_law_is_no_signal_of_those_that_act_alike() -> None:
     """But remembered, or as a factor, it may be."""
     plain = [c.term for c in tank().candidates if c.term.memory is Memory.NONE]
     assert not any(t.signal == "mixed" and not t.factor for t in plain)
+
+
+def test_partners_are_those_that_gain_most_beside_a_candidate() -> None:
+    """Those of one coefficient, by the sets' own values."""
+    screen, _ = screened()
+    first = int(np.argmax([screen.value([i]) for i in range(len(screen.candidates))]))
+    simple = [j for j in np.flatnonzero(np.diff(screen.ends) == 1).tolist() if j != first]
+    ranked = sorted(simple, key=lambda j: -screen.value((first, j)))
+    assert screen._partners(first)[:20] == ranked[:20]
