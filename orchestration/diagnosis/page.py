@@ -167,15 +167,16 @@ def _add_sets(page: Page, diagnosis: Diagnosis) -> None:
     )
     cls = diagnosis.subject.problem.model.cls
     rows = []
-    for judged, comparison, score in fits[:_SETS]:
+    for one in fits[:_SETS]:
         terms = "; ".join(
             f"{sentence(cls, p)}, {shape_text(p)}"
             if isinstance(p, Term)
             else wording.part_text(diagnosis, p)
-            for p in judged.parts
+            for p in one.judged.parts
         )
-        figures = (f"{comparison.fitted:.1f}", f"{comparison.left_out:.1f}", f"{score:.1f}")
-        error = wording.error_text(diagnosis.error(judged))
+        nats = (one.comparison.fitted, one.comparison.left_out, one.score)
+        figures = [f"{value:.1f}" for value in nats]
+        error = wording.error_text(diagnosis.error(one.judged))
         rows.append((format_quantities(terms), *figures, error))
     with page.folded(f"The best {len(rows)}"):
         page.table(_SET_HEAD, rows)

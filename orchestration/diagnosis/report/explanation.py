@@ -151,7 +151,7 @@ def explain(diagnosis: Diagnosis, first: str, second: str) -> Explanation:
         if name != NOTHING and not any(_is_of(judged, name, rival) for judged in fits):
             fits += _fitted_now(diagnosis, name)
     found = replace(diagnosis.found, fits=fits)
-    scored = [(one, score) for one, _, score in found.compared()]
+    scored = [(ranked.judged, ranked.score) for ranked in found.compared()]
     one, one_score = _best(diagnosis, scored, first, second)
     other, other_score = _best(diagnosis, scored, second, first)
     common = common_of(fits)
