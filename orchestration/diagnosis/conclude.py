@@ -11,7 +11,6 @@ from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.comparison import (
     WEIGHTS,
     Common,
-    Comparison,
     Judged,
     are_same,
     common_of,
@@ -20,10 +19,9 @@ from orchestration.diagnosis.comparison import (
 )
 from orchestration.diagnosis.features import confidence, features_of
 from orchestration.diagnosis.readings import Reading
-from orchestration.diagnosis.search import Found
+from orchestration.diagnosis.search import Found, Ranked
 from orchestration.diagnosis.terms import NamedTerm, Term
 
-Scored = tuple[Judged, Comparison, float]
 _LEAST = 1e-12
 _SETS = 8  # that share the probability
 
@@ -51,45 +49,47 @@ class Conclusion:
 
 def conclude(found: Found) -> Conclusion:
     """Draw the conclusion from all fits of a search."""
-    ranked = [entry for entry in found.compared() if not entry[1].is_worse]
-    best: dict[object, Scored] = {}
+    ranked = [entry for entry in found.compared() if not entry.comparison.is_worse]
+    best: dict[object, Ranked] = {}
     for entry in _near_the_lowest(ranked, found.base):
-        best.setdefault(frozenset(part.source[:3] for part in entry[0].parts), entry)
-    top = sorted(best.values(), key=lambda entry: -entry[2])[:_SETS]
+        best.setdefault(frozenset(part.source[:3] for part in entry.judged.parts), entry)
+    top = sorted(best.values(), key=lambda entry: -entry.score)[:_SETS]
     *shares, nothing = _shares(top)
     group = _group(_calibrated(_causes(top, shares, found), found))
     return Conclusion(_verdict(group, found), group, nothing, found.base)
 
 
-def _shares(top: Sequence[Scored]) -> list[float]:
+def _shares(top: Sequence[Ranked]) -> list[float]:
     """Return the share of each set, and that of no term at all, by their scores."""
-    largest = max((comparison.gain for _, comparison, _ in top), default=0.0)
+    largest = max((entry.comparison.gain for entry in top), default=0.0)
     temper = WEIGHTS.temper + WEIGHTS.temper_of_gain * max(largest, 0.0)
-    scores = np.array([score for *_, score in top] + [0.0]) / temper
+    scores = np.array([entry.score for entry in top] + [0.0]) / temper
     shares = np.exp(scores - scores.max())
     return [float(share) for share in shares / shares.sum()]
 
 
-def _causes(top: Sequence[Scored], shares: Sequence[float], found: Found) -> list[Cause]:
+def _causes(top: Sequence[Ranked], shares: Sequence[float], found: Found) -> list[Cause]:
     """Join the sets with the same first part to causes, the most probable first.
 
     Terms that leave what a file leaves that is read in another way, without any value being fitted,
     say the same in more words.
     """
-    entries = [(entry, _in_order(entry[0], found)) for entry in top]
-    misread = [(entry, parts) for entry, parts in entries if _is_plain_reading(entry[0])]
+    entries = [(entry, _in_order(entry.judged, found)) for entry in top]
+    misread = [(entry, parts) for entry, parts in entries if _is_plain_reading(entry.judged)]
     meant = {
         parts[0].cause: reading
         for entry, parts in entries
         for reading in misread
-        if len(parts) == 1 and are_same(entry[0], reading[0][0])
+        if len(parts) == 1 and are_same(entry.judged, reading[0].judged)
     }
     causes: dict[tuple[str, str], Cause] = {}
     for (entry, own), share in zip(entries, shares, strict=True):
-        (one, comparison, score), parts = meant.get(own[0].cause, (entry, own))
+        ranked, parts = meant.get(own[0].cause, (entry, own))
         law, signal = parts[0].cause
         members = frozenset({(law, signal), own[0].cause})
-        new = Cause(law, signal, 0.0, one, parts, comparison, score, members)
+        new = Cause(
+            law, signal, 0.0, ranked.judged, parts, ranked.comparison, ranked.score, members
+        )
         known = causes.setdefault((law, signal), new)
         causes[law, signal] = replace(
             known, probability=known.probability + share, members=known.members | members
@@ -176,19 +176,18 @@ def _verdict(group: Sequence[Cause], found: Found) -> str:
     return "cause" if group[0].probability >= WEIGHTS.sure else "ambiguous"
 
 
-def _near_the_lowest(ranked: Sequence[Scored], base: Judged) -> list[Scored]:
+def _near_the_lowest(ranked: Sequence[Ranked], base: Judged) -> list[Ranked]:
     """Return the fits that are not behind the lowest error on what is left out."""
     if not ranked:
         return []
     # one that does not gain in all is no measure of what can be reached
-    gaining = [one for one, _, score in ranked if score > WEIGHTS.gaining * ranked[0][2]] or [
-        ranked[0][0]
-    ]
-    lowest = min(gaining, key=lambda one: float(np.nanmean(one.choosing**2)))
+    best = ranked[0]
+    gaining = [entry for entry in ranked if entry.score > WEIGHTS.gaining * best.score] or [best]
+    lowest = min((e.judged for e in gaining), key=lambda one: float(np.nanmean(one.choosing**2)))
     removed, _ = difference(base, lowest)
     near = []
     for entry in ranked:
-        behind, error = difference(entry[0], lowest)
+        behind, error = difference(entry.judged, lowest)
         if behind <= max(WEIGHTS.behind * error, WEIGHTS.share_behind * removed):
             near.append(entry)
     return near
@@ -201,9 +200,9 @@ def _in_order(one: Judged, found: Found) -> tuple[Reading | Term, ...]:
     costs most.
     """
     gains: dict[frozenset[object], float] = {frozenset(): 0.0}
-    for other, comparison, _ in found.compared():
-        key = frozenset(t.source for t in other.parts)
-        gains[key] = max(gains.get(key, -np.inf), comparison.gain)
+    for ranked in found.compared():
+        key = frozenset(t.source for t in ranked.judged.parts)
+        gains[key] = max(gains.get(key, -np.inf), ranked.comparison.gain)
 
     def gain(parts: Sequence[Reading | Term]) -> float:
         return gains.get(frozenset(t.source for t in parts), -np.inf)

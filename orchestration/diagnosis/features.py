@@ -52,8 +52,9 @@ def confidence(features: Mapping[str, float]) -> float:
 def _best_without(found: Found, causes: set[tuple[str, str]]) -> float:
     """Return the best score of a fit without some causes; that of no term is zero."""
     others = (
-        score
-        for one, comparison, score in found.compared()
-        if not comparison.is_worse and all(part.cause not in causes for part in one.parts)
+        one.score
+        for one in found.compared()
+        if not one.comparison.is_worse
+        and all(part.cause not in causes for part in one.judged.parts)
     )
     return max(others, default=0.0)

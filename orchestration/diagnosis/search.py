@@ -55,6 +55,23 @@ _SHORTEST = 12  # samples of a piece
 _PIECE_WEIGHT = 0.5 / 0.1**2 / 5.0  # of squared errors of a piece: within a tenth of the spread
 
 
+@dataclass(frozen=True, eq=False)
+class Ranked:
+    """A fit with its comparison to the model without terms.
+
+    Attributes
+    ----------
+    judged : Judged
+    comparison : Comparison
+    score : float
+        Of that comparison beside the largest gain of all fits, nats.
+    """
+
+    judged: Judged
+    comparison: Comparison
+    score: float
+
+
 @dataclass
 class Found:
     """All fits of a record, with their comparisons to the model without terms.
@@ -78,30 +95,29 @@ class Found:
         """Return the subject of a reading."""
         return next((s for s in self.read if s.reading == reading), self.subject)
 
-    def compared(self) -> list[tuple[Judged, Comparison, float]]:
-        """Return each fit with its comparison to the base and its score, best first."""
+    def compared(self) -> list[Ranked]:
+        """Return each fit with its comparison to the base, the highest score first."""
         if not self.fits:
             return []
         common = common_of(self.fits)
         pairs = [(one, compare(one, self.base, common)) for one in self.fits]
         largest = max((c.gain for _, c in pairs if np.isfinite(c.gain)), default=0.0)
-        scored = [(one, c, c.score(largest)) for one, c in pairs]
-        return sorted((s for s in scored if np.isfinite(s[2])), key=lambda scored: -scored[2])
+        ranked = [Ranked(one, c, c.score(largest)) for one, c in pairs]
+        return sorted((r for r in ranked if np.isfinite(r.score)), key=lambda r: -r.score)
 
     def gain_where_fitted(self) -> float:
         """Return the largest gain on fitted samples beyond what the terms cost, nats."""
-        return max((c.fitted - c.cost for _, c, _ in self.compared()), default=0.0)
+        comparisons = [ranked.comparison for ranked in self.compared()]
+        return max((c.fitted - c.cost for c in comparisons), default=0.0)
 
     def best(self, count: int) -> list[Judged]:
         """Return the best fits, of which no two have the same sources, and the lowest left out."""
-        good = [(one, score) for one, c, score in self.compared() if not c.is_worse]
+        good = [r.judged for r in self.compared() if not r.comparison.is_worse]
         chosen: dict[object, Judged] = {}
-        for one, _ in good:
+        for one in good:
             chosen.setdefault(frozenset(t.source for t in one.terms), one)
         result = list(chosen.values())[:count]
-        lowest = min(
-            (one for one, _ in good), key=lambda one: np.nanmean(one.choosing**2), default=None
-        )
+        lowest = min(good, key=lambda one: np.nanmean(one.choosing**2), default=None)
         if lowest is not None and lowest not in result:
             result.append(lowest)
         return result

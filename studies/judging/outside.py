@@ -139,9 +139,11 @@ def _features(found: Found, conclusion: Conclusion) -> Row:
 
 def _in_search(found: Found, drawn: Drawn) -> Row:
     """Return the place of the first fit whose terms are all right among all, by score."""
-    for place, (one, _, score) in enumerate(found.compared(), start=1):
-        if one.terms and all(_is_right(t.cause, drawn.right) for t in one.terms):
-            return {"place": place, "score": score, "best": found.compared()[0][2]}
+    ranked = found.compared()
+    for place, one in enumerate(ranked, start=1):
+        terms = one.judged.terms
+        if terms and all(_is_right(t.cause, drawn.right) for t in terms):
+            return {"place": place, "score": one.score, "best": ranked[0].score}
     return {"place": 0}
 
 

@@ -108,7 +108,7 @@ def test_a_fit_behind_the_lowest_is_no_rival() -> None:
     """Even if it fits so much better that its score is higher."""
     rival = judged(0.3, 0.6, SPRING)
     both = found(judged(0.5, 0.5, DRY), rival)
-    assert both.compared()[0][0] is rival
+    assert both.compared()[0].judged is rival
     assert [c.name for c in conclude(both).causes] == ["friction(v)"]
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from orchestration.diagnosis.comparison import WEIGHTS
 from orchestration.diagnosis.features import confidence, features_of
+from orchestration.diagnosis.search import Ranked
 from orchestration.diagnosis.terms import Memory, Shape, Term
 
 _DRY = Term("friction", "speed", Shape.DRY)
@@ -51,7 +52,7 @@ def _cause(judged, score, gain):
 def _features(*others, more=()):
     """Return the features of a first cause by two terms, which gains 100, beside others."""
     best = _Fitted((_FADING, _DRY), 2.0)
-    compared = [(best, _gained(100.0), 80.0), *others]
+    compared = [Ranked(best, _gained(100.0), 80.0), *others]
     found = SimpleNamespace(compared=lambda: compared)
     return features_of(found, [_cause(best, 80.0, 100.0), *more])
 
@@ -65,11 +66,11 @@ def test_errors_are_compared_with_those_fitted_and_shares_are_added():
 
 def test_the_margin_is_to_the_best_fit_that_is_not_worse_and_lacks_the_causes():
     assert _features()["margin"] == pytest.approx(0.8)  # to no term at all
-    worse = _Fitted((_LINEAR,), 1.0), _gained(90.0, worse=True), 79.0
-    with_it = _Fitted((_FADING, _LINEAR), 1.0), _gained(90.0), 75.0
-    other = _Fitted((_DRY,), 1.0), _gained(70.0), 50.0
+    worse = Ranked(_Fitted((_LINEAR,), 1.0), _gained(90.0, worse=True), 79.0)
+    with_it = Ranked(_Fitted((_FADING, _LINEAR), 1.0), _gained(90.0), 75.0)
+    other = Ranked(_Fitted((_DRY,), 1.0), _gained(70.0), 50.0)
     assert _features(worse, with_it, other)["margin"] == pytest.approx(0.3)
-    second = _cause(other[0], 50.0, 70.0)
+    second = _cause(other.judged, 50.0, 70.0)
     assert _features(worse, with_it, other, more=[second])["margin"] == pytest.approx(0.8)
 
 

@@ -26,29 +26,30 @@ def found(monkeypatch: pytest.MonkeyPatch) -> Found:
 
 def test_the_missing_friction_is_the_best_fit(found: Found) -> None:
     """With its size of 2 N, and the errors of the noise alone."""
-    one, comparison, score = found.compared()[0]
+    best = found.compared()[0]
+    one = best.judged
     (term,) = one.terms
     assert term.cause == ("friction", "v")
     assert term.shape is Shape.DRY
     assert one.fit.values_of(term)[0] * term.size == pytest.approx(2.0, rel=0.05)
     assert one.left_out < 0.15 * found.base.left_out
-    assert comparison.left_out > 20.0
-    assert score > 20.0
+    assert best.comparison.left_out > 20.0
+    assert best.score > 20.0
 
 
 def test_fits_are_compared_best_first(found: Found) -> None:
-    scores = [score for *_, score in found.compared()]
+    scores = [ranked.score for ranked in found.compared()]
     assert scores == sorted(scores, reverse=True)
     assert len(scores) == len(found.fits)
 
 
 def test_the_best_differ_by_sources_and_are_not_worse(found: Found) -> None:
     best = found.best(4)
-    worse = {id(one) for one, c, _ in found.compared() if c.is_worse}
+    worse = {id(r.judged) for r in found.compared() if r.comparison.is_worse}
     assert not worse & {id(one) for one in best}
     sources = [frozenset(t.source for t in one.terms) for one in best[:4]]
     assert len(set(sources)) == len(sources)
-    good = [one for one, c, _ in found.compared() if not c.is_worse]
+    good = [r.judged for r in found.compared() if not r.comparison.is_worse]
     lowest = min(good, key=lambda one: float(np.nanmean(one.choosing**2)))
     assert any(one is lowest for one in best)
 
@@ -82,7 +83,7 @@ def test_no_set_is_fitted_twice_but_to_polish_it(found: Found) -> None:
 
 def test_a_set_that_was_fitted_is_not_fitted_again(found: Found) -> None:
     rounds = NAMES._Rounds(Found(found.subject, found.base), print)
-    one = found.compared()[0][0]
+    one = found.compared()[0].judged
     asked = [(one.terms, [one.fit.point])]
     rounds._fit_all(asked, 1)
     assert len(rounds.found.fits) == 1
@@ -99,7 +100,7 @@ def test_the_lowest_on_what_is_left_out_is_among_the_best(found: Found) -> None:
 
 
 def test_a_larger_set_starts_from_its_parts_too(found: Found) -> None:
-    one = found.compared()[0][0]
+    one = found.compared()[0].judged
     other = Term("spring", "x", Shape.CUBE, size=3.0)
     rounds = NAMES._Rounds(Found(found.subject, found.base, [one]), print)
     (point,) = rounds._nested((other, *one.terms))
@@ -109,7 +110,7 @@ def test_a_larger_set_starts_from_its_parts_too(found: Found) -> None:
 
 
 def test_values_of_a_part_go_over_to_the_whole(found: Found) -> None:
-    one = found.compared()[0][0]
+    one = found.compared()[0].judged
     (term,) = one.terms
     other = Term("spring", "x", Shape.CUBE, size=3.0)
     point = NAMES._extended(one.fit, (other, term))
@@ -170,7 +171,7 @@ def test_a_whole_search_names_friction_and_nothing_else() -> None:
     found, conclusion = searched(dry)
     assert conclusion.verdict == "cause"
     assert conclusion.causes[0].name == "friction(v)"
-    assert found.compared()[0][0].terms[0].shape is Shape.DRY
+    assert found.compared()[0].judged.terms[0].shape is Shape.DRY
     assert searched(nothing)[1].verdict == "consistent"
     assert searched(outside)[1].verdict != "cause"
 
@@ -190,7 +191,7 @@ def test_a_law_that_changes_is_found_with_its_instant() -> None:
     assert subject is not None
     found = search(subject)
     assert found is not None
-    (term,) = found.compared()[0][0].terms
+    (term,) = found.compared()[0].judged.terms
     assert (term.law, term.shape, term.factor) == ("friction", Shape.STEP, "friction")
     assert term.width * term.scale == pytest.approx(4.3, abs=0.3)
     assert sentence(mass().cls, term) == f"friction changes at {term.width * term.scale:.4g} s"
