@@ -10,7 +10,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fmus.kit.arrays import Array, single_threaded
-from orchestration.diagnosis.comparison import Comparison, Judged, common_of, compare
+from orchestration.diagnosis.comparison import (
+    Comparison,
+    Contrast,
+    Judged,
+    common_of,
+    compare,
+    contrast,
+)
 from orchestration.diagnosis.courses import courses_of
 from orchestration.diagnosis.fitting import (
     SMALL,
@@ -90,6 +97,7 @@ class Found:
     base: Judged
     fits: list[Judged] = field(default_factory=list)
     read: list[Subject] = field(default_factory=list)
+    _contrasts: list[Contrast] = field(default_factory=list, init=False)  # of the first fits
 
     def subject_of(self, reading: Reading | None) -> Subject:
         """Return the subject of a reading."""
@@ -100,7 +108,10 @@ class Found:
         if not self.fits:
             return []
         common = common_of(self.fits)
-        pairs = [(one, compare(one, self.base, common)) for one in self.fits]
+        fresh = self.fits[len(self._contrasts) :]
+        self._contrasts += [contrast(one, self.base) for one in fresh]
+        known = zip(self.fits, self._contrasts, strict=True)
+        pairs = [(one, compare(one, self.base, common, between)) for one, between in known]
         largest = max((c.gain for _, c in pairs if np.isfinite(c.gain)), default=0.0)
         ranked = [Ranked(one, c, c.score(largest)) for one, c in pairs]
         return sorted((r for r in ranked if np.isfinite(r.score)), key=lambda r: -r.score)
