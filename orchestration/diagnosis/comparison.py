@@ -341,9 +341,16 @@ def compare(
     )
 
 
-def difference(one: Judged, base: Judged) -> tuple[float, float]:
-    """Return the rise of the mean square on what is left out, and its standard error."""
-    return _rise(one.choosing, base.choosing, _resolution(one, base))
+def difference(one: Judged, base: Judged, width: Array | float = 1.0) -> tuple[float, float]:
+    """Return the rise of the mean square on what is left out, and its standard error.
+
+    Parameters
+    ----------
+    one, base : Judged
+    width : ndarray, shape (ny,), or float
+        By which the errors of each output are divided.
+    """
+    return _rise(one.choosing / width, base.choosing / width, _resolution(one, base))
 
 
 def rises(one: Judged, base: Judged) -> bool:

@@ -12,6 +12,9 @@ from fmus.kit.arrays import Array
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import Course, LawModel, Linearisation, Record
 
+_PLACES = 20  # of the function of a signal, by which the actions of two laws differ
+_DIFFERENT = 1e-3  # share of squares that no such function explains
+
 
 @dataclass(frozen=True, eq=False)
 class Courses:
@@ -100,3 +103,49 @@ def courses_of(fitted: Fit, pieces: Sequence[Record], starts: Sequence[Array]) -
         tuple(e[:, measured] for e in errors),
         tuple(part.of_outputs(measured) for part in parts),
     )
+
+
+def are_interchangeable(along: Courses, law: str, other: str, signal: str) -> bool:
+    """Return whether a function of a signal in one law is some function of it in another.
+
+    It is if, at each instant, what one law does to rates and measured outputs is what the other
+    does, times a function of the signal: a voltage over charge and a capacitance over charge are
+    one cause in two words.
+    """
+    values = _values_of(along, signal)
+    if values is None or law not in along.model.laws or other not in along.model.laws:
+        return False
+    ours, theirs = (_actions(along, one) for one in (law, other))
+    places = np.linspace(values.min(), values.max(), _PLACES)
+    shares = np.array([np.interp(values, places, one) for one in np.eye(_PLACES)]).T
+    return any(_follows(a, b, shares) for a, b in ((ours, theirs), (theirs, ours)))
+
+
+def _follows(ours: Array, theirs: Array, shares: Array) -> bool:
+    """Return whether actions (n, channels) are others times a piecewise linear function."""
+    size = np.maximum(np.sqrt(np.mean(ours**2, axis=0)), np.finfo(float).tiny)
+    columns = (theirs / size)[:, :, np.newaxis] * shares[:, np.newaxis]
+    columns = columns.reshape(-1, shares.shape[1])
+    target = (ours / size).ravel()
+    norm = float(target @ target)
+    if not norm or not np.isfinite(columns).all():
+        return False
+    solution = np.linalg.lstsq(columns, target, rcond=None)[0]
+    rest = target - columns @ solution
+    return float(rest @ rest) < _DIFFERENT * norm
+
+
+def _values_of(along: Courses, signal: str) -> Array | None:
+    """Return the values (n,) of an input, a state or a law along the courses."""
+    model = along.model
+    kinds = ((model.inputs, along.inputs), (model.states, along.states))
+    named = {v.name: values[:, i] for those, values in kinds for i, v in enumerate(those)}
+    named |= dict(zip(model.laws, along.laws.T, strict=True))
+    return named.get(signal)
+
+
+def _actions(along: Courses, law: str) -> Array:
+    """Return what an addition to a law does to rates and measured outputs, (n, nx + m)."""
+    i = along.model.laws.index(law)
+    pairs = [(part.rates_by_laws[:, :, i], part.outputs_by_laws[:, :, i]) for part in along.parts]
+    return np.nan_to_num(np.concatenate([np.hstack(pair) for pair in pairs]))

@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from orchestration.diagnosis.comparison import (
     compare,
     contrast,
 )
-from orchestration.diagnosis.courses import courses_of
+from orchestration.diagnosis.courses import Courses, courses_of
 from orchestration.diagnosis.fitting import (
     SMALL,
     Fit,
@@ -102,6 +103,12 @@ class Found:
     def subject_of(self, reading: Reading | None) -> Subject:
         """Return the subject of a reading."""
         return next((s for s in self.read if s.reading == reading), self.subject)
+
+    @cached_property
+    def along(self) -> Courses | None:
+        """The model without terms along the fitted records."""
+        fitted = self.base.fit
+        return courses_of(fitted, fitted.problem.records, fitted.point.starts)
 
     def compared(self) -> list[Ranked]:
         """Return each fit with its comparison to the base, the highest score first."""
