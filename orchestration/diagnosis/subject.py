@@ -242,6 +242,7 @@ def subject_of(
     held_out: Sequence[Record] = (),
     hold: Collection[str] = (),
     values: Mapping[str, float] | None = None,
+    interpolate: bool | None = None,
 ) -> Subject | None:
     """Divide records into fitted samples and others, and fit the model without terms.
 
@@ -255,6 +256,9 @@ def subject_of(
         Parameters that keep their values.
     values : Mapping of str to float, optional
         Nominal values of parameters, SI.
+    interpolate : bool, optional
+        Whether inputs go in straight lines between samples, or are held; by default what fits
+        clearly better.
 
     Returns
     -------
@@ -265,7 +269,10 @@ def subject_of(
     fitted = records if held_out else [r.part(0, int(_PART * len(r.time))) for r in records]
     spread = _spread(fitted)
     best = None
-    for smooth in (False, True) if len(model.inputs) and len(model.states) else (False,):
+    ways = [False] if interpolate is None else [interpolate]
+    if interpolate is None and len(model.inputs) and len(model.states):
+        ways = [False, True]
+    for smooth in ways:
         inputs = (smooth,) * len(model.inputs)
         parts = _divided(
             Problem(model, (), spread, (), frozenset(hold), values),
