@@ -28,7 +28,7 @@ from orchestration.reporting.html import (
 _HEIGHT, _RESIDUAL_HEIGHT, _CURVE_HEIGHT = 190, 110, 190  # pixels
 _SETS = 12  # that are listed
 _MARKS = 150  # samples that are marked below a curve
-_SET_HEAD = ("Terms", "Gain fitted [nat]", "Gain unseen [nat]", "Score [nat]", "Error")
+_SET_HEAD = ("Terms", "Gain on fitted samples [nat]", "On unseen ones", "Score", "Error")
 
 
 @make_page.register(Diagnosis)
@@ -68,6 +68,7 @@ def diagnosis_page(diagnosis: Diagnosis, command: str = "") -> Page:
     page.heading("What is left")
     head = [capitalised(title) for title in terminal.REMAINDER_HEAD]
     page.table(head, terminal.remainder_rows(diagnosis))
+    page.text(wording.ERROR)
     if diagnosis.notes:
         page.items([message for _, _, message in diagnosis.notes])
     page.heading("How sure this is")
@@ -81,30 +82,24 @@ def diagnosis_page(diagnosis: Diagnosis, command: str = "") -> Page:
 def _add_causes(page: Page, diagnosis: Diagnosis) -> None:
     """Add the group of causes, and the error by the number of terms."""
     page.heading("What is wrong" if diagnosis.is_named else "Best guesses")
-    head = [capitalised(title) for title in terminal.GROUP_HEAD]
-    rows = [[format_quantities(cell) for cell in row] for row in terminal.group_rows(diagnosis)]
-    page.table(head, rows)
+    head, rows = terminal.filled(terminal.GROUP_HEAD, terminal.group_rows(diagnosis))
+    cells = [[format_quantities(cell) for cell in row] for row in rows]
+    page.table([capitalised(title) for title in head], cells)
     for line in wording.alias_lines(diagnosis):
         page.text(line)
     bars = []
-    for rung, (count, added, error) in zip(
-        diagnosis.ladder, terminal.ladder_rows(diagnosis), strict=True
-    ):
+    for rung, (model, error) in zip(diagnosis.ladder, terminal.ladder_rows(diagnosis), strict=True):
         length = np.nan if rung.error is None else rung.error
         colour = pictures.FITTED if rung.parts else pictures.MODEL
-        bars.append(Bar(f"{capitalised(count)}: {added}", colour, length, error))
-    page.parts.append(elements.bar_chart("Error on unseen samples, by terms", bars))
-    page.text(
-        "Root mean square of measured minus simulated in a free run, in percent of that of the"
-        " measurement about its mean, on samples by which nothing was fitted or chosen."
-    )
+        bars.append(Bar(capitalised(model), colour, length, error))
+    page.parts.append(elements.bar_chart("Error on unseen samples, part by part", bars))
 
 
 def _add_course(page: Page, diagnosis: Diagnosis, course: curves.OutputCourse) -> None:
     """Add a chart of an output above its residuals."""
     unit = unit_of(diagnosis.subject.problem.model.cls, course.output)
     bracket = "" if unit == "1" else f" [{unit}]"
-    measured = "measured" if diagnosis.reading is None else "measured, corrected"
+    measured = "measured" if diagnosis.reading is None else "measured (corrected)"
     above = [Trace(measured, course.time, course.measured, pictures.MEASURED, 3.5)]
     below = []
     for name, values, colour in curves.simulations(diagnosis, course):
@@ -114,15 +109,15 @@ def _add_course(page: Page, diagnosis: Diagnosis, course: curves.OutputCourse) -
     boundary = None
     if course.unseen_from > course.time[0]:
         is_own = diagnosis.subject.left_out[0].of is None
-        told = "its start states are fitted" if is_own else "fitted"
-        boundary = Boundary(course.unseen_from, told, "unseen")
+        before = "its start states are fitted" if is_own else "fitted"
+        boundary = Boundary(course.unseen_from, before, "unseen")
     panels = [
         Panel(f"{title}{bracket}", _HEIGHT, above),
         Panel(f"measured − simulated{bracket}", _RESIDUAL_HEIGHT, below),
     ]
-    caption = f"{title} of {course.record}, and what the models leave of it."
+    caption = f"{title} of record {course.record}, and what the models leave of it."
     if diagnosis.reading is not None:
-        caption = f"{caption} Its values are those that it means: {diagnosis.reading.sentence}."
+        caption = f"{caption} The record is corrected: {diagnosis.reading.sentence} in the file."
     page.chart(stacked(panels, "time [s]", boundary=boundary), caption)
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
+from enum import Enum, unique
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,16 +36,41 @@ _CLOCKS = {"us": 1e-6, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 _ZERO_CELSIUS = 273.15
 
 
+class _Kind(NamedTuple):
+    """A way to misread a file, and the way to correct it: texts about a `Reading`.
+
+    Attributes
+    ----------
+    fault, correction : str
+    is_fitted : bool
+        Whether its shift is estimated.
+    is_shift : bool
+        Whether it adds to a column, to time, or to where a record starts.
+    """
+
+    fault: str
+    correction: str
+    is_fitted: bool = False
+    is_shift: bool = False
+
+
+@unique
 class ReadingKind(Enum):
     """How a file may be misread."""
 
-    SIGN = "opposite sign"
-    UNIT = "other unit"
-    OFFSET = "offset"
-    EXCHANGED = "exchanged columns"
-    CLOCK = "other clock"
-    LATE = "late column"
-    START = "other start"
+    SIGN = _Kind("{column} has the opposite sign", "{change}")
+    UNIT = _Kind("{column} is {unit}", "{change}, or write its unit in the header")
+    OFFSET = _Kind("{column} is {size}{unit} too {level}", "{change}", True, True)
+    EXCHANGED = _Kind(
+        "{column} and {other} are exchanged", "exchange the names of {column} and {other}"
+    )
+    CLOCK = _Kind(f"{TIME} is {{unit}}", "{change}, or write its unit in the header")
+    LATE = _Kind("{column} is {size} s {side}", "shift {column} {size} s {back}", True, True)
+    START = _Kind(
+        "the start states are not those of the model",
+        "set the start states of the model",
+        is_shift=True,
+    )
 
 
 @dataclass(frozen=True)
@@ -60,7 +87,7 @@ class Reading:
         SI; of a late column its delay, s, negative of an early one; of another start the
         deviation of the start states, in that which the model declares.
     unit : str
-        That the file has.
+        That the file has, in words; of an offset the SI unit of its shift.
     instead : tuple of Reading
         Others that a model cannot tell from it.
     """
@@ -85,12 +112,12 @@ class Reading:
     @property
     def is_fitted(self) -> bool:
         """Whether its shift is estimated."""
-        return self.kind in (ReadingKind.OFFSET, ReadingKind.LATE)
+        return self.kind.value.is_fitted
 
     @property
     def is_shift(self) -> bool:
         """Whether it adds to a column, to time, or to where a record starts."""
-        return self.is_fitted or self.kind is ReadingKind.START
+        return self.kind.value.is_shift
 
     def moves_inputs(self, model: LawModel) -> bool:
         """Return whether a run of the model is another one by it."""
@@ -127,43 +154,31 @@ class Reading:
     @property
     def sentence(self) -> str:
         """The fault of the file, without its name."""
-        return " or ".join([self._fault, *(one._fault for one in self.instead)])
-
-    @property
-    def _fault(self) -> str:
-        column = self.columns[0] if self.columns else ""
-        if self.kind is ReadingKind.SIGN:
-            return f"{column} has the opposite sign"
-        if self.kind is ReadingKind.UNIT:
-            return f"{column} is {self.unit}"
-        if self.kind is ReadingKind.OFFSET:
-            return f"{column} is {abs(self.shift):.3g} too {'low' if self.shift > 0.0 else 'high'}"
-        if self.kind is ReadingKind.EXCHANGED:
-            return f"{column} and {self.columns[1]} are exchanged"
-        if self.kind is ReadingKind.CLOCK:
-            return f"{TIME} is {self.unit}"
-        if self.kind is ReadingKind.LATE:
-            return f"{column} is {abs(self.shift):.3g} s {'late' if self.shift > 0.0 else 'early'}"
-        return "the run begins from another state than the model declares"
+        return " or ".join(one._said(one.kind.value.fault) for one in (self, *self.instead))
 
     @property
     def correction(self) -> str:
         """The way to correct the file."""
-        column = self.columns[0] if self.columns else ""
-        if self.kind is ReadingKind.SIGN:
-            return f"multiply {column} by -1"
-        if self.kind is ReadingKind.UNIT and self.shift:
-            return f"add {self.shift:g} to {column}, or write its unit in the header"
-        if self.kind in (ReadingKind.UNIT, ReadingKind.CLOCK):
-            return f"multiply {column} by {self.factor:.6g}, or write its unit in the header"
-        if self.kind is ReadingKind.OFFSET:
-            return f"add {self.shift:.4g} to {column}"
-        if self.kind is ReadingKind.EXCHANGED:
-            return f"exchange the names of {column} and {self.columns[1]}"
-        if self.kind is ReadingKind.LATE:
-            direction = "earlier" if self.shift > 0.0 else "later"
-            return f"move {column} {abs(self.shift):.4g} s {direction} against the other columns"
-        return "set the start states of the model"
+        return self._said(self.kind.value.correction)
+
+    def _said(self, text: str) -> str:
+        """Return a text of its kind about its columns and values."""
+        column, other = (*self.columns, "", "")[:2]
+        is_up = self.shift > 0.0
+        unit = f" {self.unit}" if self.unit not in ("", "1") else ""
+        size = f"{abs(self.shift):.5g}"
+        verb, toward = ("add", "to") if is_up else ("subtract", "from")
+        shifted = f"{verb} {size}{unit if self.is_fitted else ''} {toward} {column}"
+        return text.format(
+            column=column,
+            other=other,
+            unit=unit if self.is_fitted else self.unit,
+            size=f"{abs(self.shift):.3g}",
+            level="low" if is_up else "high",
+            side="late" if is_up else "early",
+            back="earlier" if is_up else "later",
+            change=shifted if self.shift else f"multiply {column} by {self.factor:.6g}",
+        )
 
     def __str__(self) -> str:
         return f"{self.cause[0]}({self.cause[1]})"
@@ -207,7 +222,7 @@ def readings_of(model: LawModel, records: Sequence[Record]) -> list[Reading]:
         for other, its in list(moving.items())[i + 1 :]
         if unit == its
     ]
-    result += [Reading(kinds.OFFSET, (name,)) for name in moving]
+    result += [Reading(kinds.OFFSET, (name,), unit=unit) for name, unit in moving.items()]
     if not model.states:
         return result
     for unit, size in _CLOCKS.items():
@@ -225,8 +240,9 @@ def _units(column: str, unit: str) -> Iterator[Reading]:
     """Yield a column in other units than its own."""
     kind = ReadingKind.UNIT
     for prefix, size in _PREFIXES.items():
-        told = f"{prefix}{unit}" if unit in _PREFIXED else f"{_WORDS[prefix]} of {unit}"
-        yield Reading(kind, (column,), size, unit=f"in {told}")
+        takes_prefix = re.split("[*/]", unit)[0] in _PREFIXED
+        smaller = f"{prefix}{unit}" if takes_prefix else f"{_WORDS[prefix]} of {unit}"
+        yield Reading(kind, (column,), size, unit=f"in {smaller}")
     others = dict(_USUAL.get(unit, {}))
     quantity, slash, seconds = unit.rpartition("/")
     if slash and seconds == "s" and unit not in _USUAL:

@@ -46,12 +46,12 @@ FORMS = {
 _OVER = {
     Memory.NONE: "{}",
     Memory.LAG: "lagging {}",
-    Memory.FADING: "{} that fades",
+    Memory.FADING: "changes of {}",
     Memory.TWO_LAGS: "{} with a lag that depends on its direction",
     Memory.RATE_LIMIT: "{} limited in its rate",
     Memory.PLAY: "{} with play",
-    Memory.DAHL: "{} that gives before it slides",
-    Memory.HEAT: "heat by {}",
+    Memory.DAHL: "{} with pre-sliding",
+    Memory.HEAT: "the lagging square of {}",
 }
 
 
@@ -250,7 +250,10 @@ def memory_text(term: Term) -> str:
 
 
 def sentence(cls: type[Component], term: Term) -> str:
-    """Return a term for people: ``friction over velocity``."""
+    """Return a term for people: ``friction over velocity``.
+
+    In proportion to a law it is a factor: ``friction times a function of velocity``.
+    """
     if isinstance(term, NamedTerm):
         return within_sentence(term.title or in_words(term.effect))
     law = within_sentence(law_title(cls, term.law))
@@ -260,7 +263,12 @@ def sentence(cls: type[Component], term: Term) -> str:
         return f"{law} changes at {term.width * term.scale:.4g} s"
     signal = "time" if term.signal == "time" else within_sentence(law_title(cls, term.signal))
     seen = _OVER[term.memory].format(signal)
-    return f"{law} in percent over {seen}" if term.factor else f"{law} over {seen}"
+    if not term.factor:
+        return f"{law} over {seen}"
+    if term.factor == term.law:
+        return f"{law} times a function of {seen}"
+    factor = within_sentence(law_title(cls, term.factor))
+    return f"{law} over {factor} times a function of {seen}"
 
 
 def plain(identifier: str) -> str:

@@ -11,11 +11,12 @@ from scipy.integrate import solve_ivp
 
 from orchestration.diagnosis.conclude import Conclusion, conclude
 from orchestration.diagnosis.engine import Diagnosis
-from orchestration.diagnosis.fitting import fit, nominal_point, weights_of
+from orchestration.diagnosis.fitting import fit, fit_base, nominal_point, weights_of
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.law_model import Record as KernelRecord
+from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.search import Found
-from orchestration.diagnosis.subject import subject_of
+from orchestration.diagnosis.subject import Subject, divided_as_read, subject_of
 from orchestration.diagnosis.terms import Shape, Term
 from orchestration.fmu.model import declared_model_of
 from orchestration.records import Record
@@ -67,14 +68,8 @@ def diagnosis_with(record: Record, *sets: Sequence[Term]) -> Diagnosis:
 
     A search over all terms takes longer than a test may.
     """
-    inputs = record.signals["force"][:, None]
-    outputs = record.signals["position"][:, None]
-    given = KernelRecord(record.time, inputs, outputs, (False,), record.source.stem)
-    subject = subject_of(LawModel(Oscillator), [given])
-    assert subject is not None
-    base = subject.judge(subject.base)
-    assert base is not None
-    found = Found(subject, base)
+    found = _unsearched(record)
+    subject = found.subject
     weights = weights_of(subject.base.errors)
     for terms in sets:
         fitted = fit(subject.problem, terms, [nominal_point(subject.problem, terms)], weights)
@@ -84,6 +79,38 @@ def diagnosis_with(record: Record, *sets: Sequence[Term]) -> Diagnosis:
         judged = None if fitted is None else subject.judge(fitted)
         if judged is not None:
             found.fits.append(judged)
+    return Diagnosis(declared_model_of(Oscillator), (record,), (), found, conclude(found))
+
+
+def _unsearched(record: Record) -> Found:
+    """Return the fit of the model without terms."""
+    inputs = record.signals["force"][:, None]
+    outputs = record.signals["position"][:, None]
+    given = KernelRecord(record.time, inputs, outputs, (False,), record.source.stem)
+    subject = subject_of(LawModel(Oscillator), [given])
+    assert subject is not None
+    base = subject.judge(subject.base)
+    assert base is not None
+    return Found(subject, base)
+
+
+def misread(record: Record, **factors: float) -> Record:
+    """Return a record whose file has so many times the value of some signals."""
+    wrong = {name: factor * record.signals[name] for name, factor in factors.items()}
+    return replace(record, signals={**record.signals, **wrong})
+
+
+def diagnosis_read_as(record: Record, reading: Reading) -> Diagnosis:
+    """Return the diagnosis of an oscillator in which this reading of the file alone is fitted."""
+    found = _unsearched(record)
+    problem, left_out = divided_as_read(found.subject, reading)
+    base = fit_base(problem)
+    assert base is not None
+    subject = Subject(problem, left_out, base, reading)
+    judged = subject.judge(base)
+    assert judged is not None
+    found.read.append(subject)
+    found.fits.append(judged)
     return Diagnosis(declared_model_of(Oscillator), (record,), (), found, conclude(found))
 
 

@@ -27,8 +27,8 @@ class OutputCourse:
     output, record : str
     time, measured, before, after : ndarray, shape (n,)
         Simulated without terms, and by the final model; NaN where a run left its bounds. With
-        another reading of the files `measured` is what they mean by it, and the model without
-        terms, which was fitted to the files as they were read, is not simulated.
+        another reading of the files `measured` is what they mean by it; the model without terms,
+        which was fitted to the files as they were read, is shown if these outputs are the same.
     unseen_from : float
         Time from which on nothing was fitted.
     """
@@ -82,22 +82,26 @@ def output_courses(diagnosis: Diagnosis) -> list[OutputCourse]:
 def simulations(diagnosis: Diagnosis, course: OutputCourse) -> list[tuple[str, Array, str]]:
     """Return the simulated courses of an output that a chart shows: label, values and colour."""
     result = []
-    if diagnosis.reading is None:
-        result.append(("without terms", course.before, pictures.MODEL))
+    if np.isfinite(course.before).any():
+        label = "without terms" if diagnosis.reading is None else "model, file as read"
+        result.append((label, course.before, pictures.MODEL))
     if diagnosis.is_named:
-        label = "with terms" if diagnosis.terms else "fitted"
+        label = "with terms" if diagnosis.terms else "model, file corrected"
         result.append((label, course.after, pictures.FITTED))
     return result
 
 
 def _simulated(diagnosis: Diagnosis, judged: Judged) -> Array:
     """Return the outputs (n, ny) of a model over the record of `output_courses`."""
-    subject = diagnosis.subject
+    shown = diagnosis.subject.left_out[0].record
+    subject = diagnosis.found.subject_of(judged.reading)
     one = subject.left_out[0]
-    is_same = judged.reading == diagnosis.reading
+    is_same = np.array_equal(one.record.time, shown.time) and np.array_equal(
+        one.record.outputs, shown.outputs, equal_nan=True
+    )
     errors = subject.errors(judged.fit, replace(one, first=0)) if is_same else None
     if errors is None:
-        return np.full(one.record.outputs.shape, np.nan)
+        return np.full(shown.outputs.shape, np.nan)
     return np.asarray(one.record.outputs - errors * subject.problem.spread)
 
 

@@ -21,6 +21,7 @@ from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import fit, nominal_point, weights_of
 from orchestration.diagnosis.report import wording
 from orchestration.diagnosis.report.curves import signal_samples
+from orchestration.diagnosis.search import Ranked
 from orchestration.diagnosis.signals import scale_of_signal
 from orchestration.diagnosis.terms import Shape, Term
 from orchestration.reporting import Displayable, one_line, option, plain_table
@@ -76,11 +77,19 @@ class Explanation(Displayable):
         return self.scores[0] - self.scores[1]
 
     @property
+    def even_error(self) -> float | None:
+        """Error on unseen samples with which the candidate that is behind would have caught up."""
+        error = self.errors[1 if self.lead >= 0.0 else 0]
+        if error is None:
+            return None
+        return error * float(np.exp(-abs(self.lead) / (WEIGHTS.left_out * self.samples)))
+
+    @property
     def sentence(self) -> str:
         """The outcome, and what a record would have to hold to change it."""
         ahead, behind = (0, 1) if self.lead >= 0.0 else (1, 0)
-        told = ["the model without terms" if name == NOTHING else name for name in self.names]
-        better, worse = told[ahead], told[behind]
+        models = ["the model as it is" if name == NOTHING else name for name in self.names]
+        better, worse = models[ahead], models[behind]
         outcome = f"{better} is ahead of {worse} by {abs(self.lead):.1f} nat."
         if self.likeness > _ALIKE:
             return (
@@ -88,14 +97,15 @@ class Explanation(Displayable):
                 f" {self.likeness:.3f}): a record tells them apart in which their signals do not"
                 " move together."
             )
-        error = self.errors[behind]
-        if error is None:
+        needed, other = self.even_error, self.errors[ahead]
+        if needed is None or other is None:
             return outcome
-        level = error * float(np.exp(-abs(self.lead) / (WEIGHTS.left_out * self.samples)))
+        if needed < other:
+            return f"{outcome} Only a record would change it on which {worse} has the lower error."
         return (
-            f"{outcome} It would change on a record on which {worse} leaves"
-            f" {wording.error_text(level)} where it leaves {wording.error_text(error)} here, with"
-            f" the error of {better} as it is."
+            f"{outcome} It would change on a record on which {worse} has an error of"
+            f" {wording.error_text(needed)} instead of {wording.error_text(self.errors[behind])},"
+            f" with the error of {better} as it is."
         )
 
     def overview(self) -> Iterator[RenderableType]:
@@ -108,12 +118,12 @@ class Explanation(Displayable):
         rows = {
             "gain on fitted samples [nat]": comparison.fitted,
             "gain on unseen samples [nat]": comparison.left_out,
-            "rise of the mean square on unseen samples": comparison.rise,
+            "rise of the mean square error on unseen samples": comparison.rise,
             "its standard error": comparison.error,
-            "cost of columns [nat]": comparison.columns,
+            "cost of further coefficients [nat]": comparison.columns,
             "further terms": comparison.terms,
             "distance from nominal parameters [nat]": comparison.distance,
-            "prior of the words [nat]": comparison.words,
+            "prior against it [nat]": comparison.words,
             "lead in score [nat]": self.lead,
         }
         for name, value in rows.items():
@@ -149,11 +159,10 @@ def explain(diagnosis: Diagnosis, first: str, second: str) -> Explanation:
     fits = [*diagnosis.found.fits]
     for name, rival in ((first, second), (second, first)):
         if name != NOTHING and not any(_is_of(judged, name, rival) for judged in fits):
-            fits += _fitted_now(diagnosis, name)
-    found = replace(diagnosis.found, fits=fits)
-    scored = [(ranked.judged, ranked.score) for ranked in found.compared()]
-    one, one_score = _best(diagnosis, scored, first, second)
-    other, other_score = _best(diagnosis, scored, second, first)
+            fits += _fitted_now(diagnosis, name, rival)
+    ranked = replace(diagnosis.found, fits=fits).compared()
+    one, one_score = _best(diagnosis, ranked, first, second)
+    other, other_score = _best(diagnosis, ranked, second, first)
     common = common_of(fits)
     return Explanation(
         (first, second),
@@ -174,28 +183,43 @@ def _is_of(judged: Judged, name: str, other: str) -> bool:
 
 
 def _best(
-    diagnosis: Diagnosis, scored: list[tuple[Judged, float]], name: str, other: str
+    diagnosis: Diagnosis, ranked: list[Ranked], name: str, other: str
 ) -> tuple[Judged, float]:
-    """Return the best fit of a candidate, with its score."""
+    """Return the best fit of a candidate, with its score.
+
+    Raises
+    ------
+    UserError
+        If it has none that can be compared.
+    """
     if name == NOTHING:
         return diagnosis.found.base, 0.0
-    return next((one, score) for one, score in scored if _is_of(one, name, other))
+    best = next((one for one in ranked if _is_of(one.judged, name, other)), None)
+    if best is None:
+        raise UserError(f"{option('explain', [name])}: no fit of it can be compared")
+    return best.judged, best.score
 
 
-def _fitted_now(diagnosis: Diagnosis, name: str) -> list[Judged]:
-    """Fit a candidate that no set had, in plain shapes.
+def _fitted_now(diagnosis: Diagnosis, name: str, rival: str) -> list[Judged]:
+    """Fit a candidate that no set had without its rival, in plain shapes.
+
+    On the files as the final model reads them, unless that reading is the rival.
 
     Raises
     ------
     UserError
         If there is no such law or signal, or the model runs away with it.
     """
-    subject = diagnosis.subject
+    subject = diagnosis.found.subject if rival == str(diagnosis.reading) else diagnosis.subject
     model = subject.problem.model
     law, bracket, signal = name.partition("(")
     signal = signal.removesuffix(")")
     if not bracket or law not in model.laws or signal not in model.signals:
         fitted = dict.fromkeys(wording.name(p) for one in diagnosis.found.fits for p in one.parts)
+        if name in fitted:
+            raise UserError(
+                f"{option('explain', [name, rival])}: {name} was fitted together with {rival} only"
+            )
         raise UserError(
             f"{option('explain', [name])}: a candidate is LAW(SIGNAL) or {NOTHING}; fitted were"
             f" {', '.join(fitted) or 'none'}"

@@ -74,7 +74,7 @@ def cause_figures(diagnosis: Diagnosis, cause: Cause) -> dict[str, Any]:
         for stem, term in stems(cause.terms).items()
     }
     first, *others = [
-        _reading_figures(part) if isinstance(part, Reading) else of_terms[part]
+        {"reading": _reading_figures(part)} if isinstance(part, Reading) else of_terms[part]
         for part in cause.parts
     ]
     return {
@@ -92,7 +92,7 @@ def cause_figures(diagnosis: Diagnosis, cause: Cause) -> dict[str, Any]:
 def _reading_figures(reading: Reading) -> dict[str, Any]:
     """Return a reading of the files: ``factor * value + shift`` is what they mean."""
     return {
-        "reading": reading.kind.name.lower(),
+        "kind": reading.kind.name.lower(),
         "columns": list(reading.columns),
         "factor": reading.factor,
         "shift": reading.shift,

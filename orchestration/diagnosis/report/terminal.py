@@ -15,10 +15,11 @@ from orchestration.diagnosis.terms import Term
 from orchestration.reporting import plain_table
 
 Rows = Sequence[tuple[str, ...]]
-GROUP_HEAD = ("probability", "cause", "shape", "memory", "with", "error")
-LADDER_HEAD = ("model", "term added", "error")
-REMAINDER_HEAD = ("output", "of its spread", "noise widths", "pace", "correlation")
+GROUP_HEAD = ("probability", "cause", "shape", "memory", "together with", "error")
+LADDER_HEAD = ("model", "error")
+REMAINDER_HEAD = ("output", "error", "noise widths", "pace", "correlation of neighbours")
 PARAMETER_HEAD = ("parameter", "value", "95 % interval", "nominal")
+_FIGURES = ("probability", "error", "noise widths", "value", "nominal", REMAINDER_HEAD[-1])
 
 
 def overview(diagnosis: Diagnosis) -> Group:
@@ -29,19 +30,26 @@ def overview(diagnosis: Diagnosis) -> Group:
     parts += [Text(f"  {message}") for _, _, message in diagnosis.notes]
     if diagnosis.causes:
         named = "causes" if diagnosis.is_named else "best guesses"
-        parts += [Text(), _table(named, GROUP_HEAD, group_rows(diagnosis), (0, 5))]
+        parts += [Text(), _table(named, *filled(GROUP_HEAD, group_rows(diagnosis)))]
         parts += [Text(f"  {line}") for line in wording.alias_lines(diagnosis)]
-        parts += [Text(), _table("error by terms", LADDER_HEAD, ladder_rows(diagnosis), (2,))]
-    parts += [Text(), _table("what is left", REMAINDER_HEAD, remainder_rows(diagnosis), (1, 2, 4))]
-    parts += [Text(), _table("parameters", PARAMETER_HEAD, parameter_rows(diagnosis), (1, 3))]
+        parts += [Text(), _table("error, part by part", LADDER_HEAD, ladder_rows(diagnosis))]
+    parts += [Text(), _table("what is left", REMAINDER_HEAD, remainder_rows(diagnosis))]
+    parts += [Text(f"  {wording.ERROR}")]
+    parts += [Text(), _table("parameters", PARAMETER_HEAD, parameter_rows(diagnosis))]
     return Group(*parts)
 
 
-def _table(title: str, head: Sequence[str], rows: Rows, right: Sequence[int]) -> Table:
-    table = plain_table(title, *head, right=[head[k] for k in right])
+def _table(title: str, head: Sequence[str], rows: Rows) -> Table:
+    table = plain_table(title, *head, right=[name for name in head if name in _FIGURES])
     for row in rows:
         table.add_row(*row)
     return table
+
+
+def filled(head: Sequence[str], rows: Rows) -> tuple[Sequence[str], Rows]:
+    """Return a table without its empty columns."""
+    kept = [k for k in range(len(head)) if any(row[k] for row in rows)]
+    return [head[k] for k in kept], [tuple(row[k] for k in kept) for row in rows]
 
 
 def group_rows(diagnosis: Diagnosis) -> Rows:
@@ -64,13 +72,12 @@ def group_rows(diagnosis: Diagnosis) -> Rows:
 
 
 def ladder_rows(diagnosis: Diagnosis) -> Rows:
-    """Return a row for each number of terms."""
+    """Return a row for the model with fitted parameters, and for each part that is added."""
     rows = []
     for rung in diagnosis.ladder:
-        last = rung.parts[-1] if rung.parts else None
-        added = "parameters refitted" if last is None else wording.part_text(diagnosis, last)
-        count = wording.number_of_terms(len(rung.terms))
-        rows.append((count, added, wording.error_text(rung.error)))
+        added = [f"+ {wording.part_text(diagnosis, part)}" for part in rung.parts[-1:]]
+        (model,) = added or ["parameters fitted"]
+        rows.append((model, wording.error_text(rung.error)))
     return rows
 
 

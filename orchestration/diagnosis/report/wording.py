@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import isfinite
 
 from fmus.kit.units import format_value
@@ -16,7 +16,10 @@ from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting import option
 from orchestration.reporting.html import format_ends
 
-_NUMBERS = ("no term", "one term", "two terms", "three terms", "four terms", "five terms")
+ERROR = (
+    "Errors are root mean squares of measured minus simulated in a free run, in percent of the"
+    " standard deviation of the measurement, on samples by which nothing was fitted or chosen."
+)
 
 
 def percent(share: float) -> str:
@@ -27,13 +30,8 @@ def percent(share: float) -> str:
 
 
 def error_text(share: float | None) -> str:
-    """Return an error in percent of a spread."""
+    """Return an error in percent."""
     return "" if share is None else f"{100.0 * share:.3g} %"
-
-
-def number_of_terms(count: int) -> str:
-    """Return a number of terms in words."""
-    return _NUMBERS[count] if count < len(_NUMBERS) else f"{count} terms"
 
 
 def cause_text(diagnosis: Diagnosis, cause: Cause) -> str:
@@ -76,10 +74,10 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "recalibrate":
         return f"the laws hold with other values of {_listed(diagnosis.changed)}"
     if not diagnosis.causes:
-        return "the model misses much, and no term that was tried explains it"
+        return "the model misses something, and nothing that was tried explains it"
     parts = [f"{percent(c.probability)} {cause_text(diagnosis, c)}" for c in diagnosis.causes]
     other = 1.0 - sum(c.probability for c in diagnosis.causes)
-    answer = "; ".join([*parts, f"{percent(other)} other"])
+    answer = "; ".join([*parts, f"{percent(other)} something else"])
     return answer if diagnosis.is_named else f"no cause is sure; best guesses: {answer}"
 
 
@@ -93,7 +91,7 @@ def support(diagnosis: Diagnosis) -> str:
         changes = [
             f"{name} {error_text(before[name])} → {error_text(after[name])}" for name in known
         ]
-        sentences.append(f"Error on samples by which nothing was chosen: {', '.join(changes)}.")
+        sentences.append(f"Error on unseen samples: {', '.join(changes)}.")
     sentences += [remainder_sentence(one) for one in _largest_first(diagnosis.remainders)[:1]]
     return " ".join(sentences)
 
@@ -110,59 +108,90 @@ def remainder_sentence(one: Remainder) -> str:
     widths = noise_widths(one)
     noise = f", {widths} noise widths" if widths else ""
     pace = "slow" if one.is_slow else "fast"
+    more = ": more than noise" if one.is_more_than_noise else ""
     return (
-        f"Left in {one.output}: {error_text(one.share)} of its spread{noise}, {pace}"
-        f" (neighbouring samples correlate by {one.correlation:.2f})."
+        f"Left in {one.output}: {error_text(one.share)} of its standard deviation{noise}, {pace}"
+        f" (neighbouring samples correlate by {one.correlation:.2f}){more}."
     )
 
 
 def next_step(diagnosis: Diagnosis) -> str:
     """Return what to do next, for every verdict."""
-    largest = _largest_first(diagnosis.remainders)
-    output = largest[0].output if largest else "the output"
-    if diagnosis.verdict == "consistent":
-        return "use the model as it is; a record at another level tests it where this one did not."
-    if diagnosis.verdict == "recalibrate":
-        sets = [f"{n}={diagnosis.parameters[n].value:.4g}" for n in diagnosis.changed]
-        return f"use the model with {', '.join(sets)}; {option('fmu', 'fitted.fmu')} builds it."
     if diagnosis.is_named and diagnosis.causes[0].reading is not None:
         return _next_of_misread(diagnosis, diagnosis.causes[0].reading)
-    if diagnosis.verdict == "cause":
-        more = ""
-        if largest and largest[0].is_more_than_noise:
-            more = f" What is left in {output} is more than noise: the terms are not all of it."
-        return (
-            f"build the extended model with {option('fmu', 'extended.fmu')}, and try it on a record"
-            f" that it has not met.{more}"
-        )
-    if diagnosis.verdict == "ambiguous":
-        return _next_of_ambiguous(diagnosis)
+    return _NEXT[diagnosis.verdict](diagnosis)
+
+
+def _next_of_consistent(diagnosis: Diagnosis) -> str:
+    """Return how far the model may be used."""
+    largest = _largest_first(diagnosis.remainders)
+    error = f", within {error_text(largest[0].share)} of {largest[0].output}" if largest else ""
     return (
-        f"look at the residual of {output} where it is largest, check signs, units and clocks of"
-        f" the file, and compare with {option('engine', 'old')}."
+        f"use the model as it is{error}; a record at other levels and rates tests it where this one"
+        " does not."
+    )
+
+
+def _next_of_recalibrate(diagnosis: Diagnosis) -> str:
+    """Return the values to use."""
+    sets = [f"{n}={diagnosis.parameters[n].value:.4g}" for n in diagnosis.changed]
+    return f"use the model with {', '.join(sets)}; {option('fmu', 'fitted.fmu')} builds it."
+
+
+def _next_of_cause(diagnosis: Diagnosis) -> str:
+    """Return how to use the extended model."""
+    left = [one.output for one in diagnosis.remainders if one.is_more_than_noise]
+    more = f" It does not explain all of {_listed(left)} yet." if left else ""
+    return (
+        f"build the extended model with {option('fmu', 'extended.fmu')}, and test it on a record"
+        f" that it has not seen, with {option('holdout', 'NEW.csv')}.{more}"
     )
 
 
 def _next_of_misread(diagnosis: Diagnosis, reading: Reading) -> str:
     """Return how to correct the files."""
     ways = " or ".join(one.correction for one in (reading, *reading.instead))
-    check = "" if diagnosis.verdict == "cause" else "check how it was recorded: if so, "
+    check = "" if diagnosis.verdict == "cause" else "check file and wiring; if it is so, "
     return (
-        f"{check}{ways} in {files(diagnosis)}, and diagnose it again;"
+        f"{check}{ways} ({files(diagnosis)}), and diagnose it again;"
         f" {option('fmu', 'fitted.fmu')} builds the model fitted to the corrected values."
     )
 
 
 def _next_of_ambiguous(diagnosis: Diagnosis) -> str:
     """Return the experiment that would tell the causes of a group apart."""
-    leads = [cause.parts[0] for cause in diagnosis.causes]
-    terms = [part for part in leads if isinstance(part, Term)]
+    return f"{_experiment(diagnosis)}, and diagnose both records together."
+
+
+def _next_of_unexplained(diagnosis: Diagnosis) -> str:
+    """Return where to look for what no term explains."""
+    largest = _largest_first(diagnosis.remainders)
+    output = largest[0].output if largest else "the output"
+    look = (
+        f"look where measured minus simulated of {output} is largest, and for an input that was not"
+        " recorded"
+    )
+    return f"{look}; {_experiment(diagnosis)}." if diagnosis.causes else f"{look}."
+
+
+_NEXT: dict[str, Callable[[Diagnosis], str]] = {
+    "consistent": _next_of_consistent,
+    "recalibrate": _next_of_recalibrate,
+    "cause": _next_of_cause,
+    "ambiguous": _next_of_ambiguous,
+    "unexplained": _next_of_unexplained,
+}
+
+
+def _experiment(diagnosis: Diagnosis) -> str:
+    """Return the record that would tell the causes of a group apart."""
+    terms = [t for cause in diagnosis.causes for t in cause.parts[:1] if isinstance(t, Term)]
     signals = list(dict.fromkeys(t.signal or "the operating point" for t in terms))
     if len(signals) > 1:
         change = f"{_listed(signals)} do not move together, such as slow and fast, small and large"
     else:
-        change = f"{signals[0]} reaches other levels and rates"
-    return f"record a run in which {change}, and diagnose both records."
+        change = f"{(*signals, 'the input')[0]} reaches other levels and rates"
+    return f"record a run in which {change}"
 
 
 def quantity(diagnosis: Diagnosis, name: str, value: float) -> str:

@@ -75,10 +75,11 @@ def test_the_fault_and_its_correction_are_said(flipped: Diagnosis) -> None:
     assert wording.next_step(flipped).startswith("multiply force by -1")
     (row,) = terminal.group_rows(flipped)
     assert row[1].startswith("force has the opposite sign")
-    assert [added for _, added, _ in terminal.ladder_rows(flipped)][1] == row[1]
+    assert [model for model, _ in terminal.ladder_rows(flipped)][1] == f"+ {row[1]}"
     figures = json.loads(json.dumps(summary.summary(flipped)))
     (cause,) = figures["causes"]
-    assert (cause["reading"], cause["columns"], cause["factor"]) == ("sign", ["force"], -1.0)
+    reading = cause["reading"]
+    assert (reading["kind"], reading["columns"], reading["factor"]) == ("sign", ["force"], -1.0)
 
 
 def test_dry_friction_is_no_misread_file() -> None:

@@ -8,8 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.reporting import make_page
-from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record
+from tests.support.oscillator import (
+    CUBE,
+    DRY,
+    diagnosis_read_as,
+    diagnosis_with,
+    misread,
+    oscillator_record,
+)
 
 
 @pytest.fixture
@@ -26,7 +34,7 @@ def test_the_page_of_a_cause(dry):
     for text in (
         "&gt; 99 % friction over velocity",
         'class="chip cause"',
-        "Error on unseen samples, by terms",
+        "Error on unseen samples, part by part",
         "without terms",
         "with terms",
         "measured − simulated [m]",
@@ -49,3 +57,18 @@ def test_the_page_of_a_model_that_is_right_shows_no_terms(dry):
     assert "with terms" not in html
     assert "What the terms add" not in html
     assert "--engine new" in html
+
+
+def test_the_page_of_a_misread_file_shows_the_corrected_record(dry):
+    record = replace(misread(oscillator_record(1), force=-1.0), source=dry.records[0].source)
+    reading = Reading(ReadingKind.SIGN, ("force",), factor=-1.0)
+    html = make_page(diagnosis_read_as(record, reading)).html()
+    for text in (
+        "measured (corrected)",
+        "model, file as read",
+        "The record is corrected: force has the opposite sign in the file.",
+        "Multiply force by −1 (rubbing.csv), and diagnose it again",
+    ):
+        assert text in html
+    for text in ("<th>Memory</th>", "with terms", "What the terms add"):
+        assert text not in html

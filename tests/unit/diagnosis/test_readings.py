@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 from fmus.kit import Component, Input, Output, State
 from orchestration.diagnosis import LawModel, Record
 from orchestration.diagnosis.readings import Reading, ReadingKind, readings_of
+
+READINGS = sys.modules[Reading.__module__]
 
 
 class Heater(Component):
@@ -123,6 +126,8 @@ def test_units_are_those_of_the_quantity(model: LawModel) -> None:
     told = {r.unit for r in readings_of(model, [right()]) if r.columns == ("power",)}
     assert {"in mW", "in kW"} <= told
     assert "in degC" not in told
+    offsets = [r for r in readings_of(model, [right()]) if r.kind is ReadingKind.OFFSET]
+    assert {r.columns[0]: r.unit for r in offsets}["power"] == "W"
     told = {r.unit for r in readings_of(model, [right()]) if r.columns == ("ambient",)}
     assert {"in degC", "in K and read as degC"} <= told
 
@@ -136,9 +141,29 @@ def test_units_are_those_of_the_quantity(model: LawModel) -> None:
             "multiply power by -1",
         ),
         (
-            Reading(ReadingKind.OFFSET, ("power",), shift=-0.5),
-            "power is 0.5 too high",
-            "add -0.5 to power",
+            Reading(ReadingKind.OFFSET, ("power",), shift=-0.5, unit="W"),
+            "power is 0.5 W too high",
+            "subtract 0.5 W from power",
+        ),
+        (
+            Reading(ReadingKind.UNIT, ("second",), shift=273.15, unit="in degC"),
+            "second is in degC",
+            "add 273.15 to second, or write its unit in the header",
+        ),
+        (
+            Reading(ReadingKind.EXCHANGED, ("first", "second")),
+            "first and second are exchanged",
+            "exchange the names of first and second",
+        ),
+        (
+            Reading(ReadingKind.LATE, ("first",), shift=-0.25),
+            "first is 0.25 s early",
+            "shift first 0.25 s later",
+        ),
+        (
+            Reading(ReadingKind.START, (), shift=1.0),
+            "the start states are not those of the model",
+            "set the start states of the model",
         ),
         (
             Reading(ReadingKind.CLOCK, ("time",), 1e-3, unit="in ms"),
@@ -160,3 +185,20 @@ def test_units_are_those_of_the_quantity(model: LawModel) -> None:
 def test_a_fault_is_said_plainly(reading: Reading, fault: str, correction: str) -> None:
     assert reading.sentence == fault
     assert reading.correction == correction
+
+
+def test_kinds_that_are_estimated_have_a_shift() -> None:
+    """An offset and a delay are sizes; a sign, a unit, an exchange and a clock are not."""
+    fitted = {kind.name for kind in ReadingKind if Reading(kind, ("power",)).is_fitted}
+    assert fitted == {"OFFSET", "LATE"}
+    shifts = {kind.name for kind in ReadingKind if Reading(kind, ("power",)).is_shift}
+    assert shifts == {"OFFSET", "LATE", "START"}
+
+
+@pytest.mark.parametrize(
+    ("unit", "smaller"),
+    [("N*m", "in mN*m"), ("V/m", "in mV/m"), ("1/s", "in thousandths of 1/s")],
+)
+def test_a_unit_of_several_has_its_prefix_at_the_first(unit: str, smaller: str) -> None:
+    units = [reading.unit for reading in READINGS._units("load", unit)]
+    assert smaller in units

@@ -5,9 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orchestration.diagnosis.report.curves import addition, output_courses, term_curves
+from orchestration.diagnosis.readings import Reading, ReadingKind
+from orchestration.diagnosis.report.curves import (
+    addition,
+    output_courses,
+    simulations,
+    term_curves,
+)
 from orchestration.diagnosis.terms import Memory, Shape, Term
-from tests.support.oscillator import diagnosis_with, oscillator_record
+from tests.support.oscillator import (
+    diagnosis_read_as,
+    diagnosis_with,
+    misread,
+    oscillator_record,
+)
 
 
 def test_the_curve_of_a_term_is_the_friction_that_was_hidden(dry):
@@ -41,3 +52,21 @@ def test_courses_are_the_record_and_its_models(dry):
     assert course.unseen_from == pytest.approx(course.time[int(len(measured) * 2 / 3)])
     assert np.std(course.measured - course.after) == pytest.approx(1e-3, rel=0.2)
     assert np.std(course.measured - course.before) > 0.03
+
+
+def test_a_misread_input_is_shown_with_the_model_of_the_file_as_it_was_read(flipped):
+    (course,) = output_courses(flipped)
+    assert course.measured == pytest.approx(flipped.records[0].signals["position"])
+    labels = [label for label, *_ in simulations(flipped, course)]
+    assert labels == ["model, file as read", "model, file corrected"]
+    assert np.std(course.measured - course.after) == pytest.approx(1e-3, rel=0.2)
+    assert np.std(course.measured - course.before) > 0.03
+
+
+def test_a_misread_output_is_shown_corrected_and_without_the_model_of_the_file():
+    right = oscillator_record(1)
+    reading = Reading(ReadingKind.UNIT, ("position",), factor=1e-3, unit="in mm")
+    diagnosis = diagnosis_read_as(misread(right, position=1e3), reading)
+    (course,) = output_courses(diagnosis)
+    assert course.measured == pytest.approx(right.signals["position"])
+    assert [label for label, *_ in simulations(diagnosis, course)] == ["model, file corrected"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,9 +35,12 @@ def test_the_other_way_round_everything_has_the_other_sign(dry):
 def test_the_error_that_would_change_it_is_that_of_an_equal_score(dry):
     """The gain in log likelihood of n samples is n log of the ratio of errors."""
     found = explain(dry, DRY_NAME, "nothing")
-    needed, here = re.findall(r"([\d.]+(?:e-\d+)?) %", found.sentence)
-    gain = found.samples * np.log(float(here) / float(needed))
-    assert gain == pytest.approx(found.lead, rel=0.02)
+    gain = found.samples * np.log(found.errors[1] / found.even_error)
+    assert gain == pytest.approx(found.lead)
+    assert "on which the model as it is has the lower error" in found.sentence
+    narrow = replace(found, scores=(1.0, 0.0))
+    needed = 100.0 * found.errors[1] * np.exp(-1.0 / found.samples)
+    assert f"has an error of {needed:.3g} % instead of" in narrow.sentence
 
 
 def test_a_candidate_that_no_set_had_is_fitted_now(dry):
@@ -51,7 +54,13 @@ def test_a_candidate_that_no_set_had_is_fitted_now(dry):
 
 def test_the_table_has_every_feature(dry):
     text = "".join(plain_text(part) for part in explain(dry, DRY_NAME, "nothing").overview())
-    for feature in ("fitted samples", "unseen samples", "standard error", "columns", "words"):
+    for feature in (
+        "fitted samples",
+        "unseen samples",
+        "standard error",
+        "coefficients",
+        "prior against",
+    ):
         assert feature in text
 
 
@@ -64,3 +73,20 @@ def test_what_is_no_candidate_is_refused(dry, name):
 def test_a_candidate_is_not_compared_with_itself(dry):
     with pytest.raises(UserError, match="both candidates are the same"):
         explain(dry, DRY_NAME, DRY_NAME)
+
+
+def test_a_reading_of_the_file_is_compared_with_a_law_that_was_fitted_beside_it(flipped):
+    """The law is fitted to the file as it was read, where it has to do without the reading."""
+    found = explain(flipped, "reading_sign(force)", DRY_NAME)
+    assert found.models[1].reading is None
+    assert found.lead > 0.0
+    assert found.texts[0] == "force has the opposite sign in oscillator_1.csv"
+
+
+def test_what_was_fitted_with_its_rival_only_is_said(flipped):
+    with pytest.raises(UserError, match="a candidate is LAW"):
+        explain(flipped, "reading_offset(force)", "nothing")
+    both = explain(flipped, DRY_NAME, "nothing").models[0]
+    together = replace(flipped, found=replace(flipped.found, fits=[both]))
+    with pytest.raises(UserError, match="was fitted together with friction"):
+        explain(together, "reading_sign(force)", DRY_NAME)

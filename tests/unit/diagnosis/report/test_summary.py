@@ -41,3 +41,13 @@ def test_the_json_has_the_keys_of_the_contract(dry):
 
 def test_every_field_is_documented(dry):
     assert {*summary(dry)} == documented_of_new_engine()
+
+
+def test_a_reading_of_the_file_has_figures_of_its_own(flipped):
+    (cause,) = json.loads(json.dumps(summary(flipped), allow_nan=False))["causes"]
+    assert cause["effect"] == "reading_sign(force)"
+    assert "law" not in cause
+    reading = cause["reading"]
+    assert (reading["kind"], reading["columns"]) == ("sign", ["force"])
+    assert (reading["factor"], reading["shift"]) == (-1.0, 0.0)
+    assert reading["correction"] == "multiply force by -1"

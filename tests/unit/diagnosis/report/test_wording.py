@@ -6,14 +6,16 @@ from dataclasses import replace
 
 import pytest
 
+from orchestration.diagnosis.remainder import Remainder
 from orchestration.diagnosis.report import wording
+from orchestration.reporting import in_shell
 from tests.support.oscillator import with_group
 
 
 def test_headline_gives_each_cause_its_percent_and_the_rest(dry):
     ambiguous = with_group(dry, "ambiguous", 0.82, 0.15)
     assert wording.headline(ambiguous) == (
-        "82 % friction over velocity; 15 % friction over elongation; 3 % other"
+        "82 % friction over velocity; 15 % friction over elongation; 3 % something else"
     )
     step = wording.next_step(ambiguous)
     assert "velocity and elongation do not move together" in step
@@ -38,3 +40,44 @@ def test_no_headline_is_certain():
 def test_an_open_interval_says_at_least(dry, interval, words):
     estimate = replace(dry.parameters["mass"], interval=interval)
     assert wording.interval(dry, "mass", estimate) == words
+
+
+def test_a_misread_file_is_to_be_corrected_and_diagnosed_again(flipped):
+    assert flipped.verdict == "cause"
+    assert "force has the opposite sign in oscillator_1.csv" in wording.headline(flipped)
+    with in_shell():
+        step = wording.next_step(flipped)
+    assert step.startswith("multiply force by -1 (oscillator_1.csv), and diagnose it again;")
+    assert "--fmu fitted.fmu" in step
+    doubtful = replace(flipped, conclusion=replace(flipped.conclusion, verdict="ambiguous"))
+    assert wording.next_step(doubtful).startswith("check file and wiring; if it is so, multiply")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "step"),
+    [
+        ("consistent", "use the model as it is, within"),
+        ("recalibrate", "use the model with mass="),
+        ("cause", "build the extended model with --fmu extended.fmu"),
+        ("ambiguous", "record a run in which velocity reaches other levels and rates"),
+        ("unexplained", "look where measured minus simulated of position is largest"),
+    ],
+)
+def test_every_verdict_has_a_next_step(dry, verdict, step):
+    one = replace(dry)
+    one.__dict__.update(verdict=verdict, changed=("mass",))
+    with in_shell():
+        assert wording.next_step(one).startswith(step)
+
+
+@pytest.mark.parametrize(
+    ("correlation", "widths", "end"),
+    [
+        (0.9, 3.0, "slow (neighbouring samples correlate by 0.90): more than noise."),
+        (0.1, 3.0, "fast (neighbouring samples correlate by 0.10)."),
+        (0.9, 1.2, "slow (neighbouring samples correlate by 0.90)."),
+    ],
+)
+def test_what_is_left_is_said_to_be_more_than_noise_if_it_is(correlation, widths, end):
+    text = wording.remainder_sentence(Remainder("position", 0.05, widths, correlation))
+    assert text == f"Left in position: 5 % of its standard deviation, {widths} noise widths, {end}"
