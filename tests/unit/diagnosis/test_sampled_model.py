@@ -14,9 +14,10 @@ from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
 from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term
 from orchestration.diagnosis.catalogue import named_terms
-from orchestration.diagnosis.law_model import Course, Setting, ticks_of
+from orchestration.diagnosis.law_model import Course, Setting
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.responses import respond
+from orchestration.diagnosis.screening import alike
 from orchestration.fmu import find_model
 from tests.contract.raw import instance
 from tests.support.sampled_loop import KI, START, driven, exact, sampled_loop
@@ -156,6 +157,19 @@ def test_slopes_are_those_of_the_run(terms: tuple[Term, ...]) -> None:
     assert slopes == pytest.approx(expected, abs=2e-6 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("signal", ["x", "command"])
+def test_a_bristle_follows_what_moves_between_ticks_and_at_them(signal: str) -> None:
+    record = driven(80, 0.1)
+    setting = setting_of(Term("rate", signal, Shape.LINEAR, Memory.DAHL, (0.4,)), substeps=1)
+    setting.parameters[5] = 0.0  # ticks at the samples
+    states = run(record, setting).states
+    bristle = [0.0]
+    for moved in np.diff(states[:, ["x", "command"].index(signal)]):
+        end = 0.4 * np.sign(moved)
+        bristle.append(end + (bristle[-1] - end) * np.exp(-abs(moved) / 0.4))
+    assert states[:, 3] == pytest.approx(bristle, abs=1e-12)
+
+
 def test_responses_to_laws_of_plant_and_controller_are_those_of_runs() -> None:
     model, record, setting = sampled_loop(), driven(90, 0.25), setting_of()
     course = run(record, setting, sensitive=True)
@@ -212,14 +226,17 @@ def test_the_linearisation_with_an_effect_is_that_of_its_runs() -> None:
     assert found.to_drives[:, :, 0] == pytest.approx(difference, abs=1e-6)
 
 
-def test_ticks_belong_to_the_step_after_them_in_the_order_of_the_clocks() -> None:
-    time = 0.1 * np.arange(7)
-    found = ticks_of(time, 0.0, [(0.0, 0.3), (0.1, 0.1), (0.05, 10.0)])
-    assert found.time == pytest.approx([0.0, 0.05, 0.1, 0.2, 0.3, 0.3, 0.4, 0.5])
-    assert found.clock.tolist() == [0, 2, 1, 1, 0, 1, 1, 1]
-    assert found.first.tolist() == [0, 2, 3, 4, 6, 7, 8]
-    later = ticks_of(1e6 + time, 1e6, [(0.1, 0.1)])
-    assert later.first.tolist() == [0, 0, 1, 2, 3, 4, 5]
+def test_laws_that_act_at_a_tick_alone_are_targets_and_samples_are_signals() -> None:
+    model, record, setting = sampled_loop(), driven(60, 0.07), setting_of()
+    part = model.linearise(record, setting, run(record, setting))
+    classes = [set(same) for same in alike(model, [part])]
+    assert sorted(map(sorted, classes)) == [
+        ["drive", "rate"],
+        ["error"],
+        ["next_command"],
+        ["next_total"],
+    ]
+    assert set(model.followed) == {"rate", "next_total"}, "a command keeps nothing of itself"
 
 
 def test_a_file_in_another_clock_has_no_more_ticks_than_a_run_can_take() -> None:
