@@ -18,7 +18,7 @@ from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import Conclusion, conclude
 from orchestration.diagnosis.extension import extended_component
-from orchestration.diagnosis.law_model import LawModel, Record
+from orchestration.diagnosis.law_model import MOST_TICKS, LawModel, Record
 from orchestration.diagnosis.misreadings import reading_that_runs
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.remainder import Remainder, remainders
@@ -215,7 +215,7 @@ def diagnose(
     records : sequence of MeasuredRecord
         Each has start states of its own; one with gaps in its time is cut there.
     model : Model
-        With equations and without discrete states.
+        With equations.
     holdouts : sequence of MeasuredRecord
         By one half of which models are compared, and by the other measured; without any, the last
         third of every record.
@@ -241,6 +241,7 @@ def diagnose(
     fitted, notes = _cut(records, model, law_model, values)
     unseen, more = _cut(holdouts, model, law_model, values)
     _check_outputs(model, fitted)
+    _check_clocks(law_model, [*fitted, *unseen], values)
     progress("fitting the model as it is")
     with warnings.catch_warnings():
         # an output that was not recorded has no mean
@@ -302,17 +303,11 @@ def _law_model(model: Model) -> LawModel:
     Raises
     ------
     UserError
-        If it has none, or discrete states.
+        If it has none.
     """
-    instead = f"use {option('engine', 'old')}"
     if model.cls is None:
+        instead = f"use {option('engine', 'old')}"
         raise UserError(f"{model.without_equations}, which the new engine needs; {instead}")
-    discretes = model.cls.layout.discretes
-    if discretes:
-        raise UserError(
-            f"{model.name}: {discretes[0].name} is a discrete state, which the new engine does not"
-            f" run yet; {instead}"
-        )
     return LawModel(model.cls, usable_effects(model.cls))
 
 
@@ -334,6 +329,18 @@ def _check_outputs(model: Model, records: Sequence[Record]) -> None:
         raise UserError(f"{model.name}: no record has any of {', '.join(model.outputs)}")
 
 
+def _check_clocks(model: LawModel, records: Sequence[Record], given: Mapping[str, float]) -> None:
+    """Raise an error if a clock ticks too often between two samples of a record."""
+    parameters = np.array([float(given.get(p.name, p.start)) for p in model.parameters])
+    for record in records:
+        ticks = model.ticks_in_step(record, parameters)
+        if ticks > MOST_TICKS:
+            raise UserError(
+                f"{model.cls.name}: {ticks:.0f} sample instants fall between two samples of"
+                f" {record.label}, and {MOST_TICKS:.0f} are allowed; use {option('engine', 'old')}"
+            )
+
+
 def _cut(
     records: Sequence[MeasuredRecord], model: Model, law_model: LawModel, given: Mapping[str, float]
 ) -> tuple[list[Record], list[tuple[str, str, str]]]:
@@ -352,6 +359,7 @@ def _cut(
                     np.ascontiguousarray(outputs[first:last]),
                     (False,) * inputs.shape[1],
                     f"{label}.{number}" if len(spans) > 1 else label,
+                    float(record.time[0] - record.time[first]),
                 )
             )
         for name, value in absent.items():

@@ -1,7 +1,8 @@
 """Linear responses of the outputs of a model along a course, and their projection.
 
 With additions w(t) to laws the changes of the states follow ``dx' = A dx + B w`` and those of the
-outputs ``dy = C dx + D w``, with the Jacobians of the course held over each step.
+outputs ``dy = C dx + D w``, with the Jacobians of the course held over each step. Where discrete
+states are updated within it, the derivatives are those of the step as it was run.
 """
 
 from __future__ import annotations
@@ -55,10 +56,14 @@ def respond(
     """
     nx = part.rates.shape[1]
     own = part.rates.shape[2] - nx
-    transitions, driven_by = steps_along(part, np.diff(record.time))
-    by_own = driven_by @ _finite(part.rates[:, :, :own])
-    rows = part.rates_by_laws.shape[1]  # memories of terms have no laws
-    by_laws = driven_by[:, :, :rows] @ _finite(part.rates_by_laws)
+    if part.steps is None or part.steps_by_laws is None:
+        transitions, driven_by = steps_along(part, np.diff(record.time))
+        by_own = driven_by @ _finite(part.rates[:-1, :, :own])
+        rows = part.rates_by_laws.shape[1]  # memories of terms have no laws
+        by_laws = driven_by[:, :, :rows] @ _finite(part.rates_by_laws[:-1])
+    else:
+        by_own, transitions = np.split(_finite(part.steps), [own], axis=2)
+        by_laws = _finite(part.steps_by_laws)
     between = drive[:-1]
     if any(record.smooth):
         between = 0.5 * (drive[:-1] + drive[1:])
@@ -99,12 +104,12 @@ def steps_along(part: Linearisation, durations: Array) -> tuple[Array, Array]:
     if not n or not nx:
         return np.zeros((n, nx, nx)), np.zeros((n, nx, nx))
     rates = part.rates[:-1, :, part.rates.shape[2] - nx :] * durations[:, None, None]
-    transitions, means = _exponential(np.nan_to_num(rates, posinf=0.0, neginf=0.0))
+    transitions, means = _exponential(_finite(rates))
     return transitions, means * durations[:, None, None]
 
 
 def _finite(columns: Array) -> Array:
-    return np.nan_to_num(columns[:-1], posinf=0.0, neginf=0.0)
+    return np.nan_to_num(columns, posinf=0.0, neginf=0.0)
 
 
 def _exponential(matrices: Array) -> tuple[Array, Array]:

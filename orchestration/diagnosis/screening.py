@@ -124,8 +124,7 @@ class Screen:
         if len(fitted.problem.records) == 1:  # an instant is one of a record
             self.candidates += _changes(model, classes, np.concatenate(times), laws)
         if named:
-            at = problem.parameters(fitted.point.q)
-            effects = named_terms(model, at, pieces, courses, parts, problem.spread)
+            effects = named_terms(model, setting, pieces, courses, parts, problem.spread)
             self.candidates += [Candidate(one.term, one.response, 0.0) for one in effects]
         self.ends = np.cumsum([0, *(c.term.coefficients for c in self.candidates)])
         self._columns, self._spans = self._projected(problem, pieces, parts)
@@ -324,13 +323,7 @@ def alike(model: LawModel, parts: Sequence[Linearisation]) -> list[list[str]]:
     for i, law in enumerate(model.laws):
         if law in outputs or perturbed.is_definition(law) or perturbed.is_count(law):
             continue
-        action = np.concatenate(
-            [
-                array[:, :, i].ravel()
-                for part in parts
-                for array in (part.rates_by_laws, part.outputs_by_laws)
-            ]
-        )
+        action = np.concatenate([a[:, :, i].ravel() for part in parts for a in part.actions])
         action = np.nan_to_num(action)
         size = np.linalg.norm(action)
         if not size:
@@ -358,7 +351,7 @@ def _signals(
     named = [(v.name, inputs[:, i]) for i, v in enumerate(model.inputs)]
     named += [(v.name, states[:, i]) for i, v in enumerate(model.states)]
     # neither is an output's law a signal, nor the rate of a state, which follows from the others
-    no_signal = {o.name for o in model.outputs} | {s.rate for s in model.states}
+    no_signal = {o.name for o in model.outputs} | set(model.followed)
     # nor a law that is a function of one of them
     no_signal |= {law for law in model.laws if len(model.perturbed.computed_from(law)) < 2}
     named += [(law, laws[:, i]) for i, law in enumerate(model.laws) if law not in no_signal]
@@ -370,10 +363,9 @@ def _owner(model: LawModel, classes: Sequence[str], signal: str) -> tuple[str, b
     """Return the law of a class that owns a signal, and whether it depends on it already."""
     depends = {law: model.perturbed.computed_from(law) for law in classes}
     having = [law for law in classes if signal in depends[law] or signal == law]
-    rates = {s.rate for s in model.states}
     if having:
-        return min(having, key=lambda law: (len(depends[law]), law in rates)), True
-    whole = [law for law in classes if law in rates]
+        return min(having, key=lambda law: (len(depends[law]), law in model.rates)), True
+    whole = [law for law in classes if law in model.rates]
     return (whole or [max(classes, key=lambda law: len(depends[law]))])[0], False
 
 
@@ -387,10 +379,9 @@ def _candidates(
     """Yield every term that may be missing."""
     views = seen(signals, times, list(_REMEMBERED))
     value_of = {law: laws[:, i] for i, law in enumerate(model.laws)}
-    rates = {s.rate for s in model.states}
     for same in classes:
         size = max(float(np.sqrt(np.mean(value_of[law] ** 2))) for law in same) or 1.0
-        whole = next((law for law in same if law in rates), same[0])
+        whole = next((law for law in same if law in model.rates), same[0])
         constant = Term(whole, "", Shape.CONSTANT, size=size)
         yield Candidate(constant, np.full((len(laws), 1), size), 0.0)
         yield from _of_itself(model, whole, value_of[whole], size)
@@ -423,9 +414,8 @@ def _in_percent(
     model: LawModel, same: Sequence[str], views: Sequence[Seen], value_of: Mapping[str, Array]
 ) -> Iterator[Candidate]:
     """Yield terms in proportion to each law of those that act alike."""
-    rates = {s.rate for s in model.states}
     for law in same:
-        if len(same) > 1 and (law in rates or np.ptp(value_of[law]) == 0.0):
+        if len(same) > 1 and (law in model.rates or np.ptp(value_of[law]) == 0.0):
             continue
         own = model.perturbed.computed_from(law)
         for view in views:
@@ -475,11 +465,10 @@ def _changes(
     """Yield changes of laws in percent at an instant, and offsets from one on."""
     length = float(time.max())
     view = Seen("time", Memory.NONE, (), time, length, 0.0)
-    rates = {s.rate for s in model.states}
     value_of = dict(zip(model.laws, laws.T, strict=True))
     for same in classes:
         for law in same:
-            if len(same) > 1 and law in rates:
+            if len(same) > 1 and law in model.rates:
                 continue
             amount = value_of[law]
             for place in (np.arange(_PLACES) + 1.0) / (_PLACES + 1.0):
