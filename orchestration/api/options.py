@@ -209,10 +209,10 @@ class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
         str,
         Option(
             "old: effects of a catalogue one after another, then laws. new: terms of all laws, many"
-            " fits, one comparison; of a model with equations and without discrete states.",
+            " fits, one comparison; of a model with equations.",
             "Engine of the diagnosis: ``old`` tries the effects of a catalogue one after another,"
             " and then searches the laws; ``new`` fits many sets of terms of all laws and compares"
-            " them once, for a model with equations and without discrete states.",
+            " them once, for a model with equations.",
             default="old",
             choices=("old", "new"),
         ),

@@ -2,14 +2,16 @@
 
 What an effect of any size adds to rates and outputs is computed along a course of the model without
 it, its own states included; the outputs' response is that of the model linearised there. Nothing is
-compiled for this.
+compiled for this. If the model has discrete states, through which an effect may act, the response
+is that of runs with it.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -18,7 +20,7 @@ from fmus.kit.arrays import Array
 from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.effects import effect_name, unstack
 from fmus.kit.symbolic import ComponentAlong, EffectForcing, Forcing, Points
-from orchestration.diagnosis.law_model import Course, LawModel, Linearisation, Record
+from orchestration.diagnosis.law_model import Course, LawModel, Linearisation, Record, Setting
 from orchestration.diagnosis.responses import steps_along
 from orchestration.diagnosis.terms import NamedTerm, Released, Shape
 from orchestration.fmu.model import catalogue
@@ -28,6 +30,7 @@ _STRENGTHS = (1.0, 10.0)  # of the declared size, where the response at null van
 _FACTORS = (0.3, 1.0, 3.0)  # of other positive parameters
 _TIMES = (0.003, 0.02, 0.1, 0.5)  # of the length of a record, of a time constant
 _MOST = 16  # settings of an effect
+_Settings = Sequence[Mapping[str, float]]  # values of an effect's parameters
 _UNSEEN = 1e-9  # of the spread, below which a response is none
 
 
@@ -63,7 +66,7 @@ def _declared(effect: type[Effect]) -> list[ParameterDeclaration]:
 
 def named_terms(
     model: LawModel,
-    parameters: Array,
+    setting: Setting,
     records: Sequence[Record],
     courses: Sequence[Course],
     parts: Sequence[Linearisation],
@@ -74,8 +77,8 @@ def named_terms(
     Parameters
     ----------
     model : LawModel
-    parameters : ndarray, shape (np,)
-        All of them, SI.
+    setting : Setting
+        Of the courses.
     records : sequence of Record
     courses : sequence of Course
         Of the model over the records.
@@ -86,33 +89,92 @@ def named_terms(
     """
     if not model.effects:
         return
-    values = {p.name: float(v) for p, v in zip(model.parameters, parameters, strict=True)}
+    responses_to = (
+        _by_runs(model, setting, records, courses)
+        if model.clocks
+        else _by_forcing(model, setting, records, courses, parts)
+    )
+    length = max(float(record.time[-1] - record.time[0]) for record in records)
+    for name, effect in model.effects.items():
+        declared = _declared(effect)
+        for strengths in ((0.0,), _STRENGTHS):
+            settings = list(_settings(declared, strengths, length))
+            try:
+                responses = responses_to(name, settings)
+            except UserError:  # it acts through a discrete state of its own
+                break
+            seen = False
+            for k, one in enumerate(settings):
+                response = responses[:, :, k] / (one[declared[0].name] or 1.0)
+                size = float(np.sqrt(np.mean((response / spread) ** 2)))
+                if np.isfinite(size) and size * declared[0].nominal > _UNSEEN:
+                    seen = True
+                    yield Named(_term(name, effect, declared, one, 1.0 / size), response / size)
+            if seen:
+                break
+
+
+def _by_forcing(
+    model: LawModel,
+    setting: Setting,
+    records: Sequence[Record],
+    courses: Sequence[Course],
+    parts: Sequence[Linearisation],
+) -> Callable[[str, _Settings], Array]:
+    """Return the function for responses (n, ny, k) to an effect in k settings, by its additions."""
+    values = {p.name: float(v) for p, v in zip(model.parameters, setting.parameters, strict=True)}
     along = [
         _along(model, values, record, course)
         for record, course in zip(records, courses, strict=True)
     ]
-    length = max(float(record.time[-1] - record.time[0]) for record in records)
-    for name, effect in model.effects.items():
+
+    @cache
+    def forcings(name: str) -> list[EffectForcing]:
+        return [EffectForcing(one, model.effects[name]) for one in along]
+
+    def responses_to(name: str, settings: _Settings) -> Array:
+        runs = zip(records, parts, forcings(name), strict=True)
+        return np.concatenate([_response(r, part, one.of(settings)) for r, part, one in runs])
+
+    return responses_to
+
+
+def _by_runs(
+    model: LawModel, setting: Setting, records: Sequence[Record], courses: Sequence[Course]
+) -> Callable[[str, _Settings], Array]:
+    """Return the function for responses (n, ny, k) to an effect in k settings, by runs with it.
+
+    Without other effects of the catalogue, or each pair of them would be compiled.
+    """
+    pairs = [(t, own) for t, own in setting.by_term() if not isinstance(t, NamedTerm)]
+    terms = tuple(t for t, _ in pairs)
+    values = np.concatenate([np.zeros(0), *(own for _, own in pairs)])
+    plain = replace(setting, free=setting.free[:0], terms=terms, values=values)
+    starts = [course.states[0][: len(model.states)] for course in courses]
+    bases = [model.run(r, plain, x) for r, x in zip(records, starts, strict=True)]
+
+    def response(
+        record: Record, start: Array, base: Course | None, term: NamedTerm, strength: float
+    ) -> Array:
+        own = term.values(strength)
+        changed = replace(plain, terms=(*terms, term), values=np.append(values, own))
+        run = model.run(record, changed, start, sensitive=not strength)
+        if run is None or base is None:
+            return np.full((len(record.time), len(model.outputs)), np.nan)
+        return run.outputs - base.outputs if strength else run.slopes[:, :, len(values)]
+
+    def responses_to(name: str, settings: _Settings) -> Array:
+        effect = model.effects[name]
         declared = _declared(effect)
-        try:
-            forcings = [EffectForcing(one, effect) for one in along]
-        except UserError:  # it acts through a discrete state
-            continue
-        for strengths in ((0.0,), _STRENGTHS):
-            settings = list(_settings(declared, strengths, length))
-            runs = zip(records, parts, forcings, strict=True)
-            responses = np.concatenate(
-                [_response(record, part, forcing.of(settings)) for record, part, forcing in runs]
-            )
-            seen = False
-            for k, setting in enumerate(settings):
-                response = responses[:, :, k] / (setting[declared[0].name] or 1.0)
-                size = float(np.sqrt(np.mean((response / spread) ** 2)))
-                if np.isfinite(size) and size * declared[0].nominal > _UNSEEN:
-                    seen = True
-                    yield Named(_term(name, effect, declared, setting, 1.0 / size), response / size)
-            if seen:
-                break
+        columns = []
+        for one in settings:
+            term = _term(name, effect, declared, one, 1.0)
+            strength = one[declared[0].name]
+            parts = zip(records, starts, bases, strict=True)
+            columns.append(np.concatenate([response(*part, term, strength) for part in parts]))
+        return np.dstack(columns)
+
+    return responses_to
 
 
 def _settings(

@@ -17,7 +17,7 @@ from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import Conclusion, conclude
 from orchestration.diagnosis.extension import extended_component
-from orchestration.diagnosis.law_model import LawModel, Record
+from orchestration.diagnosis.law_model import MOST_TICKS, LawModel, Record
 from orchestration.diagnosis.misreadings import reading_that_runs
 from orchestration.diagnosis.options import Deadline, Options
 from orchestration.diagnosis.readings import Reading
@@ -214,7 +214,7 @@ def diagnose(
     records : sequence of MeasuredRecord
         Each has start states of its own; one with gaps in its time is cut there.
     model : Model
-        With equations and without discrete states.
+        With equations.
     holdouts : sequence of MeasuredRecord
         By one half of which models are compared, and by the other measured; without any, the last
         third of every record.
@@ -237,6 +237,7 @@ def diagnose(
     fitted, notes = _cut(records, model, law_model, options.given)
     unseen, more = _cut(holdouts, model, law_model, options.given)
     _check_outputs(model, fitted)
+    _check_clocks(law_model, [*fitted, *unseen], options.given)
 
     def subject_as(reading: Reading | None = None) -> Subject | None:
         own, others = fitted, unseen
@@ -317,17 +318,11 @@ def _law_model(model: Model, options: Options) -> LawModel:
     Raises
     ------
     UserError
-        If it has none, or discrete states, or not an effect that is wanted.
+        If it has none, or not an effect that is wanted.
     """
-    instead = f"use {option('engine', 'old')}"
     if model.cls is None:
+        instead = f"use {option('engine', 'old')}"
         raise UserError(f"{model.without_equations}, which the new engine needs; {instead}")
-    discretes = model.cls.layout.discretes
-    if discretes:
-        raise UserError(
-            f"{model.name}: {discretes[0].name} is a discrete state, which the new engine does not"
-            f" run yet; {instead}"
-        )
     return LawModel(model.cls, options.effects_of(model.cls))
 
 
@@ -337,6 +332,18 @@ def _check_outputs(model: Model, records: Sequence[Record]) -> None:
         raise UserError(f"{model.name}: no record has {_SHORTEST} samples between two gaps")
     if not any(np.isfinite(r.outputs).any() for r in records):
         raise UserError(f"{model.name}: no record has any of {', '.join(model.outputs)}")
+
+
+def _check_clocks(model: LawModel, records: Sequence[Record], given: Mapping[str, float]) -> None:
+    """Raise an error if a clock ticks too often between two samples of a record."""
+    parameters = np.array([float(given.get(p.name, p.start)) for p in model.parameters])
+    for record in records:
+        ticks = model.ticks_in_step(record, parameters)
+        if ticks > MOST_TICKS:
+            raise UserError(
+                f"{model.cls.name}: {ticks:.0f} sample instants fall between two samples of"
+                f" {record.label}, and {MOST_TICKS:.0f} are allowed; use {option('engine', 'old')}"
+            )
 
 
 def _cut(
@@ -357,6 +364,7 @@ def _cut(
                     np.ascontiguousarray(outputs[first:last]),
                     (False,) * inputs.shape[1],
                     f"{label}.{number}" if len(spans) > 1 else label,
+                    float(record.time[0] - record.time[first]),
                 )
             )
         for name, value in absent.items():

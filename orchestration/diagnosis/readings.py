@@ -127,7 +127,8 @@ class Reading:
     def apply(self, model: LawModel, record: Record) -> Record:
         """Return a record of the values that the file means."""
         if self.kind is ReadingKind.CLOCK:
-            return replace(record, time=np.ascontiguousarray(record.time * self.factor))
+            time = np.ascontiguousarray(record.time * self.factor)
+            return replace(record, time=time, begin=record.begin * self.factor)
         if self.kind is ReadingKind.START:
             return record
         names = [v.name for v in (*model.inputs, *model.outputs)]

@@ -160,8 +160,9 @@ def _before_and_after(fitted: Fit) -> list[Fit]:
 
 
 def depends(model: LawModel, term: Term) -> bool:
-    """Return whether a law depends on the signal of a term already."""
-    return not term.signal or term.signal in model.perturbed.computed_from(term.law)
+    """Return whether a law depends on the signal of a term already, or is that signal."""
+    own = {"", term.law} | set(model.perturbed.computed_from(term.law))
+    return term.signal in own
 
 
 def _start(problem: Problem, fitted: Fit, record: Record, reading: Reading | None) -> Array | None:

@@ -34,7 +34,7 @@ def proposed() -> list:
     course = tank().run(record, setting, np.array([START]))
     assert course is not None
     part = tank().linearise(record, setting, course)
-    return list(named_terms(tank(), parameters, [record], [course], [part], SPREAD))
+    return list(named_terms(tank(), setting, [record], [course], [part], SPREAD))
 
 
 def test_the_response_at_null_is_that_of_small_runs() -> None:

@@ -133,10 +133,19 @@ def test_an_input_that_is_given_is_constant():
     assert given.notes == ()
 
 
+@pytest.mark.usefixtures("without_search")
+def test_a_clock_begins_with_its_record_and_runs_on_over_a_gap():
+    time = np.concatenate([np.arange(20.0), 120.5 + np.arange(30.0)]) + 7.0
+    record = Record(time, {"shown": np.ceil(time - 7.0)}, {"shown": "1"}, Path("c.csv"))
+    diagnosis = diagnose([record], declared_model_of(Counter))
+    assert [one.begin for one in diagnosis.subject.problem.records] == [0.0, -120.5]
+
+
 def test_a_model_that_cannot_run_is_refused_in_one_line():
     record = Record(np.arange(50.0), {"shown": np.arange(50.0)}, {"shown": "1"}, Path("c.csv"))
-    with pytest.raises(UserError, match=r"counter: count is a discrete state.*engine='old'"):
-        diagnose([record], declared_model_of(Counter))
+    rare = replace(record, time=4000.0 * record.time)
+    with pytest.raises(UserError, match=r"counter: 4000 sample instants .* 1000 .*engine='old'"):
+        diagnose([rare], declared_model_of(Counter))
     without = replace(MODEL, cls=None, notes=("motor.fmu: its equations are unknown",))
     with pytest.raises(UserError, match=r"motor.fmu: its equations are unknown.*engine='old'"):
         diagnose([record], without)
