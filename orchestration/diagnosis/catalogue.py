@@ -2,14 +2,16 @@
 
 What an effect of any size adds to rates and outputs is computed along a course of the model without
 it, its own states included; the outputs' response is that of the model linearised there. Nothing is
-compiled for this.
+compiled for this. If the model has discrete states, through which an effect may act, the response
+is that of runs with it.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.effects import effect_name, unstack
 from fmus.kit.symbolic import ComponentAlong, EffectForcing, Forcing, Points
 from orchestration.diagnosis.courses import Courses
+from orchestration.diagnosis.law_model import Course, Record
 from orchestration.diagnosis.responses import steps_along
 from orchestration.diagnosis.terms import NamedTerm, Released, Shape
 from orchestration.fmu.model import catalogue
@@ -28,6 +31,7 @@ _STRENGTHS = (1.0, 10.0)  # of the declared size, where the response at null van
 _FACTORS = (0.3, 1.0, 3.0)  # of other positive parameters
 _TIMES = (0.003, 0.02, 0.1, 0.5)  # of the length of a record, of a time constant
 _MOST = 16  # settings of an effect
+_Settings = Sequence[Mapping[str, float]]  # values of an effect's parameters
 _UNSEEN = 1e-9  # of the spread, below which a response is none
 
 
@@ -63,26 +67,77 @@ def _declared(effect: type[Effect]) -> list[ParameterDeclaration]:
 
 def named_terms(along: Courses) -> Iterator[Named]:
     """Yield named terms of all effects of a model, in several settings each."""
-    effects = along.model.effects
-    components = _components(along) if effects else []
-    for name, effect in effects.items():
+    if not along.model.effects:
+        return
+    responses_to = _by_runs(along) if along.model.clocks else _by_forcing(along)
+    for name, effect in along.model.effects.items():
         declared = _declared(effect)
-        try:
-            forcings = [EffectForcing(one, effect) for one in components]
-        except UserError:  # it acts through a discrete state
-            continue
         for strengths in ((0.0,), _STRENGTHS):
             settings = list(_settings(declared, strengths, along.length))
-            responses = _responses(along, [forcing.of(settings) for forcing in forcings])
+            try:
+                responses = responses_to(name, settings)
+            except UserError:  # it acts through a discrete state of its own
+                break
             seen = False
-            for k, setting in enumerate(settings):
-                response = responses[:, :, k] / (setting[declared[0].name] or 1.0)
+            for k, one in enumerate(settings):
+                response = responses[:, :, k] / (one[declared[0].name] or 1.0)
                 size = float(np.sqrt(np.mean((response / along.spread) ** 2)))
                 if np.isfinite(size) and size * declared[0].nominal > _UNSEEN:
                     seen = True
-                    yield Named(_term(name, effect, declared, setting, 1.0 / size), response / size)
+                    yield Named(_term(name, effect, declared, one, 1.0 / size), response / size)
             if seen:
                 break
+
+
+def _by_forcing(along: Courses) -> Callable[[str, _Settings], Array]:
+    """Return the function for responses (n, m, k) to an effect in k settings, by its additions."""
+    components = _components(along)
+
+    @cache
+    def forcings(name: str) -> list[EffectForcing]:
+        return [EffectForcing(one, along.model.effects[name]) for one in components]
+
+    def responses_to(name: str, settings: _Settings) -> Array:
+        return _responses(along, [one.of(settings) for one in forcings(name)])
+
+    return responses_to
+
+
+def _by_runs(along: Courses) -> Callable[[str, _Settings], Array]:
+    """Return the function for responses (n, m, k) to an effect in k settings, by runs with it.
+
+    Without other effects of the catalogue, or each pair of them would be compiled.
+    """
+    model, setting = along.model, along.setting
+    pairs = [(t, own) for t, own in setting.by_term() if not isinstance(t, NamedTerm)]
+    terms = tuple(t for t, _ in pairs)
+    values = np.concatenate([np.zeros(0), *(own for _, own in pairs)])
+    plain = replace(setting, free=setting.free[:0], terms=terms, values=values)
+    starts = [course.states[0][: len(model.states)] for course in along.courses]
+    bases = [model.run(r, plain, x) for r, x in zip(along.pieces, starts, strict=True)]
+
+    def response(
+        record: Record, start: Array, base: Course | None, term: NamedTerm, strength: float
+    ) -> Array:
+        own = term.values(strength)
+        changed = replace(plain, terms=(*terms, term), values=np.append(values, own))
+        run = model.run(record, changed, start, sensitive=not strength)
+        if run is None or base is None:
+            return np.full((len(record.time), len(model.outputs)), np.nan)
+        return run.outputs - base.outputs if strength else run.slopes[:, :, len(values)]
+
+    def responses_to(name: str, settings: _Settings) -> Array:
+        effect = model.effects[name]
+        declared = _declared(effect)
+        columns = []
+        for one in settings:
+            term = _term(name, effect, declared, one, 1.0)
+            strength = one[declared[0].name]
+            parts = zip(along.pieces, starts, bases, strict=True)
+            columns.append(np.concatenate([response(*part, term, strength) for part in parts]))
+        return np.dstack(columns)[:, along.measured]
+
+    return responses_to
 
 
 def _settings(
@@ -134,7 +189,7 @@ def _term(
 def _components(along: Courses) -> list[ComponentAlong]:
     """Return the component along each course, with inputs as the run takes them."""
     model = along.model
-    pairs = zip(model.parameters, along.parameters, strict=True)
+    pairs = zip(model.parameters, along.setting.parameters, strict=True)
     values = {p.name: float(v) for p, v in pairs}
     components = []
     for piece, course in zip(along.pieces, along.courses, strict=True):

@@ -10,7 +10,7 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.fitting import Fit
-from orchestration.diagnosis.law_model import Course, LawModel, Linearisation, Record
+from orchestration.diagnosis.law_model import Course, LawModel, Linearisation, Record, Setting
 
 _PLACES = 20  # of the function of a signal, by which the actions of two laws differ
 _DIFFERENT = 1e-3  # share of squares that no such function explains
@@ -58,9 +58,9 @@ class Courses:
         return max(float(t[-1] - t[0]) for t in self.times)
 
     @cached_property
-    def parameters(self) -> Array:
-        """All parameters of the model, SI."""
-        return self.fitted.problem.parameters(self.fitted.point.q)
+    def setting(self) -> Setting:
+        """Of the courses."""
+        return self.fitted.problem.setting(self.fitted.point, self.fitted.terms)
 
     @cached_property
     def inputs(self) -> Array:
@@ -145,7 +145,10 @@ def _values_of(along: Courses, signal: str) -> Array | None:
 
 
 def _actions(along: Courses, law: str) -> Array:
-    """Return what an addition to a law does to rates and measured outputs, (n, nx + m)."""
+    """Return what an addition to a law does, (n, channels); an update is of the step behind it."""
     i = along.model.laws.index(law)
-    pairs = [(part.rates_by_laws[:, :, i], part.outputs_by_laws[:, :, i]) for part in along.parts]
-    return np.nan_to_num(np.concatenate([np.hstack(pair) for pair in pairs]))
+    rows = []
+    for part in along.parts:
+        ours = [action[:, :, i] for action in part.actions]
+        rows.append(np.hstack([np.pad(a, ((0, len(part.laws) - len(a)), (0, 0))) for a in ours]))
+    return np.nan_to_num(np.concatenate(rows))

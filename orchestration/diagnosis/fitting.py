@@ -108,13 +108,14 @@ class Problem:
 
     @cached_property
     def free(self) -> Array:
-        """Positions of the parameters that are searched."""
+        """Positions of the parameters that are searched; clocks keep their instants."""
         starts = set(self.model.start_positions)
+        held = self.hold | self.model.clock_parameters
         return np.array(
             [
                 i
                 for i, p in enumerate(self.model.parameters)
-                if i not in starts and p.type == "real" and p.name not in self.hold
+                if i not in starts and p.type == "real" and p.name not in held
             ],
             dtype=int,
         )

@@ -9,6 +9,10 @@
  * Before this text stand the functions of the model as CasADi writes them and its sizes: NX states,
  * NU inputs, NY outputs, NP parameters, NL laws, and the sizes of CasADi's work arrays. Signals are
  * numbered inputs, states, laws, time. Matrices of CasADi are stored by columns.
+ *
+ * Discrete states are the last of the states. Their rates are zero, and at each tick of their clock
+ * the update x+ = U(x, u, t, p, a) takes their place, with S+ = U_x S + U_a da/dtheta + U_theta. A
+ * tick belongs to the step after it: an output at its instant shows the values before it.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -36,8 +40,8 @@ typedef struct {
 
 typedef struct {
     int n, substeps, free, terms, constants, sensitive;
-    const double *time, *inputs, *parameters, *values, *start;
-    const int *smooth, *position;
+    const double *time, *inputs, *parameters, *values, *start, *tick_time;
+    const int *smooth, *position, *tick_clock, *tick; /* tick: the first of each step, n of them */
     const term *term;
     double *outputs, *slopes, *states;
 } run;
@@ -47,7 +51,8 @@ typedef struct {
 typedef struct {
     const run *of;
     int ns, nz;            /* columns of sensitivities; memories */
-    int changed, of_laws;  /* laws with terms; whether a term looks at a law */
+    int changed, of_laws;  /* laws with additions; whether a term looks at a law */
+    int all_laws;          /* whether there is a column for an addition to each law */
     int *first, *store;    /* of each term its first constant, and its memory or -1 */
     int *law, *row;        /* the changed laws; of each term the place of its law among them */
     double *arg_a, *none;  /* additions to laws; zeros */
@@ -55,11 +60,16 @@ typedef struct {
     double *g, *gx, *gp;   /* laws and their derivatives */
     double *f, *fx, *fp, *fa;
     double *ds, *dv, *dm;  /* ns each */
+    double *Y, *K, *T, *L; /* a point within a step, the rates of its stages, and their slopes */
+    double *u, *before, *dbefore; /* inputs; signals of bristles before a step */
     double *w;
     int *iw;
 } work;
 
-static void call(int (*function)(const double **, double **, int *, double *, int),
+typedef int (*function_of)(const double **, double **, int *, double *, int);
+static const function_of updates_of[] = {UPDATES};
+
+static void call(function_of function,
                  const double *x, const double *u, double t, const double *p, const double *a,
                  double **res, work *k) {
     const double *arg[8] = {x, u, &t, p, a, 0, 0, 0};
@@ -168,7 +178,10 @@ static void add_terms(const double *X, const double *S, const double *u, double 
     const run *r = k->of;
     int ns = k->ns, sensitive = S != 0;
     for (int i = 0; i < k->changed; i++) k->arg_a[k->law[i]] = 0.0;
-    if (sensitive) memset(k->da, 0, k->changed * ns * sizeof(double));
+    if (sensitive) {
+        memset(k->da, 0, k->changed * ns * sizeof(double));
+        if (k->all_laws) for (int l = 0; l < NL; l++) k->da[l * ns + r->free + r->constants + l] = 1.0;
+    }
     see_laws(X, u, t, sensitive, k);
     for (int i = 0; i < r->terms; i++) {
         const term *q = r->term + i;
@@ -307,12 +320,97 @@ static void follow(double *X, double *S, const double *u, double t, const double
     }
 }
 
-static int simulate(work *k, double *memory) {
+/* signals of bristles, from which they move within a step */
+static void remember(const double *X, const double *S, double t, work *k) {
     const run *r = k->of;
-    int nX = NX + k->nz, ns = k->ns, sensitive = r->sensitive;
-    double *X = memory, *Y = X + nX, *K = Y + nX, *S = K + 4 * nX, *T = S + nX * ns, *L = T + nX * ns;
-    double *u = L + 4 * nX * ns, *before = u + NU + 1, *dbefore = before + r->terms + 1;
-    memset(S, 0, nX * ns * sizeof(double));
+    for (int i = 0; i < r->terms; i++)
+        if (r->term[i].memory == DAHL) {
+            const double *ds;
+            k->before[i] = signal(r->term[i].signal, X, S, k->u, t, k, k->ds, &ds);
+            if (S) copy(k->dbefore + i * k->ns, ds, k->ns);
+        }
+}
+
+/* inputs at a share of the step after sample j */
+static void set_inputs(int j, double share, work *k) {
+    const run *r = k->of;
+    const double *here = r->inputs + j * NU, *next = here + NU;
+    for (int i = 0; i < NU; i++) k->u[i] = r->smooth[i] ? here[i] + (next[i] - here[i]) * share : here[i];
+}
+
+/* Go steps of length h from t0, which with its width is a part of the step after sample j. */
+static void integrate(double *X, double *S, int j, double begin, double width, double t0, double h, int steps, work *k) {
+    static const double part[4] = {0.0, 0.5, 0.5, 1.0};
+    const run *r = k->of;
+    int nX = NX + k->nz, m = nX * k->ns;
+    double *K = k->K, *L = k->L;
+    for (int sub = 0; sub < steps; sub++) {
+        double t = t0 + sub * h;
+        for (int stage = 0; stage < 4; stage++) {
+            double step = part[stage] * h;
+            set_inputs(j, begin + width * ((sub + part[stage]) / steps), k);
+            const double *x = X, *s = S;
+            if (stage) {
+                const double *slope = K + (stage - 1) * nX, *dslope = L + (stage - 1) * m;
+                for (int i = 0; i < nX; i++) k->Y[i] = X[i] + step * slope[i];
+                if (S) for (int i = 0; i < m; i++) k->T[i] = S[i] + step * dslope[i];
+                x = k->Y; s = S ? k->T : 0;
+            }
+            rates(x, s, k->u, t + step, K + stage * nX, S ? L + stage * m : 0, k);
+            if (!stage) remember(X, S, t, k);
+        }
+        for (int i = 0; i < nX; i++) X[i] += h / 6.0 * (K[i] + 2.0 * K[nX + i] + 2.0 * K[2 * nX + i] + K[3 * nX + i]);
+        if (S) for (int i = 0; i < m; i++) S[i] += h / 6.0 * (L[i] + 2.0 * L[m + i] + 2.0 * L[2 * m + i] + L[3 * m + i]);
+        if (k->nz) {
+            if (sub == steps - 1 && begin + width == 1.0) memcpy(k->u, r->inputs + (j + 1) * NU, NU * sizeof(double));
+            see_laws(X, k->u, t + h, S != 0, k);
+            follow(X, S, k->u, t + h, k->before, k->dbefore, k);
+        }
+    }
+}
+
+/* Update the discrete states of a clock. */
+static void update(double *X, double *S, double t, int clock, work *k) {
+    add_terms(X, S, k->u, t, 0, 0, k);
+    double *values[8] = {k->Y}, *all[8] = {k->Y, k->fx, k->fp, k->fa};
+    call(updates_of[clock], X, k->u, t, k->of->parameters, k->arg_a, S ? all : values, k);
+    if (k->nz) remember(X, S, t, k);
+    if (S) {
+        chain(NX, k->fx, k->fp, k->fa, S, k->T, k);
+        memcpy(S, k->T, NX * k->ns * sizeof(double));
+    }
+    memcpy(X, k->Y, NX * sizeof(double));
+    if (k->nz) {
+        see_laws(X, k->u, t, S != 0, k);
+        follow(X, S, k->u, t, k->before, k->dbefore, k);
+    }
+}
+
+/* Go from sample j to the next, with the ticks of the clocks before it. */
+static void advance(double *X, double *S, int j, work *k) {
+    const run *r = k->of;
+    double first = r->time[j], last = r->time[j + 1], now = first, begin = 0.0;
+    for (int i = r->tick[j]; i <= r->tick[j + 1]; i++) {
+        int is_tick = i < r->tick[j + 1];
+        double until = is_tick ? r->tick_time[i] : last, end = is_tick ? (until - first) / (last - first) : 1.0;
+        if (until > now) {
+            int steps = (int)ceil((end - begin) * r->substeps - 1e-9);
+            steps = steps > 1 ? steps : 1;
+            integrate(X, S, j, begin, end - begin, now, (until - now) / steps, steps, k);
+        }
+        if (is_tick) {
+            set_inputs(j, end, k);
+            update(X, S, until, r->tick_clock[i], k);
+        }
+        now = until;
+        begin = end;
+    }
+}
+
+static int simulate(work *k, double *X, double *S) {
+    const run *r = k->of;
+    int nX = NX + k->nz, ns = k->ns;
+    double *own = r->sensitive ? S : 0;
     memcpy(X, r->start, NX * sizeof(double));
     for (int i = 0; i < NX; i++) S[i * ns + ns - NX + i] = 1.0;
     see_laws(X, r->inputs, r->time[0], 1, k);
@@ -325,60 +423,29 @@ static int simulate(work *k, double *memory) {
             if (!rests) copy(S + k->store[i] * ns, ds, ns);
         }
     for (int j = 0; j < r->n; j++) {
-        const double *here = r->inputs + j * NU, *next = here + NU;
-        observe(X, sensitive ? S : 0, here, r->time[j], r->outputs + j * NY, sensitive ? r->slopes + (size_t)j * NY * ns : 0, k);
+        observe(X, own, r->inputs + j * NU, r->time[j], r->outputs + j * NY, own ? r->slopes + (size_t)j * NY * ns : 0, k);
         if (r->states) memcpy(r->states + (size_t)j * nX, X, nX * sizeof(double));
         for (int i = 0; i < nX; i++) if (!(fabs(X[i]) < LARGEST)) return j + 1;
         for (int i = 0; i < NY; i++) if (!(fabs(r->outputs[j * NY + i]) < LARGEST)) return j + 1;
-        if (j == r->n - 1 || !nX) continue;
-        double h = (r->time[j + 1] - r->time[j]) / r->substeps;
-        for (int sub = 0; sub < r->substeps; sub++) {
-            static const double part[4] = {0.0, 0.5, 0.5, 1.0};
-            double t = r->time[j] + sub * h;
-            for (int stage = 0; stage < 4; stage++) {
-                double share = (sub + part[stage]) / r->substeps, step = part[stage] * h;
-                for (int i = 0; i < NU; i++) u[i] = r->smooth[i] ? here[i] + (next[i] - here[i]) * share : here[i];
-                const double *x = X, *s = S;
-                if (stage) {
-                    const double *slope = K + (stage - 1) * nX, *dslope = L + (stage - 1) * nX * ns;
-                    for (int i = 0; i < nX; i++) Y[i] = X[i] + step * slope[i];
-                    if (sensitive) for (int i = 0; i < nX * ns; i++) T[i] = S[i] + step * dslope[i];
-                    x = Y; s = T;
-                }
-                rates(x, sensitive ? s : 0, u, t + step, K + stage * nX, sensitive ? L + stage * nX * ns : 0, k);
-                if (!stage)
-                    for (int i = 0; i < r->terms; i++)
-                        if (r->term[i].memory == DAHL) {
-                            const double *ds;
-                            before[i] = signal(r->term[i].signal, X, sensitive ? S : 0, u, t, k, k->ds, &ds);
-                            if (sensitive) copy(dbefore + i * ns, ds, ns);
-                        }
-            }
-            for (int i = 0; i < nX; i++) X[i] += h / 6.0 * (K[i] + 2.0 * K[nX + i] + 2.0 * K[2 * nX + i] + K[3 * nX + i]);
-            if (sensitive) {
-                int m = nX * ns;
-                for (int i = 0; i < m; i++) S[i] += h / 6.0 * (L[i] + 2.0 * L[m + i] + 2.0 * L[2 * m + i] + L[3 * m + i]);
-            }
-            if (k->nz) {
-                if (sub == r->substeps - 1) for (int i = 0; i < NU; i++) u[i] = next[i];
-                see_laws(X, u, t + h, sensitive, k);
-                follow(X, sensitive ? S : 0, u, t + h, before, dbefore, k);
-            }
-        }
+        if (j < r->n - 1 && nX) advance(X, own, j, k);
     }
     return 0;
 }
 
-/* Set up the work of a run, with columns for start states or, for a linearisation, all states. */
-static double *prepare(work *k, const run *r, int all_states) {
-    *k = (work){.of = r};
-    int *integers = calloc(4 * r->terms + 4 + LAWS_IW + 1, sizeof(int));
+enum columns { OF_STARTS, OF_STATES, OF_LAWS_AND_STATES };
+
+/* Set up the work of a run, with columns for start states or, for a linearisation, all states, and
+ * before them for additions to all laws. Returns a state and its slopes. */
+static double *prepare(work *k, const run *r, enum columns which) {
+    *k = (work){.of = r, .all_laws = which == OF_LAWS_AND_STATES};
+    int *integers = calloc(4 * r->terms + 4 + NL + LAWS_IW + 1, sizeof(int));
     if (!integers) return 0;
     k->first = integers;
     k->store = integers + r->terms + 1;
-    k->law = integers + 2 * r->terms + 2;
-    k->row = integers + 3 * r->terms + 3;
-    k->iw = integers + 4 * r->terms + 4;
+    k->row = integers + 2 * r->terms + 2;
+    k->law = integers + 3 * r->terms + 3;
+    k->iw = integers + 4 * r->terms + 4 + NL;
+    if (k->all_laws) while (k->changed < NL) k->law[k->changed] = k->changed, k->changed++;
     for (int i = 0, at = 0; i < r->terms; i++) {
         const term *q = r->term + i;
         k->first[i] = at;
@@ -389,7 +456,7 @@ static double *prepare(work *k, const run *r, int all_states) {
         k->of_laws |= is_law(q->signal) || is_law(q->factor);
     }
     int nX = NX + k->nz, rows = NX > NY ? NX : NY;
-    int ns = k->ns = r->free + r->constants + (all_states ? nX : NX);
+    int ns = k->ns = r->free + r->constants + (k->all_laws ? NL : 0) + (which == OF_STARTS ? NX : nX);
     size_t own = 2 * NL + k->changed * ns + NL * (1 + NX + NP) + rows * (NX + NP + NL) + 3 * ns + LAWS_W + 16;
     size_t spare = (size_t)nX * (6 + 6 * ns) + NU + NY + 2 + (r->terms + 1) * (1 + ns) + 16;
     double *at = calloc(own + spare, sizeof(double));
@@ -398,6 +465,8 @@ static double *prepare(work *k, const run *r, int all_states) {
     TAKE(arg_a, NL + 1); TAKE(none, NL + 1); TAKE(da, k->changed * ns + 1); TAKE(g, NL + 1); TAKE(gx, NL * NX + 1); TAKE(gp, NL * NP + 1);
     TAKE(fx, rows * NX + 1); TAKE(fp, rows * NP + 1); TAKE(fa, rows * NL + 1);
     TAKE(ds, ns); TAKE(dv, ns); TAKE(dm, ns); TAKE(w, LAWS_W + 1);
+    TAKE(Y, nX); TAKE(K, 4 * nX); TAKE(T, nX * ns); TAKE(L, 4 * nX * ns);
+    TAKE(u, NU + 1); TAKE(before, r->terms + 1); TAKE(dbefore, r->terms * ns + 1);
     return at;
 }
 
@@ -409,9 +478,9 @@ static void release(work *k) {
 /* Return 0, or the number of the sample, from 1, at which the run leaves its range; -1 without memory. */
 EXPORT int free_run(const run *r) {
     work k;
-    double *spare = prepare(&k, r, 0);
-    if (!spare) return -1;
-    int failed = simulate(&k, spare);
+    double *X = prepare(&k, r, OF_STARTS);
+    if (!X) return -1;
+    int failed = simulate(&k, X, X + NX + k.nz);
     release(&k);
     return failed;
 }
@@ -430,10 +499,10 @@ EXPORT void shapes(const term *q, int n, const double *v, double log_width, doub
 EXPORT int linearise(const run *r, const double *states, double *rate_slopes, double *output_slopes,
                      double *by_laws, double *output_by_laws, double *laws) {
     work k;
-    double *spare = prepare(&k, r, 1);
-    if (!spare) return -1;
+    double *S = prepare(&k, r, OF_STATES);
+    if (!S) return -1;
     int nX = NX + k.nz, ns = k.ns;
-    double *S = spare, *dX = S + nX * ns, *y = dX + nX;
+    double *dX = S + nX * ns, *y = dX + nX;
     for (int i = 0; i < nX; i++) S[i * ns + ns - nX + i] = 1.0;
     for (int j = 0; j < r->n; j++) {
         const double *X = states + j * nX, *u = r->inputs + j * NU;
@@ -443,6 +512,24 @@ EXPORT int linearise(const run *r, const double *states, double *rate_slopes, do
         memcpy(output_by_laws + (size_t)j * NY * NL, k.fa, NY * NL * sizeof(double));
         double *results[8] = {laws + j * NL};
         call(laws_of, X, u, r->time[j], r->parameters, k.none, results, &k);
+    }
+    release(&k);
+    return 0;
+}
+
+/* Derivatives (n - 1, NX + memories, ns) of the states at the next sample along a course of all
+ * states: by free parameters, values of terms, additions to laws that stay for the step, and states. */
+EXPORT int steps(const run *r, const double *states, double *slopes) {
+    work k;
+    double *X = prepare(&k, r, OF_LAWS_AND_STATES);
+    if (!X) return -1;
+    int nX = NX + k.nz, ns = k.ns;
+    for (int j = 0; j < r->n - 1; j++) {
+        double *S = slopes + (size_t)j * nX * ns;
+        memset(S, 0, nX * ns * sizeof(double));
+        for (int i = 0; i < nX; i++) S[i * ns + ns - nX + i] = 1.0;
+        memcpy(X, states + j * nX, nX * sizeof(double));
+        advance(X, S, j, &k);
     }
     release(&k);
     return 0;

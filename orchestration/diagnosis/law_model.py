@@ -14,10 +14,11 @@ from threading import Lock
 import casadi as ca
 import numpy as np
 
-from fmus.kit import Component, Effect, UserError, stack
+from fmus.kit import Component, Effect, stack
 from fmus.kit.arrays import Array
 from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
+from fmus.kit.record import Rhythm, Ticks, ticks_of
 from fmus.kit.symbolic import PerturbedLaws
 from orchestration.diagnosis.terms import NamedTerm, Term, TermStructure, effects_in
 
@@ -27,6 +28,7 @@ _INTEGERS = ctypes.POINTER(ctypes.c_int)
 # Largest product of a step and a rate constant: 2.8 is where the method becomes unstable.
 _STEP = 0.7
 _MOST_STEPS = 60  # between two samples
+MOST_TICKS = 1000.0  # of all clocks between two samples, on the average
 
 
 class _Run(ctypes.Structure):
@@ -34,8 +36,8 @@ class _Run(ctypes.Structure):
 
     _fields_ = (
         *((n, ctypes.c_int) for n in ("n", "substeps", "free", "terms", "constants", "sensitive")),
-        *((n, _DOUBLES) for n in ("time", "inputs", "parameters", "values", "start")),
-        *((n, _INTEGERS) for n in ("smooth", "position")),
+        *((n, _DOUBLES) for n in ("time", "inputs", "parameters", "values", "start", "tick_time")),
+        *((n, _INTEGERS) for n in ("smooth", "position", "tick_clock", "tick")),
         ("term", ctypes.POINTER(TermStructure)),
         *((n, _DOUBLES) for n in ("outputs", "slopes", "states")),
     )
@@ -55,6 +57,8 @@ class Record:
     smooth : tuple of bool
         Of each input, whether it goes in straight lines between samples or is held.
     label : str
+    begin : float
+        When the run began and its clocks were started, in its time.
     """
 
     time: Array
@@ -62,16 +66,23 @@ class Record:
     outputs: Array
     smooth: tuple[bool, ...]
     label: str = ""
+    begin: float = 0.0
+    _ticks: dict[tuple[Rhythm, ...], Ticks] = field(default_factory=dict, init=False, repr=False)
+
+    def ticks(self, rhythms: tuple[Rhythm, ...]) -> Ticks:
+        """Return the ticks of clocks, which are computed once."""
+        if rhythms not in self._ticks:
+            self._ticks[rhythms] = ticks_of(self.time, self.begin, rhythms)
+        return self._ticks[rhythms]
 
     def part(self, first: int, last: int, step: int = 1) -> Record:
         """Return some of the samples."""
         chosen = slice(first, last, step)
-        return Record(
-            np.ascontiguousarray(self.time[chosen]),
-            np.ascontiguousarray(self.inputs[chosen]),
-            np.ascontiguousarray(self.outputs[chosen]),
-            self.smooth,
-            self.label,
+        return replace(
+            self,
+            time=np.ascontiguousarray(self.time[chosen]),
+            inputs=np.ascontiguousarray(self.inputs[chosen]),
+            outputs=np.ascontiguousarray(self.outputs[chosen]),
         )
 
 
@@ -107,6 +118,10 @@ class Linearisation:
     outputs_by_laws : ndarray, shape (n, ny, nl)
     laws : ndarray, shape (n, nl)
         Values of the laws without terms.
+    steps : ndarray, shape (n - 1, nx + nz, p + k + nx + nz), or None
+        Derivatives of the states at the next sample, of a model with discrete states.
+    steps_by_laws : ndarray, shape (n - 1, nx + nz, nl), or None
+        By additions to the laws that stay for the step.
     """
 
     rates: Array
@@ -114,6 +129,14 @@ class Linearisation:
     rates_by_laws: Array
     outputs_by_laws: Array
     laws: Array
+    steps: Array | None = None
+    steps_by_laws: Array | None = None
+
+    @property
+    def actions(self) -> list[Array]:
+        """What additions to the laws do, (..., nl): to rates, outputs, and by updates."""
+        known = self.rates_by_laws, self.outputs_by_laws, self.steps_by_laws
+        return [action for action in known if action is not None]
 
     def of_outputs(self, chosen: Array) -> Linearisation:
         """Return the derivatives of some outputs, by a mask (ny,)."""
@@ -176,7 +199,6 @@ class LawModel:
     Parameters
     ----------
     cls : type[Component]
-        Without discrete states.
     effects : Mapping of str to type[Effect]
         That a named term may lay over it, by name.
 
@@ -187,23 +209,21 @@ class LawModel:
     signals : list of str
         Inputs, states, laws and ``time``, in the order of ``free_run.c``.
     inputs, states, outputs, parameters : tuple
-        Declarations.
-
-    Raises
-    ------
-    UserError
-        If it has discrete states, whose samples a free run here does not take.
+        Declarations; discrete states are the last of the states.
+    rates : list of str
+        Laws that are the rate of a state or, of a discrete one, its next value.
+    clocks : list of Clock
+        Of the discrete states.
+    clock_parameters : set of str
+        Their periods and shifts, by which a run has no derivatives.
     """
 
     def __init__(self, cls: type[Component], effects: Mapping[str, type[Effect]] | None = None):
         layout = cls.layout
-        if layout.discretes:
-            raise UserError(
-                f"{cls.name} has discrete states, which the new engine does not run yet"
-            )
         self.cls = cls
         self.perturbed = PerturbedLaws(cls)
-        self.inputs, self.states = layout.inputs, layout.states
+        self.inputs, self.states = layout.inputs, (*layout.states, *layout.discretes)
+        self.rates = [*(s.rate for s in layout.states), *(z.update for z in layout.discretes)]
         self.outputs, self.parameters = layout.outputs, layout.parameters
         self.laws = self.perturbed.names
         own = [v.name for v in (*self.inputs, *self.states)]
@@ -211,6 +231,8 @@ class LawModel:
         index = layout.parameter_index
         self.start_positions = [index[layout.start_of[s.name]] for s in self.states]
         self.effects = dict(effects or {})
+        self.clocks = [clock for clock, _ in layout.sampled]
+        self.clock_parameters = layout.clock_parameters
         self._stacked: dict[tuple[str, ...], StackedModel] = {}
         self._locks: defaultdict[tuple[str, ...], Lock] = defaultdict(Lock)
         self._library = self._compiled()
@@ -226,7 +248,7 @@ class LawModel:
     def _compiled(self) -> ctypes.CDLL:
         """Compile the model's functions and the engine as one library."""
         functions = self.perturbed.functions()
-        sizes = {
+        sizes: dict[str, object] = {
             "NX": len(self.states),
             "NU": len(self.inputs),
             "NY": len(self.outputs),
@@ -238,13 +260,15 @@ class LawModel:
         generator = ca.CodeGenerator("model.c", {"with_header": False, "casadi_int": "int"})
         for function in functions:
             generator.add(function)
+        updates = [f.name() for f in functions if f.name().startswith("update")]
+        sizes["UPDATES"] = ", ".join(updates) or 0
         head = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
         text = "\n".join(
             ["#define CASADI_SYMBOL_EXPORT static", generator.dump(), head, _ENGINE.read_text()]
         )
         sources = {"model.c": text.encode()}
         library = load_library(cached_library(sources, "model.c", host_platform()))
-        for name in ("free_run", "linearise"):
+        for name in ("free_run", "linearise", "steps"):
             getattr(library, name).restype = ctypes.c_int
         library.shapes.restype = None
         return library
@@ -252,10 +276,15 @@ class LawModel:
     def run(
         self, record: Record, setting: Setting, start: Array, *, sensitive: bool = False
     ) -> Course | None:
-        """Run freely over a record from start states (nx,), SI; None if it leaves all bounds."""
+        """Run freely over a record from start states (nx,), SI.
+
+        None if it leaves all bounds, or has more ticks than `MOST_TICKS`.
+        """
         effects = effects_in(setting.terms)
         if effects:
             return self.stacked(effects).run(record, setting, start, sensitive=sensitive)
+        if self.ticks_in_step(record, setting.parameters) > MOST_TICKS:
+            return None
         n = len(record.time)
         columns = len(setting.free) + len(setting.values) + len(self.states)
         outputs = np.empty((n, len(self.outputs)))
@@ -275,29 +304,42 @@ class LawModel:
             return self.stacked(effects).linearise(record, setting, course)
         n, ny, nl = len(record.time), len(self.outputs), len(self.laws)
         nx = len(self.states) + setting.memories
-        assert course.states.shape == (n, nx), "the course is of other terms"
+        states = np.ascontiguousarray(course.states)
+        assert states.shape == (n, nx), "the course is of other terms"
         columns = len(setting.free) + len(setting.values) + nx
         rates, outputs = np.zeros((n, nx, columns)), np.zeros((n, ny, columns))
         by_laws = np.zeros((n, nl, len(self.states))), np.zeros((n, nl, ny))
         laws = np.empty((n, nl))
-        none = np.empty(0)
-        with self._given(record, setting, none, (none, none, none)) as run:
-            states = np.ascontiguousarray(course.states)
+        with self._given(record, setting, np.empty(0), (np.empty(0),) * 3) as run:
             results = (states, rates, outputs, *by_laws, laws)
             self._library.linearise(ctypes.byref(run), *map(_doubles, results))
-        rates_by_laws, outputs_by_laws = (part.swapaxes(1, 2) for part in by_laws)
-        return Linearisation(rates, outputs, rates_by_laws, outputs_by_laws, laws)
+            by_law, output_by_law = (a.swapaxes(1, 2) for a in by_laws)
+            part = Linearisation(rates, outputs, by_law, output_by_law, laws)
+            return self._with_steps(part, run, states) if self.clocks else part
+
+    def _with_steps(self, part: Linearisation, run: _Run, states: Array) -> Linearisation:
+        """Return a linearisation with the derivatives of the steps between samples."""
+        n, nx, columns = part.rates.shape
+        nl = len(self.laws)
+        steps = np.empty((n - 1, nx, columns + nl))
+        self._library.steps(ctypes.byref(run), _doubles(states), _doubles(steps))
+        own, by_law, by_state = np.split(steps, [columns - nx, columns - nx + nl], axis=2)
+        return replace(part, steps=np.dstack([own, by_state]), steps_by_laws=by_law)
 
     @contextmanager
     def _given(
         self, record: Record, setting: Setting, start: Array, results: Sequence[Array]
     ) -> Iterator[_Run]:
         """Give a run as the library reads it, as long as its arrays live."""
+        ticks = record.ticks(self._rhythms(setting.parameters))
         held = [
             np.ascontiguousarray(a, dtype=float)
-            for a in (setting.parameters, setting.values, start)
+            for a in (setting.parameters, setting.values, start, ticks.time)
         ]
-        integers = [np.ascontiguousarray(a, dtype=np.int32) for a in (record.smooth, setting.free)]
+        integers = [
+            np.ascontiguousarray(a, dtype=np.int32)
+            for a in (record.smooth, setting.free, ticks.clock, ticks.first)
+        ]
         structures = [term.structure(self.laws, self.signals) for term in setting.terms]
         array = (TermStructure * max(1, len(structures)))(*structures)
         counts = (setting.substeps, len(setting.free), len(structures), len(setting.values), 0)
@@ -310,6 +352,26 @@ class LawModel:
             *map(_doubles, results),
         )
         del held, integers, array
+
+    def ticks_in_step(self, record: Record, parameters: Array) -> float:
+        """Return the ticks of all clocks between two samples of a record, on the average."""
+        step = float(np.ptp(record.time)) / max(1, len(record.time) - 1)
+        return sum(step / period for _, period in self._rhythms(parameters))
+
+    def _rhythms(self, parameters: Array) -> tuple[Rhythm, ...]:
+        """Return the rhythm of each clock."""
+        index = self.cls.layout.parameter_index
+        return tuple(
+            (
+                float(sum(parameters[index[name]] for name in clock.shift)),
+                float(
+                    parameters[index[clock.period]]
+                    if isinstance(clock.period, str)
+                    else clock.period
+                ),
+            )
+            for clock in self.clocks
+        )
 
     def shape_values(self, term: Term, signal: Array) -> Array:
         """Return the shape functions (n, coefficients) of a term at values (n,) of its signal."""
@@ -333,6 +395,16 @@ class LawModel:
         thin = Course(course.outputs, course.slopes, course.states[::step])
         slopes = self.linearise(record.part(0, len(record.time), step), setting, thin).rates
         return steps_of(slopes, record)
+
+    @cached_property
+    def followed(self) -> list[str]:
+        """Rates that follow from the signals: not the sample of another signal that is kept."""
+        samples = {
+            z.update
+            for z in self.cls.layout.discretes
+            if z.name not in self.perturbed.computed_from(z.update)
+        }
+        return [law for law in self.rates if law not in samples]
 
     @cached_property
     def measured_states(self) -> dict[int, int]:
@@ -403,24 +475,28 @@ class StackedModel:
         assert plain is not None, "the course is of other terms"
         part = self.stacked.linearise(record, plain, replace(course, states=states))
         columns, factors = self._columns(setting, order)
-        nl = len(self.base.laws)
-        n, ny = part.outputs.shape[:2]
-        rates_by_laws = np.zeros((n, len(order), nl))
-        inner = np.zeros((n, len(order), len(self.stacked.laws)))
+        inner = np.zeros((*part.rates.shape[:2], len(self.stacked.laws)))
         inner[:, : len(self.stacked.states)] = part.rates_by_laws
-        rates_by_laws[:, :, self._known_laws] = inner[:, order][:, :, self._laws]
-        outputs_by_laws, laws = np.zeros((n, ny, nl)), np.zeros((n, nl))
-        outputs_by_laws[:, :, self._known_laws] = part.outputs_by_laws[:, :, self._laws]
-        laws[:, self._known_laws] = part.laws[:, self._laws]
-        rates = part.rates[:, order][:, :, columns] * factors
-        return replace(
-            part,
-            rates=rates,
+        found = Linearisation(
+            rates=part.rates[:, order][:, :, columns] * factors,
             outputs=part.outputs[:, :, columns] * factors,
-            rates_by_laws=rates_by_laws,
-            outputs_by_laws=outputs_by_laws,
-            laws=laws,
+            rates_by_laws=self._by_base_laws(inner[:, order]),
+            outputs_by_laws=self._by_base_laws(part.outputs_by_laws),
+            laws=self._by_base_laws(part.laws),
         )
+        if part.steps is None or part.steps_by_laws is None:
+            return found
+        return replace(
+            found,
+            steps=part.steps[:, order][:, :, columns] * factors,
+            steps_by_laws=self._by_base_laws(part.steps_by_laws[:, order]),
+        )
+
+    def _by_base_laws(self, columns: Array) -> Array:
+        """Return columns (..., nl) of the laws of the base; 0 of one that an effect removes."""
+        found = np.zeros((*columns.shape[:-1], len(self.base.laws)))
+        found[..., self._known_laws] = columns[..., self._laws]
+        return found
 
     def _setting(self, record: Record, setting: Setting, start: Array) -> Setting | None:
         """Return a setting of the stacked model, whose effects have values of the named terms."""

@@ -127,7 +127,8 @@ class Reading:
     def apply(self, model: LawModel, record: Record) -> Record:
         """Return a record of the values that the file means."""
         if self.kind is ReadingKind.CLOCK:
-            return replace(record, time=np.ascontiguousarray(record.time * self.factor))
+            time = np.ascontiguousarray(record.time * self.factor)
+            return replace(record, time=time, begin=record.begin * self.factor)
         if self.kind is ReadingKind.START:
             return record
         names = [v.name for v in (*model.inputs, *model.outputs)]
@@ -136,10 +137,9 @@ class Reading:
         if self.kind is ReadingKind.EXCHANGED:
             values[:, places] = values[:, places[::-1]]
         elif self.kind is ReadingKind.LATE:
-            step = float(np.median(np.diff(record.time)))
             is_input = places[0] < len(model.inputs)
             values[:, places[0]] = _earlier(
-                values[:, places[0]], round(self.shift / step), is_input=is_input
+                values[:, places[0]], record.time, self.shift, is_input=is_input
             )
         else:
             values[:, places] = self.factor * values[:, places] + self.shift
@@ -183,13 +183,18 @@ class Reading:
         return f"{self.cause[0]}({self.cause[1]})"
 
 
-def _earlier(values: Array, samples: int, *, is_input: bool) -> Array:
-    """Return a column so many samples earlier; an input keeps its end value, an output has none."""
-    count = len(values)
-    places = np.arange(count) + samples
-    moved = values[np.clip(places, 0, count - 1)]
+def _earlier(values: Array, time: Array, shift: float, *, is_input: bool) -> Array:
+    """Return the samples of a column nearest to instants later by a shift, s.
+
+    Beyond its ends an input keeps its value, and an output has none.
+    """
+    instants = time + shift
+    places = np.interp(instants, time, np.arange(len(time)))
+    moved = values[np.round(places).astype(int)]
     if not is_input:
-        moved = np.where((places >= 0) & (places < count), moved, np.nan)
+        near = 0.5 * float(np.median(np.diff(time)))
+        inside = (instants > time[0] - near) & (instants < time[-1] + near)
+        moved = np.where(inside, moved, np.nan)
     return moved
 
 

@@ -1,7 +1,8 @@
 """Linear responses of the outputs of a model along a course, and their projection.
 
 With additions w(t) to laws the changes of the states follow ``dx' = A dx + B w`` and those of the
-outputs ``dy = C dx + D w``, with the Jacobians of the course held over each step.
+outputs ``dy = C dx + D w``, with the Jacobians of the course held over each step. Where discrete
+states are updated within it, the derivatives are those of the step as it was run.
 """
 
 from __future__ import annotations
@@ -13,8 +14,6 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.law_model import Linearisation, Record
-
-Places = slice | Array | list[int]  # of columns
 
 _SMALL = 0.5  # norm of a matrix whose series is summed
 _ORDER = 12  # of that series: the rest is below rounding
@@ -57,10 +56,14 @@ def respond(
     """
     nx = part.rates.shape[1]
     own = part.rates.shape[2] - nx
-    transitions, driven_by = steps_along(part, np.diff(record.time))
-    by_own = driven_by @ _finite(part.rates[:, :, :own])
-    rows = part.rates_by_laws.shape[1]  # memories of terms have no laws
-    by_laws = driven_by[:, :, :rows] @ _finite(part.rates_by_laws)
+    if part.steps is None or part.steps_by_laws is None:
+        transitions, driven_by = steps_along(part, np.diff(record.time))
+        by_own = driven_by @ _finite(part.rates[:-1, :, :own])
+        rows = part.rates_by_laws.shape[1]  # memories of terms have no laws
+        by_laws = driven_by[:, :, :rows] @ _finite(part.rates_by_laws[:-1])
+    else:
+        by_own, transitions = np.split(_finite(part.steps), [own], axis=2)
+        by_laws = _finite(part.steps_by_laws)
     between = drive[:-1]
     if any(record.smooth):
         between = 0.5 * (drive[:-1] + drive[1:])
@@ -103,12 +106,12 @@ def steps_along(part: Linearisation, durations: Array) -> tuple[Array, Array]:
     if not n or not nx:
         return np.zeros((n, nx, nx)), np.zeros((n, nx, nx))
     rates = part.rates[:-1, :, part.rates.shape[2] - nx :] * durations[:, None, None]
-    transitions, means = _exponential(np.nan_to_num(rates, posinf=0.0, neginf=0.0))
+    transitions, means = _exponential(_finite(rates))
     return transitions, means * durations[:, None, None]
 
 
 def _finite(columns: Array) -> Array:
-    return np.nan_to_num(columns[:-1], posinf=0.0, neginf=0.0)
+    return np.nan_to_num(columns, posinf=0.0, neginf=0.0)
 
 
 def _exponential(matrices: Array) -> tuple[Array, Array]:
@@ -150,41 +153,56 @@ class Projection:
 
     @cached_property
     def _factors(self) -> tuple[Array, Array]:
-        """Basis (m, o) of the others within the rows, and the triangle (o, o)."""
+        """Basis (m + o, o) of the others with their prior, and the triangle (o, o)."""
         stacked = np.vstack([self.others, np.eye(self.others.shape[1])])
         basis, triangle = np.linalg.qr(stacked)
-        return basis[: len(self.target)], triangle
+        return basis, triangle
+
+    def _free(self, values: Array) -> Array:
+        """Return values (k, m) without what the others explain, and what their prior costs.
+
+        Returns
+        -------
+        ndarray, shape (k, m + o)
+        """
+        basis, _ = self._factors
+        explained = (values @ basis[: len(self.target)]) @ basis.T
+        free = np.negative(explained, out=explained)
+        free[:, : len(self.target)] += values
+        return free
 
     @cached_property
-    def _explained(self) -> Array:
-        """Inner products (o, c) of the basis of the others with the columns."""
-        basis, _ = self._factors
-        return np.asarray(basis.T @ self.columns)
+    def _columns(self) -> Array:
+        """Columns (c, m + o), the others projected out."""
+        return self._free(self.columns.T)
 
-    def products(self, first: Places, second: Places) -> Array:
-        """Return inner products of some columns with some, the others projected out."""
-        inside = self._explained[:, first].T @ self._explained[:, second]
-        return np.asarray(self.columns[:, first].T @ self.columns[:, second] - inside)
+    @cached_property
+    def remaining(self) -> Array:
+        """Target (m + o,) less what the others explain, with what their prior costs."""
+        return self._free(self.target[None])[0]
+
+    def products(self, places: Array, with_places: Array | None = None) -> Array:
+        """Return the inner products (k, l) of some columns with some, the others projected out.
+
+        By default with themselves.
+        """
+        chosen = self._columns[places]
+        across = chosen if with_places is None else self._columns[with_places]
+        return np.asarray(chosen @ across.T)
+
+    @cached_property
+    def norms(self) -> Array:
+        """Sums of squares (c,) of the columns, the others projected out."""
+        return np.einsum("ij,ij->i", self._columns, self._columns)
 
     @cached_property
     def moments(self) -> Array:
         """Inner products (c,) with the target, the others projected out."""
-        basis, _ = self._factors
-        inside = self._explained.T @ (basis.T @ self.target)
-        return np.asarray(self.columns.T @ self.target - inside)
+        return np.asarray(self._columns @ self.remaining)
 
-    @cached_property
-    def remaining(self) -> Array:
-        """Target (m,) less what the others explain."""
-        basis, _ = self._factors
-        return self.target - basis @ (basis.T @ self.target)
-
-    @cached_property
-    def sum_of_squares(self) -> float:
-        """Sum of squares of the target with the prior of the others, as they are fitted."""
-        basis, _ = self._factors
-        inside = basis.T @ self.target
-        return float(self.target @ self.target - inside @ inside)
+    def left(self, places: Array, coefficients: Array) -> Array:
+        """Return what some columns with coefficients leave of `remaining` (m + o,)."""
+        return np.asarray(self.remaining - coefficients @ self._columns[places])
 
     @cached_property
     def alone(self) -> Array:
@@ -195,4 +213,4 @@ class Projection:
         """Return the values of the others (o,) beside some columns with coefficients."""
         basis, triangle = self._factors
         rest = self.target - self.columns[:, places] @ coefficients
-        return np.asarray(np.linalg.solve(triangle, basis.T @ rest))
+        return np.asarray(np.linalg.solve(triangle, basis[: len(rest)].T @ rest))

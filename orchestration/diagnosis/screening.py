@@ -20,7 +20,7 @@ from orchestration.diagnosis.comparison import words
 from orchestration.diagnosis.courses import Courses
 from orchestration.diagnosis.fitting import effective_samples, weights_of
 from orchestration.diagnosis.law_model import LawModel, Linearisation
-from orchestration.diagnosis.responses import Places, Projection, Response, respond
+from orchestration.diagnosis.responses import Projection, Response, respond
 from orchestration.diagnosis.signals import Seen, distinct, seen
 from orchestration.diagnosis.terms import Memory, NamedTerm, Shape, Term
 
@@ -45,6 +45,7 @@ _FACTORS = {
     Memory.NONE: (Shape.LINEAR, Shape.SQUARE, Shape.DRY, Shape.CURVE),
     Memory.HEAT: (Shape.LINEAR,),
 }
+_OF_ITSELF = (Shape.MODULUS, Shape.ODD_SQUARE, Shape.CUBE, Shape.DRY)  # of a rate, as a signal
 _PRODUCT = (Shape.LINEAR, Shape.SQUARE, Shape.CURVE)  # of a term in proportion to an input
 _PLACES = 24  # instants of a record at which a law may have changed
 _WIDTHS = {
@@ -62,6 +63,9 @@ _ROWS = 1600  # of the screen at most
 _SAME = 0.9999  # cosine from which on two laws act alike
 _START = 3.0  # prior deviation of a start state, in nominal values
 _RIDGE = 1e-2  # prior precision of a coefficient
+_VISIBLE = 1e-4  # share of a column's square that parameters leave, below which it is none
+_NOTHING = 1e-300
+_LEAST = 1e-6  # share of a sum of squares, to which a set can take it
 _POOL = 60  # candidates of which sets are made
 _LEADING, _PARTNERS = 4, 50  # of the pool, that are joined with so many that need not be good alone
 
@@ -89,6 +93,8 @@ class Screen:
     Attributes
     ----------
     candidates : list of Candidate
+    effective : ndarray, shape (m,)
+        Effective samples of each measured output, of what is left to explain.
     """
 
     def __init__(self, along: Courses, named: bool = False):
@@ -101,25 +107,34 @@ class Screen:
             effects = named_terms(along)
             self.candidates += [Candidate(one.term, one.response, 0.0) for one in effects]
         self.ends = np.cumsum([0, *(c.term.coefficients for c in self.candidates)])
-        self._columns = self._projected()
+        self._columns, self._output_of = self._projected()
         rest = self._columns.remaining
-        self.effective = effective_samples(rest) if len(rest) else 1.0
+        of_each = [rest[: len(self._output_of)][self._output_of == j] for j in self._outputs]
+        self.effective = np.array([effective_samples(own) for own in of_each])
+        self._squares = self._sums(rest)
 
-    def _projected(self) -> Projection:
-        """Respond to all drives piece by piece, and project out what can be fitted anyway."""
+    @property
+    def _outputs(self) -> range:
+        return range(len(self._along.spread))
+
+    def _projected(self) -> tuple[Projection, Array]:
+        """Respond to all drives piece by piece, and project out what can be fitted anyway.
+
+        Returns the output of each row, too.
+        """
         along = self._along
         stride = max(1, int(np.ceil(len(along.laws) * len(along.spread) / _ROWS)))
         drives, law_of = self._drives()
         ends = np.cumsum([len(t) for t in along.times])[:-1]
         pieces = zip(np.split(drives, ends), np.split(self._effects(), ends), strict=True)
         rows = [self._rows(i, *piece, law_of, stride) for i, piece in enumerate(pieces)]
-        of_laws, of_effects, others, targets = zip(*rows, strict=True)
+        of_laws, of_effects, others, targets, outputs = zip(*rows, strict=True)
         target = np.concatenate(targets)
         columns = np.empty((len(target), self.ends[-1]), order="F")  # of which few are read at once
         np.concatenate(of_laws, out=columns[:, : len(law_of)])
         np.concatenate(of_effects, out=columns[:, len(law_of) :])
         columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0  # they run away
-        return Projection(target, columns, np.concatenate(others))
+        return Projection(target, columns, np.concatenate(others)), np.concatenate(outputs)
 
     def _drives(self) -> tuple[Array, Array]:
         """Return the drives (n, c) of terms without a name, and the laws (c,) that they drive."""
@@ -133,7 +148,8 @@ class Screen:
     ) -> list[Array]:
         """Return what is measured of a piece, whitened, at every so many samples.
 
-        Responses to drives of laws, to named terms, and to what can be fitted anyway; the errors.
+        Responses to drives of laws, to named terms, and to what can be fitted anyway; the errors,
+        and the output of each row.
         """
         along = self._along
         root = np.sqrt(self._weights[piece] * stride)
@@ -144,7 +160,8 @@ class Screen:
         target = along.errors[piece][::stride] * root
         present = np.isfinite(target)
         free = self._nuisance(response, piece)
-        return [a[present] for a in (response.to_drives, named, free, target)]
+        values = [a[present] for a in (response.to_drives, named, free, target)]
+        return [*values, np.nonzero(present)[1]]
 
     @cached_property
     def _weights(self) -> list[Array]:
@@ -173,25 +190,10 @@ class Screen:
         widths = np.append(fitted.problem.deviation, np.ones(len(fitted.point.values)))
         return np.dstack([free * widths, start])
 
-    def fall(self, chosen: Sequence[int]) -> float:
-        """Return by how much a set of candidates lowers the sum of squares, linearly."""
-        places = self._places(chosen)
-        moments = self._columns.moments[places]
-        try:
-            coefficients = self._coefficients(places)
-        except np.linalg.LinAlgError:
-            return 0.0
-        return float(np.clip(moments @ coefficients, 0.0, self._most_fall))
-
-    @cached_property
-    def _most_fall(self) -> float:
-        return self._columns.sum_of_squares * (1.0 - 1e-6)
-
-    def _coefficients(self, places: Places) -> Array:
+    def _coefficients(self, places: Array) -> Array:
         """Return the coefficients of some columns by ridge regression."""
-        products = self._columns.products(places, places)
-        np.fill_diagonal(products, products.diagonal() + self._ridge[places])
-        return np.asarray(np.linalg.solve(products, self._columns.moments[places]))
+        matrix = self._columns.products(places) + np.diag(self._ridge[places])
+        return np.asarray(np.linalg.solve(matrix, self._columns.moments[places]))
 
     @cached_property
     def _ridge(self) -> Array:
@@ -204,59 +206,73 @@ class Screen:
         sizes = np.cumsum([self.candidates[i].term.coefficients for i in chosen])[:-1]
         return np.split(coefficients, sizes), self._columns.shift(places, coefficients)
 
-    def _places(self, chosen: Sequence[int]) -> Places:
+    def _places(self, chosen: Sequence[int]) -> Array:
         """Return the columns of some candidates."""
-        if len(chosen) == 1:
-            return slice(*self.ends[chosen[0] : chosen[0] + 2].tolist())
-        return np.concatenate([np.arange(self.ends[i], self.ends[i + 1]) for i in chosen])
+        spans = [np.arange(self.ends[i], self.ends[i + 1]) for i in chosen]
+        return np.concatenate(spans)
+
+    def _sums(self, rest: Array) -> Array:
+        """Return the sums of squares (m + 1,) of what is left, by output, and that of the prior.
+
+        A model is judged by the likelihood of each output: one that is followed well would hide
+        another in the sum of both.
+        """
+        measured, prior = np.split(rest, [len(self._output_of)])
+        sums = np.bincount(self._output_of, measured**2, len(self._outputs))
+        return np.append(sums, prior @ prior)
+
+    def gain(self, chosen: Sequence[int]) -> float:
+        """Return the gain in log likelihood of a set, nats, as the linear responses have it."""
+        places = self._places(chosen)
+        try:
+            coefficients = self._coefficients(places)
+        except np.linalg.LinAlgError:
+            return 0.0
+        *before, prior_before = self._squares
+        *after, prior_after = self._sums(self._columns.left(places, coefficients))
+        shares = np.array(after) / np.maximum(before, _NOTHING)
+        gain = -0.5 * self.effective @ np.log(np.maximum(shares, _LEAST))
+        return float(gain + 0.5 * (prior_before - prior_after))
 
     def value(self, chosen: Sequence[int]) -> float:
         """Return the penalised evidence of a set, nats, as the linear responses have it."""
-        return float(self._gain(self.fall(chosen)) - self._costs[list(chosen)].sum())
-
-    def _gain(self, fall: Array | float) -> Array:
-        """Return the gain in log likelihood of a fall of the sum of squares, nats."""
-        return -0.5 * self.effective * np.log1p(-np.asarray(fall) / self._columns.sum_of_squares)
+        return self.gain(chosen) - float(self._costs[list(chosen)].sum())
 
     @cached_property
     def _costs(self) -> Array:
         """Nats that each candidate costs: its coefficients, its words, and the choice of it."""
-        half = 0.5 * np.log(max(self.effective, 3.0))
+        half = 0.5 * np.log(max(self.effective.sum(), 3.0))
         choice = 0.5 * np.log(max(len(self.candidates), 2))
         return np.array([half * c.term.freedom + c.prior + choice for c in self.candidates])
 
     @cached_property
     def _singles(self) -> Array:
         """Values of the sets of one candidate; minus infinity of one that nothing sees."""
-        alone = np.add.reduceat(self._columns.alone, self.ends[:-1])
-        values = np.full(len(self.candidates), -np.inf)
-        for i, (first, last) in enumerate(itertools.pairwise(self.ends.tolist())):
-            own = slice(first, last)
-            if last - first > 1 or self._columns.products(own, own).item() > 1e-3 * alone[i]:
-                values[i] = self.value([i])
-        return values
+        norms, alone = (
+            np.add.reduceat(sums, self.ends[:-1])
+            for sums in (self._columns.norms, self._columns.alone)
+        )
+        visible = (norms > _VISIBLE * alone) | (np.diff(self.ends) > 1)
+        return np.array([self.value([i]) if seen else -np.inf for i, seen in enumerate(visible)])
 
     def _partners(self, i: int) -> list[int]:
         """Return candidates of one coefficient that explain most beside a candidate.
 
         What candidate `i` explains is projected out of the others, by the Schur complement of its
-        block in their products.
+        block in their products; all outputs count together.
         """
         simple = np.flatnonzero(np.diff(self.ends) == 1)
-        places = self.ends[simple]
+        places, own = self.ends[simple], self._places([i])
         columns = self._columns
-        own = self._places([i])
-        inside = columns.products(own, own) + np.diag(self._ridge[own])
-        across = columns.products(own, slice(None))[:, places]
+        inside = columns.products(own) + np.diag(self._ridge[own])
+        across = columns.products(own, places)
         removed = np.linalg.solve(inside, np.column_stack([across, columns.moments[own]]))
         moments = columns.moments[places] - across.T @ removed[:, -1]
-        squares = np.array(
-            [columns.products(slice(p, p + 1), slice(p, p + 1)).item() for p in places]
-        )
-        rest = squares + self._ridge[places] - np.einsum("ij,ij->j", across, removed[:, :-1])
-        more = moments**2 / np.maximum(rest, self._ridge[places])
-        falls = np.minimum(self.fall([i]) + more, self._most_fall)
-        values = self._gain(falls) - self._costs[simple]
+        rest = columns.norms[places] - np.einsum("ij,ij->j", across, removed[:, :-1])
+        falls = moments**2 / (np.maximum(rest, 0.0) + self._ridge[places])
+        falls += columns.moments[own] @ removed[:, -1]
+        left = np.maximum(1.0 - falls / self._squares.sum(), _LEAST)
+        values = -0.5 * self.effective.sum() * np.log(left) - self._costs[simple]
         best = simple[np.argsort(-values)[:_PARTNERS]]
         return [j for j in best.tolist() if j != i]
 
@@ -314,13 +330,7 @@ def alike(model: LawModel, parts: Sequence[Linearisation]) -> list[list[str]]:
     for i, law in enumerate(model.laws):
         if law in outputs or perturbed.is_definition(law) or perturbed.is_count(law):
             continue
-        action = np.concatenate(
-            [
-                array[:, :, i].ravel()
-                for part in parts
-                for array in (part.rates_by_laws, part.outputs_by_laws)
-            ]
-        )
+        action = np.concatenate([a[:, :, i].ravel() for part in parts for a in part.actions])
         action = np.nan_to_num(action)
         size = np.linalg.norm(action)
         if not size:
@@ -341,7 +351,7 @@ def _signals(along: Courses) -> list[tuple[str, Array]]:
     named = [(v.name, along.inputs[:, i]) for i, v in enumerate(model.inputs)]
     named += [(v.name, along.states[:, i]) for i, v in enumerate(model.states)]
     # neither is an output's law a signal, nor the rate of a state, which follows from the others
-    no_signal = {o.name for o in model.outputs} | {s.rate for s in model.states}
+    no_signal = {o.name for o in model.outputs} | set(model.followed)
     # nor a law that is a function of one of them
     no_signal |= {law for law in model.laws if len(model.perturbed.computed_from(law)) < 2}
     laws = zip(model.laws, along.laws.T, strict=True)
@@ -354,10 +364,9 @@ def _owner(model: LawModel, classes: Sequence[str], signal: str) -> tuple[str, b
     """Return the law of a class that owns a signal, and whether it depends on it already."""
     depends = {law: model.perturbed.computed_from(law) for law in classes}
     having = [law for law in classes if signal in depends[law] or signal == law]
-    rates = {s.rate for s in model.states}
     if having:
-        return min(having, key=lambda law: (len(depends[law]), law in rates)), True
-    whole = [law for law in classes if law in rates]
+        return min(having, key=lambda law: (len(depends[law]), law in model.rates)), True
+    whole = [law for law in classes if law in model.rates]
     return (whole or [max(classes, key=lambda law: len(depends[law]))])[0], False
 
 
@@ -367,12 +376,12 @@ def _candidates(along: Courses, classes: Sequence[Sequence[str]]) -> Iterator[Ca
     signals = _signals(along)
     views = seen(signals, along.times, list(_REMEMBERED))
     value_of = dict(zip(model.laws, along.laws.T, strict=True))
-    rates = {s.rate for s in model.states}
     for same in classes:
         size = max(float(np.sqrt(np.mean(value_of[law] ** 2))) for law in same) or 1.0
-        whole = next((law for law in same if law in rates), same[0])
+        whole = next((law for law in same if law in model.rates), same[0])
         constant = Term(whole, "", Shape.CONSTANT, size=size)
         yield Candidate(constant, np.full((len(along.laws), 1), size), 0.0)
+        yield from _of_itself(model, whole, value_of[whole], size)
         for view in views:
             if view.signal in same and view.memory is Memory.NONE:
                 continue  # a law that acts alike is no signal of another
@@ -381,16 +390,29 @@ def _candidates(along: Courses, classes: Sequence[Sequence[str]]) -> Iterator[Ca
             for term in _terms(law, view, shapes, size):
                 yield _candidate(model, term, view, np.full(len(along.laws), size), depends)
         yield from _in_percent(model, same, views, value_of)
-        yield from _by_inputs(model, same, size, views, dict(signals))
+        yield from _by_inputs(model, same, size, views, dict(signals), value_of)
+
+
+def _of_itself(model: LawModel, law: str, values: Array, size: float) -> Iterator[Candidate]:
+    """Yield terms of a rate that relaxes its state over the rate: its time constant is none.
+
+    It differs by direction, falls with the distance from equilibrium, or is a limit of the rate.
+    """
+    state = next((s.name for s in model.cls.layout.states if s.rate == law), None)
+    scale = float(np.sqrt(np.mean(values**2)))
+    if state not in model.perturbed.computed_from(law) or not scale:
+        return
+    view = Seen(law, Memory.NONE, (), values, scale, 0.0)
+    for term in _terms(law, view, _OF_ITSELF, size):
+        yield _candidate(model, term, view, np.full(len(values), size), True)
 
 
 def _in_percent(
     model: LawModel, same: Sequence[str], views: Sequence[Seen], value_of: Mapping[str, Array]
 ) -> Iterator[Candidate]:
     """Yield terms in proportion to each law of those that act alike."""
-    rates = {s.rate for s in model.states}
     for law in same:
-        if len(same) > 1 and (law in rates or np.ptp(value_of[law]) == 0.0):
+        if len(same) > 1 and (law in model.rates or np.ptp(value_of[law]) == 0.0):
             continue
         own = model.perturbed.computed_from(law)
         for view in views:
@@ -408,33 +430,40 @@ def _by_inputs(
     size: float,
     views: Sequence[Seen],
     values: Mapping[str, Array],
+    value_of: Mapping[str, Array],
 ) -> Iterator[Candidate]:
     """Yield terms in proportion to an input: command times state, heat by flow over charge.
 
-    Where a law is a function of the input alone, these are changes in percent of that law.
+    Where a law is in proportion to the input, these are changes in percent of that law.
     """
     others = {v.name for v in (*model.inputs, *model.states)}
     for factor in (v.name for v in model.inputs if v.name in values):
-        if any(model.perturbed.computed_from(law) == {factor} for law in same):
-            continue
         amount = values[factor]
+        if any(_cosine(value_of[law], amount) > _SAME for law in same):
+            continue
         unit = size / float(np.sqrt(np.mean(amount**2)))
         for view in views:
             if view.memory is Memory.NONE and view.signal in others - {factor}:
                 law, depends = _owner(model, same, view.signal)
+                law = law if depends else _owner(model, same, factor)[0]
                 for term in _terms(law, view, _PRODUCT, unit, factor=factor):
                     yield _candidate(model, term, view, unit * amount, depends)
+
+
+def _cosine(one: Array, other: Array) -> float:
+    """Return the modulus of the cosine between two signals; 0 if one of them is zero."""
+    sizes = np.linalg.norm(one) * np.linalg.norm(other)
+    return float(abs(one @ other) / sizes) if sizes else 0.0
 
 
 def _changes(along: Courses, classes: Sequence[Sequence[str]]) -> Iterator[Candidate]:
     """Yield changes of laws in percent at an instant, and offsets from one on."""
     model = along.model
     view = Seen("time", Memory.NONE, (), np.concatenate(along.times), along.length, 0.0)
-    rates = {s.rate for s in model.states}
     value_of = dict(zip(model.laws, along.laws.T, strict=True))
     for same in classes:
         for law in same:
-            if len(same) > 1 and law in rates:
+            if len(same) > 1 and law in model.rates:
                 continue
             amount = value_of[law]
             for place in (np.arange(_PLACES) + 1.0) / (_PLACES + 1.0):

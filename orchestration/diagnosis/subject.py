@@ -161,8 +161,9 @@ def _before_and_after(fitted: Fit) -> list[Fit]:
 
 
 def depends(model: LawModel, term: Term) -> bool:
-    """Return whether a law depends on the signal of a term already."""
-    return not term.signal or term.signal in model.perturbed.computed_from(term.law)
+    """Return whether a law depends on the signal of a term already, or is that signal."""
+    own = {"", term.law} | set(model.perturbed.computed_from(term.law))
+    return term.signal in own
 
 
 def _start(problem: Problem, fitted: Fit, record: Record, reading: Reading | None) -> Array | None:
@@ -263,6 +264,7 @@ def subject_of(
     held_out: Sequence[Record] = (),
     hold: Collection[str] = (),
     values: Mapping[str, float] | None = None,
+    interpolate: bool | None = None,
 ) -> Subject | None:
     """Divide records into fitted samples and others, and fit the model without terms.
 
@@ -276,6 +278,9 @@ def subject_of(
         Parameters that keep their values.
     values : Mapping of str to float, optional
         Nominal values of parameters, SI.
+    interpolate : bool, optional
+        Whether inputs go in straight lines between samples, or are held; by default what fits
+        clearly better.
 
     Returns
     -------
@@ -286,7 +291,10 @@ def subject_of(
     fitted = records if held_out else [r.part(0, int(_PART * len(r.time))) for r in records]
     spread = _spread(fitted)
     best = None
-    for smooth in (False, True) if len(model.inputs) and len(model.states) else (False,):
+    ways = [False] if interpolate is None else [interpolate]
+    if interpolate is None and len(model.inputs) and len(model.states):
+        ways = [False, True]
+    for smooth in ways:
         inputs = (smooth,) * len(model.inputs)
         parts = _divided(
             Problem(model, (), spread, (), frozenset(hold), values),

@@ -130,7 +130,8 @@ def _constants(memory: Memory) -> tuple[str, ...]:
 def unit_of(cls: type[Component], name: str) -> str:
     """Return the SI unit of an input, a state, a law, or the time; 1 if it is not known."""
     layout = cls.layout
-    declared = {v.name: v.unit for v in (*layout.inputs, *layout.states)} | {"time": "s"}
+    variables = (*layout.inputs, *layout.states, *layout.discretes)
+    declared = {v.name: v.unit for v in variables} | {"time": "s"}
     return declared.get(name) or {law.name: law.unit for law in list_laws(cls)}.get(name) or "1"
 
 

@@ -261,16 +261,21 @@ class PerturbedLaws:
     def functions(self) -> list[ca.Function]:
         """Make functions of states, inputs, time, parameters and additions to the laws.
 
+        Discrete states are the last of the states; their rates are zero.
+
         Returns
         -------
         list of casadi.Function
             ``laws_of``: values of the laws without additions, and their Jacobians by states and
             parameters. ``rates_of`` and ``outputs_of``: values. ``rate_slopes_of`` and
             ``output_slopes_of``: values, and Jacobians by states, parameters and additions.
+            ``update_<i>_of``: the same of all states after a tick of clock i.
         """
         graph = self._perturbed
         added = ca.vertcat(ca.SX(0, 1), *self._additions.values())
-        known = [graph.states, graph.inputs, graph.time, graph.parameters, added]
+        states = ca.vertcat(graph.states, graph.discretes)
+        rates = ca.vertcat(graph.rates, ca.SX(graph.discretes.numel(), 1))
+        known = [states, graph.inputs, graph.time, graph.parameters, added]
         laws = ca.vertcat(ca.SX(0, 1), *(self._values[name] for name in self.names))
         laws = ca.substitute(laws, added, ca.DM.zeros(added.shape))
 
@@ -278,13 +283,15 @@ class PerturbedLaws:
             results = [value, *(ca.jacobian(value, s) for s in symbols)]
             return ca.Function(name, known, ca.cse([ca.densify(e) for e in results]))
 
-        slopes = [graph.states, graph.parameters, added]
+        slopes = [states, graph.parameters, added]
+        updates = [ca.vertcat(graph.states, update) for update in graph.updates]
         return [
             function("laws_of", laws, slopes[:2]),
-            function("rates_of", graph.rates, []),
+            function("rates_of", rates, []),
             function("outputs_of", graph.outputs, []),
-            function("rate_slopes_of", graph.rates, slopes),
+            function("rate_slopes_of", rates, slopes),
             function("output_slopes_of", graph.outputs, slopes),
+            *(function(f"update_{i}_of", update, slopes) for i, update in enumerate(updates)),
         ]
 
     def along(

@@ -32,9 +32,8 @@ def proposed() -> list:
     starts = (StartPrior(np.array([START]), np.ones(1)),)
     problem = Problem(tank(), (drawn(),), SPREAD, starts, substeps=4)
     point = nominal_point(problem)
-    along = courses_of(
-        Fit(problem, (), point, (), 0.0, np.zeros((3, 3))), problem.records, point.starts
-    )
+    fitted = Fit(problem, (), point, (), 0.0, np.zeros((3, 3)))
+    along = courses_of(fitted, problem.records, point.starts)
     assert along is not None
     return list(named_terms(along))
 

@@ -7,9 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term
+from orchestration.diagnosis import Memory, Record, Shape, Term
 from orchestration.diagnosis.law_model import Course, Setting
 from tests.support.diagnosed_mass import (
     FREE,
@@ -23,7 +22,6 @@ from tests.support.diagnosed_mass import (
     nominal,
     pushed,
 )
-from tests.support.kit_samples import Thermostat
 
 SIZE, SCALE, MIDDLE, WIDTH = 0.4, 0.1, 0.01, 0.5
 PLACES = (-3.0, -1.5, 0.0, 1.5, 3.0)
@@ -368,8 +366,3 @@ def test_a_part_of_a_record_is_of_its_samples() -> None:
 def test_an_output_that_is_a_state_is_seen() -> None:
     assert mass().measured_states == {0: 0}
     assert mass().nominal_states == pytest.approx([0.1, 1.0])
-
-
-def test_discrete_states_are_refused() -> None:
-    with pytest.raises(UserError, match="discrete states"):
-        LawModel(Thermostat)
