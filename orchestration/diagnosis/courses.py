@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import Course, LawModel, Linearisation, Record, Setting
 
@@ -37,7 +37,7 @@ class Courses:
     fitted: Fit
     pieces: tuple[Record, ...]
     courses: tuple[Course, ...]
-    measured: Array
+    measured: Mask
     spread: Array
     errors: tuple[Array, ...]
     parts: tuple[Linearisation, ...]
@@ -92,7 +92,7 @@ def courses_of(fitted: Fit, pieces: Sequence[Record], starts: Sequence[Array]) -
         return None
     both = list(zip(pieces, courses, strict=True))
     errors = [(piece.outputs - course.outputs) / problem.spread for piece, course in both]
-    measured = np.isfinite(np.concatenate(errors)).any(axis=0)
+    measured: Mask = np.asarray(np.isfinite(np.concatenate(errors)).any(axis=0))
     parts = [model.linearise(piece, setting, course) for piece, course in both]
     return Courses(
         fitted,

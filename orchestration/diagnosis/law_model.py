@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from fmus.kit import Component, Effect, stack
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Mask
 from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.record import Rhythm, Ticks, ticks_of
@@ -138,7 +138,7 @@ class Linearisation:
         known = self.rates_by_laws, self.outputs_by_laws, self.steps_by_laws
         return [action for action in known if action is not None]
 
-    def of_outputs(self, chosen: Array) -> Linearisation:
+    def of_outputs(self, chosen: Mask) -> Linearisation:
         """Return the derivatives of some outputs, by a mask (ny,)."""
         return replace(
             self,

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Indices
 from orchestration.diagnosis.catalogue import named_terms
 from orchestration.diagnosis.comparison import words
 from orchestration.diagnosis.courses import Courses
@@ -117,7 +117,7 @@ class Screen:
     def _outputs(self) -> range:
         return range(len(self._along.spread))
 
-    def _projected(self) -> tuple[Projection, Array]:
+    def _projected(self) -> tuple[Projection, Indices]:
         """Respond to all drives piece by piece, and project out what can be fitted anyway.
 
         Returns the output of each row, too.
@@ -145,7 +145,7 @@ class Screen:
 
     def _rows(
         self, piece: int, drives: Array, effects: Array, law_of: Array, stride: int
-    ) -> list[Array]:
+    ) -> tuple[Array, Array, Array, Array, Indices]:
         """Return what is measured of a piece, whitened, at every so many samples.
 
         Responses to drives of laws, to named terms, and to what can be fitted anyway; the errors,
@@ -160,8 +160,14 @@ class Screen:
         target = along.errors[piece][::stride] * root
         present = np.isfinite(target)
         free = self._nuisance(response, piece)
-        values = [a[present] for a in (response.to_drives, named, free, target)]
-        return [*values, np.nonzero(present)[1]]
+        output_of = np.nonzero(present)[1]
+        return (
+            response.to_drives[present],
+            named[present],
+            free[present],
+            target[present],
+            output_of,
+        )
 
     @cached_property
     def _weights(self) -> list[Array]:

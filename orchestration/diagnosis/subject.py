@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fmus.kit.arrays import Array, single_threaded
+from fmus.kit.arrays import Array, Indices, single_threaded
 from orchestration.diagnosis.comparison import WEIGHTS, Judged, words
 from orchestration.diagnosis.fitting import (
     Fit,
@@ -228,7 +228,7 @@ def _setting(problem: Problem, q: Array) -> Setting:
     return problem.setting(Point(q, np.zeros(0), ()), ())
 
 
-def _kept(record: Record, step: int) -> Array:
+def _kept(record: Record, step: int) -> Indices:
     """Return the positions of every so many samples, and of those at which an input jumps.
 
     A straight line between samples needs the sample before a jump, too.
@@ -243,7 +243,7 @@ def _kept(record: Record, step: int) -> Array:
     return np.flatnonzero(kept)
 
 
-def _thinned_to(record: Record, kept: Array) -> Record:
+def _thinned_to(record: Record, kept: Indices) -> Record:
     """Return some samples of a record; inputs that are held are averaged up to the next."""
     inputs = record.inputs[kept]
     if not any(record.smooth):  # an average up to the next would be half a step late
