@@ -287,7 +287,10 @@ def _refusal(model: Model, records: Sequence[MeasuredRecord], read: Reading | No
     where = f"{model.name}: a free run over {_names(records)} leaves all bounds"
     if read is not None:
         return f"{where}, and follows it if {read.sentence}: {read.correction}"
-    return f"{where}, and cannot be fitted by the new engine; use {option('engine', 'old')}"
+    return (
+        f"{where}: the model is unstable there, or lacks an input; the new engine needs a free run,"
+        f" so use {option('engine', 'old')}"
+    )
 
 
 def _check_information(model: Model, subject: Subject, records: Sequence[MeasuredRecord]) -> None:

@@ -46,12 +46,15 @@ class _Kind(NamedTuple):
         Whether its shift is estimated.
     is_shift : bool
         Whether it adds to a column, to time, or to where a record starts.
+    models : tuple of str
+        Of the file as it was read, and by the reading.
     """
 
     fault: str
     correction: str
     is_fitted: bool = False
     is_shift: bool = False
+    models: tuple[str, str] = ("model, file as read", "model, file corrected")
 
 
 @unique
@@ -67,9 +70,10 @@ class ReadingKind(Enum):
     CLOCK = _Kind(f"{TIME} is {{unit}}", "{change}, or write its unit in the header")
     LATE = _Kind("{column} is {size} s {side}", "shift {column} {size} s {back}", True, True)
     START = _Kind(
-        "the start states are not those of the model",
+        "the run has other start states than the model",
         "set the start states of the model",
         is_shift=True,
+        models=("model, start as declared", "model, start fitted"),
     )
 
 

@@ -175,7 +175,7 @@ def test_units_are_those_of_the_quantity(model: LawModel) -> None:
         ),
         (
             Reading(ReadingKind.START, (), shift=1.0),
-            "the start states are not those of the model",
+            "the run has other start states than the model",
             "set the start states of the model",
         ),
         (
