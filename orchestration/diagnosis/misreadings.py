@@ -7,6 +7,7 @@ best of each kind are fitted, and those that gain beside the file as it was read
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -124,7 +125,7 @@ def misreadings(subject: Subject, base: Judged) -> list[Subject]:
     screen = _Screen(_thin(subject))
     readings = readings_of(subject.problem.model, subject.problem.records)
     worst = _misfit(subject.problem, subject.base.point) + _HOPELESS
-    with ThreadPoolExecutor() as pool:
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
         first = [t for t in pool.map(screen.best, readings) if t is not None]
         refined = pool.map(_refined, list(_best_of_each_kind(first)))
         hopeful = [t for t in refined if t is not None and t.misfit < worst]
@@ -356,7 +357,7 @@ def reading_that_runs(
         None if the model runs by none, or leaves more than half of the spread.
     """
     plain = [r for r in readings_of(model, records) if not r.is_fitted]
-    with ThreadPoolExecutor() as pool:
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
         subjects = list(pool.map(subject_as, plain))
     fits = [(s.base.misfit, r) for s, r in zip(subjects, plain, strict=True) if s is not None]
     misfit, reading = min(fits, key=lambda entry: entry[0], default=(np.inf, None))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -288,7 +289,7 @@ class _Rounds:
             fitted = fit(subject.problem, job[0], job[1], self._weights, most, _NEARLY_FLAT)
             return None if fitted is None else subject.judge(located(fitted))
 
-        with ThreadPoolExecutor() as pool:
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
             self.found.fits += [judged for judged in pool.map(one, new) if judged is not None]
 
     def _nested(self, terms: tuple[Term, ...]) -> list[Point]:

@@ -11,18 +11,26 @@ from __future__ import annotations
 import tempfile
 import time as clock
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from itertools import permutations
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from benchmarks.tables import Table, Topic
 from studies.judging.stamp import DIAGNOSIS
-from studies.judging.study import Chosen, Part, Row, Study, among
+from studies.judging.study import Chosen, Part, Row, Study, among, processor_time
+
+if TYPE_CHECKING:
+    from demonstrations.records import Drawn
+    from orchestration.fmu import Model
+    from orchestration.identify.uncertainty import Estimate
+    from orchestration.records import Record
+
+Answering = Callable[["Record", "Model", "Drawn"], Row]
 
 PAIRS = (
     ("strain_saturation", "double_layer"),
@@ -104,14 +112,18 @@ def cases(seeds: int, first: int = 1) -> Iterator[Case]:
 
 def judge(case: Case) -> Row:
     """Draw a record, diagnose it from its CSV file, and return the answer and the right one."""
+    return _judged(case, _by_the_old_engine)
+
+
+def judge_new(case: Case) -> Row:
+    """Judge a record as `judge` does, by the new engine."""
+    return _judged(case, _by_the_new_engine)
+
+
+def _judged(case: Case, answer: Answering) -> Row:
     from demonstrations import draw, write
     from orchestration.api import read_record
-    from orchestration.discrepancy import diagnose
-    from orchestration.discrepancy.candidates import catalogue
-    from orchestration.discrepancy.data import dataset_of
     from orchestration.fmu import find_model
-    from orchestration.fmu.model import catalogue as known_effects
-    from orchestration.identify import normalised_rms
 
     try:
         drawn = draw(case.hidden, case.seed, **case.options)
@@ -120,36 +132,106 @@ def judge(case: Case) -> Row:
     model = find_model("ppy_actuator")
     with tempfile.TemporaryDirectory() as folder:
         write(drawn, Path(folder) / "record.csv")
-        data = dataset_of(read_record(Path(folder) / "record.csv", model), model, {})
-    began = clock.perf_counter()
+        record = read_record(Path(folder) / "record.csv", model)
+    hidden = drawn.truth.hidden
+    described = {
+        "wanted": [h.id + (f"({h.output})" if h.output else "") for h in hidden],
+        "alike": any(h.alike for h in hidden),
+        "widths": [h.widths for h in hidden],
+    }
+    return asdict(case) | described | answer(record, model, drawn)
+
+
+def _by_the_old_engine(record: Record, model: Model, drawn: Drawn) -> Row:
+    from orchestration.discrepancy import diagnose
+    from orchestration.discrepancy.candidates import catalogue
+    from orchestration.discrepancy.data import dataset_of
+    from orchestration.fmu.model import catalogue as known_effects
+    from orchestration.identify import normalised_rms
+
+    data = dataset_of(record, model, {})
+    began, used = clock.perf_counter(), processor_time()
     # what follows in the pipeline, an FMU and an experiment, names nothing
     diagnosis = diagnose(
         model.cls, data, catalogue(model.cls, known_effects(model.cls), data.measured)
     )
-    took = clock.perf_counter() - began
+    took = {"seconds": clock.perf_counter() - began, "processor": processor_time() - used}
     first = diagnosis.validation.first
     best = {
         o: normalised_rms(y[first:], drawn.truth.outputs[o][first:])
         for o, y in data.measured.items()
     }
-    inside = {
-        n: bool(e.interval[0] <= getattr(drawn.truth.parameters, n) <= e.interval[1])
-        for n, e in diagnosis.estimates.items()
-        if n in asdict(drawn.truth.parameters) and np.isfinite(e.interval).all()
-    }
-    return asdict(case) | {
-        "wanted": [h.id + (f"({h.output})" if h.output else "") for h in drawn.truth.hidden],
-        "alike": any(h.alike for h in drawn.truth.hidden),
-        "widths": [h.widths for h in drawn.truth.hidden],
+    return took | {
         "verdict": diagnosis.verdict,
         "causes": diagnosis.causes,
         "rivals": [[e.effect_name for e in s.alternatives] for s in diagnosis.selection.steps],
         "gains": [s.gain for s in diagnosis.selection.steps],
-        "differing": diagnosis.changed,
+        "differing": list(diagnosis.changed),
         "ratio": max(error / best[o] for o, error in diagnosis.after.items()),
-        "inside": inside,
-        "seconds": took,
+        "inside": _inside(drawn, diagnosis.estimates),
     }
+
+
+def _by_the_new_engine(record: Record, model: Model, drawn: Drawn) -> Row:
+    from orchestration.diagnosis import diagnose
+
+    began, used = clock.perf_counter(), processor_time()
+    diagnosis = diagnose([record], model)
+    took = {"seconds": clock.perf_counter() - began, "processor": processor_time() - used}
+    named = diagnosis.causes if diagnosis.is_named else ()
+    best = [name for cause in named[:1] for name in _names_of(cause.parts[0], cause.members)]
+    others = [name for cause in named[1:] for name in _names_of(cause.parts[0], cause.members)]
+    more = [_names_of(part) for cause in named[:1] for part in cause.parts[1:]]
+    return took | {
+        "verdict": diagnosis.verdict,
+        "causes": [*best[:1], *(names[0] for names in more)],
+        "rivals": [[*best[1:], *others], *(names[1:] for names in more)][: len(more) + bool(best)],
+        "gains": [cause.comparison.gain for cause in named[:1]],
+        "differing": list(diagnosis.changed),
+        "guesses": [[cause.name, cause.probability] for cause in diagnosis.causes],
+        "inside": _inside(drawn, diagnosis.parameters),
+    }
+
+
+def _inside(drawn: Drawn, estimates: Mapping[str, Estimate]) -> dict[str, bool]:
+    """Return whether the true values of physical parameters are in their intervals."""
+    truth = drawn.truth.parameters
+    return {
+        n: bool(e.interval[0] <= getattr(truth, n) <= e.interval[1])
+        for n, e in estimates.items()
+        if n in asdict(truth) and np.isfinite(e.interval).all()
+    }
+
+
+def _names_of(part: Any, members: Iterable[tuple[str, str]] = ()) -> list[str]:
+    """Return the effects of the catalogue that a part of a model is; else its own name.
+
+    A law over a signal is an effect of that law over that signal, with a memory where that has
+    states of its own, and with its symmetry where that has one; the laws that act alike count.
+    """
+    from orchestration.diagnosis.terms import Memory, NamedTerm, Term
+    from orchestration.fmu import find_model
+    from orchestration.fmu.model import catalogue
+
+    if isinstance(part, NamedTerm) or not isinstance(part, Term):
+        return [part.effect if isinstance(part, NamedTerm) else str(part)]
+    laws = {part.cause, *members}
+    names = [
+        name
+        for name, effect in catalogue(find_model("ppy_actuator").cls).items()
+        if (effect.term.law, effect.term.signal) in laws
+        and bool(effect.layout.states) == (part.memory is not Memory.NONE)
+        and _symmetry(effect.term.family or "") in ("", _symmetry_of(part.shape.name))
+    ]
+    return names or [part.name]
+
+
+def _symmetry(family: str) -> str:
+    return next((word for word in ("even", "odd") if family.startswith(f"{word} part")), "")
+
+
+def _symmetry_of(shape: str) -> str:
+    return "even" if shape in ("SQUARE", "MODULUS") else "odd"
 
 
 @cache
@@ -240,7 +322,7 @@ def _rates(rows: Sequence[Row], groups: Sequence[str]) -> Table:
     table = []
     for group in groups:
         members = [row for row in rows if row["group"] == group]
-        ratios = [row["ratio"] for row in members]
+        ratios = [row["ratio"] for row in members if "ratio" in row]
         table.append(
             [
                 group,
@@ -249,7 +331,7 @@ def _rates(rows: Sequence[Row], groups: Sequence[str]) -> Table:
                 sum(map(right, members)),
                 sum(map(too_many, members)),
                 len(members),
-                f"{np.median(ratios):.3f}, {np.quantile(ratios, 0.9):.3f}",
+                f"{np.median(ratios):.3f}, {np.quantile(ratios, 0.9):.3f}" if ratios else "-",
             ]
         )
     columns = ["records", "first", "in its shape", "or in the group", "too many", "of"]
@@ -298,19 +380,25 @@ def _intervals(rows: Sequence[Row]) -> Iterator[str]:
 
 def _times(rows: Sequence[Row]) -> str:
     seconds = [row["seconds"] for row in rows]
-    return (
+    used = [row["processor"] for row in rows if "processor" in row]
+    sentence = (
         f"A diagnosis took {np.median(seconds):.1f} s (median), {np.quantile(seconds, 0.95):.1f} s"
-        " (95 %)."
+        " (95 %)"
     )
+    if not used:
+        return f"{sentence}."
+    return f"{sentence}; {np.median(used):.1f} s and {np.max(used):.1f} s of processor time."
 
 
-def part(wanted: Sequence[Case]) -> Part:
-    """Return cases as a part of a study."""
+def part(wanted: Sequence[Case], new: bool = False) -> Part:
+    """Return cases as a part of a study, judged by the old engine or the new one."""
+    if new:
+        return Part(wanted, judge_new, _summary, report, "new")
     return Part(wanted, judge, _summary, report)
 
 
 def _parts(chosen: Chosen) -> Iterator[Part]:
-    yield part(among(cases(chosen.seeds, chosen.seed), chosen))
+    yield part(among(cases(chosen.seeds, chosen.seed), chosen), chosen.new)
 
 
 STUDY = Study(
@@ -318,6 +406,7 @@ STUDY = Study(
     about=__doc__,
     parts=_parts,
     numbers={"--seeds": (4, "of every variation; 4 are some 900 records")},
+    switches={"--new": "by the new engine"},
     page="naming.md",
     head="""# How often the hidden effect is named
 
