@@ -293,7 +293,7 @@ def _shifted(trial: _Trial) -> _Trial | None:
     column = np.sqrt(_WEIGHT) * np.concatenate(ahead).ravel() - target
     known = np.isfinite(target) & np.isfinite(column)
     projection = Projection(target[known], column[known, None], others[known])
-    size = float(projection.products[0, 0])
+    size = float(projection.norms[0])
     steps = -float(projection.moments[0]) / size if size > 0.0 else 0.0
     if reading.kind is ReadingKind.LATE:
         steps = float(np.round(steps))

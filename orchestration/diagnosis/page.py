@@ -99,7 +99,8 @@ def _add_course(page: Page, diagnosis: Diagnosis, course: curves.OutputCourse) -
     """Add a chart of an output above its residuals."""
     unit = unit_of(diagnosis.subject.problem.model.cls, course.output)
     bracket = "" if unit == "1" else f" [{unit}]"
-    measured = "measured" if diagnosis.reading is None else "measured (corrected)"
+    is_corrected = diagnosis.reading is not None and not np.isfinite(course.before).any()
+    measured = "measured, corrected" if is_corrected else "measured"
     above = [Trace(measured, course.time, course.measured, pictures.MEASURED, 3.5)]
     below = []
     for name, values, colour in curves.simulations(diagnosis, course):
@@ -117,7 +118,7 @@ def _add_course(page: Page, diagnosis: Diagnosis, course: curves.OutputCourse) -
     ]
     caption = f"{title} of record {course.record}, and what the models leave of it."
     if diagnosis.reading is not None:
-        caption = f"{caption} The record is corrected: {diagnosis.reading.sentence} in the file."
+        caption = f"{caption} In the file {diagnosis.reading.sentence}."
     page.chart(stacked(panels, "time [s]", boundary=boundary), caption)
 
 

@@ -151,38 +151,52 @@ class Projection:
 
     @cached_property
     def _factors(self) -> tuple[Array, Array]:
-        """Basis (m, o) of the others within the rows, and the triangle (o, o)."""
+        """Basis (m + o, o) of the others with their prior, and the triangle (o, o)."""
         stacked = np.vstack([self.others, np.eye(self.others.shape[1])])
         basis, triangle = np.linalg.qr(stacked)
-        return basis[: len(self.target)], triangle
+        return basis, triangle
 
     def _free(self, values: Array) -> Array:
-        """Return the inner products of the columns with values, the others projected out."""
+        """Return values (k, m) without what the others explain, and what their prior costs.
+
+        Returns
+        -------
+        ndarray, shape (k, m + o)
+        """
         basis, _ = self._factors
-        return self.columns.T @ values - (basis.T @ self.columns).T @ (basis.T @ values)
+        explained = (values @ basis[: len(self.target)]) @ basis.T
+        free = np.negative(explained, out=explained)
+        free[:, : len(self.target)] += values
+        return free
 
     @cached_property
-    def products(self) -> Array:
-        """Inner products (c, c) of the columns, the others projected out."""
-        return self._free(self.columns)
+    def _columns(self) -> Array:
+        """Columns (c, m + o), the others projected out."""
+        return self._free(self.columns.T)
+
+    @cached_property
+    def remaining(self) -> Array:
+        """Target (m + o,) less what the others explain, with what their prior costs."""
+        return self._free(self.target[None])[0]
+
+    def products(self, places: Array) -> Array:
+        """Return the inner products (k, k) of some columns, the others projected out."""
+        chosen = self._columns[places]
+        return np.asarray(chosen @ chosen.T)
+
+    @cached_property
+    def norms(self) -> Array:
+        """Sums of squares (c,) of the columns, the others projected out."""
+        return np.einsum("ij,ij->i", self._columns, self._columns)
 
     @cached_property
     def moments(self) -> Array:
         """Inner products (c,) with the target, the others projected out."""
-        return self._free(self.target)
+        return np.asarray(self._columns @ self.remaining)
 
-    @cached_property
-    def remaining(self) -> Array:
-        """Target (m,) less what the others explain."""
-        basis, _ = self._factors
-        return self.target - basis @ (basis.T @ self.target)
-
-    @cached_property
-    def sum_of_squares(self) -> float:
-        """Sum of squares of the target with the prior of the others, as they are fitted."""
-        basis, _ = self._factors
-        inside = basis.T @ self.target
-        return float(self.target @ self.target - inside @ inside)
+    def left(self, places: Array, coefficients: Array) -> Array:
+        """Return what some columns with coefficients leave of `remaining` (m + o,)."""
+        return np.asarray(self.remaining - coefficients @ self._columns[places])
 
     @cached_property
     def alone(self) -> Array:
@@ -193,4 +207,4 @@ class Projection:
         """Return the values of the others (o,) beside some columns with coefficients."""
         basis, triangle = self._factors
         rest = self.target - self.columns[:, places] @ coefficients
-        return np.asarray(np.linalg.solve(triangle, basis.T @ rest))
+        return np.asarray(np.linalg.solve(triangle, basis[: len(rest)].T @ rest))

@@ -48,6 +48,7 @@ _FACTORS = {
     Memory.NONE: (Shape.LINEAR, Shape.SQUARE, Shape.DRY, Shape.CURVE),
     Memory.HEAT: (Shape.LINEAR,),
 }
+_OF_ITSELF = (Shape.MODULUS, Shape.ODD_SQUARE, Shape.CUBE, Shape.DRY)  # of a rate, as a signal
 _PRODUCT = (Shape.LINEAR, Shape.SQUARE, Shape.CURVE)  # of a term in proportion to an input
 _PLACES = 24  # instants of a record at which a law may have changed
 _WIDTHS = {
@@ -64,6 +65,9 @@ _QUICK, _RATES = 5.0, (0.5, 2.0)  # of a rate limit: its lag, and rates in scale
 _ROWS = 1600  # of the screen at most
 _SAME = 0.9999  # cosine from which on two laws act alike
 _RIDGE = 1e-2  # prior precision of a coefficient
+_VISIBLE = 1e-4  # share of a column's square that parameters leave, below which it is none
+_NOTHING = 1e-300
+_LEAST = 1e-6  # share of a sum of squares, to which a set can take it
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +93,8 @@ class Screen:
     Attributes
     ----------
     candidates : list of Candidate
+    effective : ndarray, shape (ny,)
+        Effective samples of each measured output, of what is left to explain.
     """
 
     def __init__(
@@ -121,14 +127,18 @@ class Screen:
             effects = named_terms(model, setting, pieces, courses, parts, problem.spread)
             self.candidates += [Candidate(one.term, one.response, 0.0) for one in effects]
         self.ends = np.cumsum([0, *(c.term.coefficients for c in self.candidates)])
-        self._columns = self._projected(problem, pieces, parts)
+        self._columns, self._spans = self._projected(problem, pieces, parts)
         rest = self._columns.remaining
-        self.effective = effective_samples(rest) if len(rest) else 1.0
+        self.effective = np.array([effective_samples(rest[span]) for span in self._spans])
+        self._squares = self._sums(rest)
 
     def _projected(
         self, problem: Problem, pieces: Sequence[Record], parts: Sequence[Linearisation]
-    ) -> Projection:
-        """Respond to all drives piece by piece, whiten the rows, and project the others out."""
+    ) -> tuple[Projection, list[slice]]:
+        """Respond to all drives piece by piece, whiten the rows, and project the others out.
+
+        Returns the rows of each measured output, too.
+        """
         samples = [len(r.time) for r in pieces]
         stride = max(1, int(np.ceil(sum(samples) * len(problem.model.outputs) / _ROWS)))
         ends = np.cumsum(samples)[:-1]
@@ -145,7 +155,8 @@ class Screen:
             free = self._nuisance(response, i, len(pieces))
             sized = [_rows(a, root / problem.spread) for a in (columns, free)]
             rows.append((*sized, (self.errors[i][::stride] * root).ravel()))
-        return _projection(*(np.concatenate(kind) for kind in zip(*rows, strict=True)))
+        columns, free, target = (np.concatenate(kind) for kind in zip(*rows, strict=True))
+        return _projection(columns, free, target, len(problem.spread))
 
     def _effects(self, samples: int, outputs: int) -> Array:
         """Return the responses (n, ny, c) of named terms, which are the last candidates."""
@@ -176,22 +187,11 @@ class Screen:
         """Prior deviations of the start states of a piece."""
         return 3.0 * self.fitted.problem.model.nominal_states
 
-    def fall(self, chosen: Sequence[int]) -> float:
-        """Return by how much a set of candidates lowers the sum of squares, linearly."""
-        places = self._places(chosen)
-        moments = self._columns.moments[places]
-        try:
-            coefficients = self._coefficients(places)
-        except np.linalg.LinAlgError:
-            return 0.0
-        most = self._columns.sum_of_squares * (1.0 - 1e-6)
-        return float(np.clip(moments @ coefficients, 0.0, most))
-
     def _coefficients(self, places: Array) -> Array:
         """Return the coefficients of some columns by ridge regression."""
         columns = self._columns
         ridge = np.diag(1e-6 * columns.alone[places] + _RIDGE)
-        matrix = columns.products[np.ix_(places, places)] + ridge
+        matrix = columns.products(places) + ridge
         return np.asarray(np.linalg.solve(matrix, columns.moments[places]))
 
     def solve(self, chosen: Sequence[int]) -> tuple[list[Array], Array]:
@@ -205,16 +205,38 @@ class Screen:
         spans = [np.arange(self.ends[i], self.ends[i + 1]) for i in chosen]
         return np.concatenate(spans)
 
+    def _sums(self, rest: Array) -> Array:
+        """Return the sums of squares (ny + 1,) of what is left, by output, and that of the prior.
+
+        A model is judged by the likelihood of each output: one that is followed well would hide
+        another in the sum of both.
+        """
+        prior = rest[len(self._columns.target) :]
+        sums = [rest[span] @ rest[span] for span in self._spans]
+        return np.array([*sums, prior @ prior])
+
+    def gain(self, chosen: Sequence[int]) -> float:
+        """Return the gain in log likelihood of a set, nats, as the linear responses have it."""
+        places = self._places(chosen)
+        try:
+            coefficients = self._coefficients(places)
+        except np.linalg.LinAlgError:
+            return 0.0
+        *before, prior_before = self._squares
+        *after, prior_after = self._sums(self._columns.left(places, coefficients))
+        shares = np.array(after) / np.maximum(before, _NOTHING)
+        gain = -0.5 * self.effective @ np.log(np.maximum(shares, _LEAST))
+        return float(gain + 0.5 * (prior_before - prior_after))
+
     def value(self, chosen: Sequence[int]) -> float:
         """Return the penalised evidence of a set, nats, as the linear responses have it."""
-        gain = -0.5 * self.effective * np.log1p(-self.fall(chosen) / self._columns.sum_of_squares)
-        half = 0.5 * np.log(max(self.effective, 3.0))
+        half = 0.5 * np.log(max(self.effective.sum(), 3.0))
         choice = 0.5 * np.log(max(len(self.candidates), 2))
         cost = sum(
             half * self.candidates[i].term.freedom + self.candidates[i].prior + choice
             for i in chosen
         )
-        return float(gain - cost)
+        return float(self.gain(chosen) - cost)
 
     def propose(self, most_terms: int) -> list[tuple[float, tuple[int, ...]]]:
         """Return sets of one to so many terms, best first; those of one source differ.
@@ -222,9 +244,9 @@ class Screen:
         The best of each number of terms; a second term need not be good alone.
         """
         count = len(self.candidates)
-        products = self._columns.products
+        norms, alone = self._columns.norms, self._columns.alone
         visible = [
-            products[a:b, a:b].trace() > 1e-3 * self._columns.alone[a:b].sum() or b - a > 1
+            norms[a:b].sum() > _VISIBLE * alone[a:b].sum() or b - a > 1
             for a, b in itertools.pairwise(self.ends)
         ]
         singles = np.array([self.value([i]) if visible[i] else -np.inf for i in range(count)])
@@ -267,12 +289,21 @@ class Screen:
         return sorted(best.values(), reverse=True)
 
 
-def _projection(columns: Array, others: Array, target: Array) -> Projection:
-    """Return a projection of the rows that were measured; a column that runs away is zero."""
-    present = np.isfinite(target)
-    columns = columns[present]
+def _projection(
+    columns: Array, others: Array, target: Array, outputs: int
+) -> tuple[Projection, list[slice]]:
+    """Return a projection of the rows that were measured, output by output, and the rows of each.
+
+    A column that runs away is zero.
+    """
+    by_output = np.arange(len(target)).reshape(-1, outputs).T
+    measured = [rows[np.isfinite(target[rows])] for rows in by_output]
+    order = np.concatenate(measured)
+    ends = np.cumsum([0, *map(len, measured)]).tolist()
+    spans = [slice(a, b) for a, b in itertools.pairwise(ends) if b > a]
+    columns = columns[order]
     columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0
-    return Projection(target[present], columns, others[present])
+    return Projection(target[order], columns, others[order]), spans
 
 
 def _rows(columns: Array, sizes: Array) -> Array:
@@ -353,6 +384,7 @@ def _candidates(
         whole = next((law for law in same if law in model.rates), same[0])
         constant = Term(whole, "", Shape.CONSTANT, size=size)
         yield Candidate(constant, np.full((len(laws), 1), size), 0.0)
+        yield from _of_itself(model, whole, value_of[whole], size)
         for view in views:
             if view.signal in same and view.memory is Memory.NONE:
                 continue  # a law that acts alike is no signal of another
@@ -361,7 +393,21 @@ def _candidates(
             for term in _terms(law, view, shapes, size):
                 yield _candidate(model, term, view, np.full(len(laws), size), depends)
         yield from _in_percent(model, same, views, value_of)
-        yield from _by_inputs(model, same, size, views, dict(signals))
+        yield from _by_inputs(model, same, size, views, dict(signals), value_of)
+
+
+def _of_itself(model: LawModel, law: str, values: Array, size: float) -> Iterator[Candidate]:
+    """Yield terms of a rate that relaxes its state over the rate: its time constant is none.
+
+    It differs by direction, falls with the distance from equilibrium, or is a limit of the rate.
+    """
+    state = next((s.name for s in model.cls.layout.states if s.rate == law), None)
+    scale = float(np.sqrt(np.mean(values**2)))
+    if state not in model.perturbed.computed_from(law) or not scale:
+        return
+    view = Seen(law, Memory.NONE, (), values, scale, 0.0)
+    for term in _terms(law, view, _OF_ITSELF, size):
+        yield _candidate(model, term, view, np.full(len(values), size), True)
 
 
 def _in_percent(
@@ -387,22 +433,30 @@ def _by_inputs(
     size: float,
     views: Sequence[Seen],
     values: Mapping[str, Array],
+    value_of: Mapping[str, Array],
 ) -> Iterator[Candidate]:
     """Yield terms in proportion to an input: command times state, heat by flow over charge.
 
-    Where a law is a function of the input alone, these are changes in percent of that law.
+    Where a law is in proportion to the input, these are changes in percent of that law.
     """
     others = {v.name for v in (*model.inputs, *model.states)}
     for factor in (v.name for v in model.inputs if v.name in values):
-        if any(model.perturbed.computed_from(law) == {factor} for law in same):
-            continue
         amount = values[factor]
+        if any(_cosine(value_of[law], amount) > _SAME for law in same):
+            continue
         unit = size / float(np.sqrt(np.mean(amount**2)))
         for view in views:
             if view.memory is Memory.NONE and view.signal in others - {factor}:
                 law, depends = _owner(model, same, view.signal)
+                law = law if depends else _owner(model, same, factor)[0]
                 for term in _terms(law, view, _PRODUCT, unit, factor=factor):
                     yield _candidate(model, term, view, unit * amount, depends)
+
+
+def _cosine(one: Array, other: Array) -> float:
+    """Return the modulus of the cosine between two signals; 0 if one of them is zero."""
+    sizes = np.linalg.norm(one) * np.linalg.norm(other)
+    return float(abs(one @ other) / sizes) if sizes else 0.0
 
 
 def _changes(

@@ -123,7 +123,11 @@ class Found:
 
 
 @single_threaded
-def search(subject: Subject, progress: Callable[[str], None] = lambda text: None) -> Found | None:
+def search(
+    subject: Subject,
+    progress: Callable[[str], None] = lambda text: None,
+    is_over: Callable[[], bool] = lambda: False,
+) -> Found | None:
     """Fit what the record proposes; None if the base cannot be judged.
 
     Parameters
@@ -131,11 +135,13 @@ def search(subject: Subject, progress: Callable[[str], None] = lambda text: None
     subject : Subject
     progress : callable
         Called with a few words about each step.
+    is_over : callable
+        Returns whether to leave out what has not been begun yet.
     """
     base = subject.judge(subject.base)
     if base is None:
         return None
-    rounds = _Rounds(Found(subject, base), progress)
+    rounds = _Rounds(Found(subject, base), progress, is_over)
     rounds.propose(subject.base, _PIECES if subject.problem.model.states else (1,), _QUOTAS)
     for one in rounds.found.best(_BEST)[:_BEST]:
         if len(one.terms) < _MOST_TERMS:
@@ -145,18 +151,22 @@ def search(subject: Subject, progress: Callable[[str], None] = lambda text: None
     rounds.owners()
     rounds.polish()
     rounds.subsets()
-    _read_otherwise(rounds.found, progress)
+    _read_otherwise(rounds.found, progress, is_over)
     return rounds.found
 
 
-def _read_otherwise(found: Found, progress: Callable[[str], None]) -> None:
+def _read_otherwise(
+    found: Found, progress: Callable[[str], None], is_over: Callable[[], bool]
+) -> None:
     """Add fits of the file in other readings, without terms and with a few."""
+    if is_over():
+        return
     progress("other readings of the file")
     for subject in misreadings(found.subject, found.base):
         base = subject.judge(subject.base)
         if base is None:
             continue
-        rounds = _Rounds(Found(subject, base), progress)
+        rounds = _Rounds(Found(subject, base), progress, is_over)
         rounds.propose(subject.base, tuple(_OF_READING), _OF_READING)
         rounds.subsets()
         rounds.polish()
@@ -167,9 +177,15 @@ def _read_otherwise(found: Found, progress: Callable[[str], None]) -> None:
 class _Rounds:
     """Rounds of proposals and fits."""
 
-    def __init__(self, found: Found, progress: Callable[[str], None]):
+    def __init__(
+        self,
+        found: Found,
+        progress: Callable[[str], None],
+        is_over: Callable[[], bool] = lambda: False,
+    ):
         self.found = found
         self._progress = progress
+        self._is_over = is_over
         self._tried: set[frozenset[Term]] = set()
         self._terms: list[Term] = []
         self._weights = weights_of(found.subject.base.errors)
@@ -179,7 +195,7 @@ class _Rounds:
     ) -> None:
         """Propose sets along courses in so many pieces, and fit them with what is there."""
         for count in pieces:
-            screen = self._screen(fitted, count)
+            screen = None if self._is_over() else self._screen(fitted, count)
             if screen is None:
                 continue
             self._terms += [candidate.term for candidate in screen.candidates]
@@ -250,6 +266,8 @@ class _Rounds:
         subject = self.found.subject
 
         def one(job: tuple[tuple[Term, ...], list[Point]]) -> Judged | None:
+            if self._is_over():
+                return None
             fitted = fit(subject.problem, job[0], job[1], self._weights, most, _NEARLY_FLAT)
             return None if fitted is None else subject.judge(located(fitted))
 
@@ -311,6 +329,8 @@ class _Rounds:
         """Fit the best on, in the noise that they leave."""
         subject = self.found.subject
         for one in self.found.best(_SUBSETS):
+            if self._is_over():
+                return
             weights = weights_of(one.fit.errors)
             fitted = fit(subject.problem, one.terms, [one.fit.point], weights, _LAST_STEPS)
             judged = None if fitted is None else subject.judge(fitted)

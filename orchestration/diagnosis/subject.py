@@ -160,14 +160,15 @@ def _before_and_after(fitted: Fit) -> list[Fit]:
 
 
 def depends(model: LawModel, term: Term) -> bool:
-    """Return whether a law depends on the signal of a term already."""
-    return not term.signal or term.signal in model.perturbed.computed_from(term.law)
+    """Return whether a law depends on the signal of a term already, or is that signal."""
+    own = {"", term.law} | set(model.perturbed.computed_from(term.law))
+    return term.signal in own
 
 
 def _start(problem: Problem, fitted: Fit, record: Record, reading: Reading | None) -> Array | None:
     """Return the start states of a held-out record, from its first samples."""
     beginning = record.part(0, _beginning(record))
-    prior = start_prior(problem.model, beginning, reading)
+    prior = start_prior(problem, beginning, reading)
     setting = problem.setting(fitted.point, fitted.terms)
     weight = np.full(len(problem.spread), _WELL / len(beginning.time))
     return fit_start(problem, setting, beginning, prior, weight)
@@ -179,14 +180,15 @@ def _beginning(record: Record) -> int:
     return min(max(20, count // _BEGINNING), count // 2)
 
 
-def start_prior(model: LawModel, record: Record, reading: Reading | None = None) -> StartPrior:
-    """Return what is known of the start states: declared, or read off an output that is the state.
+def start_prior(problem: Problem, record: Record, reading: Reading | None = None) -> StartPrior:
+    """Return what is known of the start states: nominal, or read off an output that is the state.
 
-    A state that is declared to start somewhere starts near it if the model has inputs; without
+    A state that nominally starts somewhere starts near it if the model has inputs; without
     inputs its start is all that moves. It starts anywhere if the file is read so.
     """
+    model = problem.model
     nominal = model.nominal_states
-    mean = np.array([float(model.parameters[i].start) for i in model.start_positions])
+    mean = problem.nominal[list(model.start_positions)]
     anywhere = reading is not None and reading.kind is ReadingKind.START
     near = _DECLARED if len(model.inputs) and not anywhere else 1.0
     deviation = near * nominal
@@ -205,7 +207,7 @@ def thinned(problem: Problem, record: Record, q: Array, most: int = _MOST) -> Re
     """
     model = problem.model
     setting = _setting(problem, q)
-    start = start_prior(model, record).mean
+    start = start_prior(problem, record).mean
     whole = model.run(record, setting, start)
     step = int(np.ceil(len(record.time) / most))
     while step > 1 and whole is not None:
@@ -242,6 +244,7 @@ def subject_of(
     held_out: Sequence[Record] = (),
     hold: Collection[str] = (),
     values: Mapping[str, float] | None = None,
+    interpolate: bool | None = None,
 ) -> Subject | None:
     """Divide records into fitted samples and others, and fit the model without terms.
 
@@ -255,6 +258,9 @@ def subject_of(
         Parameters that keep their values.
     values : Mapping of str to float, optional
         Nominal values of parameters, SI.
+    interpolate : bool, optional
+        Whether inputs go in straight lines between samples, or are held; by default what fits
+        clearly better.
 
     Returns
     -------
@@ -265,7 +271,10 @@ def subject_of(
     fitted = records if held_out else [r.part(0, int(_PART * len(r.time))) for r in records]
     spread = _spread(fitted)
     best = None
-    for smooth in (False, True) if len(model.inputs) and len(model.states) else (False,):
+    ways = [False] if interpolate is None else [interpolate]
+    if interpolate is None and len(model.inputs) and len(model.states):
+        ways = [False, True]
+    for smooth in ways:
         inputs = (smooth,) * len(model.inputs)
         parts = _divided(
             Problem(model, (), spread, (), frozenset(hold), values),
@@ -311,7 +320,7 @@ def divided_as_read(subject: Subject, reading: Reading) -> tuple[Problem, tuple[
     model = problem.model
     records = tuple(reading.apply(model, r) for r in problem.records)
     left_out = tuple(replace(o, record=reading.apply(model, o.record)) for o in subject.left_out)
-    starts = tuple(start_prior(model, r, reading) for r in records)
+    starts = tuple(start_prior(problem, r, reading) for r in records)
     changed = replace(problem, records=records, spread=_spread(records), starts=starts)
     if reading.kind is ReadingKind.CLOCK:
         changed = replace(changed, substeps=_substeps(changed, records, changed.mean))
@@ -343,7 +352,7 @@ def _divided(
         cuts = [int(_PART * len(r.time)) for r in whole]
         fitted = [r.part(0, cut) for r, cut in zip(whole, cuts, strict=True)]
         left_out = [LeftOut(r, cut, i) for i, (r, cut) in enumerate(zip(whole, cuts, strict=True))]
-    starts = tuple(start_prior(problem.model, r) for r in fitted)
+    starts = tuple(start_prior(problem, r) for r in fitted)
     return replace(problem, records=tuple(fitted), starts=starts), tuple(left_out)
 
 
@@ -355,7 +364,7 @@ def _substeps(problem: Problem, records: Sequence[Record], q: Array) -> int:
     for record in records:
         for substeps in (1, 8, 60):
             course = model.run(
-                record, replace(setting, substeps=substeps), start_prior(model, record).mean
+                record, replace(setting, substeps=substeps), start_prior(problem, record).mean
             )
             if course is not None:
                 counts.append(model.substeps(record, setting, course))

@@ -8,7 +8,7 @@ from math import isfinite
 from fmus.kit.units import format_value
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.engine import Diagnosis
-from orchestration.diagnosis.readings import Reading
+from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.remainder import Remainder
 from orchestration.diagnosis.term_names import sentence
 from orchestration.diagnosis.terms import Term
@@ -18,7 +18,8 @@ from orchestration.reporting.html import format_ends
 
 ERROR = (
     "Errors are root mean squares of measured minus simulated in a free run, in percent of the"
-    " standard deviation of the measurement, on samples by which nothing was fitted or chosen."
+    " standard deviation of the measurement, on samples by which nothing was fitted or chosen;"
+    " they are slow if neighbouring samples correlate by more than 0.5."
 )
 
 
@@ -134,8 +135,13 @@ def _next_of_consistent(diagnosis: Diagnosis) -> str:
 
 def _next_of_recalibrate(diagnosis: Diagnosis) -> str:
     """Return the values to use."""
-    sets = [f"{n}={diagnosis.parameters[n].value:.4g}" for n in diagnosis.changed]
-    return f"use the model with {', '.join(sets)}; {option('fmu', 'fitted.fmu')} builds it."
+    values = ", ".join(_settings(diagnosis, diagnosis.changed))
+    return f"use the model with {values}; {option('fmu', 'fitted.fmu')} builds it."
+
+
+def _settings(diagnosis: Diagnosis, names: Sequence[str]) -> list[str]:
+    """Return fitted values as they are set."""
+    return [f"{name}={diagnosis.parameters[name].value:.4g}" for name in names]
 
 
 def _next_of_cause(diagnosis: Diagnosis) -> str:
@@ -149,13 +155,27 @@ def _next_of_cause(diagnosis: Diagnosis) -> str:
 
 
 def _next_of_misread(diagnosis: Diagnosis, reading: Reading) -> str:
-    """Return how to correct the files."""
+    """Return how to correct the files, or where to start."""
+    if reading.kind is ReadingKind.START:
+        return _next_of_start(diagnosis)
     ways = " or ".join(one.correction for one in (reading, *reading.instead))
     check = "" if diagnosis.verdict == "cause" else "check file and wiring; if it is so, "
     return (
         f"{check}{ways} ({files(diagnosis)}), and diagnose it again;"
         f" {option('fmu', 'fitted.fmu')} builds the model fitted to the corrected values."
     )
+
+
+def _next_of_start(diagnosis: Diagnosis) -> str:
+    """Return where the model is to start."""
+    declared = diagnosis.subject.problem.model
+    starts = [declared.parameters[i].name for i in declared.start_positions]
+    # of several records each has its own
+    estimates = [(n, diagnosis.parameters[n]) for n in starts if n in diagnosis.parameters]
+    other = [n for n, e in estimates if not e.interval[0] <= e.nominal <= e.interval[1]]
+    sets = " ".join(str(option("set", text)) for text in _settings(diagnosis, other))
+    ways = f"start the model there, with {sets}," if sets else "start the model where the run does"
+    return f"{ways} or begin a record at rest; {option('fmu', 'fitted.fmu')} builds it so."
 
 
 def _next_of_ambiguous(diagnosis: Diagnosis) -> str:

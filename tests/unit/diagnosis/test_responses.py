@@ -48,9 +48,12 @@ FOUND = Projection(TARGET, COLUMNS, OTHERS)
 def test_products_are_those_in_the_covariance_of_the_others() -> None:
     """By Woodbury: C' (1 + N N')^-1 C."""
     inverse = np.linalg.inv(np.eye(40) + OTHERS @ OTHERS.T)
-    assert FOUND.products == pytest.approx(COLUMNS.T @ inverse @ COLUMNS)
+    expected = COLUMNS.T @ inverse @ COLUMNS
+    assert FOUND.products(np.arange(3)) == pytest.approx(expected)
+    assert FOUND.products(np.array([2, 0])) == pytest.approx(expected[np.ix_([2, 0], [2, 0])])
+    assert FOUND.norms == pytest.approx(np.diag(expected))
     assert FOUND.moments == pytest.approx(COLUMNS.T @ inverse @ TARGET)
-    assert FOUND.sum_of_squares == pytest.approx(TARGET @ inverse @ TARGET)
+    assert FOUND.remaining @ FOUND.remaining == pytest.approx(TARGET @ inverse @ TARGET)
     assert FOUND.alone == pytest.approx(np.diag(COLUMNS.T @ COLUMNS))
 
 
@@ -60,7 +63,11 @@ def test_what_remains_and_the_shift_are_those_of_ridge_regression() -> None:
     def others(target: np.ndarray) -> np.ndarray:
         return np.linalg.lstsq(rows, np.append(target, np.zeros(5)), rcond=None)[0]
 
-    assert FOUND.remaining == pytest.approx(TARGET - OTHERS @ others(TARGET))
+    def remaining(target: np.ndarray) -> np.ndarray:
+        return np.append(target - OTHERS @ others(target), -others(target))
+
+    assert FOUND.remaining == pytest.approx(remaining(TARGET))
     coefficients = np.array([0.3, -0.7])
     rest = TARGET - COLUMNS[:, [0, 2]] @ coefficients
     assert FOUND.shift(np.array([0, 2]), coefficients) == pytest.approx(others(rest))
+    assert FOUND.left(np.array([0, 2]), coefficients) == pytest.approx(remaining(rest))

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.arrays import Array
@@ -15,6 +16,7 @@ from orchestration.diagnosis.fitting import (
     Fit,
     Problem,
     StartPrior,
+    fit,
     nominal_point,
     weights_of,
 )
@@ -122,10 +124,12 @@ def test_products_are_without_what_parameters_and_starts_can_do() -> None:
     inverse = np.linalg.inv(np.eye(len(y)) + free @ free.T)
     scale = np.sqrt(np.diag(c.T @ c) + 1e-30)
     expected = c.T @ inverse @ c
-    assert np.abs((screen._columns.products - expected) / np.outer(scale, scale)).max() < 0.03
+    products = screen._columns.products(np.arange(c.shape[1]))
+    assert np.abs((products - expected) / np.outer(scale, scale)).max() < 0.03
     size = np.sqrt(y @ y)
     assert np.abs((screen._columns.moments - c.T @ inverse @ y) / (scale * size)).max() < 0.03
-    assert screen._columns.sum_of_squares == pytest.approx(y @ inverse @ y, rel=0.03)
+    remaining = screen._columns.remaining
+    assert remaining @ remaining == pytest.approx(y @ inverse @ y, rel=0.03)
 
 
 def test_what_a_parameter_does_is_left_with_nothing() -> None:
@@ -136,7 +140,7 @@ def test_what_a_parameter_does_is_left_with_nothing() -> None:
         at = screen.ends[i]
         if candidate.term.memory is Memory.NONE and not candidate.term.factor:
             left[candidate.term.signal, candidate.term.shape] = (
-                screen._columns.products[at, at] / screen._columns.alone[at]
+                screen._columns.norms[at] / screen._columns.alone[at]
             )
     assert left["x", Shape.LINEAR] < 0.02
     assert left["v", Shape.LINEAR] < 0.02
@@ -155,15 +159,29 @@ def test_a_small_term_is_solved_for() -> None:
     assert shift[:3] * np.log(10.0) == pytest.approx(np.zeros(3), abs=0.02)
 
 
-def test_the_fall_is_that_of_the_least_squares() -> None:
+def test_the_gain_is_that_of_the_least_squares() -> None:
+    """Of what is fitted, with the prior of parameters and starts, by NumPy."""
     screen, _ = screened()
+    others, y = screen._columns.others, screen._columns.target
+    left = y - others @ np.linalg.lstsq(*_with_prior(others, y), rcond=None)[0]
     for chosen in ([0], [3, 7], [5, 11, 20]):
         at = np.concatenate([np.arange(screen.ends[i], screen.ends[i + 1]) for i in chosen])
-        a = screen._columns.products[np.ix_(at, at)] + np.diag(
-            1e-6 * screen._columns.alone[at] + 1e-2
-        )
-        m = screen._columns.moments[at]
-        assert screen.fall(chosen) == pytest.approx(m @ np.linalg.solve(a, m), rel=1e-6)
+        columns = screen._columns.columns[:, at]
+        ridge = np.sqrt(1e-6 * np.sum(columns**2, axis=0) + 1e-2)
+        rows, target = _with_prior(np.hstack([columns, others]), y)
+        rows[len(y) + np.arange(len(at)), np.arange(len(at))] = ridge
+        values = np.linalg.lstsq(rows, target, rcond=None)[0]
+        after = y - np.hstack([columns, others]) @ values
+        before = np.linalg.lstsq(*_with_prior(others, y), rcond=None)[0]
+        farther = values[len(at) :] @ values[len(at) :] - before @ before
+        gain = 0.5 * screen.effective[0] * np.log((left @ left) / (after @ after)) - 0.5 * farther
+        assert screen.gain(chosen) == pytest.approx(gain, rel=1e-6)
+
+
+def _with_prior(columns: Array, target: Array) -> tuple[Array, Array]:
+    """Return rows of a least squares with a standard normal prior of the coefficients."""
+    count = columns.shape[1]
+    return np.vstack([columns, np.eye(count)]), np.append(target, np.zeros(count))
 
 
 @pytest.mark.parametrize("size", [2.0, 40.0])
@@ -189,13 +207,65 @@ def test_more_terms_and_more_words_have_less_value() -> None:
     """Beside what they explain."""
     screen, _ = screened()
     for i in range(0, len(screen.candidates), 9):
-        gain = (
-            -0.5 * screen.effective * np.log1p(-screen.fall([i]) / screen._columns.sum_of_squares)
-        )
         candidate = screen.candidates[i]
-        cost = 0.5 * np.log(screen.effective) * candidate.term.freedom + candidate.prior
+        cost = 0.5 * np.log(screen.effective.sum()) * candidate.term.freedom + candidate.prior
         cost += 0.5 * np.log(len(screen.candidates))
-        assert screen.value([i]) == pytest.approx(gain - cost)
+        assert screen.value([i]) == pytest.approx(screen.gain([i]) - cost)
+
+
+class Pair(Component):
+    """Two vessels that share an inlet."""
+
+    name = "pair"
+    one = Parameter(1.0, "1/s", min=0.01)
+    other = Parameter(0.5, "1/s", min=0.01)
+    inlet = Input("1/s", nominal=1.0)
+    a = State("1", rate="filling", nominal=1.0)
+    b = State("1", rate="following", nominal=1.0)
+
+    def filling(self):
+        """Balance of the first."""
+        return self.inlet - self.one * self.a
+
+    def leak(self):
+        """Lost by the second."""
+        return self.other * self.b
+
+    def following(self):
+        """Balance of the second."""
+        return self.inlet - self.leak()
+
+    @Output("1", nominal=1.0)
+    def first(self):
+        """As measured."""
+        return self.a
+
+    @Output("1", nominal=1.0)
+    def second(self):
+        """As measured."""
+        return self.b
+
+
+def test_an_output_that_is_followed_well_hides_no_other() -> None:
+    """The second vessel leaks by its square, too; the first is followed to its noise."""
+    time = np.linspace(0.0, 40.0, 1001)
+    inlet = 1.0 + np.sin(0.6 * time) * np.cos(0.23 * time)
+
+    def rates(t: float, x: Array) -> list[float]:
+        u = np.interp(t, time, inlet)
+        return [u - x[0], u - 0.5 * x[1] - 0.05 * x[1] ** 2]
+
+    states = solve_ivp(rates, (0.0, 40.0), [1.0, 0.5], t_eval=time, max_step=0.04).y.T
+    outputs = states + np.random.default_rng(3).standard_normal((1001, 2)) * [0.1, 1e-3]
+    record = Record(time, inlet[:, None].copy(), outputs, (True,))
+    starts = (StartPrior(np.array([1.0, 0.5]), np.array([0.1, 0.1])),)
+    problem = Problem(LawModel(Pair), (record,), outputs.std(axis=0), starts)
+    base = fit(problem, (), [nominal_point(problem)], [np.full(2, 10.0)])
+    assert base is not None
+    screen = Screen(base, problem.records, base.point.starts)
+    value, (first,) = screen.propose(1)[0]
+    assert value > 0.0
+    assert screen.candidates[first].term.cause == ("leak", "b")
 
 
 def test_laws_that_act_alike_are_one_target() -> None:
@@ -249,12 +319,53 @@ class Tank(Component):
         return self.level
 
 
+class Heater(Component):
+    """A cell that its current warms, and that a share of it leaves."""
+
+    name = "heater"
+    resistance = Parameter(0.5, "ohm", min=0.0)
+    current = Input("A", nominal=1.0)
+    charge = State("C", rate="charging", nominal=1.0)
+    rise = State("K", rate="warming", nominal=1.0)
+
+    def drawn(self):
+        """In proportion to the current."""
+        return 0.9 * self.current
+
+    def charging(self):
+        """Balance."""
+        return self.drawn() - 0.1 * self.charge
+
+    def heating(self):
+        """By the square of the current."""
+        return self.resistance * self.current**2
+
+    def warming(self):
+        """Balance."""
+        return self.heating() - self.rise
+
+    @Output("K", nominal=1.0)
+    def seen(self):
+        """As measured."""
+        return self.rise
+
+
 @cache
 def tank() -> Screen:
+    return noisy(Tank)
+
+
+@cache
+def heater() -> Screen:
+    return noisy(Heater)
+
+
+def noisy(cls: type[Component]) -> Screen:
+    """Return the screen of a component with an input and an output that is measured with noise."""
     time = 0.05 * np.arange(120)
     inflow = (1.0 + np.sin(1.7 * time) + 0.5 * np.sign(np.sin(0.9 * time)))[:, None].copy()
     record = Record(time, inflow, np.zeros((120, 1)), (True,))
-    model = LawModel(Tank)
+    model = LawModel(cls)
     starts = (StartPrior(np.array([0.5, 0.0]), np.array([0.1, 0.1])),)
     problem = Problem(model, (record,), np.ones(1), starts)
     point = nominal_point(problem)
@@ -271,6 +382,25 @@ def test_laws_of_one_signal_are_no_signals() -> None:
     signals = {c.term.signal for c in tank().candidates}
     assert "mixed" in signals
     assert "bent" not in signals
+
+
+def test_a_rate_that_relaxes_its_state_may_be_over_itself() -> None:
+    """By direction, by size, or limited; a counter of an input relaxes nothing."""
+    own = {c.term.shape for c in tank().candidates if c.term.cause == ("change", "change")}
+    assert own == {Shape.MODULUS, Shape.ODD_SQUARE, Shape.CUBE, Shape.DRY}
+    assert not any(c.term.cause == ("counting", "counting") for c in tank().candidates)
+
+
+def test_a_product_with_an_input_is_owned_by_the_law_of_the_input() -> None:
+    """Unless a law is in proportion to it: then it is a change in percent of that law."""
+    products = {
+        (c.term.law, c.term.signal, c.term.factor)
+        for c in heater().candidates
+        if c.term.factor in ("current", "drawn")
+    }
+    assert ("heating", "charge", "current") in products
+    assert ("drawn", "charge", "drawn") in products
+    assert ("drawn", "charge", "current") not in products
 
 
 def test_what_counts_an_input_is_no_target() -> None:
