@@ -69,20 +69,22 @@ def respond(
         between = 0.5 * (drive[:-1] + drive[1:])
     state = np.zeros((nx, drive.shape[1]))
     other = np.hstack([np.zeros((nx, own)), np.eye(nx)])
-    driven, free = [], []
+    shown = -(-len(record.time) // stride), part.outputs.shape[1]
+    driven = np.empty((*shown, drive.shape[1]))
+    free = np.empty((*shown, own + nx))
     for k in range(len(record.time)):
         if k % stride == 0:
+            row = k // stride
             by_states = part.outputs[k][:, own:]
-            driven.append(part.outputs_by_laws[k][:, law_of] * drive[k] + by_states @ state)
-            seen = by_states @ other
-            seen[:, :own] += part.outputs[k][:, :own]
-            free.append(seen)
+            np.multiply(part.outputs_by_laws[k][:, law_of], drive[k], out=driven[row])
+            driven[row] += by_states @ state
+            np.matmul(by_states, other, out=free[row])
+            free[row, :, :own] += part.outputs[k][:, :own]
         if nx and k < len(transitions):
             state = transitions[k] @ state + by_laws[k][:, law_of] * between[k]
             other = transitions[k] @ other
             other[:, :own] += by_own[k]
-    nuisance = np.array(free)
-    return Response(np.array(driven), nuisance[:, :, :own], nuisance[:, :, own:])
+    return Response(driven, free[:, :, :own], free[:, :, own:])
 
 
 def steps_along(part: Linearisation, durations: Array) -> tuple[Array, Array]:
@@ -179,10 +181,14 @@ class Projection:
         """Target (m + o,) less what the others explain, with what their prior costs."""
         return self._free(self.target[None])[0]
 
-    def products(self, places: Array) -> Array:
-        """Return the inner products (k, k) of some columns, the others projected out."""
+    def products(self, places: Array, with_places: Array | None = None) -> Array:
+        """Return the inner products (k, l) of some columns with some, the others projected out.
+
+        By default with themselves.
+        """
         chosen = self._columns[places]
-        return np.asarray(chosen @ chosen.T)
+        across = chosen if with_places is None else self._columns[with_places]
+        return np.asarray(chosen @ across.T)
 
     @cached_property
     def norms(self) -> Array:

@@ -6,11 +6,20 @@ import itertools
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from fmus.kit.arrays import Array, single_threaded
-from orchestration.diagnosis.comparison import Comparison, Judged, common_of, compare
+from orchestration.diagnosis.comparison import (
+    Comparison,
+    Contrast,
+    Judged,
+    common_of,
+    compare,
+    contrast,
+)
+from orchestration.diagnosis.courses import Courses, courses_of
 from orchestration.diagnosis.fitting import (
     SMALL,
     Fit,
@@ -89,17 +98,27 @@ class Found:
     base: Judged
     fits: list[Judged] = field(default_factory=list)
     read: list[Subject] = field(default_factory=list)
+    _contrasts: list[Contrast] = field(default_factory=list, init=False)  # of the first fits
 
     def subject_of(self, reading: Reading | None) -> Subject:
         """Return the subject of a reading."""
         return next((s for s in self.read if s.reading == reading), self.subject)
+
+    @cached_property
+    def along(self) -> Courses | None:
+        """The model without terms along the fitted records."""
+        fitted = self.base.fit
+        return courses_of(fitted, fitted.problem.records, fitted.point.starts)
 
     def compared(self) -> list[Ranked]:
         """Return each fit with its comparison to the base, the highest score first."""
         if not self.fits:
             return []
         common = common_of(self.fits)
-        pairs = [(one, compare(one, self.base, common)) for one in self.fits]
+        fresh = self.fits[len(self._contrasts) :]
+        self._contrasts += [contrast(one, self.base) for one in fresh]
+        known = zip(self.fits, self._contrasts, strict=True)
+        pairs = [(one, compare(one, self.base, common, between)) for one, between in known]
         largest = max((c.gain for _, c in pairs if np.isfinite(c.gain)), default=0.0)
         ranked = [Ranked(one, c, c.score(largest)) for one, c in pairs]
         return sorted((r for r in ranked if np.isfinite(r.score)), key=lambda r: -r.score)
@@ -215,14 +234,12 @@ class _Rounds:
 
     def _screen(self, fitted: Fit, count: int) -> Screen | None:
         """Return the responses along the free run, or along pieces whose starts are estimated."""
-        problem = fitted.problem
-        try:
-            if count == 1:
-                return Screen(fitted, problem.records, fitted.point.starts, named=True)
+        if count == 1:
+            along = courses_of(fitted, fitted.problem.records, fitted.point.starts)
+        else:
             pieces, starts = _pieces(fitted, count)
-            return Screen(fitted, pieces, starts) if pieces else None
-        except FloatingPointError:
-            return None
+            along = courses_of(fitted, pieces, starts) if pieces else None
+        return None if along is None else Screen(along, named=count == 1)
 
     def _from_screen(
         self, screen: Screen, chosen: tuple[int, ...], fitted: Fit

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fmus.kit.arrays import Array, single_threaded
+from fmus.kit.arrays import Array, Indices, single_threaded
 from orchestration.diagnosis.comparison import WEIGHTS, Judged, words
 from orchestration.diagnosis.fitting import (
     Fit,
@@ -30,6 +30,7 @@ _FIRST = 6  # samples that show where a state starts
 _DECLARED = 0.1  # deviation of a start state that is declared, in its nominal value
 _WELL = 20.0 / 0.05**2  # weight of the beginning: twenty samples within a twentieth of the spread
 _MOST = 2400  # samples of a record that are fitted; more are thinned
+_JUMP = 0.1  # standard deviations of an input, from which on a sample of a jump stays
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
 
 
@@ -203,7 +204,8 @@ def start_prior(problem: Problem, record: Record, reading: Reading | None = None
 def thinned(problem: Problem, record: Record, q: Array, most: int = _MOST) -> Record:
     """Return a record of fewer samples, if the model at `q` (p,) sees no difference.
 
-    Inputs that are held are averaged over the samples that fall between.
+    Samples at which an input jumps stay. Inputs that are held are averaged over the samples that
+    fall between.
     """
     model = problem.model
     setting = _setting(problem, q)
@@ -211,12 +213,11 @@ def thinned(problem: Problem, record: Record, q: Array, most: int = _MOST) -> Re
     whole = model.run(record, setting, start)
     step = int(np.ceil(len(record.time) / most))
     while step > 1 and whole is not None:
-        part = _every(record, step)
+        kept = _kept(record, step)
+        part = _thinned_to(record, kept)
         course = model.run(part, setting, start)
         if course is not None:
-            gap = (
-                whole.outputs[: len(record.time) // step * step : step] - course.outputs
-            ) / problem.spread
+            gap = (whole.outputs[kept] - course.outputs) / problem.spread
             if np.sqrt(np.mean(gap**2)) < _UNSEEN:
                 return part
         step //= 2
@@ -228,13 +229,33 @@ def _setting(problem: Problem, q: Array) -> Setting:
     return problem.setting(Point(q, np.zeros(0), ()), ())
 
 
-def _every(record: Record, step: int) -> Record:
-    """Return every so many samples; inputs that are held are averaged up to the next."""
-    n = len(record.time) // step * step
-    if any(record.smooth):  # an average up to the next would be half a step late
-        return record.part(0, n, step)
-    inputs = record.inputs[:n].reshape(n // step, step, -1).mean(axis=1)
-    return replace(record.part(0, n, step), inputs=np.ascontiguousarray(inputs))
+def _kept(record: Record, step: int) -> Indices:
+    """Return the positions of every so many samples, and of those at which an input jumps.
+
+    A straight line between samples needs the sample before a jump, too.
+    """
+    moves = np.abs(np.diff(record.inputs, axis=0))
+    jumps = (moves > _JUMP * record.inputs.std(axis=0)).any(axis=1)
+    kept = np.zeros(len(record.time), dtype=bool)
+    kept[::step] = True
+    kept[1:] |= jumps
+    if any(record.smooth):
+        kept[:-1] |= jumps
+    return np.flatnonzero(kept)
+
+
+def _thinned_to(record: Record, kept: Indices) -> Record:
+    """Return some samples of a record; inputs that are held are averaged up to the next."""
+    inputs = record.inputs[kept]
+    if not any(record.smooth):  # an average up to the next would be half a step late
+        counts = np.diff(kept, append=len(record.time))
+        inputs = np.add.reduceat(record.inputs, kept, axis=0) / counts[:, np.newaxis]
+    return replace(
+        record,
+        time=record.time[kept],
+        inputs=np.ascontiguousarray(inputs),
+        outputs=record.outputs[kept],
+    )
 
 
 @single_threaded

@@ -192,7 +192,12 @@ class PerturbedLaws:
 
     def computed_from(self, signal: str) -> set[str]:
         """Return the inputs and states that a law depends on; for another signal, its own name."""
-        return self._signals_in(self._values[signal]) if signal in self._values else {signal}
+        return set(self._inside[signal]) if signal in self._values else {signal}
+
+    @cached_property
+    def _inside(self) -> dict[str, frozenset[str]]:
+        """Inputs and states that each law depends on."""
+        return {law: frozenset(self._signals_in(value)) for law, value in self._values.items()}
 
     @uninterrupted()
     def _signals_in(self, expression: ca.SX) -> set[str]:

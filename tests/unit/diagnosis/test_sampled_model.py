@@ -14,6 +14,8 @@ from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
 from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term, diagnose
 from orchestration.diagnosis.catalogue import named_terms
+from orchestration.diagnosis.courses import Courses, courses_of
+from orchestration.diagnosis.fitting import Fit, Problem, StartPrior, nominal_point
 from orchestration.diagnosis.law_model import Course, Setting
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.responses import respond
@@ -37,6 +39,17 @@ def run(record: Record, setting: Setting, start: Array = START, sensitive: bool 
     course = sampled_loop().run(record, setting, start, sensitive=sensitive)
     assert course is not None
     return course
+
+
+def along(record: Record) -> Courses:
+    """Return the courses of the nominal loop over a record in which both outputs are measured."""
+    record = replace(record, outputs=np.zeros((len(record.time), 2)))
+    prior = StartPrior(START, np.ones(len(START)))
+    problem = Problem(sampled_loop(), (record,), np.ones(2), (prior,), substeps=12)
+    fitted = Fit(problem, (), nominal_point(problem), (), 0.0, np.zeros((0, 0)))
+    courses = courses_of(fitted, problem.records, (START,))
+    assert courses is not None
+    return courses
 
 
 @pytest.mark.parametrize("step", [0.1, 0.05, 0.03, 0.25, 0.37])
@@ -197,10 +210,8 @@ def test_responses_of_a_memory_are_those_of_runs() -> None:
 
 
 def test_an_effect_that_acts_through_a_discrete_state_is_proposed() -> None:
-    model, record, setting = sampled_loop(), driven(120, 0.07), setting_of()
-    course = run(record, setting)
-    part = model.linearise(record, setting, course)
-    (one,) = named_terms(model, setting, [record], [course], [part], np.ones(2))
+    record, setting = driven(120, 0.07), setting_of()
+    (one,) = named_terms(along(record))
     assert one.term.effect == "bend"
     h = 1e-5
     size = one.term.released[0].scale.size
@@ -214,8 +225,7 @@ def test_an_effect_that_acts_through_a_discrete_state_is_proposed() -> None:
 
 def test_the_linearisation_with_an_effect_is_that_of_its_runs() -> None:
     model, record, setting = sampled_loop(), driven(60, 0.07), setting_of()
-    part = model.linearise(record, setting, run(record, setting))
-    (one,) = named_terms(model, setting, [record], [run(record, setting)], [part], np.ones(2))
+    (one,) = named_terms(along(record))
     bent = replace(setting, terms=(one.term,), values=one.term.values(0.3))
     course = run(record, bent, sensitive=True)
     law = np.array([model.laws.index("drive")])
