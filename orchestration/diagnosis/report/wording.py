@@ -93,7 +93,7 @@ def support(diagnosis: Diagnosis) -> str:
             f"{name} {error_text(before[name])} → {error_text(after[name])}" for name in known
         ]
         sentences.append(f"Error on unseen samples: {', '.join(changes)}.")
-    sentences += [remainder_sentence(one) for one in _largest_first(diagnosis.remainders)[:1]]
+    sentences += [remainder_sentence(one) for one in _structured_first(diagnosis.remainders)[:1]]
     return " ".join(sentences)
 
 
@@ -125,8 +125,8 @@ def next_step(diagnosis: Diagnosis) -> str:
 
 def _next_of_consistent(diagnosis: Diagnosis) -> str:
     """Return how far the model may be used."""
-    largest = _largest_first(diagnosis.remainders)
-    error = f", within {error_text(largest[0].share)} of {largest[0].output}" if largest else ""
+    largest = max(diagnosis.remainders, key=lambda one: one.share, default=None)
+    error = f", within {error_text(largest.share)} of {largest.output}" if largest else ""
     return (
         f"use the model as it is{error}; a record at other levels and rates tests it where this one"
         " does not."
@@ -185,7 +185,7 @@ def _next_of_ambiguous(diagnosis: Diagnosis) -> str:
 
 def _next_of_unexplained(diagnosis: Diagnosis) -> str:
     """Return where to look for what no term explains."""
-    largest = _largest_first(diagnosis.remainders)
+    largest = _structured_first(diagnosis.remainders)
     output = largest[0].output if largest else "the output"
     look = (
         f"look where measured minus simulated of {output} is largest, and for an input that was not"
@@ -236,8 +236,9 @@ def interval(diagnosis: Diagnosis, name: str, estimate: Estimate) -> str:
     return "not determined"
 
 
-def _largest_first(remainders: Sequence[Remainder]) -> list[Remainder]:
-    return sorted(remainders, key=lambda one: -one.share)
+def _structured_first(remainders: Sequence[Remainder]) -> list[Remainder]:
+    """Return remainders that are more than noise first, and each kind by its size."""
+    return sorted(remainders, key=lambda one: (not one.is_more_than_noise, -one.share))
 
 
 def _listed(names: Sequence[str]) -> str:

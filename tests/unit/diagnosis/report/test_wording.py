@@ -99,3 +99,13 @@ def test_a_run_that_starts_elsewhere_is_to_be_started_there():
     slope = np.gradient(whole.signals["position"], whole.time)[200]
     assert velocity == pytest.approx(slope, rel=0.05)
     assert step.endswith("or begin a record at rest; --fmu fitted.fmu builds it so.")
+
+
+def test_what_is_more_than_noise_is_said_before_what_is_larger(dry):
+    noise, slow = Remainder("position", 0.3, 1.0, 0.0), Remainder("force", 0.1, 4.0, 0.9)
+    one = replace(dry)
+    one.__dict__.update(remainders=(noise, slow))
+    assert "Left in force: 10 %" in wording.support(one)
+    assert "It does not explain all of force yet." in wording.next_step(one)
+    one.__dict__.update(verdict="consistent")
+    assert "within 30 % of position" in wording._NEXT["consistent"](one)
