@@ -144,9 +144,14 @@ def _is_one_with(cause: Cause, other: Cause, found: Found) -> bool:
         return False
     if ours.law == theirs.law:
         return True
-    is_instant = ours.memory is theirs.memory is Memory.NONE
-    along = found.along if is_instant else None
-    return along is not None and are_interchangeable(along, ours.law, theirs.law, ours.signal)
+    if found.along is None:
+        return False
+    is_instant = all(
+        isinstance(t, Term) and not isinstance(t, NamedTerm) and t.memory is Memory.NONE
+        for t in (ours, theirs)
+    )
+    signal = ours.signal if is_instant else ""
+    return are_interchangeable(found.along, ours.law, theirs.law, signal)
 
 
 def _apart(cause: Cause, named: Cause, common: Common) -> float:

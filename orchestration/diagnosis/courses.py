@@ -105,19 +105,21 @@ def courses_of(fitted: Fit, pieces: Sequence[Record], starts: Sequence[Array]) -
     )
 
 
-def are_interchangeable(along: Courses, law: str, other: str, signal: str) -> bool:
+def are_interchangeable(along: Courses, law: str, other: str, signal: str = "") -> bool:
     """Return whether a function of a signal in one law is some function of it in another.
 
     It is if, at each instant, what one law does to rates and measured outputs is what the other
     does, times a function of the signal: a voltage over charge and a capacitance over charge are
-    one cause in two words.
+    one cause in two words. Without a signal they are in proportion: any term in the one is one in
+    the other.
     """
-    values = _values_of(along, signal)
-    if values is None or law not in along.model.laws or other not in along.model.laws:
+    laws = along.model.laws
+    values = _values_of(along, signal) if signal else np.zeros(len(along.laws))
+    if values is None or law not in laws or other not in laws:
         return False
     ours, theirs = (_actions(along, one) for one in (law, other))
-    places = np.linspace(values.min(), values.max(), _PLACES)
-    shares = np.array([np.interp(values, places, one) for one in np.eye(_PLACES)]).T
+    places = np.linspace(values.min(), values.max(), _PLACES if signal else 1)
+    shares = np.array([np.interp(values, places, one) for one in np.eye(len(places))]).T
     return any(_follows(a, b, shares) for a, b in ((ours, theirs), (theirs, ours)))
 
 

@@ -90,6 +90,8 @@ def test_courses_are_free_runs_of_what_is_measured() -> None:
         ("capacitance", "drop", "charge", True),
         ("charging", "inner", "charge", False),  # one moves the charge, the other does not
         ("capacitance", "inner", "nowhere", False),
+        ("inner", "drop", "", True),
+        ("capacitance", "inner", "", False),
         ("nothing", "inner", "charge", False),
     ],
 )
