@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -62,9 +63,12 @@ _RANGE = -2.0, 2.0  # of a signal whose curve has no knots yet, in scales
 _KNOTS = 9
 _RATIO = 4.0  # of two lags, from which a search starts
 _QUICK, _RATES = 5.0, (0.5, 2.0)  # of a rate limit: its lag, and rates in scales over that of a lag
-_ROWS = 1600  # of the screen at most
+_SAMPLES = 2400  # along which responses are computed, at most
+_ROWS = 1600  # of the screen at most, of all measured outputs
 _SAME = 0.9999  # cosine from which on two laws act alike
 _RIDGE = 1e-2  # prior precision of a coefficient
+_LEADING = 4  # terms that are paired with every other
+_RANKED = 200  # pairs that are kept
 _VISIBLE = 1e-4  # share of a column's square that parameters leave, below which it is none
 _NOTHING = 1e-300
 _LEAST = 1e-6  # share of a sum of squares, to which a set can take it
@@ -112,10 +116,13 @@ class Screen:
         courses = [course for course in runs if course is not None]
         if len(courses) < len(runs):
             raise FloatingPointError("the model runs away in a piece of the record")
-        parts = [model.linearise(r, setting, c) for r, c in zip(pieces, courses, strict=True)]
         self.errors = [
             (r.outputs - c.outputs) / problem.spread for r, c in zip(pieces, courses, strict=True)
         ]
+        self._step = int(np.ceil(sum(len(r.time) for r in pieces) / _SAMPLES))
+        courses = [replace(c, states=c.states[:: self._step]) for c in courses]
+        pieces = [_every(r, self._step) for r in pieces]
+        parts = [model.linearise(r, setting, c) for r, c in zip(pieces, courses, strict=True)]
         classes = alike(model, parts)
         signals = _signals(model, pieces, courses, parts)
         laws = np.concatenate([part.laws for part in parts])
@@ -127,36 +134,58 @@ class Screen:
             effects = named_terms(model, setting, pieces, courses, parts, problem.spread)
             self.candidates += [Candidate(one.term, one.response, 0.0) for one in effects]
         self.ends = np.cumsum([0, *(c.term.coefficients for c in self.candidates)])
-        self._columns, self._spans = self._projected(problem, pieces, parts)
+        self._columns = self._projected(problem, pieces, parts)
         rest = self._columns.remaining
-        self.effective = np.array([effective_samples(rest[span]) for span in self._spans])
-        self._squares = self._sums(rest)
+        self.effective = np.array([effective_samples(rest[g]) for g in self._columns.groups])
 
     def _projected(
         self, problem: Problem, pieces: Sequence[Record], parts: Sequence[Linearisation]
-    ) -> tuple[Projection, list[slice]]:
+    ) -> Projection:
         """Respond to all drives piece by piece, whiten the rows, and project the others out.
 
-        Returns the rows of each measured output, too.
+        Of the outputs that are measured.
         """
         samples = [len(r.time) for r in pieces]
-        stride = max(1, int(np.ceil(sum(samples) * len(problem.model.outputs) / _ROWS)))
-        ends = np.cumsum(samples)[:-1]
+        measured = np.flatnonzero(np.isfinite(np.vstack(self.errors)).any(axis=0))
+        stride = max(1, int(np.ceil(sum(samples) * len(measured) / _ROWS)))
+        columns, others = self._responses(problem, pieces, parts, (measured, stride))
+        every = self._step * stride
+        roots = [np.sqrt(weight * every)[measured] for weight in weights_of(self.errors)]
+        sizes = [root / problem.spread[measured] for root in roots]
+        errors = zip(self.errors, roots, strict=True)
+        return _projection(
+            np.concatenate([_rows(c, size) for c, size in zip(columns, sizes, strict=True)]),
+            np.concatenate([_rows(o, size) for o, size in zip(others, sizes, strict=True)]),
+            np.concatenate([e[::every, measured] * root for e, root in errors]),
+        )
+
+    def _responses(
+        self,
+        problem: Problem,
+        pieces: Sequence[Record],
+        parts: Sequence[Linearisation],
+        rows: tuple[Array, int],
+    ) -> tuple[list[Array], list[Array]]:
+        """Return the responses to the candidates and to what is fitted anyway, of each piece.
+
+        Parameters
+        ----------
+        rows : tuple of ndarray of int and int
+            Outputs, and of so many samples one.
+        """
+        measured, stride = rows
+        ends = np.cumsum([len(r.time) for r in pieces])
         laws = [c for c in self.candidates if not isinstance(c.term, NamedTerm)]
-        drives = np.split(np.hstack([c.drive for c in laws]), ends)
+        drives = np.split(np.hstack([c.drive for c in laws]), ends[:-1])
         positions = [problem.model.laws.index(c.term.law) for c in laws]
         law_of = np.repeat(positions, [c.term.coefficients for c in laws])
-        effects = np.split(self._effects(sum(samples), len(problem.spread)), ends)
-        roots = [np.sqrt(weight * stride) for weight in weights_of(self.errors)]
-        rows = []
-        for i, root in enumerate(roots):
-            response = respond(pieces[i], parts[i], drives[i], law_of, stride)
-            columns = np.dstack([response.to_drives, effects[i][::stride]])
-            free = self._nuisance(response, i, len(pieces))
-            sized = [_rows(a, root / problem.spread) for a in (columns, free)]
-            rows.append((*sized, (self.errors[i][::stride] * root).ravel()))
-        columns, free, target = (np.concatenate(kind) for kind in zip(*rows, strict=True))
-        return _projection(columns, free, target, len(problem.spread))
+        effects = np.split(self._effects(ends[-1], len(problem.spread)), ends[:-1])
+        columns, others = [], []
+        for i, piece in enumerate(pieces):
+            response = respond(piece, _of_outputs(parts[i], measured), drives[i], law_of, stride)
+            columns.append(np.dstack([response.to_drives, effects[i][::stride, measured]]))
+            others.append(self._nuisance(response, i, len(pieces)))
+        return columns, others
 
     def _effects(self, samples: int, outputs: int) -> Array:
         """Return the responses (n, ny, c) of named terms, which are the last candidates."""
@@ -187,12 +216,15 @@ class Screen:
         """Prior deviations of the start states of a piece."""
         return 3.0 * self.fitted.problem.model.nominal_states
 
+    @cached_property
+    def _ridge(self) -> Array:
+        """Prior precision (c,) of the coefficient of each column."""
+        return 1e-6 * self._columns.alone + _RIDGE
+
     def _coefficients(self, places: Array) -> Array:
         """Return the coefficients of some columns by ridge regression."""
-        columns = self._columns
-        ridge = np.diag(1e-6 * columns.alone[places] + _RIDGE)
-        matrix = columns.products(places) + ridge
-        return np.asarray(np.linalg.solve(matrix, columns.moments[places]))
+        matrix = self._columns.products(places) + np.diag(self._ridge[places])
+        return np.asarray(np.linalg.solve(matrix, self._columns.moments[places]))
 
     def solve(self, chosen: Sequence[int]) -> tuple[list[Array], Array]:
         """Return the coefficients of a set, and the shift of the parameters, in deviations."""
@@ -205,15 +237,16 @@ class Screen:
         spans = [np.arange(self.ends[i], self.ends[i + 1]) for i in chosen]
         return np.concatenate(spans)
 
-    def _sums(self, rest: Array) -> Array:
-        """Return the sums of squares (ny + 1,) of what is left, by output, and that of the prior.
+    def _gains(self, sums: Array) -> Array:
+        """Return gains (k,) in log likelihood, nats, of sums of squares (ny + 1, k) that are left.
 
-        A model is judged by the likelihood of each output: one that is followed well would hide
-        another in the sum of both.
+        Of each output by itself: one that is followed well would hide another in the sum of both.
         """
-        prior = rest[len(self._columns.target) :]
-        sums = [rest[span] @ rest[span] for span in self._spans]
-        return np.array([*sums, prior @ prior])
+        *before, prior_before = self._columns.squares
+        *after, prior_after = sums
+        shares = np.array(after) / np.maximum(before, _NOTHING)[:, None]
+        gains = -0.5 * self.effective @ np.log(np.maximum(shares, _LEAST))
+        return np.asarray(gains + 0.5 * (prior_before - prior_after))
 
     def gain(self, chosen: Sequence[int]) -> float:
         """Return the gain in log likelihood of a set, nats, as the linear responses have it."""
@@ -222,34 +255,67 @@ class Screen:
             coefficients = self._coefficients(places)
         except np.linalg.LinAlgError:
             return 0.0
-        *before, prior_before = self._squares
-        *after, prior_after = self._sums(self._columns.left(places, coefficients))
-        shares = np.array(after) / np.maximum(before, _NOTHING)
-        gain = -0.5 * self.effective @ np.log(np.maximum(shares, _LEAST))
-        return float(gain + 0.5 * (prior_before - prior_after))
+        return float(self._gains(self._columns.squares_left(places, coefficients)[:, None])[0])
 
     def value(self, chosen: Sequence[int]) -> float:
         """Return the penalised evidence of a set, nats, as the linear responses have it."""
+        return float(self.gain(chosen) - self._cost[list(chosen)].sum())
+
+    @cached_property
+    def _cost(self) -> Array:
+        """Cost (candidates,) of each candidate, nats."""
         half = 0.5 * np.log(max(self.effective.sum(), 3.0))
         choice = 0.5 * np.log(max(len(self.candidates), 2))
-        cost = sum(
-            half * self.candidates[i].term.freedom + self.candidates[i].prior + choice
-            for i in chosen
+        return np.array([half * c.term.freedom + c.prior + choice for c in self.candidates])
+
+    def _values_of_singles(self) -> Array:
+        """Return the values (candidates,) of each candidate alone."""
+        values = np.empty(len(self.candidates))
+        single = np.diff(self.ends) == 1
+        places = self.ends[:-1][single]
+        gains = self._gains(self._columns.squares_by_single(places, self._ridge))
+        values[single] = gains - self._cost[single]
+        for i in np.flatnonzero(~single).tolist():
+            values[i] = self.value([i])
+        return values
+
+    def _best_with(self, i: int) -> list[tuple[float, tuple[int, int]]]:
+        """Return the best pairs of a candidate with another of few degrees of freedom."""
+        simple = [
+            j
+            for j, c in enumerate(self.candidates)
+            if j != i and c.term.coefficients == 1 and c.term.freedom <= 2
+        ]
+        places = self.ends[simple]
+        sums = self._columns.squares_with_one_more(self._places([i]), places, self._ridge)
+        values = self._gains(sums) - self._cost[i] - self._cost[simple]
+        best = np.argsort(-values)[:_RANKED]
+        return [(float(values[k]), (i, simple[k])) for k in best]
+
+    def _pairs(self, pool: Sequence[int]) -> list[tuple[float, tuple[int, ...]]]:
+        """Return pairs of a pool, and of its first few with all that are simple, best first."""
+        ranked: list[tuple[float, tuple[int, ...]]] = []
+        ranked += [(self.value(pair), pair) for pair in itertools.combinations(pool, 2)]
+        for i in pool[:_LEADING]:
+            ranked += self._best_with(i)
+        return sorted(ranked, reverse=True)
+
+    def _is_visible(self) -> Array:
+        """Return of each candidate whether parameters leave anything of it."""
+        norms, alone = self._columns.norms, self._columns.alone
+        return np.array(
+            [
+                norms[a:b].sum() > _VISIBLE * alone[a:b].sum() or b - a > 1
+                for a, b in itertools.pairwise(self.ends)
+            ]
         )
-        return float(self.gain(chosen) - cost)
 
     def propose(self, most_terms: int) -> list[tuple[float, tuple[int, ...]]]:
         """Return sets of one to so many terms, best first; those of one source differ.
 
         The best of each number of terms; a second term need not be good alone.
         """
-        count = len(self.candidates)
-        norms, alone = self._columns.norms, self._columns.alone
-        visible = [
-            norms[a:b].sum() > _VISIBLE * alone[a:b].sum() or b - a > 1
-            for a, b in itertools.pairwise(self.ends)
-        ]
-        singles = np.array([self.value([i]) if visible[i] else -np.inf for i in range(count)])
+        singles = np.where(self._is_visible(), self._values_of_singles(), -np.inf)
         order = np.argsort(-singles)
         best: dict[frozenset[object], tuple[float, tuple[int, ...]]] = {}
 
@@ -271,11 +337,8 @@ class Screen:
                 pool.append(i)
                 taken[source] = taken.get(source, 0) + 1
         if most_terms > 1:
-            pairs = list(itertools.combinations(pool, 2))
-            simple = [j for j in range(count) if self.candidates[j].term.freedom <= 2]
-            pairs += [(i, j) for i in pool[:4] for j in simple if i != j]
-            ranked = sorted(((self.value(p), p) for p in pairs), reverse=True)
-            for value, pair in ranked[:200]:
+            ranked = self._pairs(pool)
+            for value, pair in ranked[:_RANKED]:
                 keep(pair, value)
             if most_terms > 2:
                 triples = {
@@ -289,21 +352,42 @@ class Screen:
         return sorted(best.values(), reverse=True)
 
 
-def _projection(
-    columns: Array, others: Array, target: Array, outputs: int
-) -> tuple[Projection, list[slice]]:
-    """Return a projection of the rows that were measured, output by output, and the rows of each.
+def _of_outputs(part: Linearisation, chosen: Array) -> Linearisation:
+    """Return a linearisation of some of the outputs."""
+    return replace(
+        part,
+        outputs=part.outputs[:, chosen],
+        outputs_by_laws=part.outputs_by_laws[:, chosen],
+    )
+
+
+def _every(record: Record, step: int) -> Record:
+    """Return every so many samples of a record, between which drives go in straight lines."""
+    if step == 1:
+        return record
+    part = record.part(0, len(record.time), step)
+    return replace(part, smooth=(True,) * part.inputs.shape[1])
+
+
+def _projection(columns: Array, others: Array, target: Array) -> Projection:
+    """Return a projection of the rows that were measured, output by output.
 
     A column that runs away is zero.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (m * ny, c)
+    others : ndarray, shape (m * ny, o)
+    target : ndarray, shape (m, ny)
     """
-    by_output = np.arange(len(target)).reshape(-1, outputs).T
-    measured = [rows[np.isfinite(target[rows])] for rows in by_output]
-    order = np.concatenate(measured)
-    ends = np.cumsum([0, *map(len, measured)]).tolist()
-    spans = [slice(a, b) for a, b in itertools.pairwise(ends) if b > a]
+    by_output = np.arange(target.size).reshape(target.shape).T
+    known = np.isfinite(target).T
+    order = by_output[known]
+    ends = np.cumsum([0, *known.sum(axis=1)]).tolist()
+    groups = tuple(slice(a, b) for a, b in itertools.pairwise(ends))
     columns = columns[order]
     columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0
-    return Projection(target[order], columns, others[order]), spans
+    return Projection(target.ravel()[order], columns, others[order], groups)
 
 
 def _rows(columns: Array, sizes: Array) -> Array:
@@ -481,7 +565,7 @@ def _terms(
 ) -> Iterator[Term]:
     """Yield the terms of a law over a signal in all these shapes."""
     z = view.scaled
-    low, high = np.quantile(z, [0.0, 1.0])
+    low, high = float(z.min()), float(z.max())
     for shape in shapes:
         if shape is Shape.ODD_SQUARE and view.one_sided:
             continue

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.signal import lfilter
@@ -41,12 +42,12 @@ class Seen:
     scale: float
     middle: float
 
-    @property
+    @cached_property
     def scaled(self) -> Array:
         """The values, in scales."""
         return (self.values - self.middle) / self.scale
 
-    @property
+    @cached_property
     def one_sided(self) -> bool:
         """Whether it is never clearly negative, so that odd and even shapes are the same."""
         return bool(self.scaled.min() > -0.05)

@@ -190,3 +190,14 @@ def test_no_terms_are_judged_that_take_more_than_the_record_tells() -> None:
 
 def _first(subject: Subject, count: int) -> KernelRecord:
     return subject.problem.records[0].part(0, count)
+
+
+def test_a_record_of_which_the_beginning_alone_is_used_is_noted():
+    found = diagnosis_with(oscillator_record(1, dry=1.5), (DRY,)).found
+    (record,) = found.subject.problem.records
+    end = found.subject.beginnings[0]
+    longer = replace(record, time=np.append(record.time, 3.0 * end), label="long")
+    ((code, label, text),) = engine._cut_off(found.subject, [longer])
+    assert (code, label) == ("beginning", "long")
+    assert f"first {end:.6g} s of {3.0 * end:.6g} s" in text
+    assert not engine._cut_off(found.subject, [replace(record, time=np.array([0.0, end]))])
