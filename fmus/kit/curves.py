@@ -18,7 +18,7 @@ from .component import Component
 from .declare import Constant, Declaration, Parameter
 from .effects import Effect, Size, Term, effect_maker, make_effect
 from .errors import UserError, suggestion
-from .functions import absolute, clip, exp, maximum, minimum, sqrt, tanh
+from .functions import absolute, clip, exp, maximum, minimum, sqrt, tanh, where
 from .layout import law_of
 from .titles import generic_title, law_title
 
@@ -30,6 +30,9 @@ _SHARP = 0.01  # width of the smooth sign of a velocity, relative to its typical
 # Least width, relative likewise. A narrower bend is a step in any record, and no integrator follows
 # it to the accuracy of an FMU.
 _SHARPEST = 1e-4
+# z^2 below which tanh(z)/z is computed from its series; the truncation error is below rounding, and
+# that of the slope below 1e-12.
+_SMALL = 1e-6
 # quotients of units with a name of their own
 _NAMED_QUOTIENTS = {
     ("V", "A"): "ohm",
@@ -40,6 +43,14 @@ _NAMED_QUOTIENTS = {
 }
 # shapes whose size is given as their value at a typical signal, as no rig shows the coefficient
 _GROWING = ("quadratic", "odd_quadratic", "cubic", "quartic", "square_root")
+
+
+def tanhc(square: Any) -> Any:
+    """Return ``tanh(z) / z`` for ``z^2``: 1 at zero, with a slope by ``z^2``."""
+    small = square < _SMALL
+    z = sqrt(where(small, 1.0, square))  # the root is not differentiable at zero
+    series = 1.0 - square * (1.0 / 3.0 - square * (2.0 / 15.0))
+    return where(small, series, tanh(z) / z)
 
 
 @dataclass(frozen=True)

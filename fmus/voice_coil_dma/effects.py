@@ -9,17 +9,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kit import Effect, Parameter, Size, Term, sqrt, tanh, where
+from ..kit import Effect, Parameter, Size, Term, tanh
 from ..kit.arms import lag_effect
-from ..kit.curves import EffectNames, curve
+from ..kit.curves import EffectNames, curve, tanhc
 from ..kit.effects import effects_by_name
 from ..kit.generic import describe_effect
 from .disturbances import BenchEffect, BridgeNoise, ClockJitter, MainsHum, WindingProtection
 from .model import VoiceCoilDma
 
-# z^2 below which tanh(z)/z is computed from its series; the truncation error is below rounding, and
-# that of the slope below 1e-12.
-_SMALL = 1e-6
 _STROKE = 12.7e-3  # m from end to end, thesis section 2.2.2
 _CONTINUOUS = 4.9 / 3.9  # A, current of the continuous force, thesis section 2.2.2
 
@@ -181,10 +178,7 @@ class AmplifierSaturation(BenchEffect):
         """Voltage across the coil, levelling off at V_s."""
         voltage = super().drive_voltage()
         square = self.amplifier_saturation_coefficient * (voltage * voltage)
-        small = square < _SMALL
-        z = sqrt(where(small, 1.0, square))  # the root is not differentiable at zero
-        series = 1.0 - square * (1.0 / 3.0 - square * (2.0 / 15.0))
-        return voltage * where(small, series, tanh(z) / z)
+        return voltage * tanhc(square)
 
 
 _STRIBECK = describe_effect(

@@ -23,6 +23,7 @@ from orchestration.api.records import Records, held_out, matching_record
 from orchestration.api.results import DiagnosisResult, LawsResult
 from orchestration.api.simulation import as_declared, values_of
 from orchestration.api.term_results import TermDiagnosisResult
+from orchestration.diagnosis import Options as TermOptions
 from orchestration.diagnosis import diagnose as diagnose_by_terms
 from orchestration.discrepancy import UnusableRecordError, before_after, pipeline, search_laws
 from orchestration.discrepancy.foreign import WrappedFmu, wrap
@@ -35,9 +36,12 @@ from orchestration.records import Record
 from orchestration.reporting import option
 
 _LINEARISATIONS = 4  # of an FMU at most
-# options that the new engine has no use for
-_LISTS_OF_OLD_ENGINE = ("fit", "each")
-_VALUES_OF_OLD_ENGINE = ("effects", "compare", "interpolate", "time")
+# options that the new engine does not take, and why
+_OF_OLD_ENGINE = {
+    "each": "it fits one value of a parameter to all records",
+    "compare": "it does not diagnose changes; diagnose each record by itself",
+    "no_laws": "it searches laws and effects together, unless there is no effect either",
+}
 
 
 @takes(DiagnoseKeywords)
@@ -136,7 +140,7 @@ def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
         raise UserError(f"compare: {subject.without_equations}; diagnose each record by itself")
     if options["engine"] == "new":
         _refuse_options_of_old_engine(cast("Mapping[str, object]", options))
-    if subject.cls is not None and options["fit"]:
+    elif subject.cls is not None and options["fit"]:
         raise UserError(
             f"fit: {subject.name} has equations, and all its parameters are fitted; hold leaves"
             " some out"
@@ -145,15 +149,14 @@ def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
 
 def _refuse_options_of_old_engine(options: Mapping[str, object]) -> None:
     """Raise an error for an option that the new engine does not take."""
-    given = [name for name in _LISTS_OF_OLD_ENGINE if options[name]]
-    given += [name for name in _VALUES_OF_OLD_ENGINE if options[name] is not None]
-    if not options["laws"]:
-        given.append("no_laws")
-    if given:
-        raise UserError(
-            f"{option(given[0])}: the new engine does not take it; leave it out, or use"
-            f" {option('engine', 'old')}"
-        )
+    has_effects = options["effects"] is None or bool(options["effects"])
+    given = {**options, "no_laws": not options["laws"] and has_effects}
+    for name, reason in _OF_OLD_ENGINE.items():
+        if given[name]:
+            raise UserError(
+                f"{option(name)}: the new engine does not take it, as {reason}; leave it out, or"
+                f" use {option('engine', 'old')}"
+            )
 
 
 def _run_new_engine(
@@ -164,10 +167,16 @@ def _run_new_engine(
     options: DiagnoseKeywords,
 ) -> TermDiagnosisResult:
     """Diagnose by terms of the laws, with the engine that is to replace the pipeline."""
-    given = numeric(values_of(subject, options["settings"]))
-    diagnosis = diagnose_by_terms(
-        measured, subject, unseen, options["hold"], given, options["progress"]
+    chosen = TermOptions(
+        hold=options["hold"],
+        fit=options["fit"],
+        given=numeric(values_of(subject, options["settings"])),
+        effects=options["effects"],
+        laws=options["laws"],
+        interpolate=options["interpolate"],
+        time=optional_seconds(options["time"]),
     )
+    diagnosis = diagnose_by_terms(measured, subject, unseen, chosen, options["progress"])
     command = equivalent_command(
         "diagnose",
         _word_of(model, subject),

@@ -127,11 +127,12 @@ class SearchOptions(SettingsOption, total=False):
         float | str | None,
         Option(
             "Processor time of each search, e.g. 60s or inf; then the best answer so far. Default"
-            " 60 s for 60,000 samples or less, and in proportion beyond.",
+            " 60 s for 60,000 samples or less, and in proportion beyond; none for the new engine.",
             "Processor time of the search, after which the best answer so far is returned with a"
             " note; by default a minute for up to 60,000 samples and in proportion beyond. The load"
             " of the machine does not change the answer, and with ``inf`` its speed does not"
-            " either. With a later record to compare it applies to each of three searches.",
+            " either. With a later record to compare it applies to each of three searches. The new"
+            " engine has no limit unless one is given.",
             kind='float in s or str such as "10s", optional',
             metavar="TIME",
             form=TIME,
@@ -162,7 +163,8 @@ class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
             " e.g. dead_zone(voltage), the default for a model without a list of effects.",
             "Candidate effects, as ``id`` or ``id(output)``; an empty sequence only recalibrates."
             ' ``["families"]`` means all known effects and general ones that fit the model\'s laws'
-            " by their units, the default for a model without a list of effects.",
+            " by their units, the default for a model without a list of effects. The new engine"
+            " searches terms of the laws beside them.",
             form=EFFECTS,
             complete="effect",
         ),
@@ -170,9 +172,12 @@ class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
     fit: Annotated[
         Sequence[str],
         Option(
-            "Parameters of an FMU without equations that are fitted too, e.g. p1,p2.",
+            "Parameters of an FMU without equations that are fitted too, e.g. p1,p2; with the new"
+            " engine, parameters that are fitted, all others being held.",
             "Parameters that are fitted of an FMU without equations, which is diagnosed by effects"
-            " of measurement on its outputs and by corrections of these by any of its signals.",
+            " of measurement on its outputs and by corrections of these by any of its signals. With"
+            " the new engine, parameters of a model with equations that are fitted, all others"
+            " being held; by default all are.",
             default=(),
             form=NAMES,
         ),
@@ -204,10 +209,10 @@ class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
         str,
         Option(
             "old: effects of a catalogue one after another, then laws. new: terms of all laws, many"
-            " fits, one comparison; of a model with equations and without discrete states.",
+            " fits, one comparison; of a model with equations.",
             "Engine of the diagnosis: ``old`` tries the effects of a catalogue one after another,"
             " and then searches the laws; ``new`` fits many sets of terms of all laws and compares"
-            " them once, for a model with equations and without discrete states.",
+            " them once, for a model with equations.",
             default="old",
             choices=("old", "new"),
         ),

@@ -1,6 +1,5 @@
 from . import conclude as conclude
 from . import search as search
-from .comparison import compare as compare
 from .conclude import Conclusion as Conclusion
 from .engine import Diagnosis as Diagnosis
 from .engine import diagnose as diagnose
@@ -10,6 +9,7 @@ from .fitting import nominal_point as nominal_point
 from .fitting import weights_of as weights_of
 from .law_model import LawModel as LawModel
 from .law_model import Record as Record
+from .options import Options as Options
 from .search import Found as Found
 from .signals import scale_of_signal as scale_of_signal
 from .subject import Subject as Subject

@@ -20,7 +20,8 @@ from fmus.kit.arrays import Array
 from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.effects import effect_name, unstack
 from fmus.kit.symbolic import ComponentAlong, EffectForcing, Forcing, Points
-from orchestration.diagnosis.law_model import Course, LawModel, Linearisation, Record, Setting
+from orchestration.diagnosis.courses import Courses
+from orchestration.diagnosis.law_model import Course, Record
 from orchestration.diagnosis.responses import steps_along
 from orchestration.diagnosis.terms import NamedTerm, Released, Shape
 from orchestration.fmu.model import catalogue
@@ -64,41 +65,15 @@ def _declared(effect: type[Effect]) -> list[ParameterDeclaration]:
     return sorted(own, key=lambda p: p.name != effect.neutral)
 
 
-def named_terms(
-    model: LawModel,
-    setting: Setting,
-    records: Sequence[Record],
-    courses: Sequence[Course],
-    parts: Sequence[Linearisation],
-    spread: Array,
-) -> Iterator[Named]:
-    """Yield named terms of all effects of a model, in several settings each.
-
-    Parameters
-    ----------
-    model : LawModel
-    setting : Setting
-        Of the courses.
-    records : sequence of Record
-    courses : sequence of Course
-        Of the model over the records.
-    parts : sequence of Linearisation
-        Along the courses.
-    spread : ndarray, shape (ny,)
-        Of the outputs.
-    """
-    if not model.effects:
+def named_terms(along: Courses) -> Iterator[Named]:
+    """Yield named terms of all effects of a model, in several settings each."""
+    if not along.model.effects:
         return
-    responses_to = (
-        _by_runs(model, setting, records, courses)
-        if model.clocks
-        else _by_forcing(model, setting, records, courses, parts)
-    )
-    length = max(float(record.time[-1] - record.time[0]) for record in records)
-    for name, effect in model.effects.items():
+    responses_to = _by_runs(along) if along.model.clocks else _by_forcing(along)
+    for name, effect in along.model.effects.items():
         declared = _declared(effect)
         for strengths in ((0.0,), _STRENGTHS):
-            settings = list(_settings(declared, strengths, length))
+            settings = list(_settings(declared, strengths, along.length))
             try:
                 responses = responses_to(name, settings)
             except UserError:  # it acts through a discrete state of its own
@@ -106,7 +81,7 @@ def named_terms(
             seen = False
             for k, one in enumerate(settings):
                 response = responses[:, :, k] / (one[declared[0].name] or 1.0)
-                size = float(np.sqrt(np.mean((response / spread) ** 2)))
+                size = float(np.sqrt(np.mean((response / along.spread) ** 2)))
                 if np.isfinite(size) and size * declared[0].nominal > _UNSEEN:
                     seen = True
                     yield Named(_term(name, effect, declared, one, 1.0 / size), response / size)
@@ -114,44 +89,32 @@ def named_terms(
                 break
 
 
-def _by_forcing(
-    model: LawModel,
-    setting: Setting,
-    records: Sequence[Record],
-    courses: Sequence[Course],
-    parts: Sequence[Linearisation],
-) -> Callable[[str, _Settings], Array]:
-    """Return the function for responses (n, ny, k) to an effect in k settings, by its additions."""
-    values = {p.name: float(v) for p, v in zip(model.parameters, setting.parameters, strict=True)}
-    along = [
-        _along(model, values, record, course)
-        for record, course in zip(records, courses, strict=True)
-    ]
+def _by_forcing(along: Courses) -> Callable[[str, _Settings], Array]:
+    """Return the function for responses (n, m, k) to an effect in k settings, by its additions."""
+    components = _components(along)
 
     @cache
     def forcings(name: str) -> list[EffectForcing]:
-        return [EffectForcing(one, model.effects[name]) for one in along]
+        return [EffectForcing(one, along.model.effects[name]) for one in components]
 
     def responses_to(name: str, settings: _Settings) -> Array:
-        runs = zip(records, parts, forcings(name), strict=True)
-        return np.concatenate([_response(r, part, one.of(settings)) for r, part, one in runs])
+        return _responses(along, [one.of(settings) for one in forcings(name)])
 
     return responses_to
 
 
-def _by_runs(
-    model: LawModel, setting: Setting, records: Sequence[Record], courses: Sequence[Course]
-) -> Callable[[str, _Settings], Array]:
-    """Return the function for responses (n, ny, k) to an effect in k settings, by runs with it.
+def _by_runs(along: Courses) -> Callable[[str, _Settings], Array]:
+    """Return the function for responses (n, m, k) to an effect in k settings, by runs with it.
 
     Without other effects of the catalogue, or each pair of them would be compiled.
     """
+    model, setting = along.model, along.setting
     pairs = [(t, own) for t, own in setting.by_term() if not isinstance(t, NamedTerm)]
     terms = tuple(t for t, _ in pairs)
     values = np.concatenate([np.zeros(0), *(own for _, own in pairs)])
     plain = replace(setting, free=setting.free[:0], terms=terms, values=values)
-    starts = [course.states[0][: len(model.states)] for course in courses]
-    bases = [model.run(r, plain, x) for r, x in zip(records, starts, strict=True)]
+    starts = [course.states[0][: len(model.states)] for course in along.courses]
+    bases = [model.run(r, plain, x) for r, x in zip(along.pieces, starts, strict=True)]
 
     def response(
         record: Record, start: Array, base: Course | None, term: NamedTerm, strength: float
@@ -170,9 +133,9 @@ def _by_runs(
         for one in settings:
             term = _term(name, effect, declared, one, 1.0)
             strength = one[declared[0].name]
-            parts = zip(records, starts, bases, strict=True)
+            parts = zip(along.pieces, starts, bases, strict=True)
             columns.append(np.concatenate([response(*part, term, strength) for part in parts]))
-        return np.dstack(columns)
+        return np.dstack(columns)[:, along.measured]
 
     return responses_to
 
@@ -223,28 +186,35 @@ def _term(
     )
 
 
-def _along(
-    model: LawModel, values: Mapping[str, float], record: Record, course: Course
-) -> ComponentAlong:
-    """Return the component along a course, with inputs as the run takes them."""
-    time, inputs = record.time[np.newaxis], record.inputs.T
-    states = course.states.T[: len(model.states)]
-    none = np.zeros((0, len(record.time)))
-    begin = Points(time, inputs, states, none)
-    later = np.append(np.arange(1, len(record.time)), len(record.time) - 1)
-    smooth = np.array(record.smooth, dtype=bool)[:, np.newaxis]
-    at_end = np.where(smooth, inputs[:, later], inputs)
-    end = Points(time[:, later], at_end, states[:, later], none)
-    return ComponentAlong(model.cls, values, begin, end)
+def _components(along: Courses) -> list[ComponentAlong]:
+    """Return the component along each course, with inputs as the run takes them."""
+    model = along.model
+    pairs = zip(model.parameters, along.setting.parameters, strict=True)
+    values = {p.name: float(v) for p, v in pairs}
+    components = []
+    for piece, course in zip(along.pieces, along.courses, strict=True):
+        states = course.states.T[: len(model.states)]
+        none = np.zeros((0, len(piece.time)))
+        begin = Points(piece.time[np.newaxis], piece.inputs.T, states, none)
+        later = np.append(np.arange(1, len(piece.time)), len(piece.time) - 1)
+        smooth = np.array(piece.smooth, dtype=bool)[:, np.newaxis]
+        at_end = np.where(smooth, begin.inputs[:, later], begin.inputs)
+        end = Points(begin.time[:, later], at_end, states[:, later], none)
+        components.append(ComponentAlong(model.cls, values, begin, end))
+    return components
 
 
-def _response(record: Record, part: Linearisation, forcing: Forcing) -> Array:
-    """Return the change (n, ny, k) of the outputs of a model that is linearised along a course."""
-    n, own, k = forcing.begin.shape
-    nx = part.rates.shape[1]
-    transitions, driven = steps_along(part, np.diff(record.time))
-    between = driven[:, :, :own] @ (0.5 * (forcing.begin + forcing.end))[:-1]
-    states = np.zeros((n, nx, k))
-    for j, transition in enumerate(transitions):
-        states[j + 1] = transition @ states[j] + between[j]
-    return np.asarray(forcing.shown + part.outputs[:, :, part.outputs.shape[2] - nx :] @ states)
+def _responses(along: Courses, forcings: Sequence[Forcing]) -> Array:
+    """Return the change (n, m, k) of the measured outputs of the model linearised along courses."""
+    changes = []
+    for piece, part, forcing in zip(along.pieces, along.parts, forcings, strict=True):
+        n, own, k = forcing.begin.shape
+        nx = part.rates.shape[1]
+        transitions, driven = steps_along(part, np.diff(piece.time))
+        between = driven[:, :, :own] @ (0.5 * (forcing.begin + forcing.end))[:-1]
+        states = np.zeros((n, nx, k))
+        for j, transition in enumerate(transitions):
+            states[j + 1] = transition @ states[j] + between[j]
+        by_states = part.outputs[:, :, part.outputs.shape[2] - nx :]
+        changes.append(forcing.shown[:, along.measured] + by_states @ states)
+    return np.concatenate(changes)

@@ -112,6 +112,7 @@ class Weights:
 
 
 WEIGHTS = Weights()
+_LEAST = 1e-12  # mean square of errors, in squared spreads
 _NEAREST = 3  # fits whose residuals say how many samples are independent
 
 
@@ -283,27 +284,55 @@ class Common:
     left_out: Array
 
 
-def compare(one: Judged, base: Judged, common: Common) -> Comparison:
+@dataclass(frozen=True, eq=False)
+class Contrast:
+    """Errors of a fitted model beside those of another, whatever the effective samples are.
+
+    Attributes
+    ----------
+    fitted : list of ndarray, shape (ny,)
+        Logarithm of the ratio of root mean squares in each fitted record.
+    left_out : ndarray, shape (ny,)
+        The same on what is left out.
+    rise, error : float
+        See `Comparison`.
+    """
+
+    fitted: list[Array]
+    left_out: Array
+    rise: float
+    error: float
+
+
+def contrast(one: Judged, base: Judged) -> Contrast:
+    """Return the errors of a fitted model beside those of another on the same samples."""
+    pairs = zip(one.fit.errors, base.fit.errors, strict=True)
+    fitted = [_log_ratio(ours, theirs) for ours, theirs in pairs]
+    return Contrast(fitted, _log_ratio(one.choosing, base.choosing), *difference(one, base))
+
+
+def compare(
+    one: Judged, base: Judged, common: Common, between: Contrast | None = None
+) -> Comparison:
     """Compare a fitted model with another on the same samples.
 
     Parameters
     ----------
     one, base : Judged
     common : Common
+    between : Contrast, optional
+        Of these two, if it is known.
     """
-    fitted = sum(
-        _gain(ours, theirs, n)
-        for ours, theirs, n in zip(one.fit.errors, base.fit.errors, common.fitted, strict=True)
-    )
-    rise, error = difference(one, base)
+    between = between or contrast(one, base)
+    fitted = sum(float(n @ r) for n, r in zip(common.fitted, between.fitted, strict=True))
     samples = sum(float(n.sum()) for n in common.fitted)
     freedom = one.freedom - base.freedom
     rereads = one.reading != base.reading
     return Comparison(
         fitted,
-        _gain(one.choosing, base.choosing, common.left_out),
-        rise,
-        error,
+        float(common.left_out @ between.left_out),
+        between.rise,
+        between.error,
         0.5 * freedom * float(np.log(max(samples, 3.0))),
         len(one.terms) - len(base.terms),
         (one.fit.distance - base.fit.distance) * (WEIGHTS.nominal if rereads else 1.0),
@@ -312,9 +341,16 @@ def compare(one: Judged, base: Judged, common: Common) -> Comparison:
     )
 
 
-def difference(one: Judged, base: Judged) -> tuple[float, float]:
-    """Return the rise of the mean square on what is left out, and its standard error."""
-    return _rise(one.choosing, base.choosing, _resolution(one, base))
+def difference(one: Judged, base: Judged, width: Array | float = 1.0) -> tuple[float, float]:
+    """Return the rise of the mean square on what is left out, and its standard error.
+
+    Parameters
+    ----------
+    one, base : Judged
+    width : ndarray, shape (ny,), or float
+        By which the errors of each output are divided.
+    """
+    return _rise(one.choosing / width, base.choosing / width, _resolution(one, base))
 
 
 def rises(one: Judged, base: Judged) -> bool:
@@ -351,13 +387,16 @@ def _rise(ours: Array, theirs: Array, least: float) -> tuple[float, float]:
     return float(rise.mean()), error
 
 
-def _gain(ours: Array, theirs: Array, effective: Array) -> float:
-    """Return the gain in log likelihood of errors (n, ny) over others, where both are known."""
-    gap = np.where(np.isfinite(ours) & np.isfinite(theirs), 0.0, np.nan)
-    one = np.maximum(np.nanmean(ours**2 + gap, axis=0), 1e-12)
-    other = np.maximum(np.nanmean(theirs**2 + gap, axis=0), 1e-12)
-    ratio = 0.5 * effective * np.log(other / one)
-    return float(np.sum(ratio[np.isfinite(ratio)]))
+def _log_ratio(ours: Array, theirs: Array) -> Array:
+    """Return log ratios (ny,) of root mean squares of errors (n, ny), where both are known.
+
+    Zero of an output of which nothing is known.
+    """
+    known = np.isfinite(ours) & np.isfinite(theirs)
+    count = np.maximum(known.sum(axis=0), 1)
+    one, other = (np.where(known, e, 0.0) for e in (ours, theirs))
+    squares = [np.maximum((e**2).sum(axis=0) / count, _LEAST) for e in (one, other)]
+    return np.asarray(0.5 * np.log(squares[1] / squares[0]))
 
 
 def common_of(judged: Sequence[Judged]) -> Common:

@@ -17,10 +17,11 @@ from orchestration.diagnosis.comparison import (
     difference,
     rises,
 )
+from orchestration.diagnosis.courses import are_interchangeable
 from orchestration.diagnosis.features import confidence, features_of
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.search import Found, Ranked
-from orchestration.diagnosis.terms import NamedTerm, Term
+from orchestration.diagnosis.terms import Memory, NamedTerm, Term
 
 _LEAST = 1e-12
 _SETS = 8  # that share the probability
@@ -51,7 +52,7 @@ def conclude(found: Found) -> Conclusion:
     """Draw the conclusion from all fits of a search."""
     ranked = [entry for entry in found.compared() if not entry.comparison.is_worse]
     best: dict[object, Ranked] = {}
-    for entry in _near_the_lowest(ranked, found.base):
+    for entry in _near_the_likeliest(ranked, found.base):
         best.setdefault(frozenset(part.source[:3] for part in entry.judged.parts), entry)
     top = sorted(best.values(), key=lambda entry: -entry.score)[:_SETS]
     *shares, nothing = _shares(top)
@@ -95,38 +96,57 @@ def _causes(top: Sequence[Ranked], shares: Sequence[float], found: Found) -> lis
             known, probability=known.probability + share, members=known.members | members
         )
     ordered = sorted(causes.values(), key=lambda cause: -cause.probability)
-    return _joined(ordered, common_of(found.fits)) if ordered else []
+    return _joined(ordered, found) if ordered else []
 
 
-def _joined(causes: Sequence[Cause], common: Common) -> list[Cause]:
-    """Join laws to the effects of a catalogue that are one cause with them, which has their name.
+def _joined(causes: Sequence[Cause], found: Found) -> list[Cause]:
+    """Join laws that are one cause, of which the plainest has the name; an effect is plainest.
 
-    These are laws over the same signal, and those that act alike: where the evidence of one against
-    the other, if it were true, is less than what scores of causes may differ by.
+    A law is one with an effect over the same signal, or if the evidence of one against the other,
+    if it were true, is less than what scores of causes may differ by; and with another law if a
+    function of the signal in the one is a function of it in the other.
     """
-    named = [cause for cause in causes if isinstance(cause.parts[0], NamedTerm)]
-    others = [cause for cause in causes if cause.reading is not None]
-    for cause in causes:
-        if cause in named or cause in others:
-            continue
-        apart = {
-            k: nats
-            for k, one in enumerate(named)
-            if (nats := _apart(cause, one, common)) < WEIGHTS.temper
-            or (cause.law, cause.signal) == (one.terms[0].law, one.terms[0].signal)
+    common = common_of(found.fits)
+    joined: list[Cause] = []
+    for cause in sorted(causes, key=_plainness):
+        same = {
+            k: apart
+            for k, one in enumerate(joined)
+            if ((apart := _apart(cause, one, common)) < WEIGHTS.temper and _is_effect(one))
+            or _is_one_with(cause, one, found)
         }
-        if not apart:
-            others.append(cause)
+        if not same or cause.reading is not None or _is_effect(cause):
+            joined.append(cause)
             continue
-        nearest = min(apart, key=lambda k: apart[k])
-        one = named[nearest]
-        named[nearest] = replace(
+        nearest = min(same, key=lambda k: same[k])
+        one = joined[nearest]
+        joined[nearest] = replace(
             one,
             probability=one.probability + cause.probability,
             members=one.members | cause.members,
             aliases=(*one.aliases, cause.name),
         )
-    return sorted([*named, *others], key=lambda cause: -cause.probability)
+    return sorted(joined, key=lambda cause: -cause.probability)
+
+
+def _plainness(cause: Cause) -> tuple[bool, float]:
+    return not _is_effect(cause), cause.judged.words
+
+
+def _is_effect(cause: Cause) -> bool:
+    return isinstance(cause.parts[0], NamedTerm)
+
+
+def _is_one_with(cause: Cause, other: Cause, found: Found) -> bool:
+    """Return whether two causes are of one signal, in laws in which its functions are the same."""
+    ours, theirs = cause.parts[0], other.parts[0]
+    if not isinstance(ours, Term) or not isinstance(theirs, Term) or ours.signal != theirs.signal:
+        return False
+    if ours.law == theirs.law:
+        return True
+    is_instant = ours.memory is theirs.memory is Memory.NONE
+    along = found.along if is_instant else None
+    return along is not None and are_interchangeable(along, ours.law, theirs.law, ours.signal)
 
 
 def _apart(cause: Cause, named: Cause, common: Common) -> float:
@@ -176,18 +196,22 @@ def _verdict(group: Sequence[Cause], found: Found) -> str:
     return "cause" if group[0].probability >= WEIGHTS.sure else "ambiguous"
 
 
-def _near_the_lowest(ranked: Sequence[Ranked], base: Judged) -> list[Ranked]:
-    """Return the fits that are not behind the lowest error on what is left out."""
+def _near_the_likeliest(ranked: Sequence[Ranked], base: Judged) -> list[Ranked]:
+    """Return the fits that are not behind the most likely one on what is left out.
+
+    Errors are in widths of the noise of each output, or one of large errors would decide alone.
+    """
     if not ranked:
         return []
     # one that does not gain in all is no measure of what can be reached
     best = ranked[0]
     gaining = [entry for entry in ranked if entry.score > WEIGHTS.gaining * best.score] or [best]
-    lowest = min((e.judged for e in gaining), key=lambda one: float(np.nanmean(one.choosing**2)))
-    removed, _ = difference(base, lowest)
+    likeliest = max(gaining, key=lambda entry: entry.comparison.left_out).judged
+    noise = np.maximum(np.sqrt(np.nanmean(likeliest.choosing**2, axis=0)), _LEAST)
+    removed, _ = difference(base, likeliest, noise)
     near = []
     for entry in ranked:
-        behind, error = difference(entry.judged, lowest)
+        behind, error = difference(entry.judged, likeliest, noise)
         if behind <= max(WEIGHTS.behind * error, WEIGHTS.share_behind * removed):
             near.append(entry)
     return near

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -13,13 +13,13 @@ import numpy as np
 
 from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
-from orchestration.diagnosis.catalogue import usable_effects
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import Conclusion, conclude
 from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.law_model import MOST_TICKS, LawModel, Record
 from orchestration.diagnosis.misreadings import reading_that_runs
+from orchestration.diagnosis.options import Deadline, Options
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.remainder import Remainder, remainders
 from orchestration.diagnosis.search import Found, search
@@ -205,8 +205,7 @@ def diagnose(
     records: Sequence[MeasuredRecord],
     model: Model,
     holdouts: Sequence[MeasuredRecord] = (),
-    hold: Collection[str] = (),
-    given: Mapping[str, float] | None = None,
+    options: Options | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Diagnosis:
     """Diagnose a component over records.
@@ -220,10 +219,7 @@ def diagnose(
     holdouts : sequence of MeasuredRecord
         By one half of which models are compared, and by the other measured; without any, the last
         third of every record.
-    hold : collection of str
-        Parameters that keep their values.
-    given : Mapping of str to float, optional
-        Nominal values of parameters, and values of inputs that are constant, SI.
+    options : Options, optional
     progress : callable
         Called with a text about each step of the work.
 
@@ -234,39 +230,58 @@ def diagnose(
     Raises
     ------
     UserError
-        If the model or the records cannot be used.
+        If the model, the records or the options cannot be used.
     """
-    values = given or {}
-    law_model = _law_model(model)
-    _check_hold(law_model, hold)
-    fitted, notes = _cut(records, model, law_model, values)
-    unseen, more = _cut(holdouts, model, law_model, values)
+    options = options or Options()
+    law_model = _law_model(model, options)
+    hold = options.held([p.name for p in law_model.parameters])
+    fitted, notes = _cut(records, model, law_model, options.given)
+    unseen, more = _cut(holdouts, model, law_model, options.given)
     _check_outputs(model, fitted)
-    _check_clocks(law_model, [*fitted, *unseen], values)
+    _check_clocks(law_model, [*fitted, *unseen], options.given)
+
+    def subject_as(reading: Reading | None = None) -> Subject | None:
+        own, others = fitted, unseen
+        if reading is not None:
+            own, others = ([reading.apply(law_model, r) for r in part] for part in (own, others))
+        return subject_of(law_model, own, others, hold, options.given, options.interpolate)
+
     progress("fitting the model as it is")
     with warnings.catch_warnings():
         # an output that was not recorded has no mean
         warnings.simplefilter("ignore", RuntimeWarning)
-        subject = subject_of(law_model, fitted, unseen, hold, values)
+        subject = subject_as()
         if subject is not None:
             _check_information(model, subject, records)
-        found = None if subject is None else search(subject, progress)
+        deadline = Deadline(options.time)
+        found = None if subject is None else _found(subject, options, progress, deadline)
         if found is None:
-            read = reading_that_runs(
-                law_model,
-                fitted,
-                lambda reading: subject_of(
-                    law_model,
-                    [reading.apply(law_model, r) for r in fitted],
-                    [reading.apply(law_model, r) for r in unseen],
-                    hold,
-                    values,
-                ),
-            )
+            read = reading_that_runs(law_model, fitted, subject_as)
             raise UserError(_refusal(model, records, read))
         conclusion = conclude(found)
-    notes += [*more, *_cut_off(subject, fitted)]
-    return Diagnosis(model, tuple(records), tuple(holdouts), found, conclusion, tuple(notes))
+    more += _cut_off(found.subject, fitted)
+    if not deadline.was_met:
+        more.append(_time_note(options))
+    return Diagnosis(model, tuple(records), tuple(holdouts), found, conclusion, (*notes, *more))
+
+
+def _found(
+    subject: Subject, options: Options, progress: Callable[[str], None], deadline: Deadline
+) -> Found | None:
+    """Search for terms, unless parameters alone are to be fitted; None if the model runs away."""
+    if not options.recalibrates:
+        return search(subject, progress, deadline.is_over)
+    base = subject.judge(subject.base)
+    return None if base is None else Found(subject, base)
+
+
+def _time_note(options: Options) -> tuple[str, str, str]:
+    """Return the note on a search that ended by its time."""
+    text = (
+        f"time is up after {options.time:g} s of processor time: this is the best answer so far;"
+        f" {option('time', f'{4.0 * (options.time or 0.0):g}s')} continues"
+    )
+    return "time", "", text
 
 
 def _refusal(model: Model, records: Sequence[MeasuredRecord], read: Reading | None) -> str:
@@ -274,7 +289,10 @@ def _refusal(model: Model, records: Sequence[MeasuredRecord], read: Reading | No
     where = f"{model.name}: a free run over {_names(records)} leaves all bounds"
     if read is not None:
         return f"{where}, and follows it if {read.sentence}: {read.correction}"
-    return f"{where}, and cannot be fitted by the new engine; use {option('engine', 'old')}"
+    return (
+        f"{where}: the model is unstable there, or lacks an input; the new engine needs a free run,"
+        f" so use {option('engine', 'old')}"
+    )
 
 
 def _check_information(model: Model, subject: Subject, records: Sequence[MeasuredRecord]) -> None:
@@ -299,28 +317,18 @@ def _check_information(model: Model, subject: Subject, records: Sequence[Measure
         )
 
 
-def _law_model(model: Model) -> LawModel:
+def _law_model(model: Model, options: Options) -> LawModel:
     """Compile a model with equations.
 
     Raises
     ------
     UserError
-        If it has none.
+        If it has none, or not an effect that is wanted.
     """
     if model.cls is None:
         instead = f"use {option('engine', 'old')}"
         raise UserError(f"{model.without_equations}, which the new engine needs; {instead}")
-    return LawModel(model.cls, usable_effects(model.cls))
-
-
-def _check_hold(model: LawModel, hold: Collection[str]) -> None:
-    known = [p.name for p in model.parameters]
-    unknown = next((name for name in hold if name not in known), None)
-    if unknown is not None:
-        raise UserError(
-            f"{option('hold', [unknown])}: no parameter named {unknown!r}; there are"
-            f" {', '.join(known)}"
-        )
+    return LawModel(model.cls, options.effects_of(model.cls))
 
 
 def _check_outputs(model: Model, records: Sequence[Record]) -> None:
@@ -373,11 +381,10 @@ def _cut(
     return pieces, list(dict.fromkeys(notes))
 
 
-def _cut_off(subject: Subject | None, records: Sequence[Record]) -> list[tuple[str, str, str]]:
+def _cut_off(subject: Subject, records: Sequence[Record]) -> list[tuple[str, str, str]]:
     """Return notes on records of which the beginning alone is used."""
     notes = []
-    whole = [] if subject is None else subject.beginnings
-    for used, record in zip(whole, records, strict=False):
+    for used, record in zip(subject.beginnings, records, strict=True):
         length = float(record.time[-1])
         # what is thinned ends up to a step earlier
         if used < _WHOLE * length:

@@ -326,13 +326,12 @@ class _Search:
         """Return weighed derivatives by the searched coordinates, and errors, without gaps."""
         problem = self.problem
         root = np.sqrt(self.weights[r])
-        by_value = course.slopes * (root / problem.spread)[:, None]
-        rows = by_value.reshape(-1, by_value.shape[2])
+        present = np.isfinite(error)
+        sizes = np.broadcast_to(root / problem.spread, error.shape)[present]
+        rows = course.slopes[present] * sizes[:, np.newaxis]
         rows[:, : len(slopes)] *= slopes
         rows[:, self.size :] *= problem.starts[r].deviation
-        e = (error * root).ravel()
-        present = np.isfinite(e)
-        return rows[present], e[present]
+        return rows, (error * root)[present]
 
     def _far(self, point: Point) -> Array:
         """Return the distance of a point from the mean of the prior, in its deviations."""

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from fmus.kit import Component, Effect, stack
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Mask
 from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.record import Rhythm, Ticks, ticks_of
@@ -137,6 +137,23 @@ class Linearisation:
         """What additions to the laws do, (..., nl): to rates, outputs, and by updates."""
         known = self.rates_by_laws, self.outputs_by_laws, self.steps_by_laws
         return [action for action in known if action is not None]
+
+    def of_outputs(self, chosen: Mask) -> Linearisation:
+        """Return the derivatives of some outputs, by a mask (ny,)."""
+        return replace(
+            self,
+            outputs=self.outputs[:, chosen],
+            outputs_by_laws=self.outputs_by_laws[:, chosen],
+        )
+
+    def weighed(self, weights: Array) -> Linearisation:
+        """Return the derivatives of the outputs times weights (ny,)."""
+        by_output = weights[:, np.newaxis]
+        return replace(
+            self,
+            outputs=self.outputs * by_output,
+            outputs_by_laws=self.outputs_by_laws * by_output,
+        )
 
 
 @dataclass(frozen=True, eq=False)

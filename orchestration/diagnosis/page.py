@@ -99,7 +99,8 @@ def _add_course(page: Page, diagnosis: Diagnosis, course: curves.OutputCourse) -
     """Add a chart of an output above its residuals."""
     unit = unit_of(diagnosis.subject.problem.model.cls, course.output)
     bracket = "" if unit == "1" else f" [{unit}]"
-    measured = "measured" if diagnosis.reading is None else "measured (corrected)"
+    is_corrected = diagnosis.reading is not None and not np.isfinite(course.before).any()
+    measured = "measured, corrected" if is_corrected else "measured"
     above = [Trace(measured, course.time, course.measured, pictures.MEASURED, 3.5)]
     below = []
     for name, values, colour in curves.simulations(diagnosis, course):
@@ -117,7 +118,7 @@ def _add_course(page: Page, diagnosis: Diagnosis, course: curves.OutputCourse) -
     ]
     caption = f"{title} of record {course.record}, and what the models leave of it."
     if diagnosis.reading is not None:
-        caption = f"{caption} The record is corrected: {diagnosis.reading.sentence} in the file."
+        caption = f"{caption} In the file {diagnosis.reading.sentence}."
     page.chart(stacked(panels, "time [s]", boundary=boundary), caption)
 
 
@@ -137,7 +138,9 @@ def _add_curve(page: Page, diagnosis: Diagnosis, curve: curves.TermCurve) -> Non
     panel = Panel(f"{added}{'' if unit == '1' else f' [{unit}]'}", _CURVE_HEIGHT, traces)
     signal_unit = unit_of(cls, term.signal)
     across = in_words(term.signal) + ("" if signal_unit == "1" else f" [{signal_unit}]")
-    caption = f"{capitalised(sentence(cls, term))}: {shape_text(term)}."
+    caption = (
+        f"{capitalised(sentence(cls, term))}: {shape_text(term)}, where x is the signal below."
+    )
     page.chart(stacked([panel], across), format_quantities(caption))
 
 
@@ -157,12 +160,12 @@ def _add_sets(page: Page, diagnosis: Diagnosis) -> None:
     """Add the sets of terms that were fitted, the best first."""
     fits = diagnosis.found.compared()
     page.text(
-        f"{len(fits)} sets of terms were fitted in free runs and compared with the model without"
+        f"{len(fits)} fits of sets of terms in free runs were compared with the model without"
         " terms."
     )
     cls = diagnosis.subject.problem.model.cls
-    rows = []
-    for one in fits[:_SETS]:
+    rows: dict[str, tuple[str, ...]] = {}
+    for one in fits:
         terms = "; ".join(
             f"{sentence(cls, p)}, {shape_text(p)}"
             if isinstance(p, Term)
@@ -172,9 +175,11 @@ def _add_sets(page: Page, diagnosis: Diagnosis) -> None:
         nats = (one.comparison.fitted, one.comparison.left_out, one.score)
         figures = [f"{value:.1f}" for value in nats]
         error = wording.error_text(diagnosis.error(one.judged))
-        rows.append((format_quantities(terms), *figures, error))
+        rows.setdefault(terms, (format_quantities(terms), *figures, error))
+        if len(rows) == _SETS:
+            break
     with page.folded(f"The best {len(rows)}"):
-        page.table(_SET_HEAD, rows)
+        page.table(_SET_HEAD, list(rows.values()))
 
 
 def _command(diagnosis: Diagnosis) -> str:

@@ -46,12 +46,15 @@ class _Kind(NamedTuple):
         Whether its shift is estimated.
     is_shift : bool
         Whether it adds to a column, to time, or to where a record starts.
+    models : tuple of str
+        Of the file as it was read, and by the reading.
     """
 
     fault: str
     correction: str
     is_fitted: bool = False
     is_shift: bool = False
+    models: tuple[str, str] = ("model, file as read", "model, file corrected")
 
 
 @unique
@@ -67,9 +70,10 @@ class ReadingKind(Enum):
     CLOCK = _Kind(f"{TIME} is {{unit}}", "{change}, or write its unit in the header")
     LATE = _Kind("{column} is {size} s {side}", "shift {column} {size} s {back}", True, True)
     START = _Kind(
-        "the start states are not those of the model",
+        "the run has other start states than the model",
         "set the start states of the model",
         is_shift=True,
+        models=("model, start as declared", "model, start fitted"),
     )
 
 
@@ -137,10 +141,9 @@ class Reading:
         if self.kind is ReadingKind.EXCHANGED:
             values[:, places] = values[:, places[::-1]]
         elif self.kind is ReadingKind.LATE:
-            step = float(np.median(np.diff(record.time)))
             is_input = places[0] < len(model.inputs)
             values[:, places[0]] = _earlier(
-                values[:, places[0]], round(self.shift / step), is_input=is_input
+                values[:, places[0]], record.time, self.shift, is_input=is_input
             )
         else:
             values[:, places] = self.factor * values[:, places] + self.shift
@@ -184,13 +187,18 @@ class Reading:
         return f"{self.cause[0]}({self.cause[1]})"
 
 
-def _earlier(values: Array, samples: int, *, is_input: bool) -> Array:
-    """Return a column so many samples earlier; an input keeps its end value, an output has none."""
-    count = len(values)
-    places = np.arange(count) + samples
-    moved = values[np.clip(places, 0, count - 1)]
+def _earlier(values: Array, time: Array, shift: float, *, is_input: bool) -> Array:
+    """Return the samples of a column nearest to instants later by a shift, s.
+
+    Beyond its ends an input keeps its value, and an output has none.
+    """
+    instants = time + shift
+    places = np.interp(instants, time, np.arange(len(time)))
+    moved = values[np.round(places).astype(int)]
     if not is_input:
-        moved = np.where((places >= 0) & (places < count), moved, np.nan)
+        near = 0.5 * float(np.median(np.diff(time)))
+        inside = (instants > time[0] - near) & (instants < time[-1] + near)
+        moved = np.where(inside, moved, np.nan)
     return moved
 
 

@@ -69,20 +69,22 @@ def respond(
         between = 0.5 * (drive[:-1] + drive[1:])
     state = np.zeros((nx, drive.shape[1]))
     other = np.hstack([np.zeros((nx, own)), np.eye(nx)])
-    driven, free = [], []
+    shown = -(-len(record.time) // stride), part.outputs.shape[1]
+    driven = np.empty((*shown, drive.shape[1]))
+    free = np.empty((*shown, own + nx))
     for k in range(len(record.time)):
         if k % stride == 0:
+            row = k // stride
             by_states = part.outputs[k][:, own:]
-            driven.append(part.outputs_by_laws[k][:, law_of] * drive[k] + by_states @ state)
-            seen = by_states @ other
-            seen[:, :own] += part.outputs[k][:, :own]
-            free.append(seen)
+            np.multiply(part.outputs_by_laws[k][:, law_of], drive[k], out=driven[row])
+            driven[row] += by_states @ state
+            np.matmul(by_states, other, out=free[row])
+            free[row, :, :own] += part.outputs[k][:, :own]
         if nx and k < len(transitions):
             state = transitions[k] @ state + by_laws[k][:, law_of] * between[k]
             other = transitions[k] @ other
             other[:, :own] += by_own[k]
-    nuisance = np.array(free)
-    return Response(np.array(driven), nuisance[:, :, :own], nuisance[:, :, own:])
+    return Response(driven, free[:, :, :own], free[:, :, own:])
 
 
 def steps_along(part: Linearisation, durations: Array) -> tuple[Array, Array]:
@@ -143,14 +145,11 @@ class Projection:
     target : ndarray, shape (m,)
     columns : ndarray, shape (m, c)
     others : ndarray, shape (m, o)
-    groups : tuple of slice
-        Rows of each output; all are of one by default.
     """
 
     target: Array
     columns: Array
     others: Array
-    groups: tuple[slice, ...] = (slice(None),)
 
     @cached_property
     def _factors(self) -> tuple[Array, Array]:
@@ -173,7 +172,7 @@ class Projection:
         return free
 
     @cached_property
-    def free(self) -> Array:
+    def _columns(self) -> Array:
         """Columns (c, m + o), the others projected out."""
         return self._free(self.columns.T)
 
@@ -182,94 +181,28 @@ class Projection:
         """Target (m + o,) less what the others explain, with what their prior costs."""
         return self._free(self.target[None])[0]
 
-    def products(self, places: Array) -> Array:
-        """Return the inner products (k, k) of some columns, the others projected out."""
-        chosen = self.free[places]
-        return np.asarray(chosen @ chosen.T)
+    def products(self, places: Array, with_places: Array | None = None) -> Array:
+        """Return the inner products (k, l) of some columns with some, the others projected out.
+
+        By default with themselves.
+        """
+        chosen = self._columns[places]
+        across = chosen if with_places is None else self._columns[with_places]
+        return np.asarray(chosen @ across.T)
 
     @cached_property
     def norms(self) -> Array:
         """Sums of squares (c,) of the columns, the others projected out."""
-        return np.einsum("ij,ij->i", self.free, self.free)
+        return np.einsum("ij,ij->i", self._columns, self._columns)
 
     @cached_property
     def moments(self) -> Array:
         """Inner products (c,) with the target, the others projected out."""
-        return np.asarray(self.free @ self.remaining)
+        return np.asarray(self._columns @ self.remaining)
 
-    @cached_property
-    def _parts(self) -> list[slice]:
-        """Rows of each output, and those of the prior."""
-        rows = len(self.target)
-        ends = [slice(*group.indices(rows)) for group in self.groups]
-        return [*ends, slice(rows, None)]
-
-    def _by_part(self, one: Array, other: Array) -> Array:
-        """Return inner products (g + 1, k, l) of rows (k, m + o) and (l, m + o), part by part."""
-        return np.array([one[:, part] @ other[:, part].T for part in self._parts])
-
-    @cached_property
-    def squares(self) -> Array:
-        """Sums of squares (g + 1,) of what remains of each output, and of what the prior costs."""
-        return self._by_part(self.remaining[None], self.remaining[None])[:, 0, 0]
-
-    @cached_property
-    def _norms_by_part(self) -> Array:
-        """Sums of squares (g + 1, c) of the columns."""
-        return np.array(
-            [np.einsum("ij,ij->i", self.free[:, p], self.free[:, p]) for p in self._parts]
-        )
-
-    @cached_property
-    def _moments_by_part(self) -> Array:
-        """Inner products (g + 1, c) with the target."""
-        return self._by_part(self.free, self.remaining[None])[:, :, 0]
-
-    def squares_left(self, places: Array, coefficients: Array) -> Array:
-        """Return `squares` (g + 1,) of what some columns with coefficients leave."""
-        left = (self.remaining - coefficients @ self.free[places])[None]
-        return self._by_part(left, left)[:, 0, 0]
-
-    def squares_by_single(self, places: Array, ridge: Array) -> Array:
-        """Return `squares` (g + 1, k) of what each of some columns leaves by ridge regression.
-
-        Parameters
-        ----------
-        places : ndarray of int, shape (k,)
-        ridge : ndarray, shape (c,)
-            Prior precision of the coefficient of each column.
-        """
-        norms, moments = self._norms_by_part[:, places], self._moments_by_part[:, places]
-        amounts = moments.sum(axis=0) / (norms.sum(axis=0) + ridge[places])
-        return self.squares[:, None] - 2.0 * amounts * moments + amounts**2 * norms
-
-    def squares_with_one_more(self, own: Array, places: Array, ridge: Array) -> Array:
-        """Return `squares` (g + 1, k) of what some columns with each of others leave.
-
-        Parameters
-        ----------
-        own : ndarray of int
-            Columns in all of these sets.
-        places : ndarray of int, shape (k,)
-            Columns of which each set has one more.
-        ridge : ndarray, shape (c,)
-        """
-        mine, others = self.free[own], self.free[places]
-        across = self._by_part(mine, others)
-        inverse = np.linalg.inv(self.products(own) + np.diag(ridge[own]))
-        # by the Schur complement of the columns in all sets
-        follows = inverse @ across.sum(axis=0)
-        alone = inverse @ self.moments[own]
-        complement = self.norms[places] + ridge[places]
-        complement -= np.einsum("kj,kj->j", across.sum(axis=0), follows)
-        theirs = (self.moments[places] - alone @ across.sum(axis=0)) / complement
-        ours = alone[:, None] - follows * theirs
-        sums = self.squares[:, None] + theirs**2 * self._norms_by_part[:, places]
-        sums -= 2.0 * theirs * self._moments_by_part[:, places]
-        sums -= 2.0 * self._moments_by_part[:, own] @ ours
-        sums += np.einsum("kj,gkl,lj->gj", ours, self._by_part(mine, mine), ours)
-        sums += 2.0 * theirs * np.einsum("kj,gkj->gj", ours, across)
-        return np.asarray(sums)
+    def left(self, places: Array, coefficients: Array) -> Array:
+        """Return what some columns with coefficients leave of `remaining` (m + o,)."""
+        return np.asarray(self.remaining - coefficients @ self._columns[places])
 
     @cached_property
     def alone(self) -> Array:

@@ -14,16 +14,12 @@ from functools import cached_property
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Indices
 from orchestration.diagnosis.catalogue import named_terms
 from orchestration.diagnosis.comparison import words
-from orchestration.diagnosis.fitting import (
-    Fit,
-    Problem,
-    effective_samples,
-    weights_of,
-)
-from orchestration.diagnosis.law_model import Course, LawModel, Linearisation, Record
+from orchestration.diagnosis.courses import Courses
+from orchestration.diagnosis.fitting import effective_samples, weights_of
+from orchestration.diagnosis.law_model import LawModel, Linearisation
 from orchestration.diagnosis.responses import Projection, Response, respond
 from orchestration.diagnosis.signals import Seen, distinct, seen
 from orchestration.diagnosis.terms import Memory, NamedTerm, Shape, Term
@@ -39,7 +35,7 @@ _PLAIN = (
     Shape.CURVE,
 )
 _REMEMBERED = {
-    Memory.LAG: (Shape.LINEAR, Shape.ODD_SQUARE, Shape.CURVE),
+    Memory.LAG: (Shape.LINEAR, Shape.SQUARE, Shape.ODD_SQUARE),
     Memory.FADING: (Shape.LINEAR, Shape.DRY),
     Memory.PLAY: (Shape.LINEAR,),
     Memory.DAHL: (Shape.LINEAR,),
@@ -63,15 +59,15 @@ _RANGE = -2.0, 2.0  # of a signal whose curve has no knots yet, in scales
 _KNOTS = 9
 _RATIO = 4.0  # of two lags, from which a search starts
 _QUICK, _RATES = 5.0, (0.5, 2.0)  # of a rate limit: its lag, and rates in scales over that of a lag
-_SAMPLES = 2400  # along which responses are computed, at most
-_ROWS = 1600  # of the screen at most, of all measured outputs
+_ROWS = 1600  # of the screen at most
 _SAME = 0.9999  # cosine from which on two laws act alike
+_START = 3.0  # prior deviation of a start state, in nominal values
 _RIDGE = 1e-2  # prior precision of a coefficient
-_LEADING = 4  # terms that are paired with every other
-_RANKED = 200  # pairs that are kept
 _VISIBLE = 1e-4  # share of a column's square that parameters leave, below which it is none
 _NOTHING = 1e-300
 _LEAST = 1e-6  # share of a sum of squares, to which a set can take it
+_POOL = 60  # candidates of which sets are made
+_LEADING, _PARTNERS = 4, 50  # of the pool, that are joined with so many that need not be good alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,134 +93,117 @@ class Screen:
     Attributes
     ----------
     candidates : list of Candidate
-    effective : ndarray, shape (ny,)
+    effective : ndarray, shape (m,)
         Effective samples of each measured output, of what is left to explain.
     """
 
-    def __init__(
-        self,
-        fitted: Fit,
-        pieces: Sequence[Record],
-        starts: Sequence[Array],
-        named: bool = False,
-    ):
-        problem = replace(fitted.problem, records=tuple(pieces), starts=())
-        self.fitted = fitted
-        setting = problem.setting(fitted.point, fitted.terms)
-        model = problem.model
-        runs = [model.run(r, setting, x) for r, x in zip(pieces, starts, strict=True)]
-        courses = [course for course in runs if course is not None]
-        if len(courses) < len(runs):
-            raise FloatingPointError("the model runs away in a piece of the record")
-        self.errors = [
-            (r.outputs - c.outputs) / problem.spread for r, c in zip(pieces, courses, strict=True)
-        ]
-        self._step = int(np.ceil(sum(len(r.time) for r in pieces) / _SAMPLES))
-        courses = [replace(c, states=c.states[:: self._step]) for c in courses]
-        pieces = [_every(r, self._step) for r in pieces]
-        parts = [model.linearise(r, setting, c) for r, c in zip(pieces, courses, strict=True)]
-        classes = alike(model, parts)
-        signals = _signals(model, pieces, courses, parts)
-        laws = np.concatenate([part.laws for part in parts])
-        times = [r.time for r in pieces]
-        self.candidates = list(_candidates(model, classes, signals, laws, times))
-        if len(fitted.problem.records) == 1:  # an instant is one of a record
-            self.candidates += _changes(model, classes, np.concatenate(times), laws)
+    def __init__(self, along: Courses, named: bool = False):
+        self._along = along
+        classes = alike(along.model, along.parts)
+        self.candidates = [*_candidates(along, classes)]
+        if len(along.fitted.problem.records) == 1:  # an instant is one of a record
+            self.candidates += _changes(along, classes)
         if named:
-            effects = named_terms(model, setting, pieces, courses, parts, problem.spread)
+            effects = named_terms(along)
             self.candidates += [Candidate(one.term, one.response, 0.0) for one in effects]
         self.ends = np.cumsum([0, *(c.term.coefficients for c in self.candidates)])
-        self._columns = self._projected(problem, pieces, parts)
+        self._columns, self._output_of = self._projected()
         rest = self._columns.remaining
-        self.effective = np.array([effective_samples(rest[g]) for g in self._columns.groups])
+        of_each = [rest[: len(self._output_of)][self._output_of == j] for j in self._outputs]
+        self.effective = np.array([effective_samples(own) for own in of_each])
+        self._squares = self._sums(rest)
 
-    def _projected(
-        self, problem: Problem, pieces: Sequence[Record], parts: Sequence[Linearisation]
-    ) -> Projection:
-        """Respond to all drives piece by piece, whiten the rows, and project the others out.
+    @property
+    def _outputs(self) -> range:
+        return range(len(self._along.spread))
 
-        Of the outputs that are measured.
+    def _projected(self) -> tuple[Projection, Indices]:
+        """Respond to all drives piece by piece, and project out what can be fitted anyway.
+
+        Returns the output of each row, too.
         """
-        samples = [len(r.time) for r in pieces]
-        measured = np.flatnonzero(np.isfinite(np.vstack(self.errors)).any(axis=0))
-        stride = max(1, int(np.ceil(sum(samples) * len(measured) / _ROWS)))
-        columns, others = self._responses(problem, pieces, parts, (measured, stride))
-        every = self._step * stride
-        roots = [np.sqrt(weight * every)[measured] for weight in weights_of(self.errors)]
-        sizes = [root / problem.spread[measured] for root in roots]
-        errors = zip(self.errors, roots, strict=True)
-        return _projection(
-            np.concatenate([_rows(c, size) for c, size in zip(columns, sizes, strict=True)]),
-            np.concatenate([_rows(o, size) for o, size in zip(others, sizes, strict=True)]),
-            np.concatenate([e[::every, measured] * root for e, root in errors]),
+        along = self._along
+        stride = max(1, int(np.ceil(len(along.laws) * len(along.spread) / _ROWS)))
+        drives, law_of = self._drives()
+        ends = np.cumsum([len(t) for t in along.times])[:-1]
+        pieces = zip(np.split(drives, ends), np.split(self._effects(), ends), strict=True)
+        rows = [self._rows(i, *piece, law_of, stride) for i, piece in enumerate(pieces)]
+        of_laws, of_effects, others, targets, outputs = zip(*rows, strict=True)
+        target = np.concatenate(targets)
+        columns = np.empty((len(target), self.ends[-1]), order="F")  # of which few are read at once
+        np.concatenate(of_laws, out=columns[:, : len(law_of)])
+        np.concatenate(of_effects, out=columns[:, len(law_of) :])
+        columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0  # they run away
+        return Projection(target, columns, np.concatenate(others)), np.concatenate(outputs)
+
+    def _drives(self) -> tuple[Array, Array]:
+        """Return the drives (n, c) of terms without a name, and the laws (c,) that they drive."""
+        laws = [c for c in self.candidates if not isinstance(c.term, NamedTerm)]
+        positions = [self._along.model.laws.index(c.term.law) for c in laws]
+        law_of = np.repeat(positions, [c.term.coefficients for c in laws])
+        return np.hstack([c.drive for c in laws]), law_of
+
+    def _rows(
+        self, piece: int, drives: Array, effects: Array, law_of: Array, stride: int
+    ) -> tuple[Array, Array, Array, Array, Indices]:
+        """Return what is measured of a piece, whitened, at every so many samples.
+
+        Responses to drives of laws, to named terms, and to what can be fitted anyway; the errors,
+        and the output of each row.
+        """
+        along = self._along
+        root = np.sqrt(self._weights[piece] * stride)
+        size = root / along.spread
+        part = along.parts[piece].weighed(size)
+        response = respond(along.pieces[piece], part, drives, law_of, stride)
+        named = effects[::stride] * size[:, np.newaxis]
+        target = along.errors[piece][::stride] * root
+        present = np.isfinite(target)
+        free = self._nuisance(response, piece)
+        output_of = np.nonzero(present)[1]
+        return (
+            response.to_drives[present],
+            named[present],
+            free[present],
+            target[present],
+            output_of,
         )
 
-    def _responses(
-        self,
-        problem: Problem,
-        pieces: Sequence[Record],
-        parts: Sequence[Linearisation],
-        rows: tuple[Array, int],
-    ) -> tuple[list[Array], list[Array]]:
-        """Return the responses to the candidates and to what is fitted anyway, of each piece.
+    @cached_property
+    def _weights(self) -> list[Array]:
+        return weights_of(self._along.errors)
 
-        Parameters
-        ----------
-        rows : tuple of ndarray of int and int
-            Outputs, and of so many samples one.
-        """
-        measured, stride = rows
-        ends = np.cumsum([len(r.time) for r in pieces])
-        laws = [c for c in self.candidates if not isinstance(c.term, NamedTerm)]
-        drives = np.split(np.hstack([c.drive for c in laws]), ends[:-1])
-        positions = [problem.model.laws.index(c.term.law) for c in laws]
-        law_of = np.repeat(positions, [c.term.coefficients for c in laws])
-        effects = np.split(self._effects(ends[-1], len(problem.spread)), ends[:-1])
-        columns, others = [], []
-        for i, piece in enumerate(pieces):
-            response = respond(piece, _of_outputs(parts[i], measured), drives[i], law_of, stride)
-            columns.append(np.dstack([response.to_drives, effects[i][::stride, measured]]))
-            others.append(self._nuisance(response, i, len(pieces)))
-        return columns, others
-
-    def _effects(self, samples: int, outputs: int) -> Array:
-        """Return the responses (n, ny, c) of named terms, which are the last candidates."""
+    def _effects(self) -> Array:
+        """Return the responses (n, m, c) of named terms, which are the last candidates."""
+        along = self._along
+        none = np.zeros((len(along.laws), len(along.spread), 0))
         named = [c.drive for c in self.candidates if isinstance(c.term, NamedTerm)]
-        return np.dstack([np.zeros((samples, outputs, 0)), *(d[:, :, None] for d in named)])
+        return np.dstack([none, *(d[:, :, np.newaxis] for d in named)])
 
-    def _nuisance(self, response: Response, piece: int, pieces: int) -> Array:
-        """Return the columns (m, ny, o) of what is fitted anyway, in prior deviations.
+    def _nuisance(self, response: Response, piece: int) -> Array:
+        """Return the columns (n, m, o) of what is fitted anyway, in prior deviations.
 
         Parameters, values of the terms, and the start states of every piece.
         """
-        fitted = self.fitted
+        fitted, model = self._along.fitted, self._along.model
         free = response.to_coordinates.copy()
         slopes = fitted.problem.slopes(fitted.point.q)
         free[:, :, : len(slopes)] *= slopes
-        states = len(fitted.problem.model.states)
-        start = np.zeros((*free.shape[:2], states * pieces))
+        states = len(model.states)
+        start = np.zeros((*free.shape[:2], states * len(self._along.pieces)))
         own = slice(states * piece, states * (piece + 1))
-        start[:, :, own] = response.to_start[:, :, :states] * self._starts()
-        return np.dstack([free * self._widths(), start])
-
-    def _widths(self) -> Array:
-        """Prior deviations of the coordinates that are in the model already."""
-        problem = self.fitted.problem
-        return np.append(problem.deviation, np.ones(len(self.fitted.point.values)))
-
-    def _starts(self) -> Array:
-        """Prior deviations of the start states of a piece."""
-        return 3.0 * self.fitted.problem.model.nominal_states
-
-    @cached_property
-    def _ridge(self) -> Array:
-        """Prior precision (c,) of the coefficient of each column."""
-        return 1e-6 * self._columns.alone + _RIDGE
+        start[:, :, own] = response.to_start[:, :, :states] * _START * model.nominal_states
+        widths = np.append(fitted.problem.deviation, np.ones(len(fitted.point.values)))
+        return np.dstack([free * widths, start])
 
     def _coefficients(self, places: Array) -> Array:
         """Return the coefficients of some columns by ridge regression."""
         matrix = self._columns.products(places) + np.diag(self._ridge[places])
         return np.asarray(np.linalg.solve(matrix, self._columns.moments[places]))
+
+    @cached_property
+    def _ridge(self) -> Array:
+        return 1e-6 * self._columns.alone + _RIDGE
 
     def solve(self, chosen: Sequence[int]) -> tuple[list[Array], Array]:
         """Return the coefficients of a set, and the shift of the parameters, in deviations."""
@@ -234,19 +213,19 @@ class Screen:
         return np.split(coefficients, sizes), self._columns.shift(places, coefficients)
 
     def _places(self, chosen: Sequence[int]) -> Array:
+        """Return the columns of some candidates."""
         spans = [np.arange(self.ends[i], self.ends[i + 1]) for i in chosen]
         return np.concatenate(spans)
 
-    def _gains(self, sums: Array) -> Array:
-        """Return gains (k,) in log likelihood, nats, of sums of squares (ny + 1, k) that are left.
+    def _sums(self, rest: Array) -> Array:
+        """Return the sums of squares (m + 1,) of what is left, by output, and that of the prior.
 
-        Of each output by itself: one that is followed well would hide another in the sum of both.
+        A model is judged by the likelihood of each output: one that is followed well would hide
+        another in the sum of both.
         """
-        *before, prior_before = self._columns.squares
-        *after, prior_after = sums
-        shares = np.array(after) / np.maximum(before, _NOTHING)[:, None]
-        gains = -0.5 * self.effective @ np.log(np.maximum(shares, _LEAST))
-        return np.asarray(gains + 0.5 * (prior_before - prior_after))
+        measured, prior = np.split(rest, [len(self._output_of)])
+        sums = np.bincount(self._output_of, measured**2, len(self._outputs))
+        return np.append(sums, prior @ prior)
 
     def gain(self, chosen: Sequence[int]) -> float:
         """Return the gain in log likelihood of a set, nats, as the linear responses have it."""
@@ -255,68 +234,59 @@ class Screen:
             coefficients = self._coefficients(places)
         except np.linalg.LinAlgError:
             return 0.0
-        return float(self._gains(self._columns.squares_left(places, coefficients)[:, None])[0])
+        *before, prior_before = self._squares
+        *after, prior_after = self._sums(self._columns.left(places, coefficients))
+        shares = np.array(after) / np.maximum(before, _NOTHING)
+        gain = -0.5 * self.effective @ np.log(np.maximum(shares, _LEAST))
+        return float(gain + 0.5 * (prior_before - prior_after))
 
     def value(self, chosen: Sequence[int]) -> float:
         """Return the penalised evidence of a set, nats, as the linear responses have it."""
-        return float(self.gain(chosen) - self._cost[list(chosen)].sum())
+        return self.gain(chosen) - float(self._costs[list(chosen)].sum())
 
     @cached_property
-    def _cost(self) -> Array:
-        """Cost (candidates,) of each candidate, nats."""
+    def _costs(self) -> Array:
+        """Nats that each candidate costs: its coefficients, its words, and the choice of it."""
         half = 0.5 * np.log(max(self.effective.sum(), 3.0))
         choice = 0.5 * np.log(max(len(self.candidates), 2))
         return np.array([half * c.term.freedom + c.prior + choice for c in self.candidates])
 
-    def _values_of_singles(self) -> Array:
-        """Return the values (candidates,) of each candidate alone."""
-        values = np.empty(len(self.candidates))
-        single = np.diff(self.ends) == 1
-        places = self.ends[:-1][single]
-        gains = self._gains(self._columns.squares_by_single(places, self._ridge))
-        values[single] = gains - self._cost[single]
-        for i in np.flatnonzero(~single).tolist():
-            values[i] = self.value([i])
-        return values
-
-    def _best_with(self, i: int) -> list[tuple[float, tuple[int, int]]]:
-        """Return the best pairs of a candidate with another of few degrees of freedom."""
-        simple = [
-            j
-            for j, c in enumerate(self.candidates)
-            if j != i and c.term.coefficients == 1 and c.term.freedom <= 2
-        ]
-        places = self.ends[simple]
-        sums = self._columns.squares_with_one_more(self._places([i]), places, self._ridge)
-        values = self._gains(sums) - self._cost[i] - self._cost[simple]
-        best = np.argsort(-values)[:_RANKED]
-        return [(float(values[k]), (i, simple[k])) for k in best]
-
-    def _pairs(self, pool: Sequence[int]) -> list[tuple[float, tuple[int, ...]]]:
-        """Return pairs of a pool, and of its first few with all that are simple, best first."""
-        ranked: list[tuple[float, tuple[int, ...]]] = []
-        ranked += [(self.value(pair), pair) for pair in itertools.combinations(pool, 2)]
-        for i in pool[:_LEADING]:
-            ranked += self._best_with(i)
-        return sorted(ranked, reverse=True)
-
-    def _is_visible(self) -> Array:
-        """Return of each candidate whether parameters leave anything of it."""
-        norms, alone = self._columns.norms, self._columns.alone
-        return np.array(
-            [
-                norms[a:b].sum() > _VISIBLE * alone[a:b].sum() or b - a > 1
-                for a, b in itertools.pairwise(self.ends)
-            ]
+    @cached_property
+    def _singles(self) -> Array:
+        """Values of the sets of one candidate; minus infinity of one that nothing sees."""
+        norms, alone = (
+            np.add.reduceat(sums, self.ends[:-1])
+            for sums in (self._columns.norms, self._columns.alone)
         )
+        visible = (norms > _VISIBLE * alone) | (np.diff(self.ends) > 1)
+        return np.array([self.value([i]) if seen else -np.inf for i, seen in enumerate(visible)])
+
+    def _partners(self, i: int) -> list[int]:
+        """Return candidates of one coefficient that explain most beside a candidate.
+
+        What candidate `i` explains is projected out of the others, by the Schur complement of its
+        block in their products; all outputs count together.
+        """
+        simple = np.flatnonzero(np.diff(self.ends) == 1)
+        places, own = self.ends[simple], self._places([i])
+        columns = self._columns
+        inside = columns.products(own) + np.diag(self._ridge[own])
+        across = columns.products(own, places)
+        removed = np.linalg.solve(inside, np.column_stack([across, columns.moments[own]]))
+        moments = columns.moments[places] - across.T @ removed[:, -1]
+        rest = columns.norms[places] - np.einsum("ij,ij->j", across, removed[:, :-1])
+        falls = moments**2 / (np.maximum(rest, 0.0) + self._ridge[places])
+        falls += columns.moments[own] @ removed[:, -1]
+        left = np.maximum(1.0 - falls / self._squares.sum(), _LEAST)
+        values = -0.5 * self.effective.sum() * np.log(left) - self._costs[simple]
+        best = simple[np.argsort(-values)[:_PARTNERS]]
+        return [j for j in best.tolist() if j != i]
 
     def propose(self, most_terms: int) -> list[tuple[float, tuple[int, ...]]]:
         """Return sets of one to so many terms, best first; those of one source differ.
 
         The best of each number of terms; a second term need not be good alone.
         """
-        singles = np.where(self._is_visible(), self._values_of_singles(), -np.inf)
-        order = np.argsort(-singles)
         best: dict[frozenset[object], tuple[float, tuple[int, ...]]] = {}
 
         def keep(chosen: tuple[int, ...], value: float) -> None:
@@ -328,71 +298,30 @@ class Screen:
             if key not in best or value > best[key][0]:
                 best[key] = (value, chosen)
 
-        pool: list[int] = []
-        taken: dict[object, int] = {}
-        for i in order.tolist():
-            source = self.candidates[i].term.source
-            keep((i,), float(singles[i]))
-            if taken.get(source, 0) < 2 and len(pool) < 60 and np.isfinite(singles[i]):
-                pool.append(i)
-                taken[source] = taken.get(source, 0) + 1
-        if most_terms > 1:
-            ranked = self._pairs(pool)
-            for value, pair in ranked[:_RANKED]:
-                keep(pair, value)
-            if most_terms > 2:
-                triples = {
-                    tuple(sorted({*pair, j}))
-                    for _, pair in ranked[:12]
-                    for j in pool
-                    if j not in pair
-                }
-                for triple in triples:
-                    keep(triple, self.value(triple))
+        for i, value in enumerate(self._singles.tolist()):
+            keep((i,), value)
+        pool = self._pool()
+        pairs = list(itertools.combinations(pool, 2)) if most_terms > 1 else []
+        pairs += [(i, j) for i in pool[:_LEADING] for j in self._partners(i) if most_terms > 1]
+        ranked = sorted(((self.value(p), p) for p in pairs), reverse=True)
+        for value, pair in ranked[:200]:
+            keep(pair, value)
+        if most_terms > 2:
+            more = ({*pair, j} for _, pair in ranked[:12] for j in pool if j not in pair)
+            for triple in {tuple(sorted(chosen)) for chosen in more}:
+                keep(triple, self.value(triple))
         return sorted(best.values(), reverse=True)
 
-
-def _of_outputs(part: Linearisation, chosen: Array) -> Linearisation:
-    """Return a linearisation of some of the outputs."""
-    return replace(
-        part,
-        outputs=part.outputs[:, chosen],
-        outputs_by_laws=part.outputs_by_laws[:, chosen],
-    )
-
-
-def _every(record: Record, step: int) -> Record:
-    """Return every so many samples of a record, between which drives go in straight lines."""
-    if step == 1:
-        return record
-    part = record.part(0, len(record.time), step)
-    return replace(part, smooth=(True,) * part.inputs.shape[1])
-
-
-def _projection(columns: Array, others: Array, target: Array) -> Projection:
-    """Return a projection of the rows that were measured, output by output.
-
-    A column that runs away is zero.
-
-    Parameters
-    ----------
-    columns : ndarray, shape (m * ny, c)
-    others : ndarray, shape (m * ny, o)
-    target : ndarray, shape (m, ny)
-    """
-    by_output = np.arange(target.size).reshape(target.shape).T
-    known = np.isfinite(target).T
-    order = by_output[known]
-    ends = np.cumsum([0, *known.sum(axis=1)]).tolist()
-    groups = tuple(slice(a, b) for a, b in itertools.pairwise(ends))
-    columns = columns[order]
-    columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0
-    return Projection(target.ravel()[order], columns, others[order], groups)
-
-
-def _rows(columns: Array, sizes: Array) -> Array:
-    """Return columns (m, ny, c), times sizes (ny,), with a row for each sample and output."""
-    return (columns * sizes[:, None]).reshape(-1, columns.shape[2])
+    def _pool(self) -> list[int]:
+        """Return the best candidates, of which few have the same source."""
+        pool: list[int] = []
+        taken: dict[object, int] = {}
+        for i in np.argsort(-self._singles).tolist():
+            source = self.candidates[i].term.source
+            if taken.get(source, 0) < 2 and len(pool) < _POOL and np.isfinite(self._singles[i]):
+                pool.append(i)
+                taken[source] = taken.get(source, 0) + 1
+        return pool
 
 
 def alike(model: LawModel, parts: Sequence[Linearisation]) -> list[list[str]]:
@@ -422,24 +351,18 @@ def alike(model: LawModel, parts: Sequence[Linearisation]) -> list[list[str]]:
     return classes
 
 
-def _signals(
-    model: LawModel,
-    pieces: Sequence[Record],
-    courses: Sequence[Course],
-    parts: Sequence[Linearisation],
-) -> list[tuple[str, Array]]:
-    """Return the distinct signals of a model along a course."""
-    inputs = np.concatenate([r.inputs for r in pieces])
-    states = np.concatenate([c.states for c in courses])
-    laws = np.concatenate([part.laws for part in parts])
-    named = [(v.name, inputs[:, i]) for i, v in enumerate(model.inputs)]
-    named += [(v.name, states[:, i]) for i, v in enumerate(model.states)]
+def _signals(along: Courses) -> list[tuple[str, Array]]:
+    """Return the distinct signals of a model along its courses."""
+    model = along.model
+    named = [(v.name, along.inputs[:, i]) for i, v in enumerate(model.inputs)]
+    named += [(v.name, along.states[:, i]) for i, v in enumerate(model.states)]
     # neither is an output's law a signal, nor the rate of a state, which follows from the others
     no_signal = {o.name for o in model.outputs} | set(model.followed)
     # nor a law that is a function of one of them
     no_signal |= {law for law in model.laws if len(model.perturbed.computed_from(law)) < 2}
-    named += [(law, laws[:, i]) for i, law in enumerate(model.laws) if law not in no_signal]
-    named.append(("time", np.concatenate([r.time for r in pieces])))
+    laws = zip(model.laws, along.laws.T, strict=True)
+    named += [(law, values) for law, values in laws if law not in no_signal]
+    named.append(("time", np.concatenate(along.times)))
     return distinct([(name, values) for name, values in named if np.isfinite(values).all()])
 
 
@@ -453,21 +376,17 @@ def _owner(model: LawModel, classes: Sequence[str], signal: str) -> tuple[str, b
     return (whole or [max(classes, key=lambda law: len(depends[law]))])[0], False
 
 
-def _candidates(
-    model: LawModel,
-    classes: Sequence[Sequence[str]],
-    signals: Sequence[tuple[str, Array]],
-    laws: Array,
-    times: Sequence[Array],
-) -> Iterator[Candidate]:
+def _candidates(along: Courses, classes: Sequence[Sequence[str]]) -> Iterator[Candidate]:
     """Yield every term that may be missing."""
-    views = seen(signals, times, list(_REMEMBERED))
-    value_of = {law: laws[:, i] for i, law in enumerate(model.laws)}
+    model = along.model
+    signals = _signals(along)
+    views = seen(signals, along.times, list(_REMEMBERED))
+    value_of = dict(zip(model.laws, along.laws.T, strict=True))
     for same in classes:
         size = max(float(np.sqrt(np.mean(value_of[law] ** 2))) for law in same) or 1.0
         whole = next((law for law in same if law in model.rates), same[0])
         constant = Term(whole, "", Shape.CONSTANT, size=size)
-        yield Candidate(constant, np.full((len(laws), 1), size), 0.0)
+        yield Candidate(constant, np.full((len(along.laws), 1), size), 0.0)
         yield from _of_itself(model, whole, value_of[whole], size)
         for view in views:
             if view.signal in same and view.memory is Memory.NONE:
@@ -475,7 +394,7 @@ def _candidates(
             law, depends = _owner(model, same, view.signal)
             shapes = _REMEMBERED.get(view.memory, _PLAIN)
             for term in _terms(law, view, shapes, size):
-                yield _candidate(model, term, view, np.full(len(laws), size), depends)
+                yield _candidate(model, term, view, np.full(len(along.laws), size), depends)
         yield from _in_percent(model, same, views, value_of)
         yield from _by_inputs(model, same, size, views, dict(signals), value_of)
 
@@ -485,7 +404,7 @@ def _of_itself(model: LawModel, law: str, values: Array, size: float) -> Iterato
 
     It differs by direction, falls with the distance from equilibrium, or is a limit of the rate.
     """
-    state = next((s.name for s in model.states if s.rate == law), None)
+    state = next((s.name for s in model.cls.layout.states if s.rate == law), None)
     scale = float(np.sqrt(np.mean(values**2)))
     if state not in model.perturbed.computed_from(law) or not scale:
         return
@@ -543,20 +462,20 @@ def _cosine(one: Array, other: Array) -> float:
     return float(abs(one @ other) / sizes) if sizes else 0.0
 
 
-def _changes(
-    model: LawModel, classes: Sequence[Sequence[str]], time: Array, laws: Array
-) -> Iterator[Candidate]:
+def _changes(along: Courses, classes: Sequence[Sequence[str]]) -> Iterator[Candidate]:
     """Yield changes of laws in percent at an instant, and offsets from one on."""
-    length = float(time.max())
-    view = Seen("time", Memory.NONE, (), time, length, 0.0)
-    value_of = dict(zip(model.laws, laws.T, strict=True))
+    model = along.model
+    view = Seen("time", Memory.NONE, (), np.concatenate(along.times), along.length, 0.0)
+    value_of = dict(zip(model.laws, along.laws.T, strict=True))
     for same in classes:
         for law in same:
             if len(same) > 1 and law in model.rates:
                 continue
             amount = value_of[law]
             for place in (np.arange(_PLACES) + 1.0) / (_PLACES + 1.0):
-                term = Term(law, "time", Shape.STEP, factor=law, scale=length, width=float(place))
+                term = Term(
+                    law, "time", Shape.STEP, factor=law, scale=along.length, width=float(place)
+                )
                 yield _candidate(model, term, view, amount, True)
 
 

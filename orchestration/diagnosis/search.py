@@ -6,11 +6,20 @@ import itertools
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from fmus.kit.arrays import Array, single_threaded
-from orchestration.diagnosis.comparison import Comparison, Judged, common_of, compare
+from orchestration.diagnosis.comparison import (
+    Comparison,
+    Contrast,
+    Judged,
+    common_of,
+    compare,
+    contrast,
+)
+from orchestration.diagnosis.courses import Courses, courses_of
 from orchestration.diagnosis.fitting import (
     SMALL,
     Fit,
@@ -89,17 +98,27 @@ class Found:
     base: Judged
     fits: list[Judged] = field(default_factory=list)
     read: list[Subject] = field(default_factory=list)
+    _contrasts: list[Contrast] = field(default_factory=list, init=False)  # of the first fits
 
     def subject_of(self, reading: Reading | None) -> Subject:
         """Return the subject of a reading."""
         return next((s for s in self.read if s.reading == reading), self.subject)
+
+    @cached_property
+    def along(self) -> Courses | None:
+        """The model without terms along the fitted records."""
+        fitted = self.base.fit
+        return courses_of(fitted, fitted.problem.records, fitted.point.starts)
 
     def compared(self) -> list[Ranked]:
         """Return each fit with its comparison to the base, the highest score first."""
         if not self.fits:
             return []
         common = common_of(self.fits)
-        pairs = [(one, compare(one, self.base, common)) for one in self.fits]
+        fresh = self.fits[len(self._contrasts) :]
+        self._contrasts += [contrast(one, self.base) for one in fresh]
+        known = zip(self.fits, self._contrasts, strict=True)
+        pairs = [(one, compare(one, self.base, common, between)) for one, between in known]
         largest = max((c.gain for _, c in pairs if np.isfinite(c.gain)), default=0.0)
         ranked = [Ranked(one, c, c.score(largest)) for one, c in pairs]
         return sorted((r for r in ranked if np.isfinite(r.score)), key=lambda r: -r.score)
@@ -123,7 +142,11 @@ class Found:
 
 
 @single_threaded
-def search(subject: Subject, progress: Callable[[str], None] = lambda text: None) -> Found | None:
+def search(
+    subject: Subject,
+    progress: Callable[[str], None] = lambda text: None,
+    is_over: Callable[[], bool] = lambda: False,
+) -> Found | None:
     """Fit what the record proposes; None if the base cannot be judged.
 
     Parameters
@@ -131,11 +154,13 @@ def search(subject: Subject, progress: Callable[[str], None] = lambda text: None
     subject : Subject
     progress : callable
         Called with a few words about each step.
+    is_over : callable
+        Returns whether to leave out what has not been begun yet.
     """
     base = subject.judge(subject.base)
     if base is None:
         return None
-    rounds = _Rounds(Found(subject, base), progress)
+    rounds = _Rounds(Found(subject, base), progress, is_over)
     rounds.propose(subject.base, _PIECES if subject.problem.model.states else (1,), _QUOTAS)
     for one in rounds.found.best(_BEST)[:_BEST]:
         if len(one.terms) < _MOST_TERMS:
@@ -145,18 +170,22 @@ def search(subject: Subject, progress: Callable[[str], None] = lambda text: None
     rounds.owners()
     rounds.polish()
     rounds.subsets()
-    _read_otherwise(rounds.found, progress)
+    _read_otherwise(rounds.found, progress, is_over)
     return rounds.found
 
 
-def _read_otherwise(found: Found, progress: Callable[[str], None]) -> None:
+def _read_otherwise(
+    found: Found, progress: Callable[[str], None], is_over: Callable[[], bool]
+) -> None:
     """Add fits of the file in other readings, without terms and with a few."""
+    if is_over():
+        return
     progress("other readings of the file")
     for subject in misreadings(found.subject, found.base):
         base = subject.judge(subject.base)
         if base is None:
             continue
-        rounds = _Rounds(Found(subject, base), progress)
+        rounds = _Rounds(Found(subject, base), progress, is_over)
         rounds.propose(subject.base, tuple(_OF_READING), _OF_READING)
         rounds.subsets()
         rounds.polish()
@@ -167,9 +196,15 @@ def _read_otherwise(found: Found, progress: Callable[[str], None]) -> None:
 class _Rounds:
     """Rounds of proposals and fits."""
 
-    def __init__(self, found: Found, progress: Callable[[str], None]):
+    def __init__(
+        self,
+        found: Found,
+        progress: Callable[[str], None],
+        is_over: Callable[[], bool] = lambda: False,
+    ):
         self.found = found
         self._progress = progress
+        self._is_over = is_over
         self._tried: set[frozenset[Term]] = set()
         self._terms: list[Term] = []
         self._weights = weights_of(found.subject.base.errors)
@@ -179,7 +214,7 @@ class _Rounds:
     ) -> None:
         """Propose sets along courses in so many pieces, and fit them with what is there."""
         for count in pieces:
-            screen = self._screen(fitted, count)
+            screen = None if self._is_over() else self._screen(fitted, count)
             if screen is None:
                 continue
             self._terms += [candidate.term for candidate in screen.candidates]
@@ -199,14 +234,12 @@ class _Rounds:
 
     def _screen(self, fitted: Fit, count: int) -> Screen | None:
         """Return the responses along the free run, or along pieces whose starts are estimated."""
-        problem = fitted.problem
-        try:
-            if count == 1:
-                return Screen(fitted, problem.records, fitted.point.starts, named=True)
+        if count == 1:
+            along = courses_of(fitted, fitted.problem.records, fitted.point.starts)
+        else:
             pieces, starts = _pieces(fitted, count)
-            return Screen(fitted, pieces, starts) if pieces else None
-        except FloatingPointError:
-            return None
+            along = courses_of(fitted, pieces, starts) if pieces else None
+        return None if along is None else Screen(along, named=count == 1)
 
     def _from_screen(
         self, screen: Screen, chosen: tuple[int, ...], fitted: Fit
@@ -250,6 +283,8 @@ class _Rounds:
         subject = self.found.subject
 
         def one(job: tuple[tuple[Term, ...], list[Point]]) -> Judged | None:
+            if self._is_over():
+                return None
             fitted = fit(subject.problem, job[0], job[1], self._weights, most, _NEARLY_FLAT)
             return None if fitted is None else subject.judge(located(fitted))
 
@@ -311,6 +346,8 @@ class _Rounds:
         """Fit the best on, in the noise that they leave."""
         subject = self.found.subject
         for one in self.found.best(_SUBSETS):
+            if self._is_over():
+                return
             weights = weights_of(one.fit.errors)
             fitted = fit(subject.problem, one.terms, [one.fit.point], weights, _LAST_STEPS)
             judged = None if fitted is None else subject.judge(fitted)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.linalg.lapack import dtbtrs
 
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.terms import Memory
@@ -42,12 +41,12 @@ class Seen:
     scale: float
     middle: float
 
-    @cached_property
+    @property
     def scaled(self) -> Array:
         """The values, in scales."""
         return (self.values - self.middle) / self.scale
 
-    @cached_property
+    @property
     def one_sided(self) -> bool:
         """Whether it is never clearly negative, so that odd and even shapes are the same."""
         return bool(self.scaled.min() > -0.05)
@@ -145,13 +144,14 @@ def _remembered(kind: Memory, values: Array, times: Sequence[Array], constant: f
 
 def lagged(values: Array, time: Array, constant: float) -> Array:
     """Return a signal, linear between samples, behind a first-order lag of a time constant (s)."""
-    step = float(np.median(np.diff(time)))
-    decay = np.exp(-step / constant)
-    now = 1.0 - (1.0 - decay) * constant / step
-    before = (1.0 - decay) * constant / step - decay
-    start = [values[0] * (1.0 - now)]
-    result, _ = lfilter([now, before], [1.0, -decay], values, zi=start)
-    return np.asarray(result)
+    steps = np.diff(time) / constant
+    decay = np.exp(-steps)
+    mean = -np.expm1(-steps) / steps
+    driven = np.append(values[0], (1.0 - mean) * values[1:] + (mean - decay) * values[:-1])
+    # each value less the decayed one before it is driven by the signal: a matrix of two diagonals
+    diagonals = np.vstack([np.ones(len(time)), np.append(-decay, 0.0)])
+    result, _ = dtbtrs(diagonals, driven[:, np.newaxis], uplo="L", diag="U")
+    return np.asarray(result[:, 0])
 
 
 def _faded(values: Array, time: Array, constant: float) -> Array:

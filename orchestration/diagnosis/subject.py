@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fmus.kit.arrays import Array, single_threaded
+from fmus.kit.arrays import Array, Indices, single_threaded
 from orchestration.diagnosis.comparison import WEIGHTS, Judged, words
 from orchestration.diagnosis.fitting import (
     Fit,
@@ -29,10 +29,10 @@ _BLOCKS = 8  # of what is left out, by turns for the choice and for the figure
 _FIRST = 6  # samples that show where a state starts
 _DECLARED = 0.1  # deviation of a start state that is declared, in its nominal value
 _WELL = 20.0 / 0.05**2  # weight of the beginning: twenty samples within a twentieth of the spread
-_MOST = 2400  # samples of all records; more are thinned
-_FEWEST = 200  # of one of many, to which it is thinned at most
+_MOST = 2400  # samples of a record that are fitted; more are thinned
 _LONGEST = 2 * _MOST  # samples of all records that cannot be thinned: their beginnings decide
-_SHORTEST = 1200  # of one of many, to which it is cut at most
+_SHORTEST = _MOST // 2  # of one of many, to which it is cut at most
+_JUMP = 0.1  # standard deviations of an input, from which on a sample of a jump stays
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
 
 
@@ -180,7 +180,7 @@ def depends(model: LawModel, term: Term) -> bool:
 def _start(problem: Problem, fitted: Fit, record: Record, reading: Reading | None) -> Array | None:
     """Return the start states of a held-out record, from its first samples."""
     beginning = record.part(0, _beginning(record))
-    prior = start_prior(problem.model, beginning, reading)
+    prior = start_prior(problem, beginning, reading)
     setting = problem.setting(fitted.point, fitted.terms)
     weight = np.full(len(problem.spread), _WELL / len(beginning.time))
     return fit_start(problem, setting, beginning, prior, weight)
@@ -192,14 +192,15 @@ def _beginning(record: Record) -> int:
     return min(max(20, count // _BEGINNING), count // 2)
 
 
-def start_prior(model: LawModel, record: Record, reading: Reading | None = None) -> StartPrior:
-    """Return what is known of the start states: declared, or read off an output that is the state.
+def start_prior(problem: Problem, record: Record, reading: Reading | None = None) -> StartPrior:
+    """Return what is known of the start states: nominal, or read off an output that is the state.
 
-    A state that is declared to start somewhere starts near it if the model has inputs; without
+    A state that nominally starts somewhere starts near it if the model has inputs; without
     inputs its start is all that moves. It starts anywhere if the file is read so.
     """
+    model = problem.model
     nominal = model.nominal_states
-    mean = np.array([float(model.parameters[i].start) for i in model.start_positions])
+    mean = problem.nominal[list(model.start_positions)]
     anywhere = reading is not None and reading.kind is ReadingKind.START
     near = _DECLARED if len(model.inputs) and not anywhere else 1.0
     deviation = near * nominal
@@ -214,20 +215,20 @@ def start_prior(model: LawModel, record: Record, reading: Reading | None = None)
 def thinned(problem: Problem, record: Record, q: Array, most: int = _MOST) -> Record:
     """Return a record of fewer samples, if the model at `q` (p,) sees no difference.
 
-    Inputs that are held are averaged over the samples that fall between.
+    Samples at which an input jumps stay. Inputs that are held are averaged over the samples that
+    fall between.
     """
     model = problem.model
     setting = _setting(problem, q)
-    start = start_prior(model, record).mean
+    start = start_prior(problem, record).mean
     whole = model.run(record, setting, start)
     step = int(np.ceil(len(record.time) / most))
     while step > 1 and whole is not None:
-        part = _every(record, step)
+        kept = _kept(record, step)
+        part = _thinned_to(record, kept)
         course = model.run(part, setting, start)
         if course is not None:
-            gap = (
-                whole.outputs[: len(record.time) // step * step : step] - course.outputs
-            ) / problem.spread
+            gap = (whole.outputs[kept] - course.outputs) / problem.spread
             if np.sqrt(np.mean(gap**2)) < _UNSEEN:
                 return part
         step //= 2
@@ -239,13 +240,33 @@ def _setting(problem: Problem, q: Array) -> Setting:
     return problem.setting(Point(q, np.zeros(0), ()), ())
 
 
-def _every(record: Record, step: int) -> Record:
-    """Return every so many samples; inputs that are held are averaged up to the next."""
-    n = len(record.time) // step * step
-    if any(record.smooth):  # an average up to the next would be half a step late
-        return record.part(0, n, step)
-    inputs = record.inputs[:n].reshape(n // step, step, -1).mean(axis=1)
-    return replace(record.part(0, n, step), inputs=np.ascontiguousarray(inputs))
+def _kept(record: Record, step: int) -> Indices:
+    """Return the positions of every so many samples, and of those at which an input jumps.
+
+    A straight line between samples needs the sample before a jump, too.
+    """
+    moves = np.abs(np.diff(record.inputs, axis=0))
+    jumps = (moves > _JUMP * record.inputs.std(axis=0)).any(axis=1)
+    kept = np.zeros(len(record.time), dtype=bool)
+    kept[::step] = True
+    kept[1:] |= jumps
+    if any(record.smooth):
+        kept[:-1] |= jumps
+    return np.flatnonzero(kept)
+
+
+def _thinned_to(record: Record, kept: Indices) -> Record:
+    """Return some samples of a record; inputs that are held are averaged up to the next."""
+    inputs = record.inputs[kept]
+    if not any(record.smooth):  # an average up to the next would be half a step late
+        counts = np.diff(kept, append=len(record.time))
+        inputs = np.add.reduceat(record.inputs, kept, axis=0) / counts[:, np.newaxis]
+    return replace(
+        record,
+        time=record.time[kept],
+        inputs=np.ascontiguousarray(inputs),
+        outputs=record.outputs[kept],
+    )
 
 
 @single_threaded
@@ -255,6 +276,7 @@ def subject_of(
     held_out: Sequence[Record] = (),
     hold: Collection[str] = (),
     values: Mapping[str, float] | None = None,
+    interpolate: bool | None = None,
 ) -> Subject | None:
     """Divide records into fitted samples and others, and fit the model without terms.
 
@@ -268,6 +290,9 @@ def subject_of(
         Parameters that keep their values.
     values : Mapping of str to float, optional
         Nominal values of parameters, SI.
+    interpolate : bool, optional
+        Whether inputs go in straight lines between samples, or are held; by default what fits
+        clearly better.
 
     Returns
     -------
@@ -278,7 +303,10 @@ def subject_of(
     fitted = records if held_out else [r.part(0, int(_PART * len(r.time))) for r in records]
     spread = _spread(fitted)
     best = None
-    for smooth in (False, True) if len(model.inputs) and len(model.states) else (False,):
+    ways = [False] if interpolate is None else [interpolate]
+    if interpolate is None and len(model.inputs) and len(model.states):
+        ways = [False, True]
+    for smooth in ways:
         inputs = (smooth,) * len(model.inputs)
         parts = _divided(
             Problem(model, (), spread, (), frozenset(hold), values),
@@ -324,7 +352,7 @@ def divided_as_read(subject: Subject, reading: Reading) -> tuple[Problem, tuple[
     model = problem.model
     records = tuple(reading.apply(model, r) for r in problem.records)
     left_out = tuple(replace(o, record=reading.apply(model, o.record)) for o in subject.left_out)
-    starts = tuple(start_prior(model, r, reading) for r in records)
+    starts = tuple(start_prior(problem, r, reading) for r in records)
     changed = replace(problem, records=records, spread=_spread(records), starts=starts)
     if reading.kind is ReadingKind.CLOCK:
         changed = replace(changed, substeps=_substeps(changed, records, changed.mean))
@@ -344,7 +372,7 @@ def _divided(
     q: Array | None = None,
 ) -> tuple[Problem, tuple[LeftOut, ...]]:
     """Return the problem over what is fitted, and what is left out, by runs at `q` or nominal."""
-    most = max(_MOST // max(len(records), 1), _FEWEST)
+    most = _MOST if len(records) == 1 else _MOST // 2
     q = problem.mean if q is None else q
     problem = replace(problem, substeps=_substeps(problem, records, q))
     longest = max(_LONGEST // max(len(records), 1), _SHORTEST)
@@ -357,7 +385,7 @@ def _divided(
         cuts = [int(_PART * len(r.time)) for r in whole]
         fitted = [r.part(0, cut) for r, cut in zip(whole, cuts, strict=True)]
         left_out = [LeftOut(r, cut, i) for i, (r, cut) in enumerate(zip(whole, cuts, strict=True))]
-    starts = tuple(start_prior(problem.model, r) for r in fitted)
+    starts = tuple(start_prior(problem, r) for r in fitted)
     return replace(problem, records=tuple(fitted), starts=starts), tuple(left_out)
 
 
@@ -369,7 +397,7 @@ def _substeps(problem: Problem, records: Sequence[Record], q: Array) -> int:
     for record in records:
         for substeps in (1, 8, 60):
             course = model.run(
-                record, replace(setting, substeps=substeps), start_prior(model, record).mean
+                record, replace(setting, substeps=substeps), start_prior(problem, record).mean
             )
             if course is not None:
                 counts.append(model.substeps(record, setting, course))

@@ -80,7 +80,6 @@ class PerturbedLaws:
         self.names = list(self._additions)
         # `_function` over n points, by n
         self._functions_over_points: dict[int, ca.Function] = {}
-        self._computed_from: dict[str, set[str]] = {}
 
     def _recording_class(self, cls: type[Component]) -> type[Component]:
         """Return a subclass whose laws add their symbol to their value.
@@ -193,11 +192,12 @@ class PerturbedLaws:
 
     def computed_from(self, signal: str) -> set[str]:
         """Return the inputs and states that a law depends on; for another signal, its own name."""
-        if signal not in self._values:
-            return {signal}
-        if signal not in self._computed_from:
-            self._computed_from[signal] = self._signals_in(self._values[signal])
-        return set(self._computed_from[signal])
+        return set(self._inside[signal]) if signal in self._values else {signal}
+
+    @cached_property
+    def _inside(self) -> dict[str, frozenset[str]]:
+        """Inputs and states that each law depends on."""
+        return {law: frozenset(self._signals_in(value)) for law, value in self._values.items()}
 
     @uninterrupted()
     def _signals_in(self, expression: ca.SX) -> set[str]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...kit import Parameter, Size, State, Term, absolute, exp, sqrt, tanh, where
+from ...kit import Parameter, Size, State, Term, absolute, exp
+from ...kit.curves import tanhc
 from .base import ActuatorEffect
 
 # Time constant in seconds below which a lag is not resolved; at zero it would be infinitely stiff.
@@ -20,9 +21,6 @@ def _regular(time: Any) -> Any:
     return time + _SHORTEST_LAG * exp(-time / _SHORTEST_LAG)
 
 
-# z^2 below which tanh(z)/z is computed from its series; the truncation error is below rounding, and
-# that of the slope below 1e-12.
-_SMALL = 1e-6
 # Charge of both signs separates the even from the odd part, so these are two causes.
 _EVEN, _ODD = (f"{part} part of charge_elongation over charge" for part in ("even", "odd"))
 _BEHIND = "charge_elongation remembering charge"
@@ -147,10 +145,7 @@ class StrainSaturation(ActuatorEffect):
         base model.
         """
         square = self.strain_saturation_coefficient * (charge * charge)
-        small = square < _SMALL
-        z = sqrt(where(small, 1.0, square))  # the root is not differentiable at zero
-        series = 1.0 - square * (1.0 / 3.0 - square * (2.0 / 15.0))
-        return super().charge_elongation(charge) * where(small, series, tanh(z) / z)
+        return super().charge_elongation(charge) * tanhc(square)
 
 
 class SlowStrainSaturation(ActuatorEffect):

@@ -81,13 +81,16 @@ def output_courses(diagnosis: Diagnosis) -> list[OutputCourse]:
 
 def simulations(diagnosis: Diagnosis, course: OutputCourse) -> list[tuple[str, Array, str]]:
     """Return the simulated courses of an output that a chart shows: label, values and colour."""
+    before, after = "without terms", "with terms"
+    if diagnosis.reading is not None:
+        before, after = diagnosis.reading.kind.value.models
+    elif not diagnosis.is_named:
+        before = "model, parameters fitted"
     result = []
     if np.isfinite(course.before).any():
-        label = "without terms" if diagnosis.reading is None else "model, file as read"
-        result.append((label, course.before, pictures.MODEL))
+        result.append((before, course.before, pictures.MODEL))
     if diagnosis.is_named:
-        label = "with terms" if diagnosis.terms else "model, file corrected"
-        result.append((label, course.after, pictures.FITTED))
+        result.append((after, course.after, pictures.FITTED))
     return result
 
 

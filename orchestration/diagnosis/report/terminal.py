@@ -15,9 +15,9 @@ from orchestration.diagnosis.terms import Term
 from orchestration.reporting import plain_table
 
 Rows = Sequence[tuple[str, ...]]
-GROUP_HEAD = ("probability", "cause", "shape", "memory", "together with", "error")
+GROUP_HEAD = ("probability", "cause", "error", "shape", "memory", "together with")
 LADDER_HEAD = ("model", "error")
-REMAINDER_HEAD = ("output", "error", "noise widths", "pace", "correlation of neighbours")
+REMAINDER_HEAD = ("output", "error", "noise widths", "pace", "correlation")
 PARAMETER_HEAD = ("parameter", "value", "95 % interval", "nominal")
 _FIGURES = ("probability", "error", "noise widths", "value", "nominal", REMAINDER_HEAD[-1])
 
@@ -62,10 +62,10 @@ def group_rows(diagnosis: Diagnosis) -> Rows:
             (
                 wording.percent(cause.probability),
                 wording.cause_text(diagnosis, cause),
+                wording.error_text(diagnosis.error(cause.judged)),
                 shape_text(term) if term else "",
                 memory_text(term) if term else "",
                 "; ".join(wording.part_text(diagnosis, part) for part in others),
-                wording.error_text(diagnosis.error(cause.judged)),
             )
         )
     return rows

@@ -8,7 +8,7 @@ from math import isfinite
 from fmus.kit.units import format_value
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.engine import Diagnosis
-from orchestration.diagnosis.readings import Reading
+from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.remainder import Remainder
 from orchestration.diagnosis.term_names import sentence
 from orchestration.diagnosis.terms import Term
@@ -18,7 +18,8 @@ from orchestration.reporting.html import format_ends
 
 ERROR = (
     "Errors are root mean squares of measured minus simulated in a free run, in percent of the"
-    " standard deviation of the measurement, on samples by which nothing was fitted or chosen."
+    " standard deviation of the measurement, on samples by which nothing was fitted or chosen;"
+    " they are slow if neighbouring samples correlate by more than 0.5."
 )
 
 
@@ -92,7 +93,7 @@ def support(diagnosis: Diagnosis) -> str:
             f"{name} {error_text(before[name])} → {error_text(after[name])}" for name in known
         ]
         sentences.append(f"Error on unseen samples: {', '.join(changes)}.")
-    sentences += [remainder_sentence(one) for one in _largest_first(diagnosis.remainders)[:1]]
+    sentences += [remainder_sentence(one) for one in _structured_first(diagnosis.remainders)[:1]]
     return " ".join(sentences)
 
 
@@ -124,8 +125,8 @@ def next_step(diagnosis: Diagnosis) -> str:
 
 def _next_of_consistent(diagnosis: Diagnosis) -> str:
     """Return how far the model may be used."""
-    largest = _largest_first(diagnosis.remainders)
-    error = f", within {error_text(largest[0].share)} of {largest[0].output}" if largest else ""
+    largest = max(diagnosis.remainders, key=lambda one: one.share, default=None)
+    error = f", within {error_text(largest.share)} of {largest.output}" if largest else ""
     return (
         f"use the model as it is{error}; a record at other levels and rates tests it where this one"
         " does not."
@@ -134,8 +135,13 @@ def _next_of_consistent(diagnosis: Diagnosis) -> str:
 
 def _next_of_recalibrate(diagnosis: Diagnosis) -> str:
     """Return the values to use."""
-    sets = [f"{n}={diagnosis.parameters[n].value:.4g}" for n in diagnosis.changed]
-    return f"use the model with {', '.join(sets)}; {option('fmu', 'fitted.fmu')} builds it."
+    values = ", ".join(_settings(diagnosis, diagnosis.changed))
+    return f"use the model with {values}; {option('fmu', 'fitted.fmu')} builds it."
+
+
+def _settings(diagnosis: Diagnosis, names: Sequence[str]) -> list[str]:
+    """Return fitted values as they are set."""
+    return [f"{name}={diagnosis.parameters[name].value:.4g}" for name in names]
 
 
 def _next_of_cause(diagnosis: Diagnosis) -> str:
@@ -149,13 +155,27 @@ def _next_of_cause(diagnosis: Diagnosis) -> str:
 
 
 def _next_of_misread(diagnosis: Diagnosis, reading: Reading) -> str:
-    """Return how to correct the files."""
+    """Return how to correct the files, or where to start."""
+    if reading.kind is ReadingKind.START:
+        return _next_of_start(diagnosis)
     ways = " or ".join(one.correction for one in (reading, *reading.instead))
     check = "" if diagnosis.verdict == "cause" else "check file and wiring; if it is so, "
     return (
         f"{check}{ways} ({files(diagnosis)}), and diagnose it again;"
         f" {option('fmu', 'fitted.fmu')} builds the model fitted to the corrected values."
     )
+
+
+def _next_of_start(diagnosis: Diagnosis) -> str:
+    """Return where the model is to start."""
+    declared = diagnosis.subject.problem.model
+    starts = [declared.parameters[i].name for i in declared.start_positions]
+    # of several records each has its own
+    estimates = [(n, diagnosis.parameters[n]) for n in starts if n in diagnosis.parameters]
+    other = [n for n, e in estimates if not e.interval[0] <= e.nominal <= e.interval[1]]
+    sets = " ".join(str(option("set", text)) for text in _settings(diagnosis, other))
+    ways = f"start the model there, with {sets}," if sets else "start the model where the run does"
+    return f"{ways} or begin a record at rest; {option('fmu', 'fitted.fmu')} builds it so."
 
 
 def _next_of_ambiguous(diagnosis: Diagnosis) -> str:
@@ -165,7 +185,7 @@ def _next_of_ambiguous(diagnosis: Diagnosis) -> str:
 
 def _next_of_unexplained(diagnosis: Diagnosis) -> str:
     """Return where to look for what no term explains."""
-    largest = _largest_first(diagnosis.remainders)
+    largest = _structured_first(diagnosis.remainders)
     output = largest[0].output if largest else "the output"
     look = (
         f"look where measured minus simulated of {output} is largest, and for an input that was not"
@@ -216,8 +236,9 @@ def interval(diagnosis: Diagnosis, name: str, estimate: Estimate) -> str:
     return "not determined"
 
 
-def _largest_first(remainders: Sequence[Remainder]) -> list[Remainder]:
-    return sorted(remainders, key=lambda one: -one.share)
+def _structured_first(remainders: Sequence[Remainder]) -> list[Remainder]:
+    """Return remainders that are more than noise first, and each kind by its size."""
+    return sorted(remainders, key=lambda one: (not one.is_more_than_noise, -one.share))
 
 
 def _listed(names: Sequence[str]) -> str:

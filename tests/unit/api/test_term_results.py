@@ -20,7 +20,7 @@ def test_the_result_in_python_has_the_attributes_of_any_diagnosis():
     assert "cause friction(velocity): oscillator, oscillator_1.csv" in repr(result)
 
 
-@pytest.mark.parametrize("option", [{"laws": False}, {"effects": []}, {"interpolate": True}])
+@pytest.mark.parametrize("option", [{"laws": False}, {"each": ["R1"]}])
 def test_options_of_the_old_engine_are_refused(option):
     (name,) = option
     with pytest.raises(UserError, match=rf"{name}.*: the new engine does not take it"):

@@ -261,7 +261,7 @@ def test_the_new_engine_goes_end_to_end(tmp_path):
     explained = ("--explain", "friction(velocity),nothing", "--require", "cause")
     text = works(*words, *written, *explained, cwd=tmp_path)
     assert "friction over velocity" in text
-    assert "friction(velocity) is ahead of the model without terms" in text
+    assert "friction(velocity) is ahead of the model as it is" in text
     figures = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
     assert figures["engine"] == "new"
     assert figures["causes"][0]["effect"] == "friction(velocity)"
@@ -274,7 +274,16 @@ def test_the_new_engine_goes_end_to_end(tmp_path):
 def test_options_of_one_engine_are_refused_by_the_other(tmp_path):
     words = _rubbing(tmp_path)
     message = fails(*words, "--no-laws", cwd=tmp_path)
-    assert "--no-laws: the new engine does not take it" in message
+    assert "--no-laws: the new engine does not take it, as it searches laws and effects" in message
+    text = works(*words, "--no-laws", "--effects", "none", cwd=tmp_path)
+    assert "parameters" in text
+    assert "causes" not in text
+    message = fails(*words, "--compare", "2.csv", cwd=tmp_path)
+    assert "--compare: the new engine does not take it, as it does not diagnose changes" in message
+    message = fails(*words, "--fit", "mas", cwd=tmp_path)
+    assert "--fit mas: no parameter named 'mas'" in message
+    message = fails(*words, "--effects", "stiction", cwd=tmp_path)
+    assert "--effects stiction: the new engine has no effect named 'stiction'" in message
     message = fails(*words, "--explain", "friction(velocity)", cwd=tmp_path)
     assert "it takes two candidates, not 1" in message
     message = fails(*words[:-2], "--explain", "a(b),nothing", cwd=tmp_path)

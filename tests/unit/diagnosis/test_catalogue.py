@@ -13,14 +13,15 @@ from orchestration.diagnosis import Found, Shape, Term
 from orchestration.diagnosis.catalogue import named_terms, usable_effects
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import conclude
+from orchestration.diagnosis.courses import courses_of
 from orchestration.diagnosis.extension import extended_component
-from orchestration.diagnosis.law_model import Setting
+from orchestration.diagnosis.fitting import Fit, Problem, StartPrior, nominal_point
 from orchestration.diagnosis.screening import Screen
 from orchestration.diagnosis.search import search
 from orchestration.diagnosis.subject import subject_of
 from orchestration.diagnosis.terms import NamedTerm
 from orchestration.fmu import find_model
-from tests.support.diagnosed_tank import AREA, DRAIN, START, drawn, tank
+from tests.support.diagnosed_tank import START, drawn, tank
 
 SPREAD = np.array([0.5, 0.3])
 RNG = np.random.default_rng(3)
@@ -28,13 +29,13 @@ WHITE, SEEN = RNG.standard_normal((300, 1)), RNG.standard_normal((200, 1))
 
 
 def proposed() -> list:
-    record = drawn()
-    parameters = np.array([AREA, DRAIN, START])
-    setting = Setting(parameters, np.array([0, 1]), substeps=4)
-    course = tank().run(record, setting, np.array([START]))
-    assert course is not None
-    part = tank().linearise(record, setting, course)
-    return list(named_terms(tank(), setting, [record], [course], [part], SPREAD))
+    starts = (StartPrior(np.array([START]), np.ones(1)),)
+    problem = Problem(tank(), (drawn(),), SPREAD, starts, substeps=4)
+    point = nominal_point(problem)
+    fitted = Fit(problem, (), point, (), 0.0, np.zeros((3, 3)))
+    along = courses_of(fitted, problem.records, point.starts)
+    assert along is not None
+    return list(named_terms(along))
 
 
 def test_the_response_at_null_is_that_of_small_runs() -> None:
@@ -65,7 +66,9 @@ def test_outputs_that_were_not_measured_do_not_hide_what_is_proposed() -> None:
     subject = subject_of(tank(), [replace(record, outputs=outputs)])
     assert subject is not None
     fitted = subject.base
-    screen = Screen(fitted, fitted.problem.records, fitted.point.starts, named=True)
+    along = courses_of(fitted, fitted.problem.records, fitted.point.starts)
+    assert along is not None
+    screen = Screen(along, named=True)
     value, _ = screen.propose(1)[0]
     assert value > 3.0
 

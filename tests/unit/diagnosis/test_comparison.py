@@ -12,12 +12,13 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 
 from fmus.kit.arrays import Array
-from orchestration.diagnosis import Memory, Shape, Term, compare
+from orchestration.diagnosis import Memory, Shape, Term
 from orchestration.diagnosis.comparison import (
     Common,
     Comparison,
     Judged,
     common_of,
+    compare,
     difference,
     words,
 )

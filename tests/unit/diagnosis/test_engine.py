@@ -11,6 +11,7 @@ import pytest
 from fmus.kit import Component, Discrete, Output, UserError
 from orchestration.diagnosis import (
     Found,
+    Options,
     Subject,
     diagnose,
     engine,
@@ -92,7 +93,7 @@ def test_a_large_slow_error_is_never_consistent():
 def without_search(monkeypatch):
     """Fit the model as it is, and nothing else."""
     monkeypatch.setattr(
-        engine, "search", lambda subject, _: Found(subject, subject.judge(subject.base))
+        engine, "search", lambda subject, *_: Found(subject, subject.judge(subject.base))
     )
 
 
@@ -127,7 +128,7 @@ def test_an_absent_input_stands_at_its_start_value():
 def test_an_input_that_is_given_is_constant():
     record = oscillator_record(1, samples=60)
     free = replace(record, signals={"position": 0.1 * np.cos(4.4 * record.time)})
-    given = diagnose([free], MODEL, given={"force": 0.5})
+    given = diagnose([free], MODEL, options=Options(given={"force": 0.5}))
     assert (given.subject.problem.records[0].inputs == 0.5).all()
     assert given.notes == ()
 
@@ -156,7 +157,7 @@ def test_a_record_without_outputs_is_refused():
     with pytest.raises(UserError, match="oscillator: no record has any of position"):
         diagnose([only], MODEL)
     with pytest.raises(UserError, match="no parameter named 'mas'"):
-        diagnose([record], MODEL, hold=["mas"])
+        diagnose([record], MODEL, options=Options(hold=["mas"]))
 
 
 @pytest.mark.usefixtures("without_search")
@@ -190,6 +191,43 @@ def test_no_terms_are_judged_that_take_more_than_the_record_tells() -> None:
 
 def _first(subject: Subject, count: int) -> KernelRecord:
     return subject.problem.records[0].part(0, count)
+
+
+def test_without_effects_and_laws_only_the_parameters_are_fitted():
+    """Even of a plant with dry friction, whose error is then left and said."""
+    options = Options(effects=[], laws=False)
+    diagnosis = diagnose([oscillator_record(1, dry=1.5)], MODEL, options=options)
+    assert diagnosis.found.fits == []
+    assert diagnosis.causes == ()
+    right = diagnose([oscillator_record(1, damping=1.1)], MODEL, options=options)
+    assert (right.verdict, right.changed) == ("recalibrate", ("damping",))
+
+
+@pytest.mark.usefixtures("without_search")
+@pytest.mark.parametrize("interpolate", [False, True])
+def test_inputs_are_between_samples_as_the_user_says(interpolate):
+    options = Options(interpolate=interpolate)
+    diagnosis = diagnose([oscillator_record(1, samples=80)], MODEL, options=options)
+    assert diagnosis.subject.problem.records[0].smooth == (interpolate,)
+
+
+@pytest.mark.usefixtures("without_search")
+def test_only_parameters_that_are_to_be_fitted_move():
+    record = oscillator_record(1, damping=1.1)
+    diagnosis = diagnose([record], MODEL, options=Options(fit=["damping"]))
+    fitted = diagnosis.parameters
+    assert {"mass", "stiffness"}.isdisjoint(fitted)
+    low, high = fitted["damping"].interval
+    assert low < 1.1 < high
+
+
+def test_a_search_without_time_has_no_fits_and_a_note():
+    options = Options(time=0.0)
+    diagnosis = diagnose([oscillator_record(1, samples=100)], MODEL, options=options)
+    assert diagnosis.found.fits == []
+    (note,) = diagnosis.notes
+    assert note[0] == "time"
+    assert "time is up after 0 s of processor time" in note[2]
 
 
 def test_a_record_of_which_the_beginning_alone_is_used_is_noted():

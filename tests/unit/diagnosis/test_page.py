@@ -64,11 +64,19 @@ def test_the_page_of_a_misread_file_shows_the_corrected_record(dry):
     reading = Reading(ReadingKind.SIGN, ("force",), factor=-1.0)
     html = make_page(diagnosis_read_as(record, reading)).html()
     for text in (
-        "measured (corrected)",
         "model, file as read",
-        "The record is corrected: force has the opposite sign in the file.",
+        "model, file corrected",
+        "In the file force has the opposite sign.",
         "Multiply force by −1 (rubbing.csv), and diagnose it again",
     ):
         assert text in html
-    for text in ("<th>Memory</th>", "with terms", "What the terms add"):
+    for text in ("<th>Memory</th>", "measured, corrected", "with terms", "What the terms add"):
         assert text not in html
+
+
+def test_every_set_is_listed_once_by_its_best_fit(dry):
+    """A set is fitted again in the noise that it leaves."""
+    twice = replace(dry, found=replace(dry.found, fits=[*dry.found.fits, *dry.found.fits]))
+    html = make_page(twice).html()
+    assert f"{2 * len(dry.found.fits)} fits of sets of terms" in html
+    assert html.count("<td>friction over velocity, a tanh(x/w)</td>") == 1

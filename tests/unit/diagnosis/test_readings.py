@@ -111,6 +111,19 @@ def test_a_late_column_is_moved_back(samples: int, told: str, model: LawModel) -
     assert output.sentence == f"first is 1.5 s {told}"
 
 
+def test_a_late_column_is_moved_back_at_any_instants(model: LawModel) -> None:
+    """To the nearest sample: within half a step of the signal as it was."""
+    time = np.cumsum(np.random.default_rng(5).uniform(0.05, 0.4, 200))
+    late = np.sin(0.3 * (time - 1.7))
+    record = replace(
+        right(), time=time, inputs=np.zeros((200, 2)), outputs=np.column_stack([late, late])
+    )
+    read = Reading(ReadingKind.LATE, ("first",), shift=1.7).apply(model, record).outputs[:, 0]
+    inside = np.isfinite(read)
+    assert 190 <= inside.sum() < 200
+    assert np.abs(read - np.sin(0.3 * time))[inside].max() <= 0.3 * 0.2
+
+
 def test_only_columns_that_move_are_read_otherwise(model: LawModel) -> None:
     record = right()
     inputs, outputs = record.inputs.copy(), record.outputs.copy()
@@ -162,7 +175,7 @@ def test_units_are_those_of_the_quantity(model: LawModel) -> None:
         ),
         (
             Reading(ReadingKind.START, (), shift=1.0),
-            "the start states are not those of the model",
+            "the run has other start states than the model",
             "set the start states of the model",
         ),
         (

@@ -70,26 +70,4 @@ def test_what_remains_and_the_shift_are_those_of_ridge_regression() -> None:
     coefficients = np.array([0.3, -0.7])
     rest = TARGET - COLUMNS[:, [0, 2]] @ coefficients
     assert FOUND.shift(np.array([0, 2]), coefficients) == pytest.approx(others(rest))
-    left = remaining(rest)
-    two = replace(FOUND, groups=(slice(0, 15), slice(15, 40)))
-    sums = [np.sum(part**2) for part in np.split(left, [15, 40])]
-    assert two.squares_left(np.array([0, 2]), coefficients) == pytest.approx(sums)
-    assert two.squares[:2].sum() == pytest.approx(FOUND.squares[0])
-
-
-def test_one_column_more_is_that_of_all_together() -> None:
-    """By ridge regression over single columns, and over the first two with each of others."""
-    rng = np.random.default_rng(8)
-    found = Projection(TARGET, rng.normal(size=(40, 6)), OTHERS, (slice(0, 9), slice(9, 40)))
-    ridge = rng.uniform(0.1, 2.0, 6)
-
-    def expected(places: list[int]) -> np.ndarray:
-        products = found.products(np.array(places)) + np.diag(ridge[places])
-        values = np.linalg.solve(products, found.moments[places])
-        return found.squares_left(np.array(places), values)
-
-    places = np.array([5, 2, 3])
-    singles = np.array([expected([k]) for k in (5, 2, 3)]).T
-    assert found.squares_by_single(places, ridge) == pytest.approx(singles)
-    more = np.array([expected([0, 1, k]) for k in (5, 2, 3)]).T
-    assert found.squares_with_one_more(np.array([0, 1]), places, ridge) == pytest.approx(more)
+    assert FOUND.left(np.array([0, 2]), coefficients) == pytest.approx(remaining(rest))

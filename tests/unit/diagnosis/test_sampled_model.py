@@ -12,15 +12,19 @@ import pytest
 
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
-from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term
+from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term, diagnose
 from orchestration.diagnosis.catalogue import named_terms
+from orchestration.diagnosis.courses import Courses, courses_of
+from orchestration.diagnosis.fitting import Fit, Problem, StartPrior, nominal_point
 from orchestration.diagnosis.law_model import Course, Setting
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.responses import respond
 from orchestration.diagnosis.screening import alike
 from orchestration.fmu import find_model
+from orchestration.fmu.model import declared_model_of
+from orchestration.records import Record as MeasuredRecord
 from tests.contract.raw import instance
-from tests.support.sampled_loop import KI, START, driven, exact, sampled_loop
+from tests.support.sampled_loop import KI, START, SampledLoop, driven, exact, sampled_loop
 
 FREE = np.arange(4)  # gain, lag, kp, ki
 
@@ -35,6 +39,17 @@ def run(record: Record, setting: Setting, start: Array = START, sensitive: bool 
     course = sampled_loop().run(record, setting, start, sensitive=sensitive)
     assert course is not None
     return course
+
+
+def along(record: Record) -> Courses:
+    """Return the courses of the nominal loop over a record in which both outputs are measured."""
+    record = replace(record, outputs=np.zeros((len(record.time), 2)))
+    prior = StartPrior(START, np.ones(len(START)))
+    problem = Problem(sampled_loop(), (record,), np.ones(2), (prior,), substeps=12)
+    fitted = Fit(problem, (), nominal_point(problem), (), 0.0, np.zeros((0, 0)))
+    courses = courses_of(fitted, problem.records, (START,))
+    assert courses is not None
+    return courses
 
 
 @pytest.mark.parametrize("step", [0.1, 0.05, 0.03, 0.25, 0.37])
@@ -195,10 +210,8 @@ def test_responses_of_a_memory_are_those_of_runs() -> None:
 
 
 def test_an_effect_that_acts_through_a_discrete_state_is_proposed() -> None:
-    model, record, setting = sampled_loop(), driven(120, 0.07), setting_of()
-    course = run(record, setting)
-    part = model.linearise(record, setting, course)
-    (one,) = named_terms(model, setting, [record], [course], [part], np.ones(2))
+    record, setting = driven(120, 0.07), setting_of()
+    (one,) = named_terms(along(record))
     assert one.term.effect == "bend"
     h = 1e-5
     size = one.term.released[0].scale.size
@@ -212,8 +225,7 @@ def test_an_effect_that_acts_through_a_discrete_state_is_proposed() -> None:
 
 def test_the_linearisation_with_an_effect_is_that_of_its_runs() -> None:
     model, record, setting = sampled_loop(), driven(60, 0.07), setting_of()
-    part = model.linearise(record, setting, run(record, setting))
-    (one,) = named_terms(model, setting, [record], [run(record, setting)], [part], np.ones(2))
+    (one,) = named_terms(along(record))
     bent = replace(setting, terms=(one.term,), values=one.term.values(0.3))
     course = run(record, bent, sensitive=True)
     law = np.array([model.laws.index("drive")])
@@ -250,3 +262,28 @@ def test_a_file_in_another_clock_has_no_more_ticks_than_a_run_can_take() -> None
 
 def test_clocks_keep_their_instants() -> None:
     assert sampled_loop().clock_parameters == {"period", "shift"}
+
+
+def measured(seed: int, cube: float) -> MeasuredRecord:
+    """Return a record of the loop whose controller takes ``e + cube e^3`` for its error."""
+    rng = np.random.default_rng(seed)
+    record = driven(300, 0.04)
+    steps = rng.uniform(-1.5, 1.5, (20, 2)) * (1.0, 0.3)
+    record = replace(record, inputs=np.repeat(steps, 15, axis=0))
+    shown = exact(record, np.zeros(3), lambda e: e + cube * e**3)[:, :2]
+    columns = np.hstack([record.inputs, shown + 0.003 * rng.standard_normal(shown.shape)])
+    names = ("reference", "load", "shown", "issued")
+    signals = dict(zip(names, columns.T, strict=True))
+    return MeasuredRecord(record.time, signals, dict.fromkeys(names, "1"), Path(f"{seed}.csv"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cube", [0.0, 0.4])
+def test_a_controller_that_bends_is_the_cause_and_a_clean_loop_is_silent(cube: float) -> None:
+    found = diagnose([measured(11, cube)], declared_model_of(SampledLoop), [measured(12, cube)])
+    if not cube:
+        assert found.verdict == "consistent"
+        return
+    assert found.verdict == "cause"
+    assert {term.law for term in found.causes[0].terms} <= {"error", "next_command", "next_total"}
+    assert found.error(found.final) < 0.1 * found.error(found.found.base)

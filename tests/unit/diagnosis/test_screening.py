@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term
+from orchestration.diagnosis.courses import courses_of
 from orchestration.diagnosis.fitting import (
     Fit,
     Problem,
@@ -58,7 +59,9 @@ def screened(size: float = 40.0) -> tuple[Screen, Fit]:
     assert course is not None
     errors = ((record.outputs - course.outputs) / problem.spread,)
     found = Fit(problem, (), nominal_point(problem), errors, 0.0, np.zeros((5, 5)))
-    return Screen(found, problem.records, found.point.starts), found
+    along = courses_of(found, problem.records, found.point.starts)
+    assert along is not None
+    return Screen(along), found
 
 
 def weight(found: Fit) -> float:
@@ -262,7 +265,9 @@ def test_an_output_that_is_followed_well_hides_no_other() -> None:
     problem = Problem(LawModel(Pair), (record,), outputs.std(axis=0), starts)
     base = fit(problem, (), [nominal_point(problem)], [np.full(2, 10.0)])
     assert base is not None
-    screen = Screen(base, problem.records, base.point.starts)
+    along = courses_of(base, problem.records, base.point.starts)
+    assert along is not None
+    screen = Screen(along)
     value, (first,) = screen.propose(1)[0]
     assert value > 0.0
     assert screen.candidates[first].term.cause == ("leak", "b")
@@ -375,7 +380,9 @@ def noisy(cls: type[Component]) -> Screen:
     record = replace(record, outputs=course.outputs + noise)
     problem = replace(problem, records=(record,))
     fitted = Fit(problem, (), point, (noise,), 0.0, np.zeros((3, 3)))
-    return Screen(fitted, problem.records, point.starts)
+    along = courses_of(fitted, problem.records, point.starts)
+    assert along is not None
+    return Screen(along)
 
 
 def test_laws_of_one_signal_are_no_signals() -> None:
@@ -411,3 +418,12 @@ def test_a_law_is_no_signal_of_those_that_act_alike() -> None:
     """But remembered, or as a factor, it may be."""
     plain = [c.term for c in tank().candidates if c.term.memory is Memory.NONE]
     assert not any(t.signal == "mixed" and not t.factor for t in plain)
+
+
+def test_partners_are_those_that_gain_most_beside_a_candidate() -> None:
+    """Those of one coefficient, by the sets' own values."""
+    screen, _ = screened()
+    first = int(np.argmax([screen.value([i]) for i in range(len(screen.candidates))]))
+    simple = [j for j in np.flatnonzero(np.diff(screen.ends) == 1).tolist() if j != first]
+    ranked = sorted(simple, key=lambda j: -screen.value((first, j)))
+    assert set(ranked[:10]) <= set(screen._partners(first))

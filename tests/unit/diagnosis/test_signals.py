@@ -6,29 +6,42 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from fmus.kit.arrays import Array
 from orchestration.diagnosis import Memory
 from orchestration.diagnosis.signals import distinct, lagged, scale_of_signal, seen
 
 TIME = np.linspace(0.0, 20.0, 401)
 RNG = np.random.default_rng(2)
+UNEVEN = np.cumsum(np.random.default_rng(3).uniform(0.005, 0.2, 401))
 WAVE = np.sin(1.1 * TIME) + 0.5 * np.sin(2.7 * TIME + 1.0)
 OTHER = np.cumsum(RNG.standard_normal(401))
 KINDS = [Memory.LAG, Memory.FADING, Memory.PLAY, Memory.DAHL]
 
 
 @pytest.mark.parametrize("constant", [0.1, 1.3, 8.0])
-def test_a_lag_solves_its_equation(constant: float) -> None:
+@pytest.mark.parametrize("time", [TIME, UNEVEN], ids=["even", "uneven"])
+def test_a_lag_solves_its_equation(constant: float, time: Array) -> None:
     """Of a signal in straight lines between samples, from equilibrium."""
 
     z = [WAVE[0]]
-    for k in range(100):
-        step = TIME[k], TIME[k + 1]
+    for k in range(60):
+        step = time[k], time[k + 1]
 
         def rate(t: float, z: float, step: tuple = step, k: int = k) -> float:
             return (np.interp(t, step, WAVE[k : k + 2]) - z) / constant
 
         z.append(solve_ivp(rate, step, [z[-1]], rtol=1e-9, atol=1e-11).y[0, -1])
-    assert lagged(WAVE, TIME, constant)[:101] == pytest.approx(z, abs=1e-8)
+    assert lagged(WAVE, time, constant)[:61] == pytest.approx(z, abs=1e-8)
+
+
+def test_a_lag_of_a_step_is_an_exponential_at_any_instants() -> None:
+    """In closed form, over steps of a thousandth to thirty time constants."""
+    time = np.append(0.0, np.cumsum(np.geomspace(1e-3, 30.0, 50)))
+    values = np.append(0.0, np.ones(50))
+    first = time[1]  # the signal rises along the first step
+    begun = 1.0 + np.expm1(-first) / first
+    expected = 1.0 - (1.0 - begun) * np.exp(-(time[1:] - first))
+    assert lagged(values, time, 1.0)[1:] == pytest.approx(expected, abs=1e-12)
 
 
 def memories(kind: Memory) -> list:

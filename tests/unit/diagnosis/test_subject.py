@@ -79,8 +79,11 @@ def test_a_held_out_record_starts_by_its_own_first_samples() -> None:
 def test_a_start_is_read_off_an_output_that_is_the_state() -> None:
     record = drawn(start=np.array([0.3, 0.0]))
     record.outputs[0] = np.nan
-    prior = start_prior(mass(), record)
+    problem = made(record).problem
+    prior = start_prior(problem, record)
     assert prior.mean == pytest.approx([record.outputs[1, 0], 0.0])
+    moving = start_prior(replace(problem, values={"v_start": 0.7}), record)
+    assert moving.mean == pytest.approx([record.outputs[1, 0], 0.7])
     first = record.outputs[:6, 0]
     assert prior.deviation == pytest.approx([max(2.0 * np.nanstd(first), 0.002), 0.1])
 
@@ -125,7 +128,7 @@ def test_a_long_record_is_thinned_where_the_model_sees_no_difference() -> None:
 def test_of_a_long_record_that_cannot_be_thinned_the_beginning_is_used() -> None:
     """Of 4,800 samples two thirds are fitted, and a third is left out."""
     count = 6000
-    pushes = 50.0 * np.random.default_rng(5).choice([-1.0, 1.0], count)
+    pushes = np.random.default_rng(5).uniform(10.0, 50.0, count) * (-1.0) ** np.arange(count)
     record = replace(pushed(count), inputs=pushes[:, None])
     states = exact(record, TRUTH, START, pushes)
     subject = made(replace(record, outputs=states[:, :1]))

@@ -14,6 +14,7 @@ from orchestration.diagnosis.report.curves import (
 )
 from orchestration.diagnosis.terms import Memory, Shape, Term
 from tests.support.oscillator import (
+    DRY,
     diagnosis_read_as,
     diagnosis_with,
     misread,
@@ -70,3 +71,9 @@ def test_a_misread_output_is_shown_corrected_and_without_the_model_of_the_file()
     (course,) = output_courses(diagnosis)
     assert course.measured == pytest.approx(right.signals["position"])
     assert [label for label, *_ in simulations(diagnosis, course)] == ["model, file corrected"]
+
+
+def test_a_model_without_terms_that_is_the_answer_is_called_fitted():
+    right = diagnosis_with(oscillator_record(1), (DRY,))
+    (course,) = output_courses(right)
+    assert [label for label, *_ in simulations(right, course)] == ["model, parameters fitted"]

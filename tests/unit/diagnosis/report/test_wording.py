@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.remainder import Remainder
 from orchestration.diagnosis.report import wording
 from orchestration.reporting import in_shell
-from tests.support.oscillator import with_group
+from tests.support.oscillator import diagnosis_read_as, oscillator_record, with_group
 
 
 def test_headline_gives_each_cause_its_percent_and_the_rest(dry):
@@ -81,3 +84,28 @@ def test_every_verdict_has_a_next_step(dry, verdict, step):
 def test_what_is_left_is_said_to_be_more_than_noise_if_it_is(correlation, widths, end):
     text = wording.remainder_sentence(Remainder("position", 0.05, widths, correlation))
     assert text == f"Left in position: 5 % of its standard deviation, {widths} noise widths, {end}"
+
+
+def test_a_run_that_starts_elsewhere_is_to_be_started_there():
+    """Of a mass that moves already, at the velocity that its position says."""
+    whole = oscillator_record(1, noise=1e-5)
+    signals = {name: values[200:] for name, values in whole.signals.items()}
+    record = replace(whole, time=whole.time[:-200], signals=signals)
+    moving = diagnosis_read_as(record, Reading(ReadingKind.START, (), shift=1.0))
+    assert "the run has other start states than the model" in wording.headline(moving)
+    with in_shell():
+        step = wording.next_step(moving)
+    velocity = float(re.search(r"--set velocity_start=(\S+?),? ", step).group(1))
+    slope = np.gradient(whole.signals["position"], whole.time)[200]
+    assert velocity == pytest.approx(slope, rel=0.05)
+    assert step.endswith("or begin a record at rest; --fmu fitted.fmu builds it so.")
+
+
+def test_what_is_more_than_noise_is_said_before_what_is_larger(dry):
+    noise, slow = Remainder("position", 0.3, 1.0, 0.0), Remainder("force", 0.1, 4.0, 0.9)
+    one = replace(dry)
+    one.__dict__.update(remainders=(noise, slow))
+    assert "Left in force: 10 %" in wording.support(one)
+    assert "It does not explain all of force yet." in wording.next_step(one)
+    one.__dict__.update(verdict="consistent")
+    assert "within 30 % of position" in wording._NEXT["consistent"](one)

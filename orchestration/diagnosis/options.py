@@ -1,0 +1,123 @@
+"""Options of a diagnosis: what is known of the model, what may be searched, and for how long."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from time import process_time
+
+from fmus.kit import Component, Effect, UserError
+from fmus.kit.errors import suggestion
+from orchestration.diagnosis.catalogue import usable_effects
+from orchestration.reporting import option
+
+_FAMILIES = "families"  # which terms over all laws and signals are, without any name
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of a diagnosis.
+
+    Attributes
+    ----------
+    hold : collection of str
+        Parameters that keep their values.
+    fit : collection of str
+        Parameters that are fitted, all others being held; empty for all.
+    given : Mapping of str to float
+        Nominal values of parameters, and values of inputs that are constant, SI.
+    effects : sequence of str or None
+        Names or ids of the effects of the catalogue that may be causes; by default all.
+    laws : bool
+        Whether terms of the laws may be causes; with effects they always are.
+    interpolate : bool or None
+        Whether inputs go in straight lines between samples, or are held; estimated by default.
+    time : float or None
+        Processor time of the search, s; by default without a limit.
+    """
+
+    hold: Collection[str] = ()
+    fit: Collection[str] = ()
+    given: Mapping[str, float] = field(default_factory=dict)
+    effects: Sequence[str] | None = None
+    laws: bool = True
+    interpolate: bool | None = None
+    time: float | None = None
+
+    @property
+    def recalibrates(self) -> bool:
+        """Whether nothing but parameters is fitted."""
+        return not self.laws and self.effects is not None and not self.effects
+
+    def held(self, parameters: Collection[str]) -> frozenset[str]:
+        """Return the parameters that keep their values.
+
+        Parameters
+        ----------
+        parameters : collection of str
+            Of the model.
+
+        Raises
+        ------
+        UserError
+            If one is unknown, or both held and fitted.
+        """
+        for name, values in (("hold", self.hold), ("fit", self.fit)):
+            unknown = next((value for value in values if value not in parameters), None)
+            if unknown is not None:
+                raise UserError(
+                    f"{option(name, [unknown])}: no parameter named {unknown!r}; there are"
+                    f" {', '.join(parameters)}"
+                )
+        both = next((name for name in self.fit if name in self.hold), None)
+        if both is not None:
+            raise UserError(f"{option('fit', [both])}: {both} is held by {option('hold', [both])}")
+        others = [name for name in parameters if self.fit and name not in self.fit]
+        return frozenset([*self.hold, *others])
+
+    def effects_of(self, cls: type[Component]) -> dict[str, type[Effect]]:
+        """Return the effects of a component's catalogue that may be causes, by name.
+
+        Raises
+        ------
+        UserError
+            If one is unknown, or none that a free run can have.
+        """
+        usable = usable_effects(cls)
+        if self.effects is None or _FAMILIES in self.effects:
+            return usable
+        chosen: dict[str, type[Effect]] = {}
+        for wanted in self.effects:
+            named = {n: e for n, e in usable.items() if wanted in (n, e.id)}
+            if not named:
+                raise UserError(
+                    f"{option('effects', [wanted])}: the new engine has no effect named"
+                    f" {wanted!r}{suggestion(wanted, sorted(usable))}"
+                )
+            chosen |= named
+        return chosen
+
+
+class Deadline:
+    """The end of some processor time of this process, all its threads together.
+
+    Parameters
+    ----------
+    seconds : float or None
+        From now on; None for no end.
+
+    Attributes
+    ----------
+    was_met : bool
+        Whether it never was asked for after its end.
+    """
+
+    def __init__(self, seconds: float | None):
+        self._end = float("inf") if seconds is None else process_time() + seconds
+        self.was_met = True
+
+    def is_over(self) -> bool:
+        """Return whether the time is over; work that is still to be done is then left out."""
+        over = process_time() > self._end
+        self.was_met &= not over
+        return over

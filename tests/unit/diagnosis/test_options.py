@@ -1,0 +1,78 @@
+"""Claims: options restrict what is fitted and searched, and a wrong name is refused in one line."""
+
+from __future__ import annotations
+
+from time import process_time
+
+import pytest
+
+from fmus.kit import UserError
+from orchestration.diagnosis import Options
+from orchestration.diagnosis.options import Deadline
+from orchestration.fmu.model import declared_model
+from tests.support.oscillator_model import Oscillator
+
+NAMES = ["mass", "damping", "stiffness"]
+
+
+@pytest.mark.parametrize(
+    ("options", "held"),
+    [
+        (Options(), set()),
+        (Options(hold=["mass"]), {"mass"}),
+        (Options(fit=["mass"]), {"damping", "stiffness"}),
+        (Options(fit=["mass", "damping"], hold=["stiffness"]), {"stiffness"}),
+    ],
+)
+def test_what_is_not_to_be_fitted_is_held(options, held):
+    assert options.held(NAMES) == held
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (Options(hold=["mas"]), "hold.*no parameter named 'mas'; there are mass, damping"),
+        (Options(fit=["mas"]), "fit.*no parameter named 'mas'; there are mass, damping"),
+        (Options(fit=["mass"], hold=["mass"]), "fit.*mass is held by hold"),
+    ],
+)
+def test_a_parameter_that_is_unknown_or_both_is_refused(options, message):
+    with pytest.raises(UserError, match=message):
+        options.held(NAMES)
+
+
+def test_effects_are_those_that_are_named_by_name_or_id():
+    cls = declared_model("ppy_actuator").cls
+    chosen = Options(effects=["diffusion", "slack"]).effects_of(cls)
+    assert set(chosen) == {"diffusion", "slack", "slack(smooth)"}
+    assert set(Options(effects=["slack(smooth)"]).effects_of(cls)) == {"slack(smooth)"}
+    every = Options().effects_of(cls)
+    assert len(every) > 10
+    assert Options(effects=["families"]).effects_of(cls) == every
+    assert Options(effects=[]).effects_of(Oscillator) == {}
+
+
+def test_parameters_alone_are_fitted_without_effects_and_laws():
+    assert Options(effects=[], laws=False).recalibrates
+    assert not Options(effects=[]).recalibrates
+    assert not Options(effects=["diffusion"], laws=False).recalibrates
+
+
+def test_an_unknown_effect_is_refused_with_one_that_is_alike():
+    cls = declared_model("ppy_actuator").cls
+    with pytest.raises(UserError, match=r"no effect named 'difusion'.*diffusion"):
+        Options(effects=["difusion"]).effects_of(cls)
+
+
+def test_a_deadline_is_of_processor_time():
+    assert not Deadline(None).is_over()
+    assert not Deadline(60.0).is_over()
+    short = Deadline(0.02)
+    assert short.was_met
+    begun = process_time()
+    while process_time() < begun + 0.03:
+        pass
+    assert short.is_over()
+    assert not short.was_met
+    unasked = Deadline(0.0)
+    assert unasked.was_met
