@@ -35,6 +35,7 @@ from orchestration.reporting import option
 Verdict = Literal["consistent", "recalibrate", "cause", "ambiguous", "unexplained"]
 
 _SHORTEST = 12  # samples of a piece between two gaps; a shorter one tells little but its start
+_WHOLE = 0.9  # of a record, from which on it counts as used
 _LARGE = 0.15  # of the spread, from which on a slow remainder is no consistent model
 
 
@@ -258,6 +259,7 @@ def diagnose(
             read = reading_that_runs(law_model, fitted, subject_as)
             raise UserError(_refusal(model, records, read))
         conclusion = conclude(found)
+    more += _cut_off(found.subject, fitted)
     if not deadline.was_met:
         more.append(_time_note(options))
     return Diagnosis(model, tuple(records), tuple(holdouts), found, conclusion, (*notes, *more))
@@ -377,6 +379,18 @@ def _cut(
             text = f"{record.source.name} has gaps in its time: it is {len(spans)} records"
             notes.append(("gaps", record.label, text))
     return pieces, list(dict.fromkeys(notes))
+
+
+def _cut_off(subject: Subject, records: Sequence[Record]) -> list[tuple[str, str, str]]:
+    """Return notes on records of which the beginning alone is used."""
+    notes = []
+    for used, record in zip(subject.beginnings, records, strict=True):
+        length = float(record.time[-1])
+        # what is thinned ends up to a step earlier
+        if used < _WHOLE * length:
+            text = f"of {record.label} the first {used:.6g} s of {length:.6g} s are used"
+            notes.append(("beginning", record.label, text))
+    return notes
 
 
 def _spans(time: Array) -> list[tuple[int, int]]:

@@ -30,6 +30,8 @@ _FIRST = 6  # samples that show where a state starts
 _DECLARED = 0.1  # deviation of a start state that is declared, in its nominal value
 _WELL = 20.0 / 0.05**2  # weight of the beginning: twenty samples within a twentieth of the spread
 _MOST = 2400  # samples of a record that are fitted; more are thinned
+_LONGEST = 2 * _MOST  # samples of all records that cannot be thinned: their beginnings decide
+_SHORTEST = _MOST // 2  # of one of many, to which it is cut at most
 _JUMP = 0.1  # standard deviations of an input, from which on a sample of a jump stays
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
 
@@ -109,6 +111,15 @@ class Subject:
         widths = np.append(own, np.ones(len(curvature) - len(own)))
         with_prior = np.linalg.eigvalsh(curvature * np.outer(widths, widths))
         return int(np.sum(with_prior - 1.0 > 1.0))
+
+    @property
+    def beginnings(self) -> list[float]:
+        """Times until which each record is fitted, or left out and followed on, s."""
+        ends = [float(record.time[-1]) for record in self.problem.records]
+        for one in self.left_out:
+            if one.of is not None:
+                ends[one.of] = float(one.record.time[-1])
+        return ends
 
     def errors(self, fitted: Fit, one: LeftOut) -> Array | None:
         """Return the errors (m, ny) of a fit on samples that are left out, in spreads.
@@ -364,10 +375,11 @@ def _divided(
     most = _MOST if len(records) == 1 else _MOST // 2
     q = problem.mean if q is None else q
     problem = replace(problem, substeps=_substeps(problem, records, q))
-    whole = [thinned(problem, r, q, most) for r in records]
+    longest = max(_LONGEST // max(len(records), 1), _SHORTEST)
+    whole = [thinned(problem, r, q, most).part(0, longest) for r in records]
     if held_out:
         fitted = whole
-        others = [thinned(problem, r, q) for r in held_out]
+        others = [thinned(problem, r, q).part(0, longest) for r in held_out]
         left_out = [LeftOut(r, _beginning(r), None) for r in others]
     else:
         cuts = [int(_PART * len(r.time)) for r in whole]

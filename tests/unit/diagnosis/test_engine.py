@@ -228,3 +228,14 @@ def test_a_search_without_time_has_no_fits_and_a_note():
     (note,) = diagnosis.notes
     assert note[0] == "time"
     assert "time is up after 0 s of processor time" in note[2]
+
+
+def test_a_record_of_which_the_beginning_alone_is_used_is_noted():
+    found = diagnosis_with(oscillator_record(1, dry=1.5), (DRY,)).found
+    (record,) = found.subject.problem.records
+    end = found.subject.beginnings[0]
+    longer = replace(record, time=np.append(record.time, 3.0 * end), label="long")
+    ((code, label, text),) = engine._cut_off(found.subject, [longer])
+    assert (code, label) == ("beginning", "long")
+    assert f"first {end:.6g} s of {3.0 * end:.6g} s" in text
+    assert not engine._cut_off(found.subject, [replace(record, time=np.array([0.0, end]))])

@@ -125,6 +125,20 @@ def test_a_long_record_is_thinned_where_the_model_sees_no_difference() -> None:
     assert len(thinned(problem, fast, problem.mean, 100).time) > 100
 
 
+def test_of_a_long_record_that_cannot_be_thinned_the_beginning_is_used() -> None:
+    """Of 4,800 samples two thirds are fitted, and a third is left out."""
+    count = 6000
+    pushes = np.random.default_rng(5).uniform(10.0, 50.0, count) * (-1.0) ** np.arange(count)
+    record = replace(pushed(count), inputs=pushes[:, None])
+    states = exact(record, TRUTH, START, pushes)
+    subject = made(replace(record, outputs=states[:, :1]))
+    (fitted,), (out,) = subject.problem.records, subject.left_out
+    assert np.array_equal(fitted.time, record.time[:3200])
+    assert np.array_equal(out.record.time, record.time[:4800])
+    assert subject.beginnings == [record.time[4799]]
+    assert made(drawn()).beginnings == [drawn().time[-1]]
+
+
 def test_a_fast_model_gets_substeps() -> None:
     fast = {"mass": 0.1, "damping": 40.0}
     subject = made(drawn(), values=fast, hold=["mass", "damping"])
