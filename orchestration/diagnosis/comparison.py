@@ -16,7 +16,7 @@ from fmus.kit.arrays import Array
 from orchestration.diagnosis.fitting import Fit, effective_samples
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.readings import Reading, ReadingKind
-from orchestration.diagnosis.terms import Memory, NamedTerm, Shape, Term
+from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm, Shape, Term
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ class Weights:
         Prior of a law as the signal of another, of a signal that the law does not depend on, and of
         the time, which is no cause.
     misread, shifted : float
-        Prior of a file that is misread: a wrong sign or unit is no rare fault and does nothing
-        else, while an offset, a delay or a start is a size, and like a law.
+        Prior of a file that is misread, or of a fault of a sensor: a wrong sign or unit is no rare
+        fault and does nothing else, while an offset, a delay or a start is a size, and like a law.
     nominal : float
         Weight of the distance from nominal parameters between two readings of a file: the prior
         of a fit, a factor of ten, lets a search run, while a model that is worth a diagnosis is
@@ -129,6 +129,8 @@ def words(model: LawModel, term: Term, depends: bool) -> float:
     if isinstance(term, NamedTerm):
         return 0.0
     total = _words_of_shape(term.shape) + WEIGHTS.constant * term.memory.constants
+    if isinstance(term, SensorTerm):
+        return total + WEIGHTS.misread
     if term.memory is Memory.FADING:
         total += WEIGHTS.fading
     if not term.signal:

@@ -230,7 +230,9 @@ def readings_of(model: LawModel, records: Sequence[Record]) -> list[Reading]:
         for other, its in list(moving.items())[i + 1 :]
         if unit == its
     ]
-    result += [Reading(kinds.OFFSET, (name,), unit=unit) for name, unit in moving.items()]
+    # an offset of an output is one of its sensor, which is a term
+    own = [v for v in model.inputs if v.name in moving]
+    result += [Reading(kinds.OFFSET, (v.name,), unit=v.unit) for v in own]
     if not model.states:
         return result
     for unit, size in _CLOCKS.items():

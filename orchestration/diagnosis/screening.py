@@ -22,7 +22,7 @@ from orchestration.diagnosis.fitting import effective_samples, weights_of
 from orchestration.diagnosis.law_model import LawModel, Linearisation
 from orchestration.diagnosis.responses import Projection, Response, respond
 from orchestration.diagnosis.signals import Seen, distinct, seen
-from orchestration.diagnosis.terms import Memory, NamedTerm, Shape, Term
+from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm, Shape, Term
 
 _PLAIN = (
     Shape.LINEAR,
@@ -46,6 +46,7 @@ _FACTORS = {
     Memory.HEAT: (Shape.LINEAR,),
 }
 _OF_ITSELF = (Shape.MODULUS, Shape.ODD_SQUARE, Shape.CUBE, Shape.DRY)  # of a rate, as a signal
+_DRIFTS = (Shape.LINEAR, Shape.ROOT, Shape.SQUARE)  # of a sensor, over the time
 _PRODUCT = (Shape.LINEAR, Shape.SQUARE, Shape.CURVE)  # of a term in proportion to an input
 _PLACES = 24  # instants of a record at which a law may have changed
 _WIDTHS = {
@@ -100,7 +101,7 @@ class Screen:
     def __init__(self, along: Courses, named: bool = False):
         self._along = along
         classes = alike(along.model, along.parts)
-        self.candidates = [*_candidates(along, classes)]
+        self.candidates = [*_candidates(along, classes), *_of_sensors(along)]
         if len(along.fitted.problem.records) == 1:  # an instant is one of a record
             self.candidates += _changes(along, classes)
         if named:
@@ -397,6 +398,27 @@ def _candidates(along: Courses, classes: Sequence[Sequence[str]]) -> Iterator[Ca
                 yield _candidate(model, term, view, np.full(len(along.laws), size), depends)
         yield from _in_percent(model, same, views, value_of)
         yield from _by_inputs(model, same, size, views, dict(signals), value_of)
+
+
+def _of_sensors(along: Courses) -> Iterator[Candidate]:
+    """Yield faults of the sensors of measured outputs: an offset, a gain, a drift and a lag."""
+    model = along.model
+    whole = np.concatenate(along.times)
+    for j in np.flatnonzero(along.measured).tolist():
+        output = model.outputs[j].name
+        values = along.laws[:, model.laws.index(output)]
+        if not np.isfinite(values).all():
+            continue
+        views = seen(distinct([(output, values)]), along.times, [Memory.FADING])
+        size = float(along.fitted.problem.spread[j])
+        offset = SensorTerm(output, "", Shape.CONSTANT, size=size)
+        yield Candidate(offset, np.full((len(values), 1), size), words(model, offset, True))
+        for view in [*views, Seen("time", Memory.NONE, (), whole, along.length, 0.0)]:
+            for shape in _DRIFTS if view.signal == "time" else (Shape.LINEAR,):
+                term = SensorTerm(
+                    output, view.signal, shape, view.memory, view.constants, "", size, view.scale
+                )
+                yield _candidate(model, term, view, np.full(len(values), size), True)
 
 
 def _of_itself(model: LawModel, law: str, values: Array, size: float) -> Iterator[Candidate]:

@@ -42,7 +42,7 @@ from orchestration.diagnosis.screening import (
     other_shapes,
 )
 from orchestration.diagnosis.subject import Subject
-from orchestration.diagnosis.terms import NamedTerm, Term, effects_in
+from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term, effects_in
 
 _PIECES = (1, 8, 40)  # of a record, of the courses along which terms are proposed
 _QUOTAS = {1: {1: 7, 2: 6, 3: 3}, 8: {1: 6, 2: 5, 3: 2}, 40: {1: 6, 2: 5, 3: 2}}
@@ -218,7 +218,7 @@ class _Rounds:
             screen = None if self._is_over() else self._screen(fitted, count)
             if screen is None:
                 continue
-            self._terms += [candidate.term for candidate in screen.candidates]
+            self._terms += [c.term for c in screen.candidates if not isinstance(c.term, SensorTerm)]
             room = _MOST_TERMS - len(fitted.terms)
             asked = list(_by_quota(screen, quotas[count], room, fitted.terms))
             along = "the record" if count == 1 else f"{count} pieces of the record"
@@ -315,7 +315,7 @@ class _Rounds:
         asked = []
         for one in self.found.best(_SHAPES):
             for term in one.terms:
-                if not term.signal or isinstance(term, NamedTerm):
+                if not term.signal or isinstance(term, NamedTerm | SensorTerm):
                     continue
                 for other in itertools.chain(other_shapes(term), other_memories(term)):
                     terms = tuple(other if t == term else t for t in one.terms)
@@ -327,7 +327,7 @@ class _Rounds:
         asked = []
         for one in self.found.best(_SHAPES):
             for term in one.terms:
-                if not term.signal or isinstance(term, NamedTerm):
+                if not term.signal or isinstance(term, NamedTerm | SensorTerm):
                     continue
                 for other in self._in_other_laws(term):
                     terms = tuple(other if t == term else t for t in one.terms)

@@ -14,7 +14,7 @@ from fmus.kit.curves import in_brackets, per
 from fmus.kit.symbolic import list_laws
 from fmus.kit.titles import in_words, law_title, within_sentence
 from orchestration.diagnosis.fitting import Fit, final_curvature
-from orchestration.diagnosis.terms import Memory, NamedTerm, Shape, Term
+from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm, Shape, Term
 from orchestration.identify.uncertainty import Estimate
 
 _UNDETERMINED = 0.7  # of its prior deviation, from which on a coordinate is not determined
@@ -257,6 +257,9 @@ def sentence(cls: type[Component], term: Term) -> str:
     if isinstance(term, NamedTerm):
         return within_sentence(term.title or in_words(term.effect))
     law = within_sentence(law_title(cls, term.law))
+    if isinstance(term, SensorTerm):
+        fault = {"offset": "an offset", "gain": "another gain"}.get(term.fault, f"a {term.fault}")
+        return f"{fault} of the sensor of {law}"
     if not term.signal:
         return f"an offset of {law}"
     if term.signal == "time" and term.shape is Shape.STEP:

@@ -260,6 +260,35 @@ class NamedTerm(Term):
         return self.effect
 
 
+@dataclass(frozen=True)
+class SensorTerm(Term):
+    """A fault of the sensor of an output: a term of the output over itself or the time."""
+
+    @property
+    def fault(self) -> str:
+        """``offset``, ``drift``, ``lag`` or ``gain``."""
+        if not self.signal:
+            return "offset"
+        if self.signal == "time":
+            return "drift"
+        return "lag" if self.has_memory else "gain"
+
+    @property
+    def name(self) -> str:
+        """The fault with its output."""
+        return f"sensor_{self.fault}({self.law})"
+
+    @property
+    def cause(self) -> tuple[str, str]:
+        """The fault, whatever its shape."""
+        return self.name, ""
+
+    @property
+    def is_trend(self) -> bool:
+        """A drift of a sensor is a cause."""
+        return False
+
+
 def effects_in(terms: Sequence[Term]) -> tuple[str, ...]:
     """Return the effects of named terms, sorted."""
     return tuple(sorted(term.effect for term in terms if isinstance(term, NamedTerm)))

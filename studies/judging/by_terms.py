@@ -44,10 +44,6 @@ if TYPE_CHECKING:
 
 _KINDS = ("first", "in the group", "best guess", "another", "none", "refused")
 _GOOD = ("first", "in the group")
-_OF_SENSORS = {  # effects of a sensor, by the shape of a term of an output
-    "sensor_offset": "CONSTANT",
-    "sensor_gain": "LINEAR",
-}
 
 
 def judge(case: HiddenCase) -> Row:
@@ -112,16 +108,13 @@ def _names(cause: Cause) -> set[str]:
 
 def _names_of(part: Any) -> set[str]:
     """Return the names of a part of a model: an effect, or a law over or remembering a signal."""
-    from orchestration.diagnosis.terms import NamedTerm, Term
+    from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term
 
     if isinstance(part, NamedTerm):
         return {part.effect, part.family}
     if not isinstance(part, Term):
-        return {str(part)}
-    sensors = {
-        f"{name}({part.law})" for name, shape in _OF_SENSORS.items() if shape == part.shape.name
-    }
-    return sensors | _of_law(*part.cause)
+        return {str(part), str(part).replace("reading_late", "transport_delay")}
+    return {part.name} if isinstance(part, SensorTerm) else _of_law(*part.cause)
 
 
 def _of_law(law: str, signal: str) -> set[str]:
