@@ -84,7 +84,8 @@ def named_terms(along: Courses) -> Iterator[Named]:
                 size = float(np.sqrt(np.mean((response / along.spread) ** 2)))
                 if np.isfinite(size) and size * declared[0].nominal > _UNSEEN:
                     seen = True
-                    yield Named(_term(name, effect, declared, one, 1.0 / size), response / size)
+                    term = _term(name, effect, one, 1.0 / size, along.step)
+                    yield Named(term, response / size)
             if seen:
                 break
 
@@ -131,7 +132,7 @@ def _by_runs(along: Courses) -> Callable[[str, _Settings], Array]:
         declared = _declared(effect)
         columns = []
         for one in settings:
-            term = _term(name, effect, declared, one, 1.0)
+            term = _term(name, effect, one, 1.0, along.step)
             strength = one[declared[0].name]
             parts = zip(along.pieces, starts, bases, strict=True)
             columns.append(np.concatenate([response(*part, term, strength) for part in parts]))
@@ -158,18 +159,18 @@ def _settings(
 
 
 def _term(
-    name: str,
-    effect: type[Effect],
-    declared: Sequence[ParameterDeclaration],
-    setting: Mapping[str, float],
-    size: float,
+    name: str, effect: type[Effect], setting: Mapping[str, float], size: float, step: float
 ) -> NamedTerm:
-    """Return the term of an effect, which starts from a setting."""
-    others = declared[1:]
-    starts = tuple(setting[p.name] for p in others)
-    scales = [Scale(False, size), *(scale_of(p, v) for p, v in zip(others, starts, strict=True))]
+    """Return the term of an effect, which starts from a setting.
+
+    A time constant is not shorter than a step of the record (s), which tells no shorter one.
+    """
+    declared = _declared(effect)
+    starts = tuple(setting[p.name] for p in declared[1:])
+    others = (scale_of(p, v) for p, v in zip(declared[1:], starts, strict=True))
+    scales = [Scale(False, size), *others]
     released = tuple(
-        Released(p.name, p.unit, scale, p.min, p.max)
+        Released(p.name, p.unit, scale, max(p.min, step) if p.unit == "s" else p.min, p.max)
         for p, scale in zip(declared, scales, strict=True)
     )
     term = effect.term

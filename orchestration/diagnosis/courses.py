@@ -57,6 +57,11 @@ class Courses:
         """Duration of the longest piece, s."""
         return max(float(t[-1] - t[0]) for t in self.times)
 
+    @property
+    def step(self) -> float:
+        """Shortest of the usual steps of the pieces, s."""
+        return min(float(np.median(np.diff(t))) for t in self.times)
+
     @cached_property
     def setting(self) -> Setting:
         """Of the courses."""

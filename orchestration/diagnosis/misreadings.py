@@ -41,7 +41,7 @@ _NEAREST = 2  # points of a reading at which the model is run
 _LONGEST = 0.7  # of a step of the screen, in prior deviations
 _MOST = 600  # samples of a screen
 _FOLLOWS = 0.5  # of the spread, up to which a model follows a record
-_HOPELESS = 1.0  # misfit above that of the file as it was read, from which on none is fitted on
+_HOPELESS = 1.0  # misfit above that of the file as it was read, of a reading of as many steps
 
 
 Run = tuple[Array, Array]  # outputs (n, ny) of a record and their slopes (n, ny, p + nx)
@@ -124,14 +124,22 @@ def misreadings(subject: Subject, base: Judged) -> list[Subject]:
     """
     screen = _Screen(_thin(subject))
     readings = readings_of(subject.problem.model, subject.problem.records)
-    worst = _misfit(subject.problem, subject.base.point) + _HOPELESS
+    as_read = _misfit(subject.problem, subject.base.point)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         first = [t for t in pool.map(screen.best, readings) if t is not None]
         refined = pool.map(_refined, list(_best_of_each_kind(first)))
-        hopeful = [t for t in refined if t is not None and t.misfit < worst]
+        hopeful = [t for t in refined if t is not None and t.misfit < as_read + _hope(t, subject)]
         read = pool.map(lambda t: _fitted(_read_again(subject, t)), hopeful)
         judged = [(s, s.judge(s.base)) for s in read if s is not None]
     return _gaining([(s, j) for s, j in judged if j is not None], base)
+
+
+def _hope(trial: _Trial, subject: Subject) -> float:
+    """Return the misfit above that of the file as it was read, up to which a reading is fitted on.
+
+    By another clock a run may take many more steps; the less it may then be behind.
+    """
+    return _HOPELESS * subject.problem.substeps / max(trial.problem.substeps, 1)
 
 
 def _thin(subject: Subject) -> Subject:

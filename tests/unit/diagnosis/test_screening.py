@@ -23,6 +23,7 @@ from orchestration.diagnosis.fitting import (
 )
 from orchestration.diagnosis.law_model import Setting
 from orchestration.diagnosis.screening import Screen, alike
+from orchestration.diagnosis.terms import SensorTerm
 from tests.support.diagnosed_mass import (
     FREE,
     START,
@@ -427,3 +428,27 @@ def test_partners_are_those_that_gain_most_beside_a_candidate() -> None:
     simple = [j for j in np.flatnonzero(np.diff(screen.ends) == 1).tolist() if j != first]
     ranked = sorted(simple, key=lambda j: -screen.value((first, j)))
     assert set(ranked[:10]) <= set(screen._partners(first))
+
+
+def test_faults_of_the_sensor_of_a_measured_output_are_proposed() -> None:
+    screen, _ = screened()
+    faults = [c for c in screen.candidates if isinstance(c.term, SensorTerm)]
+    names = {f"sensor_{fault}(position)" for fault in ("offset", "gain", "drift", "lag")}
+    assert {c.term.name for c in faults} == names
+    (output,) = mass().outputs
+    assert {c.term.law for c in faults} == {output.name}
+
+
+def test_the_response_to_a_fault_of_a_sensor_is_the_fault() -> None:
+    """A drift is seen as it is, whatever the model does."""
+    screen, found = screened()
+    drift = next(
+        i
+        for i, c in enumerate(screen.candidates)
+        if isinstance(c.term, SensorTerm)
+        and c.term.fault == "drift"
+        and c.term.shape is Shape.LINEAR
+    )
+    (record,) = found.problem.records
+    column = screen._columns.columns[:, screen.ends[drift]]
+    assert column / column[-1] == pytest.approx(record.time / record.time[-1], abs=1e-9)
