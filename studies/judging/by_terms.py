@@ -40,7 +40,6 @@ from studies.plants import BY_THE_BOOK
 
 if TYPE_CHECKING:
     from orchestration.diagnosis import Diagnosis
-    from orchestration.diagnosis.cause import Cause
 
 _KINDS = ("first", "in the group", "best guess", "another", "none", "refused")
 _GOOD = ("first", "in the group")
@@ -98,7 +97,7 @@ def _diagnosed(drawn: CleanRecord) -> tuple[Diagnosis | None, Row]:
     }
 
 
-def _names(cause: Cause) -> set[str]:
+def _names(cause: Any) -> set[str]:
     """Return the names under which a cause is known to the studies."""
     names = _names_of(cause.parts[0])
     for law, signal in cause.members:
@@ -108,13 +107,13 @@ def _names(cause: Cause) -> set[str]:
 
 def _names_of(part: Any) -> set[str]:
     """Return the names of a part of a model: an effect, or a law over or remembering a signal."""
-    from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term
+    from orchestration.diagnosis import Term
 
-    if isinstance(part, NamedTerm):
-        return {part.effect, part.family}
     if not isinstance(part, Term):
         return {str(part), str(part).replace("reading_late", "transport_delay")}
-    return {part.name} if isinstance(part, SensorTerm) else _of_law(*part.cause)
+    law, signal = part.cause
+    # an effect and its family, or a fault of a sensor
+    return _of_law(law, signal) if signal else {law, part.name}
 
 
 def _of_law(law: str, signal: str) -> set[str]:

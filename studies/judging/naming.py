@@ -25,12 +25,11 @@ from studies.judging.stamp import DIAGNOSIS
 from studies.judging.study import Chosen, Part, Row, Study, among, processor_time
 
 if TYPE_CHECKING:
-    from demonstrations.records import Drawn
     from orchestration.fmu import Model
-    from orchestration.identify.uncertainty import Estimate
     from orchestration.records import Record
 
-Answering = Callable[["Record", "Model", "Drawn"], Row]
+Drawn = Any  # of `demonstrations.draw`
+Answering = Callable[["Record", "Model", Drawn], Row]
 
 PAIRS = (
     ("strain_saturation", "double_layer"),
@@ -193,7 +192,7 @@ def _by_the_new_engine(record: Record, model: Model, drawn: Drawn) -> Row:
     }
 
 
-def _inside(drawn: Drawn, estimates: Mapping[str, Estimate]) -> dict[str, bool]:
+def _inside(drawn: Drawn, estimates: Mapping[str, Any]) -> dict[str, bool]:
     """Return whether the true values of physical parameters are in their intervals."""
     truth = drawn.truth.parameters
     return {
@@ -209,12 +208,14 @@ def _names_of(part: Any, members: Iterable[tuple[str, str]] = ()) -> list[str]:
     A law over a signal is an effect of that law over that signal, with a memory where that has
     states of its own, and with its symmetry where that has one; the laws that act alike count.
     """
-    from orchestration.diagnosis.terms import Memory, NamedTerm, Term
+    from orchestration.diagnosis import Memory, Term
     from orchestration.fmu import find_model
     from orchestration.fmu.model import catalogue
 
-    if isinstance(part, NamedTerm) or not isinstance(part, Term):
-        return [part.effect if isinstance(part, NamedTerm) else str(part)]
+    if not isinstance(part, Term):
+        return [str(part)]
+    if not part.cause[1]:  # an effect, or a fault of a sensor
+        return [part.name]
     laws = {part.cause, *members}
     names = [
         name
