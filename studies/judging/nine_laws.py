@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.tables import Topic
 from fmus.kit import UserError
-from orchestration.diagnosis import Diagnosis, Term, diagnose
+from orchestration.diagnosis import Diagnosis, Options, Term, diagnose
 from orchestration.fmu import find_model
 from studies.judging.stamp import DIAGNOSIS
 from studies.judging.study import Chosen, Part, Row, Study, among, counted, processor_time
@@ -35,7 +35,7 @@ def judge(case: NineLawsCase) -> Row:
     row = asdict(case) | {"title": plant.law, "strength": drawn.strength, "noise": drawn.noise}
     began = processor_time()
     try:
-        found = diagnose([fitted], model, [unseen], plant.known)
+        found = diagnose([fitted], model, [unseen], Options(hold=plant.known))
     except UserError as error:
         return row | {"verdict": "refused", "said": [], "right": [], "refused": str(error)}
     return row | {"seconds": processor_time() - began} | _answer(found, plant.right)
