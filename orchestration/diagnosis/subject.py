@@ -32,7 +32,7 @@ _WELL = 20.0 / 0.05**2  # weight of the beginning: twenty samples within a twent
 _MOST = 2400  # samples of a record that are fitted; more are thinned
 _LONGEST = 2 * _MOST  # samples of all records that cannot be thinned: their beginnings decide
 _SHORTEST = _MOST // 2  # of one of many, to which it is cut at most
-_JUMP = 0.1  # standard deviations of an input, from which on a sample of a jump stays
+_JUMP = 0.01  # standard deviations, from which on an input jumps that stands still at most samples
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
 
 
@@ -243,10 +243,13 @@ def _setting(problem: Problem, q: Array) -> Setting:
 def _kept(record: Record, step: int) -> Indices:
     """Return the positions of every so many samples, and of those at which an input jumps.
 
-    A straight line between samples needs the sample before a jump, too.
+    One that moves all the time has no jumps. A straight line between samples needs the sample
+    before a jump, too.
     """
     moves = np.abs(np.diff(record.inputs, axis=0))
-    jumps = (moves > _JUMP * record.inputs.std(axis=0)).any(axis=1)
+    least = _JUMP * record.inputs.std(axis=0)
+    stands = np.median(moves, axis=0) <= least
+    jumps = ((moves > least) & stands).any(axis=1)
     kept = np.zeros(len(record.time), dtype=bool)
     kept[::step] = True
     kept[1:] |= jumps

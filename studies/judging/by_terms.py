@@ -11,13 +11,15 @@ from __future__ import annotations
 import re
 import tempfile
 import time as clock
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.tables import Topic
 from fmus.kit import UserError
+from fmus.kit.symbolic import PerturbedLaws
+from orchestration.fmu import find_model
 from studies.clean import Case, CleanRecord
 from studies.clean import cases as clean_cases
 from studies.clean import draw as draw_clean
@@ -40,6 +42,7 @@ from studies.plants import BY_THE_BOOK
 
 if TYPE_CHECKING:
     from orchestration.diagnosis import Diagnosis
+    from orchestration.fmu import Model
 
 _KINDS = ("first", "in the group", "best guess", "another", "none", "refused")
 _GOOD = ("first", "in the group")
@@ -51,10 +54,11 @@ def judge(case: HiddenCase) -> Row:
     row = asdict(case) | {"family": case.variation.family, "widths": widths_left(drawn)}
     if row["widths"] < LEAST:
         return row | {"verdict": "too little"}
-    right = [sorted(one.variation.right) for one in case.alone()]
     diagnosis, said = _diagnosed(drawn)
+    right = [sorted(one.variation.right) for one in case.alone()]
     if diagnosis is None:
         return row | said | {"right": right}
+    right = [sorted(said_otherwise(find_model(drawn.plant.model), names)) for names in right]
     causes = diagnosis.causes
     each = [_is_right(_names(cause), right) for cause in causes]
     parts = [_is_right(_names_of(part), right) for part in causes[0].parts] if causes else []
@@ -118,6 +122,29 @@ def _names_of(part: Any) -> set[str]:
 
 def _of_law(law: str, signal: str) -> set[str]:
     return {f"{law} {word} {signal}" for word in ("over", "remembering", "loop of")}
+
+
+def said_otherwise(model: Model, right: Iterable[str]) -> set[str]:
+    """Return right names with those by which the engine says the same.
+
+    A law over a signal is seen in the balance that it is a part of. A fault of an input is seen in
+    the laws that depend on the input.
+    """
+    laws = PerturbedLaws(model.cls)
+    rates = [state.rate for state in model.cls.layout.states]
+    names = set(right)
+    for name in right:
+        law = re.fullmatch(r"(?:\w+ part of )?(\w+) (over|remembering|loop of) (\w+)", name)
+        fault = re.fullmatch(r"(\w+)\((\w+)\)", name)
+        if law and law[1] in laws.names:
+            names |= {f"{rate} {law[2]} {law[3]}" for rate in rates if laws.calls(rate, law[1])}
+        elif fault and fault[2] in model.inputs:
+            depend = [law for law in laws.names if fault[2] in laws.computed_from(law)]
+            if fault[1] == "input_offset":
+                names |= {f"{law}()" for law in depend} | {f"reading_offset({fault[2]})"}
+            else:
+                names.update(*(_of_law(law, fault[2]) for law in depend))
+    return names
 
 
 def _is_right(names: set[str], right: Sequence[Sequence[str]]) -> bool:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from orchestration.fmu import find_model
 from studies.judging import by_terms
+from studies.plants import PLANTS
 
 ROW = {
     "family": "drag",
@@ -50,3 +52,12 @@ def test_names_are_those_of_the_studies() -> None:
     assert "friction over v" in by_terms._of_law("friction", "v")
     assert by_terms._is_right({"a over b"}, [["even part of a over b"]])
     assert not by_terms._is_right({"a over b"}, [["a over c"]])
+
+
+def test_a_fault_of_an_input_is_seen_in_the_laws_that_depend_on_it() -> None:
+    motor = find_model(PLANTS["Motor"].model)
+    names = by_terms.said_otherwise(motor, ["input_lag(voltage)", "friction over omega"])
+    assert {"winding_current remembering voltage", "acceleration over omega"} <= names
+    assert "friction over voltage" not in names
+    offset = by_terms.said_otherwise(motor, ["input_offset(load)"])
+    assert {"acceleration()", "reading_offset(load)"} <= offset

@@ -125,6 +125,20 @@ def test_a_long_record_is_thinned_where_the_model_sees_no_difference() -> None:
     assert len(thinned(problem, fast, problem.mean, 100).time) > 100
 
 
+def test_a_record_is_thinned_between_the_jumps_of_its_input() -> None:
+    """The force is the same at every instant, and so is the exact solution."""
+    record = pushed(400, 0.005)
+    force = np.repeat([0.0, 40.0, -25.0, 10.0], [37, 150, 111, 102])
+    record.inputs[:] = force[:, None]
+    states = exact(record, TRUTH, START, force)
+    record = replace(record, outputs=states[:, :1])
+    problem = problem_of([record])
+    thin = thinned(problem, record, problem.mean, 100)
+    assert len(thin.time) <= 104
+    before = np.searchsorted(thin.time, record.time, side="right") - 1
+    assert np.array_equal(thin.inputs[before, 0], force)
+
+
 def test_of_a_long_record_that_cannot_be_thinned_the_beginning_is_used() -> None:
     """Of 4,800 samples two thirds are fitted, and a third is left out."""
     count = 6000
