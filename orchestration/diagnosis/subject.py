@@ -248,7 +248,7 @@ def _kept(record: Record, step: int) -> Indices:
     """
     moves = np.abs(np.diff(record.inputs, axis=0))
     least = _JUMP * record.inputs.std(axis=0)
-    stands = np.median(moves, axis=0) <= least
+    stands = 10.0 * np.median(moves, axis=0) <= least
     jumps = ((moves > least) & stands).any(axis=1)
     kept = np.zeros(len(record.time), dtype=bool)
     kept[::step] = True
