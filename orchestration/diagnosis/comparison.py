@@ -59,7 +59,8 @@ class Weights:
     alone : float
         Share of the gain of a set that its first term must have alone.
     least : float
-        Score and gain on what is left out, above which something is missing at all.
+        Score and gain on what is left out, above which something is missing at all: strong evidence
+        (Kass and Raftery: Bayes factors, J. Am. Stat. Assoc. 90, 1995).
     temper, temper_of_gain : float
         Scale of scores that a probability is made of: of nats, and as a share of the largest gain.
     confidence : Mapping of str to float
@@ -94,7 +95,7 @@ class Weights:
     share_behind: float = 0.02
     gaining: float = 0.5
     alone: float = 0.5
-    least: float = 1.0
+    least: float = 3.0
     temper: float = 3.0
     temper_of_gain: float = 0.05
     confidence: Mapping[str, float] = field(
@@ -128,9 +129,9 @@ def words(model: LawModel, term: Term, depends: bool) -> float:
     """
     if isinstance(term, NamedTerm):
         return 0.0
-    total = _words_of_shape(term.shape) + WEIGHTS.constant * term.memory.constants
     if isinstance(term, SensorTerm):
-        return total + WEIGHTS.misread
+        return WEIGHTS.misread + _words_of_shape(term.shape)
+    total = _words_of_shape(term.shape) + WEIGHTS.constant * term.memory.constants
     if term.memory is Memory.FADING:
         total += WEIGHTS.fading
     if not term.signal:

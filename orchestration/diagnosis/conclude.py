@@ -21,6 +21,7 @@ from orchestration.diagnosis.courses import are_interchangeable
 from orchestration.diagnosis.features import confidence, features_of
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.search import Found, Ranked
+from orchestration.diagnosis.subject import words_of
 from orchestration.diagnosis.terms import Memory, NamedTerm, Term
 
 _LEAST = 1e-12
@@ -205,19 +206,24 @@ def _near_the_likeliest(ranked: Sequence[Ranked], base: Judged) -> list[Ranked]:
     """Return the fits that are not behind the most likely one on what is left out.
 
     Errors are in widths of the noise of each output, or one of large errors would decide alone.
+    What is plainer may be behind by what its words are worth.
     """
     if not ranked:
         return []
     # one that does not gain in all is no measure of what can be reached
     best = ranked[0]
     gaining = [entry for entry in ranked if entry.score > WEIGHTS.gaining * best.score] or [best]
-    likeliest = max(gaining, key=lambda entry: entry.comparison.left_out).judged
-    noise = np.maximum(np.sqrt(np.nanmean(likeliest.choosing**2, axis=0)), _LEAST)
-    removed, _ = difference(base, likeliest, noise)
+    likeliest = max(gaining, key=lambda entry: entry.comparison.left_out)
+    lowest, most = likeliest.judged, likeliest.comparison.left_out
+    noise = np.maximum(np.sqrt(np.nanmean(lowest.choosing**2, axis=0)), _LEAST)
+    removed, _ = difference(base, lowest, noise)
     near = []
     for entry in ranked:
-        behind, error = difference(entry.judged, likeliest, noise)
-        if behind <= max(WEIGHTS.behind * error, WEIGHTS.share_behind * removed):
+        behind, error = difference(entry.judged, lowest, noise)
+        plainer = max(lowest.words - entry.judged.words, 0.0)
+        worth = (WEIGHTS.share_behind + WEIGHTS.share_of_words * plainer) * most
+        is_near = behind <= max(WEIGHTS.behind * error, WEIGHTS.share_behind * removed)
+        if is_near or (plainer and most - entry.comparison.left_out <= worth):
             near.append(entry)
     return near
 
@@ -225,8 +231,8 @@ def _near_the_likeliest(ranked: Sequence[Ranked], base: Judged) -> list[Ranked]:
 def _in_order(one: Judged, found: Found) -> tuple[Reading | Term, ...]:
     """Return the parts in the order in which they explain.
 
-    First that which gains most alone, if this is half of what the set gains; else that whose loss
-    costs most.
+    First that which gains most alone, less what its words cost, if this is half of what the set
+    gains; else that whose loss costs most.
     """
     gains: dict[frozenset[object], float] = {frozenset(): 0.0}
     for ranked in found.compared():
@@ -236,12 +242,15 @@ def _in_order(one: Judged, found: Found) -> tuple[Reading | Term, ...]:
     def gain(parts: Sequence[Reading | Term]) -> float:
         return gains.get(frozenset(t.source for t in parts), -np.inf)
 
+    share = WEIGHTS.share_of_words * gain(one.parts)
+    model = one.fit.problem.model
+    words = {part: share * words_of(model, part) for part in one.parts}
     order: list[Reading | Term] = []
     rest = list(one.parts)
     while rest:
         alone = {t: gain([*order, t]) for t in rest}
         lost = {t: gain([x for x in one.parts if x is not t]) for t in rest}
-        first = max(rest, key=lambda t: alone[t])
+        first = max(rest, key=lambda t: alone[t] - words[t])
         if alone[first] < WEIGHTS.alone * gain(one.parts):
             first = min(rest, key=lambda t: lost[t] if np.isfinite(lost[t]) else np.inf)
         order.append(first)

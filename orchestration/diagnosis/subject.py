@@ -89,9 +89,8 @@ class Subject:
             choosing += blocks[::2]
             measuring += blocks[1::2]
         model = self.problem.model
-        prior = sum(words(model, term, depends(model, term)) for term in fitted.terms)
-        if self.reading is not None:
-            prior += WEIGHTS.shifted if self.reading.is_shift else WEIGHTS.misread
+        read = () if self.reading is None else (self.reading,)
+        prior = sum(words_of(model, part) for part in (*read, *fitted.terms))
         chosen_by, unseen = np.concatenate(choosing), np.concatenate(measuring)
         return Judged(fitted, chosen_by, unseen, prior, self.reading)
 
@@ -169,6 +168,13 @@ def _before_and_after(fitted: Fit) -> list[Fit]:
         point = replace(fitted.point, values=np.concatenate(values))
         variants.append(replace(fitted, terms=tuple(terms), point=point))
     return variants
+
+
+def words_of(model: LawModel, part: Reading | Term) -> float:
+    """Return the prior of a part of a model, nats."""
+    if isinstance(part, Reading):
+        return WEIGHTS.shifted if part.is_shift else WEIGHTS.misread
+    return words(model, part, depends(model, part))
 
 
 def depends(model: LawModel, term: Term) -> bool:

@@ -104,7 +104,12 @@ def test_a_hidden_effect_is_named_with_its_size() -> None:
 
 def judged(errors: Array, *terms: Term) -> Judged:
     fit = SimpleNamespace(
-        errors=(0.5 * WHITE,), terms=terms, misfit=0.5, distance=0.0, freedom=len(terms)
+        errors=(0.5 * WHITE,),
+        terms=terms,
+        misfit=0.5,
+        distance=0.0,
+        freedom=len(terms),
+        problem=SimpleNamespace(model=tank()),
     )
     return Judged(fit, errors, errors, 0.0)
 

@@ -20,13 +20,21 @@ DRY = Term("friction", "v", Shape.DRY)
 CURVE = Term("friction", "v", Shape.CURVE, places=(-1.0, 0.0, 1.0))
 SPRING = Term("spring", "x", Shape.CUBE)
 
+ANY = {"x", "v", "force", "time", "friction", "charge", "load", "a", "b", "c"}
+MODEL = SimpleNamespace(laws=[], perturbed=SimpleNamespace(computed_from=lambda law: ANY))
+
 
 def judged(fitted: float, left_out: float | Array, *terms: Term, words: float = 0.0) -> Judged:
     """Return a fit with errors of so many times those of the base."""
     errors = fitted * WHITE
     freedom = sum(t.freedom for t in terms)
     fit = SimpleNamespace(
-        errors=(errors,), terms=terms, misfit=fitted, freedom=freedom, distance=0.0
+        errors=(errors,),
+        terms=terms,
+        misfit=fitted,
+        freedom=freedom,
+        distance=0.0,
+        problem=SimpleNamespace(model=MODEL),
     )
     return Judged(fit, left_out * SEEN, left_out * SEEN, words)
 
