@@ -52,6 +52,13 @@ def test_the_response_at_null_is_that_of_small_runs() -> None:
         assert np.sqrt(np.mean((one.response / SPREAD) ** 2)) == pytest.approx(1.0)
 
 
+def test_a_time_constant_is_no_shorter_than_a_step() -> None:
+    step = float(np.median(np.diff(drawn().time)))
+    lows = [one.low for n in proposed() for one in n.term.released if one.unit == "s"]
+    assert lows
+    assert min(lows) == pytest.approx(step)
+
+
 def test_an_effect_whose_response_vanishes_at_null_is_proposed_by_its_size() -> None:
     swirl = [one for one in proposed() if one.term.effect == "swirl"]
     assert swirl

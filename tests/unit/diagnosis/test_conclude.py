@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fmus.kit.arrays import Array
-from orchestration.diagnosis import Found, Shape, Term
+from orchestration.diagnosis import Found, Memory, Shape, Term
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import conclude
 from tests.support.dry_mass import dry, nothing, outside, small_search
@@ -169,3 +169,42 @@ def test_a_cause_whose_error_rises_where_nothing_is_chosen_by_it_is_not_named() 
     good = judged(0.5, 0.5, DRY)
     assert conclude(found(good)).verdict == "cause"
     assert conclude(found(replace(good, measuring=1.5 * SEEN))).verdict == "unexplained"
+
+
+def test_what_is_plainer_may_be_behind_by_what_its_words_are_worth() -> None:
+    behind, ahead = judged(0.5, 0.52, DRY), judged(0.5, 0.5, SPRING, words=3.0)
+    assert [c.name for c in conclude(found(behind, ahead)).causes][:1] == ["friction(v)"]
+    behind = judged(0.5, 0.52, DRY, words=3.0)
+    assert [c.name for c in conclude(found(behind, ahead)).causes] == ["spring(x)"]
+
+
+def test_an_output_of_large_errors_does_not_decide_alone() -> None:
+    """Friction takes the error of the second to a tenth, the spring a little of the first."""
+
+    def of_two(first: float, second: float, *terms: Term) -> Judged:
+        one = judged(1.0, 1.0, *terms)
+        both = np.array([first, 0.1 * second])
+        white, seen = np.hstack([WHITE, WHITE[::-1]]), np.hstack([SEEN, SEEN[::-1]])
+        errors = (white * both,)
+        return replace(
+            one,
+            fit=SimpleNamespace(**vars(one.fit) | {"errors": errors}),
+            choosing=seen * both,
+            measuring=seen * both,
+        )
+
+    fits = [of_two(0.95, 0.1, DRY), of_two(0.85, 1.0, SPRING)]
+    conclusion = conclude(Found(None, of_two(1.0, 1.0), fits))
+    assert conclusion.causes[0].name == "friction(v)"
+
+
+def test_the_plainer_of_two_that_explain_alike_leads() -> None:
+    slow = replace(SPRING, memory=Memory.LAG, constants=(3.0,))
+    fits = judged(0.5, 0.5, slow, DRY), judged(0.6, 0.6, DRY), judged(0.595, 0.595, slow)
+    assert conclude(found(*fits)).causes[0].terms == (DRY, slow)
+
+
+def test_what_is_not_strong_on_what_is_left_out_is_no_cause() -> None:
+    """Two nats in two hundred samples: seven to one."""
+    assert conclude(found(judged(0.9, 0.99, DRY))).verdict == "unexplained"
+    assert conclude(found(judged(0.9, 0.975, DRY))).verdict == "cause"

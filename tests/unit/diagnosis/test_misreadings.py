@@ -11,7 +11,7 @@ import pytest
 
 from orchestration.diagnosis import Diagnosis, Found, Shape, Term
 from orchestration.diagnosis.conclude import conclude
-from orchestration.diagnosis.misreadings import misreadings, reading_that_runs
+from orchestration.diagnosis.misreadings import _HOPELESS, _hope, misreadings, reading_that_runs
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.report import summary, terminal, wording
 from orchestration.records import Record
@@ -146,3 +146,9 @@ def test_a_unit_that_changes_parameters_alone_is_told_by_these() -> None:
     assert cause.reading is not None
     assert cause.reading.unit == "in mN"
     assert diagnosis.final.fit.misfit == pytest.approx(found.base.fit.misfit, rel=0.05)
+
+
+@pytest.mark.parametrize(("steps", "hope"), [(1, 1.0), (60, 1.0 / 60.0)])
+def test_a_reading_of_more_steps_has_to_be_nearer(steps: int, hope: float) -> None:
+    trial, subject = (SimpleNamespace(problem=SimpleNamespace(substeps=n)) for n in (steps, 1))
+    assert _hope(trial, subject) == pytest.approx(hope * _HOPELESS)

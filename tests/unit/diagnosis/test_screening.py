@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term
+from orchestration.diagnosis.comparison import WEIGHTS
 from orchestration.diagnosis.courses import courses_of
 from orchestration.diagnosis.fitting import (
     Fit,
@@ -435,8 +436,9 @@ def test_faults_of_the_sensor_of_a_measured_output_are_proposed() -> None:
     faults = [c for c in screen.candidates if isinstance(c.term, SensorTerm)]
     names = {f"sensor_{fault}(position)" for fault in ("offset", "gain", "drift", "lag")}
     assert {c.term.name for c in faults} == names
-    (output,) = mass().outputs
-    assert {c.term.law for c in faults} == {output.name}
+    assert {c.term.law for c in faults} == {"position"}
+    plain = [c.prior for c in faults if c.term.shape in (Shape.CONSTANT, Shape.LINEAR)]
+    assert plain == pytest.approx([WEIGHTS.misread] * len(plain)), "as likely as a misread file"
 
 
 def test_the_response_to_a_fault_of_a_sensor_is_the_fault() -> None:
