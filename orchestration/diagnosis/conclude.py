@@ -19,7 +19,7 @@ from orchestration.diagnosis.comparison import (
 )
 from orchestration.diagnosis.courses import are_interchangeable
 from orchestration.diagnosis.features import confidence, features_of
-from orchestration.diagnosis.readings import Reading
+from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.search import Found, Ranked
 from orchestration.diagnosis.subject import words_of
 from orchestration.diagnosis.terms import Memory, NamedTerm, Term
@@ -35,7 +35,8 @@ class Conclusion:
     Attributes
     ----------
     verdict : str
-        ``cause``, ``ambiguous``, ``unexplained`` or ``consistent``.
+        ``cause``, ``ambiguous``, ``unexplained``, ``consistent``, or ``recalibrate`` if nothing but
+        the start states differ.
     causes : tuple of Cause
         The smallest group that reaches the probability; of ``unexplained`` the best guesses.
     nothing : float
@@ -199,7 +200,15 @@ def _verdict(group: Sequence[Cause], found: Found) -> str:
     reached = sum(cause.probability for cause in group)
     if reached < WEIGHTS.group or rises(group[0].judged, found.base):
         return "unexplained"
-    return "cause" if group[0].probability >= WEIGHTS.sure else "ambiguous"
+    if group[0].probability < WEIGHTS.sure:
+        return "ambiguous"
+    return "recalibrate" if _is_start(group[0]) else "cause"
+
+
+def _is_start(cause: Cause) -> bool:
+    """Return whether a model holds as it is, and its run has begun elsewhere."""
+    reading = cause.reading
+    return len(cause.parts) == 1 and reading is not None and reading.kind is ReadingKind.START
 
 
 def _near_the_likeliest(ranked: Sequence[Ranked], base: Judged) -> list[Ranked]:

@@ -99,7 +99,8 @@ class Diagnosis:
     @property
     def causes(self) -> tuple[Cause, ...]:
         """The group of causes, the most probable first; best guesses where nothing is explained."""
-        return () if self.conclusion.verdict == "consistent" else self.conclusion.causes
+        is_right = self.conclusion.verdict in ("consistent", "recalibrate")
+        return () if is_right else self.conclusion.causes
 
     @property
     def is_named(self) -> bool:
@@ -109,7 +110,9 @@ class Diagnosis:
     @property
     def final(self) -> Judged:
         """The model that all figures after the diagnosis are of: with the first cause if named."""
-        return self.causes[0].judged if self.is_named else self.found.base
+        if self.is_named or self.conclusion.verdict == "recalibrate":
+            return self.conclusion.causes[0].judged
+        return self.found.base
 
     @property
     def reading(self) -> Reading | None:

@@ -45,7 +45,7 @@ class _Kind(NamedTuple):
     is_fitted : bool
         Whether its shift is estimated.
     is_shift : bool
-        Whether it adds to a column, to time, or to where a record starts.
+        Whether it adds to a column or to time.
     models : tuple of str
         Of the file as it was read, and by the reading.
     """
@@ -72,7 +72,6 @@ class ReadingKind(Enum):
     START = _Kind(
         "the run has other start states than the model",
         "set the start states of the model",
-        is_shift=True,
         models=("model, start as declared", "model, start fitted"),
     )
 

@@ -89,7 +89,7 @@ def simulations(diagnosis: Diagnosis, course: OutputCourse) -> list[tuple[str, A
     result = []
     if np.isfinite(course.before).any():
         result.append((before, course.before, pictures.MODEL))
-    if diagnosis.is_named:
+    if diagnosis.is_named or diagnosis.reading is not None:
         result.append((after, course.after, pictures.FITTED))
     return result
 

@@ -73,7 +73,8 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "consistent":
         return "nothing is missing that this record can show"
     if diagnosis.verdict == "recalibrate":
-        return f"the laws hold with other values of {_listed(diagnosis.changed)}"
+        starts = ["the start states"] if diagnosis.reading is not None else []
+        return f"the laws hold with other values of {_listed([*starts, *diagnosis.changed])}"
     if not diagnosis.causes:
         return "the model misses something, and nothing that was tried explains it"
     parts = [f"{percent(c.probability)} {cause_text(diagnosis, c)}" for c in diagnosis.causes]
@@ -135,6 +136,8 @@ def _next_of_consistent(diagnosis: Diagnosis) -> str:
 
 def _next_of_recalibrate(diagnosis: Diagnosis) -> str:
     """Return the values to use."""
+    if diagnosis.reading is not None:
+        return _next_of_start(diagnosis)
     values = ", ".join(_settings(diagnosis, diagnosis.changed))
     return f"use the model with {values}; {option('fmu', 'fitted.fmu')} builds it."
 

@@ -205,7 +205,7 @@ def test_kinds_that_are_estimated_have_a_shift() -> None:
     fitted = {kind.name for kind in ReadingKind if Reading(kind, ("power",)).is_fitted}
     assert fitted == {"OFFSET", "LATE"}
     shifts = {kind.name for kind in ReadingKind if Reading(kind, ("power",)).is_shift}
-    assert shifts == {"OFFSET", "LATE", "START"}
+    assert shifts == {"OFFSET", "LATE"}
 
 
 @pytest.mark.parametrize(
