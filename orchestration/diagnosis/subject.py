@@ -362,7 +362,9 @@ def divided_as_read(subject: Subject, reading: Reading) -> tuple[Problem, tuple[
     records = tuple(reading.apply(model, r) for r in problem.records)
     left_out = tuple(replace(o, record=reading.apply(model, o.record)) for o in subject.left_out)
     starts = tuple(start_prior(problem, r, reading) for r in records)
-    changed = replace(problem, records=records, spread=_spread(records), starts=starts)
+    # as that of the file as it was read, of which these may be a part, or errors would differ by it
+    spread = problem.spread * _spread(records) / _spread(problem.records)
+    changed = replace(problem, records=records, spread=spread, starts=starts)
     if reading.kind is ReadingKind.CLOCK:
         changed = replace(changed, substeps=_substeps(changed, records, changed.mean))
     return changed, left_out

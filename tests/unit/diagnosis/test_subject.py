@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from orchestration.diagnosis import Record, Shape, Term, subject_of
-from orchestration.diagnosis.subject import Subject, depends, start_prior, thinned
+from orchestration.diagnosis.readings import Reading, ReadingKind
+from orchestration.diagnosis.subject import Subject, depends, divided_as_read, start_prior, thinned
 from tests.support.diagnosed_mass import START, D, K, M, exact, integrated, mass, problem_of, pushed
 
 TRUTH = (2.5, 24.0, 2.2)
@@ -202,3 +203,21 @@ def test_a_law_depends_on_its_signals() -> None:
     assert depends(model, Term("spring", "x", Shape.CUBE))
     assert not depends(model, Term("spring", "v", Shape.CUBE))
     assert depends(model, Term("spring", "", Shape.CONSTANT))
+
+
+@pytest.mark.parametrize(
+    ("reading", "size"),
+    [
+        (Reading(ReadingKind.START, ()), 1.0),
+        (Reading(ReadingKind.CLOCK, ("time",), 60.0), 1.0),
+        (Reading(ReadingKind.UNIT, ("position",), 1000.0), 1000.0),
+    ],
+)
+def test_errors_of_a_reading_are_in_the_spreads_of_the_file_as_it_was_read(
+    reading: Reading, size: float
+) -> None:
+    """Of which the fitted samples are a part, whose own spread is another."""
+    subject = made(drawn())
+    whole = replace(subject, problem=replace(subject.problem, spread=np.array([0.7])))
+    problem, _ = divided_as_read(whole, reading)
+    assert problem.spread == pytest.approx([0.7 * size])
