@@ -28,7 +28,7 @@ class Cause:
     members : frozenset of (str, str)
         Laws with their signals that are this cause in other words, its own among them.
     aliases : tuple of str
-        Laws with their signals that act like this effect of a catalogue.
+        Names of laws with their signals that are this cause in other words.
     """
 
     law: str

@@ -43,7 +43,7 @@ class Weights:
         the time, which is no cause.
     misread, shifted : float
         Prior of a file that is misread, or of a fault of a sensor: a wrong sign or unit is no rare
-        fault and does nothing else, while an offset, a delay or a start is a size, and like a law.
+        fault and does nothing else, while an offset or a delay is a size, and like a law.
     nominal : float
         Weight of the distance from nominal parameters between two readings of a file: the prior
         of a fit, a factor of ten, lets a search run, while a model that is worth a diagnosis is
@@ -289,7 +289,7 @@ class Common:
 
 @dataclass(frozen=True, eq=False)
 class Contrast:
-    """Errors of a fitted model beside those of another, whatever the effective samples are.
+    """Ratios of the errors of two models, which do not depend on the effective samples.
 
     Attributes
     ----------

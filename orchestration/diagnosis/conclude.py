@@ -22,7 +22,7 @@ from orchestration.diagnosis.features import confidence, features_of
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.search import Found, Ranked
 from orchestration.diagnosis.subject import words_of
-from orchestration.diagnosis.terms import Memory, NamedTerm, Term
+from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm, Term
 
 _LEAST = 1e-12
 _SETS = 8  # that share the probability
@@ -144,8 +144,8 @@ def _is_one_with(cause: Cause, other: Cause, found: Found) -> bool:
     ours, theirs = cause.parts[0], other.parts[0]
     if not isinstance(ours, Term) or not isinstance(theirs, Term) or ours.signal != theirs.signal:
         return False
-    if ours.law == theirs.law:
-        return True
+    if ours.law == theirs.law:  # a gain and a lag of one sensor are two faults
+        return not (isinstance(ours, SensorTerm) and isinstance(theirs, SensorTerm))
     if found.along is None:
         return False
     is_instant = all(

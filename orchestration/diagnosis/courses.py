@@ -82,6 +82,15 @@ class Courses:
         """Values (n, nl) of the laws in all pieces."""
         return np.concatenate([part.laws for part in self.parts])
 
+    @cached_property
+    def values(self) -> dict[str, Array]:
+        """Values (n,) of the inputs, states, and laws by name, in this order, and of the time."""
+        model = self.model
+        inputs = {v.name: self.inputs[:, i] for i, v in enumerate(model.inputs)}
+        states = {v.name: self.states[:, i] for i, v in enumerate(model.states)}
+        laws = dict(zip(model.laws, self.laws.T, strict=True))
+        return inputs | states | laws | {"time": np.concatenate(self.times)}
+
 
 def courses_of(fitted: Fit, pieces: Sequence[Record], starts: Sequence[Array]) -> Courses | None:
     """Run a fitted model over pieces of records from start states (nx,) of each.
@@ -119,7 +128,7 @@ def are_interchangeable(along: Courses, law: str, other: str, signal: str = "") 
     the other.
     """
     laws = along.model.laws
-    values = _values_of(along, signal) if signal else np.zeros(len(along.laws))
+    values = along.values.get(signal) if signal else np.zeros(len(along.laws))
     if values is None or law not in laws or other not in laws:
         return False
     ours, theirs = (_actions(along, one) for one in (law, other))
@@ -140,15 +149,6 @@ def _follows(ours: Array, theirs: Array, shares: Array) -> bool:
     solution = np.linalg.lstsq(columns, target, rcond=None)[0]
     rest = target - columns @ solution
     return float(rest @ rest) < _DIFFERENT * norm
-
-
-def _values_of(along: Courses, signal: str) -> Array | None:
-    """Return the values (n,) of an input, a state or a law along the courses."""
-    model = along.model
-    kinds = ((model.inputs, along.inputs), (model.states, along.states))
-    named = {v.name: values[:, i] for those, values in kinds for i, v in enumerate(those)}
-    named |= dict(zip(model.laws, along.laws.T, strict=True))
-    return named.get(signal)
 
 
 def _actions(along: Courses, law: str) -> Array:

@@ -44,8 +44,6 @@ class _Kind(NamedTuple):
     fault, correction : str
     is_fitted : bool
         Whether its shift is estimated.
-    is_shift : bool
-        Whether it adds to a column or to time.
     models : tuple of str
         Of the file as it was read, and by the reading.
     """
@@ -53,7 +51,6 @@ class _Kind(NamedTuple):
     fault: str
     correction: str
     is_fitted: bool = False
-    is_shift: bool = False
     models: tuple[str, str] = ("model, file as read", "model, file corrected")
 
 
@@ -63,12 +60,12 @@ class ReadingKind(Enum):
 
     SIGN = _Kind("{column} has the opposite sign", "{change}")
     UNIT = _Kind("{column} is {unit}", "{change}, or write its unit in the header")
-    OFFSET = _Kind("{column} is {size}{unit} too {level}", "{change}", True, True)
+    OFFSET = _Kind("{column} is {size}{unit} too {level}", "{change}", True)
     EXCHANGED = _Kind(
         "{column} and {other} are exchanged", "exchange the names of {column} and {other}"
     )
     CLOCK = _Kind(f"{TIME} is {{unit}}", "{change}, or write its unit in the header")
-    LATE = _Kind("{column} is {size} s {side}", "shift {column} {size} s {back}", True, True)
+    LATE = _Kind("{column} is {size} s {side}", "shift {column} {size} s {back}", True)
     START = _Kind(
         "the run has other start states than the model",
         "set the start states of the model",
@@ -116,11 +113,6 @@ class Reading:
     def is_fitted(self) -> bool:
         """Whether its shift is estimated."""
         return self.kind.value.is_fitted
-
-    @property
-    def is_shift(self) -> bool:
-        """Whether it adds to a column, to time, or to where a record starts."""
-        return self.kind.value.is_shift
 
     def moves_inputs(self, model: LawModel) -> bool:
         """Return whether a run of the model is another one by it."""

@@ -355,15 +355,11 @@ def alike(model: LawModel, parts: Sequence[Linearisation]) -> list[list[str]]:
 def _signals(along: Courses) -> list[tuple[str, Array]]:
     """Return the distinct signals of a model along its courses."""
     model = along.model
-    named = [(v.name, along.inputs[:, i]) for i, v in enumerate(model.inputs)]
-    named += [(v.name, along.states[:, i]) for i, v in enumerate(model.states)]
     # neither is an output's law a signal, nor the rate of a state, which follows from the others
     no_signal = {o.name for o in model.outputs} | set(model.followed)
     # nor a law that is a function of one of them
     no_signal |= {law for law in model.laws if len(model.perturbed.computed_from(law)) < 2}
-    laws = zip(model.laws, along.laws.T, strict=True)
-    named += [(law, values) for law, values in laws if law not in no_signal]
-    named.append(("time", np.concatenate(along.times)))
+    named = [(name, values) for name, values in along.values.items() if name not in no_signal]
     return distinct([(name, values) for name, values in named if np.isfinite(values).all()])
 
 
@@ -382,7 +378,7 @@ def _candidates(along: Courses, classes: Sequence[Sequence[str]]) -> Iterator[Ca
     model = along.model
     signals = _signals(along)
     views = seen(signals, along.times, list(_REMEMBERED))
-    value_of = dict(zip(model.laws, along.laws.T, strict=True))
+    value_of = along.values
     for same in classes:
         size = max(float(np.sqrt(np.mean(value_of[law] ** 2))) for law in same) or 1.0
         whole = next((law for law in same if law in model.rates), same[0])
@@ -403,17 +399,19 @@ def _candidates(along: Courses, classes: Sequence[Sequence[str]]) -> Iterator[Ca
 def _of_sensors(along: Courses) -> Iterator[Candidate]:
     """Yield faults of the sensors of measured outputs: an offset, a gain, a drift and a lag."""
     model = along.model
-    whole = np.concatenate(along.times)
     for j in np.flatnonzero(along.measured).tolist():
         output = model.outputs[j].name
-        values = along.laws[:, model.laws.index(output)]
+        values = along.values[output]
         if not np.isfinite(values).all():
             continue
         views = seen(distinct([(output, values)]), along.times, [Memory.FADING])
         size = float(along.fitted.problem.spread[j])
         offset = SensorTerm(output, "", Shape.CONSTANT, size=size)
         yield Candidate(offset, np.full((len(values), 1), size), words(model, offset, True))
-        for view in [*views, Seen("time", Memory.NONE, (), whole, along.length, 0.0)]:
+        for view in [
+            *views,
+            Seen("time", Memory.NONE, (), along.values["time"], along.length, 0.0),
+        ]:
             for shape in _DRIFTS if view.signal == "time" else (Shape.LINEAR,):
                 term = SensorTerm(
                     output, view.signal, shape, view.memory, view.constants, "", size, view.scale
@@ -487,13 +485,12 @@ def _cosine(one: Array, other: Array) -> float:
 def _changes(along: Courses, classes: Sequence[Sequence[str]]) -> Iterator[Candidate]:
     """Yield changes of laws in percent at an instant, and offsets from one on."""
     model = along.model
-    view = Seen("time", Memory.NONE, (), np.concatenate(along.times), along.length, 0.0)
-    value_of = dict(zip(model.laws, along.laws.T, strict=True))
+    view = Seen("time", Memory.NONE, (), along.values["time"], along.length, 0.0)
     for same in classes:
         for law in same:
             if len(same) > 1 and law in model.rates:
                 continue
-            amount = value_of[law]
+            amount = along.values[law]
             for place in (np.arange(_PLACES) + 1.0) / (_PLACES + 1.0):
                 term = Term(
                     law, "time", Shape.STEP, factor=law, scale=along.length, width=float(place)

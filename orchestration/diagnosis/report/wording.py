@@ -59,7 +59,7 @@ def files(diagnosis: Diagnosis) -> str:
 
 
 def alias_lines(diagnosis: Diagnosis) -> list[str]:
-    """Return a sentence for each effect of the catalogue that acts like laws."""
+    """Return a sentence for each cause that other laws are in other words."""
     return [
         f"{', '.join(cause.aliases)} acts like {cause_text(diagnosis, cause)} on this record, and"
         " is counted with it."

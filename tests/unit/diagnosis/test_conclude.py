@@ -12,6 +12,7 @@ from fmus.kit.arrays import Array
 from orchestration.diagnosis import Found, Memory, Shape, Term
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import conclude
+from orchestration.diagnosis.terms import SensorTerm
 from tests.support.dry_mass import dry, nothing, outside, small_search
 
 RNG = np.random.default_rng(8)
@@ -208,3 +209,10 @@ def test_what_is_not_strong_on_what_is_left_out_is_no_cause() -> None:
     """Two nats in two hundred samples: seven to one."""
     assert conclude(found(judged(0.9, 0.99, DRY))).verdict == "unexplained"
     assert conclude(found(judged(0.9, 0.975, DRY))).verdict == "cause"
+
+
+def test_a_gain_and_a_lag_of_one_sensor_are_two_causes() -> None:
+    gain = SensorTerm("place", "place", Shape.LINEAR)
+    lag = replace(gain, memory=Memory.FADING, constants=(2.0,))
+    conclusion = conclude(found(judged(0.5, 0.5, gain), judged(0.5, 0.501, lag)))
+    assert {c.name for c in conclusion.causes} == {"sensor_gain(place)", "sensor_lag(place)"}

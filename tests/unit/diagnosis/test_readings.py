@@ -204,8 +204,6 @@ def test_kinds_that_are_estimated_have_a_shift() -> None:
     """An offset and a delay are sizes; a sign, a unit, an exchange and a clock are not."""
     fitted = {kind.name for kind in ReadingKind if Reading(kind, ("power",)).is_fitted}
     assert fitted == {"OFFSET", "LATE"}
-    shifts = {kind.name for kind in ReadingKind if Reading(kind, ("power",)).is_shift}
-    assert shifts == {"OFFSET", "LATE"}
 
 
 @pytest.mark.parametrize(

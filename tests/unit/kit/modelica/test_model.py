@@ -96,7 +96,6 @@ def test_effects_carry_over_with_their_parameters():
     assert 'parameter Real extra(unit="W") = 0.0' in text
 
 
-@pytest.mark.slow  # the first parse of a process builds the parser's tables
 @pytest.mark.parametrize("cls", [Oven, Thermostat, stack(Thermostat, Warmer)])
 def test_two_compilers_read_it(cls, tmp_path):
     """A variable more or less than equations would be told."""
