@@ -250,13 +250,24 @@ def located(fitted: Fit) -> Fit:
     return replace(fitted, terms=tuple(terms))
 
 
+def mean_squares(errors: Array) -> Array:
+    """Return the mean squares (ny,) of errors (n, ny); NaN of an output that was not measured.
+
+    Without NumPy's warning, which a filter holds back in one thread only.
+    """
+    known = np.isfinite(errors)
+    count = known.sum(axis=0)
+    sums = np.sum(np.where(known, errors, 0.0) ** 2, axis=0)
+    return np.divide(sums, count, out=np.full(len(count), np.nan), where=count > 0)
+
+
 def weights_of(errors: Sequence[Array]) -> list[Array]:
     """Return weights (ny,) of squared errors, record by record: ``n_eff / n / sigma^2``.
 
     Sigma of each output is that of all records together, or a fit would give up the worst of them.
     """
     stacked = np.concatenate(errors)
-    variance = np.maximum(np.nanmean(stacked**2, axis=0), 1e-10)
+    variance = np.maximum(mean_squares(stacked), 1e-10)
     weights = []
     for e in errors:
         counts = np.maximum(np.isfinite(e).sum(axis=0), 1)

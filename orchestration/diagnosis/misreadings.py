@@ -21,6 +21,7 @@ from orchestration.diagnosis.fitting import (
     Point,
     Problem,
     fit,
+    mean_squares,
     nominal_point,
     weights_of,
 )
@@ -247,7 +248,7 @@ def _misfit(problem: Problem, point: Point) -> float:
 
 def _logarithm(errors: Array) -> float:
     """Return the mean over the outputs of the logarithm of the mean square of errors (n, ny)."""
-    squares = np.nanmean(errors**2, axis=0)
+    squares = mean_squares(errors)
     return float(np.nanmean(np.log(np.maximum(squares, 1e-12))))
 
 

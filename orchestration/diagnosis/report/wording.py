@@ -61,8 +61,8 @@ def files(diagnosis: Diagnosis) -> str:
 def alias_lines(diagnosis: Diagnosis) -> list[str]:
     """Return a sentence for each cause that other laws are in other words."""
     return [
-        f"{', '.join(cause.aliases)} acts like {cause_text(diagnosis, cause)} on this record, and"
-        " is counted with it."
+        f"Counted with {cause_text(diagnosis, cause)}, which they act like on this record:"
+        f" {', '.join(cause.aliases)}."
         for cause in diagnosis.causes
         if cause.aliases
     ]

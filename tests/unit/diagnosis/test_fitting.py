@@ -19,6 +19,7 @@ from orchestration.diagnosis.fitting import (
     fit,
     fit_base,
     fit_start,
+    mean_squares,
     nominal_point,
     weights_of,
 )
@@ -216,3 +217,9 @@ def test_values_are_those_of_the_term() -> None:
     assert found.values_of(OFFSET) == pytest.approx([3.0])
     assert mass().laws.index("spring") >= 0
     assert found.freedom == 3
+
+
+def test_an_output_that_was_not_measured_has_no_mean_and_no_warning() -> None:
+    errors = np.column_stack([[1.0, np.nan, 3.0], np.full(3, np.nan)])
+    assert mean_squares(errors) == pytest.approx([5.0, np.nan], nan_ok=True)
+    assert np.isfinite(weights_of([errors])[0][0])
