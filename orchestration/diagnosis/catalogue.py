@@ -125,7 +125,11 @@ def _by_runs(along: Courses) -> Callable[[str, _Settings], Array]:
         run = model.run(record, changed, start, sensitive=not strength)
         if run is None or base is None:
             return np.full((len(record.time), len(model.outputs)), np.nan)
-        return run.outputs - base.outputs if strength else run.slopes[:, :, len(values)]
+        if strength:
+            return run.outputs - base.outputs
+        slopes = np.zeros_like(run.outputs)
+        slopes[:, record.measured] = run.slopes[:, :, len(values)]
+        return slopes
 
     def responses_to(name: str, settings: _Settings) -> Array:
         effect = model.effects[name]

@@ -15,7 +15,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.law_model import Course, LawModel, Record, Setting
 from orchestration.diagnosis.terms import Shape, Term
 from orchestration.identify.fitting import Scale, scale_of
@@ -127,6 +127,14 @@ class Problem:
         return [scale_of(p, self.nominal[i]) for i, p in zip(self.free, declared, strict=True)]
 
     @cached_property
+    def _logarithmic(self) -> Mask:
+        return np.array([s.logarithmic for s in self.scales], dtype=bool)
+
+    @cached_property
+    def _sizes(self) -> Array:
+        return np.array([s.size for s in self.scales])
+
+    @cached_property
     def mean(self) -> Array:
         """Searched coordinates of the nominal values."""
         pairs = zip(self.scales, self.nominal[self.free], strict=True)
@@ -150,12 +158,14 @@ class Problem:
     def parameters(self, q: Array) -> Array:
         """Return all parameters (np,), SI, at searched coordinates of the free ones."""
         all_of_them = self.nominal.copy()
-        all_of_them[self.free] = [s.value(x) for s, x in zip(self.scales, q, strict=True)]
+        with np.errstate(over="ignore"):  # the end of an interval may lie beyond every number
+            all_of_them[self.free] = np.where(self._logarithmic, np.exp(q), q * self._sizes)
         return all_of_them
 
     def slopes(self, q: Array) -> Array:
         """Return d value / d q of the free parameters."""
-        return np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
+        with np.errstate(over="ignore"):
+            return np.where(self._logarithmic, np.exp(q), self._sizes)
 
     def run(
         self, record: Record, point: Point, terms: Sequence[Term], start: Array, sensitive: bool
@@ -336,13 +346,16 @@ class _Search:
     def _weighed(self, course: Course, error: Array, slopes: Array, r: int) -> tuple[Array, Array]:
         """Return weighed derivatives by the searched coordinates, and errors, without gaps."""
         problem = self.problem
-        root = np.sqrt(self.weights[r])
-        present = np.isfinite(error)
-        sizes = np.broadcast_to(root / problem.spread, error.shape)[present]
-        rows = course.slopes[present] * sizes[:, np.newaxis]
-        rows[:, : len(slopes)] *= slopes
-        rows[:, self.size :] *= problem.starts[r].deviation
-        return rows, (error * root)[present]
+        measured = problem.records[r].measured
+        root = np.sqrt(self.weights[r])[measured]
+        terms = np.ones(self.size - len(slopes))
+        factors = np.concatenate([slopes, terms, problem.starts[r].deviation])
+        rows = course.slopes * ((root / problem.spread[measured])[:, np.newaxis] * factors)
+        e = error[:, measured]
+        present = np.isfinite(e)
+        if present.all():
+            return rows.reshape(-1, len(factors)), (e * root).ravel()
+        return rows[present], (e * root)[present]
 
     def _far(self, point: Point) -> Array:
         """Return the distance of a point from the mean of the prior, in its deviations."""
@@ -362,23 +375,27 @@ class _Search:
         )
         return Point(q, point.values + step[p : self.size], starts)
 
-    def minimise(self, point: Point, most: int, flat: float = FLAT) -> Fit | None:
+    def begin(self, point: Point) -> tuple[Point, Evaluated] | None:
+        """Return a point with what is known there; None where a run fails."""
+        here = self.evaluate(point)
+        return None if here is None else (point, here)
+
+    def descend(
+        self, begun: tuple[Point, Evaluated], most: int, flat: float
+    ) -> tuple[Point, Evaluated]:
         """Search downhill from a point, for so many steps at most."""
-        found = _downhill(self.evaluate, self.moved, point, most, flat)
-        if found is None:
-            return None
-        there, (cost, curvature, _, errors) = found
-        return Fit(self.problem, self.terms, there, errors, cost, curvature)
+        return _downhill(self.evaluate, self.moved, begun, most, flat, self.cost)
 
 
 def _downhill(
     evaluate: Callable[[Place], Evaluated | None],
     moved: Callable[[Place, Array], Place],
-    place: Place,
+    begun: tuple[Place, Evaluated],
     most: int,
     flat: float,
-) -> tuple[Place, Evaluated] | None:
-    """Search downhill from a place by damped Gauss-Newton steps; None if it cannot start there.
+    cost_at: Callable[[Place], float] = lambda place: -np.inf,
+) -> tuple[Place, Evaluated]:
+    """Search downhill from a place by damped Gauss-Newton steps.
 
     Parameters
     ----------
@@ -386,27 +403,30 @@ def _downhill(
         Returns cost, curvature, downhill gradient and errors at a place, or None.
     moved : callable
         Returns the place after a step.
-    place : Point or ndarray
+    begun : tuple
+        Place (Point or ndarray) with what `evaluate` returned there.
     most : int
         Steps at most.
     flat : float
         Relative fall of the cost that ends the search, twice in a row.
+    cost_at : callable, optional
+        Returns the cost alone, or a lower bound of it. After a step that went uphill the next one
+        often does, too, and takes no derivatives.
     """
-    here = evaluate(place)
-    if here is None:
-        return None
+    place, here = begun
     damping, small = 1e-2, 0
     for _ in range(most):
         cost, curvature, gradient, _ = here
         lower = None
-        for _ in range(_HALVINGS):
+        for attempt in range(_HALVINGS):
             damped = curvature + np.diag(damping * np.diag(curvature))
             try:
                 trial = moved(place, np.asarray(np.linalg.solve(damped, gradient)))
             except np.linalg.LinAlgError:
                 damping *= 10.0
                 continue
-            there = evaluate(trial)
+            is_lower = not attempt or cost_at(trial) < cost
+            there = evaluate(trial) if is_lower else None
             if there is not None and there[0] < cost:
                 lower = there
                 break
@@ -448,10 +468,15 @@ def fit(
         None if the model runs away at every start.
     """
     search = _Search(problem, terms, weights)
-    nearest = sorted(starts, key=search.cost)[:_STARTS]
-    begun = [search.minimise(point, _TRIAL, flat) for point in nearest]
-    best = min((f for f in begun if f is not None), key=lambda f: f.cost, default=None)
-    return best and search.minimise(best.point, most, flat)
+    points = list(starts)
+    nearest = sorted(points, key=search.cost)[:_STARTS] if len(points) > _STARTS else points
+    begun = [at for at in map(search.begin, nearest) if at is not None]
+    tried = [search.descend(at, _TRIAL, flat) for at in begun]
+    if not tried:
+        return None
+    best = min(tried, key=lambda at: at[1][0])
+    point, (cost, curvature, _, errors) = search.descend(best, most, flat)
+    return Fit(problem, search.terms, point, errors, cost, curvature)
 
 
 def nominal_point(problem: Problem, terms: Sequence[Term] = ()) -> Point:
@@ -509,15 +534,18 @@ def fit_start(
         course = model.run(record, setting, start, sensitive=True)
         if course is None:
             return None
-        e = ((record.outputs - course.outputs) / problem.spread * root).ravel()
+        e = ((record.outputs - course.outputs) / problem.spread * root)[:, record.measured].ravel()
         rows = course.slopes[:, :, course.slopes.shape[2] - nx :] * prior.deviation
-        rows = (rows * (root / problem.spread)[:, None]).reshape(-1, nx)
+        rows = (rows * (root / problem.spread)[record.measured, None]).reshape(-1, nx)
         present = np.isfinite(e)
         e, rows = e[present], rows[present]
         return 0.5 * float(e @ e + z @ z), rows.T @ rows + np.eye(nx), rows.T @ e - z, (e,)
 
-    found = _downhill(evaluate, np.add, np.zeros(nx), _START_STEPS, FLAT)
-    return None if found is None else prior.mean + found[0] * prior.deviation
+    at_mean = evaluate(np.zeros(nx))
+    if at_mean is None:
+        return None
+    found, _ = _downhill(evaluate, np.add, (np.zeros(nx), at_mean), _START_STEPS, FLAT)
+    return prior.mean + found * prior.deviation
 
 
 def final_curvature(fitted: Fit) -> Array:

@@ -39,9 +39,10 @@ typedef struct {
 } term;
 
 typedef struct {
-    int n, substeps, free, terms, constants, sensitive;
+    int n, substeps, free, terms, constants, sensitive, measured, starts;
     const double *time, *inputs, *parameters, *values, *start, *tick_time;
     const int *smooth, *position, *tick_clock, *tick; /* tick: the first of each step, n of them */
+    const int *output, *state; /* with slopes; by whose start value there are slopes */
     const term *term;
     double *outputs, *slopes, *states;
 } run;
@@ -252,21 +253,20 @@ static void add_terms(const double *X, const double *S, const double *u, double 
     }
 }
 
-static void chain(int rows, const double *by_x, const double *by_p, const double *by_a, const double *S, double *out, work *k) {
+/* a row of the total derivatives of a function with so many rows */
+static void chain(int i, int rows, const double *by_x, const double *by_p, const double *by_a, const double *S,
+                  double *restrict o, const work *k) {
     const run *r = k->of;
     int ns = k->ns;
-    memset(out, 0, rows * ns * sizeof(double));
-    for (int i = 0; i < rows; i++) {
-        double *o = out + i * ns;
-        for (int j = 0; j < NX; j++) {
-            double v = by_x[i + j * rows];
-            if (v != 0.0) for (int q = 0; q < ns; q++) o[q] += v * S[j * ns + q];
-        }
-        for (int l = 0; l < k->changed; l++) {
-            double v = by_a[i + k->law[l] * rows];
-            if (v != 0.0) for (int q = 0; q < ns; q++) o[q] += v * k->da[l * ns + q];
-        }
-        for (int q = 0; q < r->free; q++) o[q] += by_p[i + r->position[q] * rows];
+    for (int q = 0; q < r->free; q++) o[q] = by_p[i + r->position[q] * rows];
+    memset(o + r->free, 0, (ns - r->free) * sizeof(double));
+    for (int j = 0; j < NX; j++) {
+        const double v = by_x[i + j * rows], *s = S + j * ns;
+        if (v != 0.0) for (int q = 0; q < ns; q++) o[q] += v * s[q];
+    }
+    for (int l = 0; l < k->changed; l++) {
+        const double v = by_a[i + k->law[l] * rows], *da = k->da + l * ns;
+        if (v != 0.0) for (int q = 0; q < ns; q++) o[q] += v * da[q];
     }
 }
 
@@ -275,15 +275,16 @@ static void rates(const double *X, const double *S, const double *u, double t, d
     double *values[8] = {dX}, *all[8] = {dX, k->fx, k->fp, k->fa};
     if (!S) { call(rates_of, X, u, t, k->of->parameters, k->arg_a, values, k); return; }
     call(rate_slopes_of, X, u, t, k->of->parameters, k->arg_a, all, k);
-    chain(NX, k->fx, k->fp, k->fa, S, dS, k);
+    for (int i = 0; i < NX; i++) chain(i, NX, k->fx, k->fp, k->fa, S, dS + i * k->ns, k);
 }
 
 static void observe(const double *X, const double *S, const double *u, double t, double *y, double *dy, work *k) {
+    const run *r = k->of;
     add_terms(X, S, u, t, 0, 0, k);
     double *values[8] = {y}, *all[8] = {y, k->fx, k->fp, k->fa};
-    if (!S) { call(outputs_of, X, u, t, k->of->parameters, k->arg_a, values, k); return; }
-    call(output_slopes_of, X, u, t, k->of->parameters, k->arg_a, all, k);
-    chain(NY, k->fx, k->fp, k->fa, S, dy, k);
+    if (!S) { call(outputs_of, X, u, t, r->parameters, k->arg_a, values, k); return; }
+    call(output_slopes_of, X, u, t, r->parameters, k->arg_a, all, k);
+    for (int i = 0; i < r->measured; i++) chain(r->output[i], NY, k->fx, k->fp, k->fa, S, dy + i * k->ns, k);
 }
 
 static void copy(double *to, const double *from, int count) {
@@ -376,7 +377,7 @@ static void update(double *X, double *S, double t, int clock, work *k) {
     call(updates_of[clock], X, k->u, t, k->of->parameters, k->arg_a, S ? all : values, k);
     if (k->nz) remember(X, S, t, k);
     if (S) {
-        chain(NX, k->fx, k->fp, k->fa, S, k->T, k);
+        for (int i = 0; i < NX; i++) chain(i, NX, k->fx, k->fp, k->fa, S, k->T + i * k->ns, k);
         memcpy(S, k->T, NX * k->ns * sizeof(double));
     }
     memcpy(X, k->Y, NX * sizeof(double));
@@ -412,7 +413,7 @@ static int simulate(work *k, double *X, double *S) {
     int nX = NX + k->nz, ns = k->ns;
     double *own = r->sensitive ? S : 0;
     memcpy(X, r->start, NX * sizeof(double));
-    for (int i = 0; i < NX; i++) S[i * ns + ns - NX + i] = 1.0;
+    for (int i = 0; i < r->starts; i++) S[r->state[i] * ns + ns - r->starts + i] = 1.0;
     see_laws(X, r->inputs, r->time[0], 1, k);
     for (int i = 0; i < r->terms; i++)  /* memories begin in equilibrium; bristles and heat at rest */
         if (k->store[i] >= 0) {
@@ -423,7 +424,7 @@ static int simulate(work *k, double *X, double *S) {
             if (!rests) copy(S + k->store[i] * ns, ds, ns);
         }
     for (int j = 0; j < r->n; j++) {
-        observe(X, own, r->inputs + j * NU, r->time[j], r->outputs + j * NY, own ? r->slopes + (size_t)j * NY * ns : 0, k);
+        observe(X, own, r->inputs + j * NU, r->time[j], r->outputs + j * NY, own ? r->slopes + (size_t)j * r->measured * ns : 0, k);
         if (r->states) memcpy(r->states + (size_t)j * nX, X, nX * sizeof(double));
         for (int i = 0; i < nX; i++) if (!(fabs(X[i]) < LARGEST)) return j + 1;
         for (int i = 0; i < NY; i++) if (!(fabs(r->outputs[j * NY + i]) < LARGEST)) return j + 1;
@@ -456,7 +457,7 @@ static double *prepare(work *k, const run *r, enum columns which) {
         k->of_laws |= is_law(q->signal) || is_law(q->factor);
     }
     int nX = NX + k->nz, rows = NX > NY ? NX : NY;
-    int ns = k->ns = r->free + r->constants + (k->all_laws ? NL : 0) + (which == OF_STARTS ? NX : nX);
+    int ns = k->ns = r->free + r->constants + (k->all_laws ? NL : 0) + (which == OF_STARTS ? r->starts : nX);
     size_t own = 2 * NL + k->changed * ns + NL * (1 + NX + NP) + rows * (NX + NP + NL) + 3 * ns + LAWS_W + 16;
     size_t spare = (size_t)nX * (6 + 6 * ns) + NU + NY + 2 + (r->terms + 1) * (1 + ns) + 16;
     double *at = calloc(own + spare, sizeof(double));
@@ -508,7 +509,7 @@ EXPORT int linearise(const run *r, const double *states, double *rate_slopes, do
         const double *X = states + j * nX, *u = r->inputs + j * NU;
         rates(X, S, u, r->time[j], dX, rate_slopes + (size_t)j * nX * ns, &k);
         memcpy(by_laws + (size_t)j * NX * NL, k.fa, NX * NL * sizeof(double));
-        observe(X, S, u, r->time[j], y, output_slopes + (size_t)j * NY * ns, &k);
+        observe(X, S, u, r->time[j], y, output_slopes + (size_t)j * r->measured * ns, &k);
         memcpy(output_by_laws + (size_t)j * NY * NL, k.fa, NY * NL * sizeof(double));
         double *results[8] = {laws + j * NL};
         call(laws_of, X, u, r->time[j], r->parameters, k.none, results, &k);

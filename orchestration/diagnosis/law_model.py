@@ -23,11 +23,12 @@ from fmus.kit.symbolic import PerturbedLaws
 from orchestration.diagnosis.terms import NamedTerm, Term, TermStructure, effects_in
 
 _ENGINE = Path(__file__).with_name("free_run.c")
-_DOUBLES = ctypes.POINTER(ctypes.c_double)
-_INTEGERS = ctypes.POINTER(ctypes.c_int)
+_ARRAY = ctypes.c_void_p
+_NOTHING = np.empty(0)
 # Largest product of a step and a rate constant: 2.8 is where the method becomes unstable.
 _STEP = 0.7
 _MOST_STEPS = 60  # between two samples
+_PARAMETERS = 3  # argument of the functions of `PerturbedLaws`
 MOST_TICKS = 1000.0  # of all clocks between two samples, on the average
 
 
@@ -36,10 +37,11 @@ class _Run(ctypes.Structure):
 
     _fields_ = (
         *((n, ctypes.c_int) for n in ("n", "substeps", "free", "terms", "constants", "sensitive")),
-        *((n, _DOUBLES) for n in ("time", "inputs", "parameters", "values", "start", "tick_time")),
-        *((n, _INTEGERS) for n in ("smooth", "position", "tick_clock", "tick")),
+        *((n, ctypes.c_int) for n in ("measured", "starts")),
+        *((n, _ARRAY) for n in ("time", "inputs", "parameters", "values", "start", "tick_time")),
+        *((n, _ARRAY) for n in ("smooth", "position", "tick_clock", "tick", "output", "state")),
         ("term", ctypes.POINTER(TermStructure)),
-        *((n, _DOUBLES) for n in ("outputs", "slopes", "states")),
+        *((n, _ARRAY) for n in ("outputs", "slopes", "states")),
     )
 
 
@@ -75,6 +77,16 @@ class Record:
             self._ticks[rhythms] = ticks_of(self.time, self.begin, rhythms)
         return self._ticks[rhythms]
 
+    @cached_property
+    def measured(self) -> Mask:
+        """Outputs (ny,) that are measured at some sample."""
+        return np.asarray(np.isfinite(self.outputs).any(axis=0))
+
+    @cached_property
+    def first(self) -> Record:
+        """The first sample alone."""
+        return self.part(0, 1)
+
     def part(self, first: int, last: int, step: int = 1) -> Record:
         """Return some of the samples."""
         chosen = slice(first, last, step)
@@ -93,8 +105,9 @@ class Course:
     Attributes
     ----------
     outputs : ndarray, shape (n, ny)
-    slopes : ndarray, shape (n, ny, p)
-        By free parameters, values of the terms, and start states; empty unless asked for.
+    slopes : ndarray, shape (n, m, p)
+        Of the m measured outputs, by free parameters, values of the terms, and start states; empty
+        unless asked for.
     states : ndarray, shape (n, nx + nz)
         Memories of the terms after the model's own states.
     """
@@ -171,6 +184,8 @@ class Setting:
         Of each term its coefficients, then the logarithms of its constants and width.
     substeps : int
         Steps between two samples.
+    searched : tuple of int, or None
+        Positions of the states by whose start values a run has derivatives; None for all.
     """
 
     parameters: Array
@@ -178,6 +193,7 @@ class Setting:
     terms: tuple[Term, ...] = ()
     values: Array = field(default_factory=lambda: np.zeros(0))
     substeps: int = 1
+    searched: tuple[int, ...] | None = None
 
     @property
     def memories(self) -> int:
@@ -257,6 +273,9 @@ class LawModel:
             "LAWS_IW": max(f.sz_iw() for f in functions),
             "LAWS_W": max(f.sz_w() for f in functions),
         }
+        of = {f.name(): ca.DM(f.jac_sparsity(0, _PARAMETERS), 1).full() > 0 for f in functions}
+        self._by_parameters: Mask = np.vstack([of.pop("outputs_of"), of.pop("laws_of")])
+        self._moving: Mask = np.any([f.any(axis=0) for name, f in of.items()], axis=0)
         generator = ca.CodeGenerator("model.c", {"with_header": False, "casadi_int": "int"})
         for function in functions:
             generator.add(function)
@@ -285,17 +304,31 @@ class LawModel:
             return self.stacked(effects).run(record, setting, start, sensitive=sensitive)
         if self.ticks_in_step(record, setting.parameters) > MOST_TICKS:
             return None
-        n = len(record.time)
-        columns = len(setting.free) + len(setting.values) + len(self.states)
+        n, measured = len(record.time), record.measured
+        acting = self._acting(setting, measured)
+        starts = len(self.states) if setting.searched is None else len(setting.searched)
+        columns = np.append(acting, np.ones(len(setting.values) + starts, dtype=bool))
         outputs = np.empty((n, len(self.outputs)))
-        slopes = np.empty((n, len(self.outputs), columns) if sensitive else (0, 0, 0))
+        own = np.empty((n, int(measured.sum()), int(columns.sum())) if sensitive else (0, 0, 0))
         states = np.empty((n, len(self.states) + setting.memories))
-        with self._given(record, setting, start, (outputs, slopes, states)) as run:
+        plain = replace(setting, free=setting.free[acting])
+        with self._given(record, plain, measured, start, (outputs, own, states)) as run:
             run.sensitive = int(sensitive)
             failed = self._library.free_run(ctypes.byref(run))
-        if failed or not np.isfinite(slopes).all():
+        if failed or not np.isfinite(own).all():
             return None
+        if not sensitive or columns.all():
+            return Course(outputs, own, states)
+        slopes = np.zeros((*own.shape[:2], len(columns)))
+        slopes[:, :, columns] = own
         return Course(outputs, slopes, states)
+
+    def _acting(self, setting: Setting, measured: Mask) -> Mask:
+        """Return the free parameters (p,) on which measured outputs (ny,) can depend at all."""
+        looked_at = {s for term in setting.terms for s in (term.signal, term.factor)}
+        laws = np.array([law in looked_at for law in self.laws], dtype=bool)
+        acting = self._by_parameters[np.concatenate([measured, laws])].any(axis=0)
+        return np.asarray((acting | self._moving)[setting.free])
 
     def linearise(self, record: Record, setting: Setting, course: Course) -> Linearisation:
         """Linearise along a course."""
@@ -310,9 +343,9 @@ class LawModel:
         rates, outputs = np.zeros((n, nx, columns)), np.zeros((n, ny, columns))
         by_laws = np.zeros((n, nl, len(self.states))), np.zeros((n, nl, ny))
         laws = np.empty((n, nl))
-        with self._given(record, setting, np.empty(0), (np.empty(0),) * 3) as run:
+        with self._given(record, setting) as run:
             results = (states, rates, outputs, *by_laws, laws)
-            self._library.linearise(ctypes.byref(run), *map(_doubles, results))
+            self._library.linearise(ctypes.byref(run), *map(_pointer, results))
             by_law, output_by_law = (a.swapaxes(1, 2) for a in by_laws)
             part = Linearisation(rates, outputs, by_law, output_by_law, laws)
             return self._with_steps(part, run, states) if self.clocks else part
@@ -322,36 +355,41 @@ class LawModel:
         n, nx, columns = part.rates.shape
         nl = len(self.laws)
         steps = np.empty((n - 1, nx, columns + nl))
-        self._library.steps(ctypes.byref(run), _doubles(states), _doubles(steps))
+        self._library.steps(ctypes.byref(run), _pointer(states), _pointer(steps))
         own, by_law, by_state = np.split(steps, [columns - nx, columns - nx + nl], axis=2)
         return replace(part, steps=np.dstack([own, by_state]), steps_by_laws=by_law)
 
     @contextmanager
     def _given(
-        self, record: Record, setting: Setting, start: Array, results: Sequence[Array]
+        self,
+        record: Record,
+        setting: Setting,
+        measured: Mask | None = None,
+        start: Array = _NOTHING,
+        results: Sequence[Array] = (_NOTHING,) * 3,
     ) -> Iterator[_Run]:
         """Give a run as the library reads it, as long as its arrays live."""
         ticks = record.ticks(self._rhythms(setting.parameters))
-        held = [
-            np.ascontiguousarray(a, dtype=float)
-            for a in (setting.parameters, setting.values, start, ticks.time)
-        ]
-        integers = [
-            np.ascontiguousarray(a, dtype=np.int32)
-            for a in (record.smooth, setting.free, ticks.clock, ticks.first)
-        ]
+        searched = range(len(self.states)) if setting.searched is None else setting.searched
+        shown = range(len(self.outputs)) if measured is None else np.flatnonzero(measured)
+        own = (setting.parameters, setting.values, start, ticks.time)
+        positions = (setting.free, ticks.clock, ticks.first, shown, searched)
+        doubles = [np.ascontiguousarray(a, dtype=float) for a in own]
+        integers = [np.ascontiguousarray(a, dtype=np.int32) for a in (record.smooth, *positions)]
         structures = [term.structure(self.laws, self.signals) for term in setting.terms]
         array = (TermStructure * max(1, len(structures)))(*structures)
         counts = (setting.substeps, len(setting.free), len(structures), len(setting.values), 0)
         yield _Run(
             len(record.time),
             *counts,
-            *map(_doubles, (record.time, record.inputs, *held)),
-            *(a.ctypes.data_as(_INTEGERS) for a in integers),
+            len(shown),
+            len(searched),
+            *map(_address, (record.time, record.inputs, *doubles)),
+            *map(_address, integers),
             array,
-            *map(_doubles, results),
+            *map(_address, results),
         )
-        del held, integers, array
+        del doubles, integers, array
 
     def ticks_in_step(self, record: Record, parameters: Array) -> float:
         """Return the ticks of all clocks between two samples of a record, on the average."""
@@ -381,9 +419,9 @@ class LawModel:
         self._library.shapes(
             ctypes.byref(structure),
             len(signal),
-            _doubles(signal),
+            _pointer(signal),
             ctypes.c_double(np.log(term.width)),
-            _doubles(out),
+            _pointer(out),
         )
         return out
 
@@ -461,7 +499,7 @@ class StackedModel:
             return None
         slopes = course.slopes
         if sensitive:
-            columns, factors = self._columns(setting, self._own)
+            columns, factors = self._columns(setting, range(len(self._own)))
             slopes = slopes[:, :, columns] * factors
         states = np.ascontiguousarray(course.states[:, self._order(setting)])
         return replace(course, slopes=slopes, states=states)
@@ -520,6 +558,7 @@ class StackedModel:
             free=np.array(free, dtype=int),
             terms=tuple(terms),
             values=np.concatenate([np.zeros(0), *values]),
+            searched=tuple(self._own),
         )
         return replace(plain, substeps=self._substeps(record, plain, start))
 
@@ -531,7 +570,7 @@ class StackedModel:
         states = self._start(bare, start)[np.newaxis]
         none = np.zeros((0, 0, 0))
         first = Course(np.zeros((1, len(self.base.outputs))), none, states)
-        part = self.stacked.linearise(record.part(0, 1), bare, first)
+        part = self.stacked.linearise(record.first, bare, first)
         return max(setting.substeps, steps_of(part.rates, record))
 
     def _start(self, setting: Setting, start: Array) -> Array:
@@ -575,6 +614,10 @@ def steps_of(rates: Array, record: Record) -> int:
     return int(np.clip(wanted, 1, _MOST_STEPS))
 
 
-def _doubles(array: Array) -> ctypes._Pointer[ctypes.c_double]:
+def _address(array: Array) -> int:
     assert array.flags.c_contiguous
-    return array.ctypes.data_as(_DOUBLES)
+    return array.ctypes.data
+
+
+def _pointer(array: Array) -> ctypes.c_void_p:
+    return ctypes.c_void_p(_address(array))

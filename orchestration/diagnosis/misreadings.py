@@ -45,7 +45,7 @@ _FOLLOWS = 0.5  # of the spread, up to which a model follows a record
 _HOPELESS = 1.0  # misfit above that of the file as it was read, of a reading of as many steps
 
 
-Run = tuple[Array, Array]  # outputs (n, ny) of a record and their slopes (n, ny, p + nx)
+Run = tuple[Array, Array]  # outputs (n, ny) of a record; slopes (n, m, p + nx) of measured ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,9 +211,11 @@ def _columns(problem: Problem, point: Point, runs: Sequence[Run]) -> tuple[Array
     root = np.sqrt(_WEIGHT) / problem.spread
     targets, blocks = [], []
     for r, (outputs, by_all) in enumerate(runs):
+        measured = problem.records[r].measured
         block = np.zeros((*outputs.shape, p + nx * len(runs)))
-        block[:, :, :p] = by_all[:, :, :p] * slopes
-        block[:, :, p + r * nx : p + (r + 1) * nx] = by_all[:, :, p:] * problem.starts[r].deviation
+        block[:, measured, :p] = by_all[:, :, :p] * slopes
+        starts = by_all[:, :, p:] * problem.starts[r].deviation
+        block[:, measured, p + r * nx : p + (r + 1) * nx] = starts
         blocks.append((block * root[:, None]).reshape(-1, block.shape[2]))
         targets.append(((problem.records[r].outputs - outputs) * root).ravel())
     return np.concatenate(targets), np.concatenate(blocks)

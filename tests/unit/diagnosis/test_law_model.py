@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from fmus.kit import Output, Parameter
 from fmus.kit.arrays import Array
-from orchestration.diagnosis import Memory, Record, Shape, Term
+from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term
 from orchestration.diagnosis.law_model import Course, Setting
 from tests.support.diagnosed_mass import (
     FREE,
@@ -16,6 +18,7 @@ from tests.support.diagnosed_mass import (
     D,
     K,
     M,
+    Mass,
     exact,
     integrated,
     mass,
@@ -279,6 +282,34 @@ def test_slopes_are_those_of_the_run(terms: tuple[Term, ...]) -> None:
         0.0, abs=limit * largest.max()
     )
     assert slopes.shape == expected.shape
+
+
+class Priced(Mass):
+    """A mass with an output that has a parameter of its own."""
+
+    price = Parameter(7.0, "1/kg", min=0.0, max=100.0)
+
+    @Output("1")
+    def cost(self):
+        """Price of the mass."""
+        return self.price * self.mass
+
+
+@pytest.mark.parametrize("measured", [[True, False], [False, True], [True, True]])
+def test_a_parameter_without_effect_on_what_is_measured_has_no_slopes(measured: list[bool]) -> None:
+    model = LawModel(Priced)
+    plain = pushed(40)
+    outputs = np.where(measured, np.zeros((40, 2)), np.nan)
+    setting = Setting(np.append(nominal()[:3], [7.0, *nominal()[3:]]), np.arange(4), substeps=2)
+    names = [p.name for p in model.parameters]
+    assert names[:4] == ["mass", "stiffness", "damping", "price"]
+    course = model.run(replace(plain, outputs=outputs), setting, START, sensitive=True)
+    assert course is not None
+    own = run(plain, setting_of(), sensitive=True).slopes
+    position = np.insert(own, 3, 0.0, axis=2)
+    cost = np.zeros((40, 1, 6))
+    cost[:, :, 0], cost[:, :, 3] = 7.0, M
+    assert course.slopes == pytest.approx(np.hstack([position, cost])[:, measured], abs=1e-12)
 
 
 def test_linearisation_is_that_of_the_equations() -> None:

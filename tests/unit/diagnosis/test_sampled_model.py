@@ -107,7 +107,8 @@ def test_a_run_is_that_of_the_fmu_s_laws_and_integrator(
         if v.type == "real"
     }
     columns = [inputs.get(v.name, np.zeros(60)) for v in model.inputs]
-    record = Record(time, np.column_stack(columns), np.zeros((60, 1)), (smooth,) * len(columns))
+    outputs = np.zeros((60, len(model.outputs)))
+    record = Record(time, np.column_stack(columns), outputs, (smooth,) * len(columns))
     parameters = np.array([given.get(p.name, float(p.start)) for p in model.parameters])
     setting = Setting(parameters, np.zeros(0, dtype=int), substeps=int(np.ceil(step / 1e-4)))
     course = model.run(record, setting, parameters[model.start_positions])
@@ -128,7 +129,8 @@ def test_a_run_is_that_of_the_fmu(fmu: Callable[..., Path], step: float) -> None
     inputs = np.zeros((50, len(names)))
     inputs[:, names.index("force_reference")] = 1.0 + np.sin(0.7 * np.arange(50))
     inputs[:, names.index("tension")] = 1.0 + 0.5 * np.sin(0.31 * np.arange(50))
-    record = Record(time, inputs, np.zeros((50, 1)), (False,) * len(names))
+    outputs = np.zeros((50, len(model.outputs)))
+    record = Record(time, inputs, outputs, (False,) * len(names))
     parameters = np.array([float(p.start) for p in model.parameters])
     setting = Setting(parameters, np.zeros(0, dtype=int), substeps=int(np.ceil(step / 1e-4)))
     course = model.run(record, setting, parameters[model.start_positions])
