@@ -7,14 +7,19 @@ states are updated within it, the derivatives are those of the step as it was ru
 
 from __future__ import annotations
 
+import ctypes
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from pathlib import Path
 
 import numpy as np
 
 from fmus.kit.arrays import Array
+from fmus.kit.build import cached_library, load_library
+from fmus.kit.build.toolchain import host_platform
 from orchestration.diagnosis.law_model import Linearisation, Record
 
+_SOURCE = Path(__file__).with_name("responses.c")
 _SMALL = 0.5  # norm of a matrix whose series is summed
 _ORDER = 12  # of that series: the rest is below rounding
 
@@ -39,7 +44,12 @@ class Response:
 
 
 def respond(
-    record: Record, part: Linearisation, drive: Array, law_of: Array, stride: int
+    record: Record,
+    part: Linearisation,
+    drive: Array,
+    law_of: Array,
+    stride: int,
+    out: Array | None = None,
 ) -> Response:
     """Return the responses at every so many samples.
 
@@ -53,38 +63,113 @@ def respond(
     law_of : ndarray of int, shape (columns,)
         The law of each column.
     stride : int
+    out : ndarray, shape (columns, ny, m), optional
+        That takes the responses to the drives.
     """
     nx = part.rates.shape[1]
     own = part.rates.shape[2] - nx
-    if part.steps is None or part.steps_by_laws is None:
-        transitions, driven_by = steps_along(part, np.diff(record.time))
-        by_own = driven_by @ _finite(part.rates[:-1, :, :own])
-        rows = part.rates_by_laws.shape[1]  # memories of terms have no laws
-        by_laws = driven_by[:, :, :rows] @ _finite(part.rates_by_laws[:-1])
-    else:
-        by_own, transitions = np.split(_finite(part.steps), [own], axis=2)
-        by_laws = _finite(part.steps_by_laws)
-    between = drive[:-1]
-    if any(record.smooth):
-        between = 0.5 * (drive[:-1] + drive[1:])
-    state = np.zeros((nx, drive.shape[1]))
-    other = np.hstack([np.zeros((nx, own)), np.eye(nx)])
-    shown = -(-len(record.time) // stride), part.outputs.shape[1]
-    driven = np.empty((*shown, drive.shape[1]))
-    free = np.empty((*shown, own + nx))
-    for k in range(len(record.time)):
-        if k % stride == 0:
-            row = k // stride
-            by_states = part.outputs[k][:, own:]
-            np.multiply(part.outputs_by_laws[k][:, law_of], drive[k], out=driven[row])
-            driven[row] += by_states @ state
-            np.matmul(by_states, other, out=free[row])
-            free[row, :, :own] += part.outputs[k][:, :own]
-        if nx and k < len(transitions):
-            state = transitions[k] @ state + by_laws[k][:, law_of] * between[k]
-            other = transitions[k] @ other
-            other[:, :own] += by_own[k]
+    by_own, by_laws, transitions = _steps(record, part, own)
+    along = _Along(transitions, part.outputs[:, :, own:], stride, any(record.smooth))
+    at_rest = np.zeros((nx, drive.shape[1]))
+    driven = along.responses(at_rest, by_laws, part.outputs_by_laws, drive.T, law_of, out)
+    # start values make the last of the additions, which does nothing
+    nothing = [(0, 0), (0, 0), (0, 1)]
+    directly = np.pad(part.outputs[:, :, :own], nothing)
+    start = np.hstack([np.zeros((nx, own)), np.eye(nx)])
+    ones = np.ones((own + nx, len(drive)))
+    positions = np.minimum(np.arange(own + nx), own)
+    free = along.responses(start, np.pad(by_own, nothing), directly, ones, positions)
     return Response(driven, free[:, :, :own], free[:, :, own:])
+
+
+def _steps(record: Record, part: Linearisation, own: int) -> tuple[Array, Array, Array]:
+    """Return the states at the next sample (n - 1, nx, ...) by parameters, laws, and states."""
+    if part.steps is not None and part.steps_by_laws is not None:
+        by_own, transitions = np.split(_finite(part.steps), [own], axis=2)
+        return by_own, _finite(part.steps_by_laws), transitions
+    transitions, driven = steps_along(part, np.diff(record.time))
+    rows = part.rates_by_laws.shape[1]  # memories of terms have no laws
+    by_laws = driven[:, :, :rows] @ _finite(part.rates_by_laws[:-1])
+    return driven @ _finite(part.rates[:-1, :, :own]), by_laws, transitions
+
+
+class _Responses(ctypes.Structure):
+    """Responses as ``responses.c`` computes them."""
+
+    _fields_ = (
+        *((n, ctypes.c_int) for n in ("n", "nx", "ny", "nw", "columns", "stride", "smooth")),
+        *((n, ctypes.c_void_p) for n in ("transitions", "driven", "shown", "direct", "start")),
+        *((n, ctypes.c_void_p) for n in ("values", "addition", "out")),
+        *((n, ctypes.c_ssize_t) for n in ("lead", "of_column", "of_output")),
+    )
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    sources = {_SOURCE.name: _SOURCE.read_bytes()}
+    library = load_library(cached_library(sources, _SOURCE.name, host_platform()))
+    library.respond.restype = ctypes.c_int
+    return library
+
+
+@dataclass(frozen=True, eq=False)
+class _Along:
+    """Steps along a course, and the outputs at every so many samples.
+
+    Attributes
+    ----------
+    transitions : ndarray, shape (n - 1, nx, nx)
+    shown : ndarray, shape (n, ny, nx)
+    stride : int
+    smooth : bool
+        Whether additions go in straight lines between samples.
+    """
+
+    transitions: Array
+    shown: Array
+    stride: int
+    smooth: bool
+
+    def responses(
+        self,
+        start: Array,
+        driven: Array,
+        direct: Array,
+        values: Array,
+        addition: Array,
+        out: Array | None = None,
+    ) -> Array:
+        """Return the responses (m, ny, columns).
+
+        Parameters
+        ----------
+        start : ndarray, shape (nx, columns)
+            Of the states.
+        driven : ndarray, shape (n - 1, nx, nw)
+            States at the next sample by additions.
+        direct : ndarray, shape (n, ny, nw)
+            Outputs by additions.
+        values : ndarray, shape (columns, n)
+        addition : ndarray of int, shape (columns,)
+            That each column makes.
+        out : ndarray, shape (columns, ny, m), optional
+            That takes them.
+        """
+        n, ny, nx = self.shown.shape
+        if out is None:
+            out = np.empty((len(values), ny, -(-n // self.stride)))
+        assert out.shape == (len(values), ny, -(-n // self.stride))
+        if values.strides[1] != values.itemsize:
+            values = np.ascontiguousarray(values)
+        matrices = [self.transitions, driven, self.shown, direct, start]
+        arrays = [np.ascontiguousarray(a, dtype=float) for a in matrices]
+        arrays += [values, np.ascontiguousarray(addition, dtype=np.int32), out]
+        sizes = (n, nx, ny, direct.shape[2], len(values), self.stride, self.smooth)
+        leads = [a // out.itemsize for a in (values.strides[0], *out.strides[:2])]
+        given = _Responses(*sizes, *(a.ctypes.data for a in arrays), *leads)
+        if _library().respond(ctypes.byref(given)):
+            raise MemoryError("no memory for responses")
+        return out.transpose(2, 1, 0)
 
 
 def steps_along(part: Linearisation, durations: Array) -> tuple[Array, Array]:
@@ -181,14 +266,25 @@ class Projection:
         """Target (m + o,) less what the others explain, with what their prior costs."""
         return self._free(self.target[None])[0]
 
-    def products(self, places: Array, with_places: Array | None = None) -> Array:
-        """Return the inner products (k, l) of some columns with some, the others projected out.
+    def products(self, places: Array) -> Array:
+        """Return the inner products (..., k, k) of sets of columns (..., k) with themselves.
 
-        By default with themselves.
+        The others are projected out.
         """
-        chosen = self._columns[places]
-        across = chosen if with_places is None else self._columns[with_places]
-        return np.asarray(chosen @ across.T)
+        return self.products_within(places, slice(None))
+
+    def products_within(self, places: Array, rows: slice) -> Array:
+        """Return the part of `products` that some rows have."""
+        chosen = self._columns[places, rows]
+        return np.asarray(chosen @ chosen.swapaxes(-1, -2))
+
+    def across(self, places: Array) -> Array:
+        """Return the inner products (k, c) of some columns with all, the others projected out."""
+        return np.asarray(self._columns[places] @ self._columns.T)
+
+    def moments_within(self, rows: slice) -> Array:
+        """Return the part of `moments` that some rows have."""
+        return np.asarray(self._columns[:, rows] @ self.remaining[rows])
 
     @cached_property
     def norms(self) -> Array:
@@ -199,10 +295,6 @@ class Projection:
     def moments(self) -> Array:
         """Inner products (c,) with the target, the others projected out."""
         return np.asarray(self._columns @ self.remaining)
-
-    def left(self, places: Array, coefficients: Array) -> Array:
-        """Return what some columns with coefficients leave of `remaining` (m + o,)."""
-        return np.asarray(self.remaining - coefficients @ self._columns[places])
 
     @cached_property
     def alone(self) -> Array:

@@ -8,13 +8,14 @@ do is projected out, with their priors.
 from __future__ import annotations
 
 import itertools
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from fmus.kit.arrays import Array, Indices
+from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.catalogue import named_terms
 from orchestration.diagnosis.comparison import words
 from orchestration.diagnosis.courses import Courses
@@ -67,6 +68,7 @@ _RIDGE = 1e-2  # prior precision of a coefficient
 _VISIBLE = 1e-4  # share of a column's square that parameters leave, below which it is none
 _NOTHING = 1e-300
 _LEAST = 1e-6  # share of a sum of squares, to which a set can take it
+_AT_ONCE = 400  # columns whose products are computed at once: as much as a cache holds
 _POOL = 60  # candidates of which sets are made
 _LEADING, _PARTNERS = 4, 50  # of the pool, that are joined with so many that need not be good alone
 
@@ -108,67 +110,72 @@ class Screen:
             effects = named_terms(along)
             self.candidates += [Candidate(one.term, one.response, 0.0) for one in effects]
         self.ends = np.cumsum([0, *(c.term.coefficients for c in self.candidates)])
-        self._columns, self._output_of = self._projected()
+        self._columns, measured = self._projected()
+        outputs = len(along.spread)
+        ends = np.linspace(0, len(measured), outputs + 1).astype(int)
+        # rows of each measured output, and of the prior
+        self._rows_of = [*map(slice, ends[:-1], ends[1:]), slice(ends[-1], None)]
         rest = self._columns.remaining
-        of_each = [rest[: len(self._output_of)][self._output_of == j] for j in self._outputs]
+        of_each = [rest[rows][measured[rows]] for rows in self._rows_of[:-1]]
         self.effective = np.array([effective_samples(own) for own in of_each])
-        self._squares = self._sums(rest)
+        self._squares = np.array([rest[rows] @ rest[rows] for rows in self._rows_of])
 
-    @property
-    def _outputs(self) -> range:
-        return range(len(self._along.spread))
-
-    def _projected(self) -> tuple[Projection, Indices]:
+    def _projected(self) -> tuple[Projection, Mask]:
         """Respond to all drives piece by piece, and project out what can be fitted anyway.
 
-        Returns the output of each row, too.
+        The rows of each output stand one after the other; returns which are measured, too. The
+        others are zero.
         """
         along = self._along
         stride = max(1, int(np.ceil(len(along.laws) * len(along.spread) / _ROWS)))
         drives, law_of = self._drives()
         ends = np.cumsum([len(t) for t in along.times])[:-1]
         pieces = zip(np.split(drives, ends), np.split(self._effects(), ends), strict=True)
-        rows = [self._rows(i, *piece, law_of, stride) for i, piece in enumerate(pieces)]
-        of_laws, of_effects, others, targets, outputs = zip(*rows, strict=True)
-        target = np.concatenate(targets)
-        columns = np.empty((len(target), self.ends[-1]), order="F")  # of which few are read at once
-        np.concatenate(of_laws, out=columns[:, : len(law_of)])
-        np.concatenate(of_effects, out=columns[:, len(law_of) :])
-        columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0  # they run away
-        return Projection(target, columns, np.concatenate(others)), np.concatenate(outputs)
+        counts = [-(-len(t) // stride) for t in along.times]
+        columns = np.empty((self.ends[-1], len(along.spread), sum(counts)))
+        targets, others = [], []
+        for i, (drive, effects) in enumerate(pieces):
+            own = columns[:, :, sum(counts[:i]) : sum(counts[: i + 1])]
+            target, free = self._rows(i, drive, effects, law_of, stride, own)
+            targets.append(target)
+            others.append(free)
+        target, free = (np.concatenate(parts).swapaxes(0, 1) for parts in (targets, others))
+        absent = ~np.isfinite(target).ravel()
+        whole = columns.reshape(len(columns), -1)
+        whole[:, absent] = 0.0
+        whole[~np.isfinite(whole).all(axis=1)] = 0.0  # they run away
+        free = np.where(absent[:, np.newaxis], 0.0, free.reshape(len(absent), -1))
+        return Projection(np.where(absent, 0.0, target.ravel()), whole.T, free), ~absent
 
     def _drives(self) -> tuple[Array, Array]:
         """Return the drives (n, c) of terms without a name, and the laws (c,) that they drive."""
         laws = [c for c in self.candidates if not isinstance(c.term, NamedTerm)]
         positions = [self._along.model.laws.index(c.term.law) for c in laws]
         law_of = np.repeat(positions, [c.term.coefficients for c in laws])
-        return np.hstack([c.drive for c in laws]), law_of
+        drives = np.empty((len(law_of), len(self._along.laws)))
+        return np.concatenate([c.drive.T for c in laws], out=drives).T, law_of
 
     def _rows(
-        self, piece: int, drives: Array, effects: Array, law_of: Array, stride: int
-    ) -> tuple[Array, Array, Array, Array, Indices]:
-        """Return what is measured of a piece, whitened, at every so many samples.
+        self,
+        piece: int,
+        drives: Array,
+        effects: Array,
+        law_of: Array,
+        stride: int,
+        out: Array,
+    ) -> tuple[Array, Array]:
+        """Return the errors (m, ny) of a piece and the columns (m, ny, o) of what is fitted anyway.
 
-        Responses to drives of laws, to named terms, and to what can be fitted anyway; the errors,
-        and the output of each row.
+        At every so many samples, whitened. The responses of all candidates go to `out` (c, ny, m).
         """
         along = self._along
         root = np.sqrt(self._weights[piece] * stride)
         size = root / along.spread
         part = along.parts[piece].weighed(size)
-        response = respond(along.pieces[piece], part, drives, law_of, stride)
-        named = effects[::stride] * size[:, np.newaxis]
-        target = along.errors[piece][::stride] * root
-        present = np.isfinite(target)
-        free = self._nuisance(response, piece)
-        output_of = np.nonzero(present)[1]
-        return (
-            response.to_drives[present],
-            named[present],
-            free[present],
-            target[present],
-            output_of,
-        )
+        laws = len(law_of)
+        response = respond(along.pieces[piece], part, drives, law_of, stride, out[:laws])
+        out[laws:] = (effects[::stride] * size[:, np.newaxis]).T
+        return along.errors[piece][::stride] * root, self._nuisance(response, piece)
 
     @cached_property
     def _weights(self) -> list[Array]:
@@ -218,32 +225,53 @@ class Screen:
         spans = [np.arange(self.ends[i], self.ends[i + 1]) for i in chosen]
         return np.concatenate(spans)
 
-    def _sums(self, rest: Array) -> Array:
-        """Return the sums of squares (m + 1,) of what is left, by output, and that of the prior.
+    def gains(self, chosen: Sequence[Sequence[int]]) -> Array:
+        """Return the gains in log likelihood of sets, nats, as the linear responses have it."""
+        gains = np.zeros(len(chosen))
+        places = [list(itertools.chain(*(self._spans[i] for i in one))) for one in chosen]
+        of_size = defaultdict(list)
+        for k, own in enumerate(places):
+            of_size[len(own)].append(k)
+        for size, sets in of_size.items():
+            count = max(1, _AT_ONCE // size)
+            for first in range(0, len(sets), count):
+                part = sets[first : first + count]
+                gains[part] = self._gains(np.array([places[k] for k in part]))
+        return gains
+
+    def values(self, chosen: Sequence[Sequence[int]]) -> Array:
+        """Return the penalised evidence of sets, nats, as the linear responses have it."""
+        return self.gains(chosen) - np.array([self._costs[list(one)].sum() for one in chosen])
+
+    def value(self, chosen: Sequence[int]) -> float:
+        """Return the penalised evidence of a set, nats, as the linear responses have it."""
+        return float(self._alone[chosen[0]] if len(chosen) == 1 else self.values([chosen])[0])
+
+    def _gains(self, places: Array) -> Array:
+        """Return the gains of sets of columns (n, k).
 
         A model is judged by the likelihood of each output: one that is followed well would hide
         another in the sum of both.
         """
-        measured, prior = np.split(rest, [len(self._output_of)])
-        sums = np.bincount(self._output_of, measured**2, len(self._outputs))
-        return np.append(sums, prior @ prior)
+        products = np.array([self._columns.products_within(places, r) for r in self._rows_of])
+        moments = self._moments[:, places]
+        whole = products.sum(axis=0) + self._ridge[places][:, :, np.newaxis] * np.eye(len(places.T))
+        solved = np.linalg.solve(whole, moments.sum(axis=0)[:, :, np.newaxis])[:, :, 0]
+        falls = 2.0 * np.einsum("gnk,nk->gn", moments, solved)
+        falls -= np.einsum("nk,gnkl,nl->gn", solved, products, solved)
+        before = np.maximum(self._squares[:-1, np.newaxis], _NOTHING)
+        shares = np.maximum(1.0 - falls[:-1] / before, _LEAST)
+        return np.asarray(0.5 * falls[-1] - 0.5 * self.effective @ np.log(shares))
 
-    def gain(self, chosen: Sequence[int]) -> float:
-        """Return the gain in log likelihood of a set, nats, as the linear responses have it."""
-        places = self._places(chosen)
-        try:
-            coefficients = self._coefficients(places)
-        except np.linalg.LinAlgError:
-            return 0.0
-        *before, prior_before = self._squares
-        *after, prior_after = self._sums(self._columns.left(places, coefficients))
-        shares = np.array(after) / np.maximum(before, _NOTHING)
-        gain = -0.5 * self.effective @ np.log(np.maximum(shares, _LEAST))
-        return float(gain + 0.5 * (prior_before - prior_after))
+    @cached_property
+    def _moments(self) -> Array:
+        """Inner products (outputs and prior, c) of the columns with what is left to explain."""
+        return np.array([self._columns.moments_within(rows) for rows in self._rows_of])
 
-    def value(self, chosen: Sequence[int]) -> float:
-        """Return the penalised evidence of a set, nats, as the linear responses have it."""
-        return self.gain(chosen) - float(self._costs[list(chosen)].sum())
+    @cached_property
+    def _spans(self) -> list[range]:
+        """Columns of each candidate."""
+        return list(map(range, self.ends[:-1].tolist(), self.ends[1:].tolist()))
 
     @cached_property
     def _costs(self) -> Array:
@@ -253,14 +281,19 @@ class Screen:
         return np.array([half * c.term.freedom + c.prior + choice for c in self.candidates])
 
     @cached_property
+    def _alone(self) -> Array:
+        """Values of the sets of one candidate."""
+        return self.values([(i,) for i in range(len(self.candidates))])
+
+    @cached_property
     def _singles(self) -> Array:
-        """Values of the sets of one candidate; minus infinity of one that nothing sees."""
+        """The same; minus infinity of one that nothing sees."""
         norms, alone = (
             np.add.reduceat(sums, self.ends[:-1])
             for sums in (self._columns.norms, self._columns.alone)
         )
         visible = (norms > _VISIBLE * alone) | (np.diff(self.ends) > 1)
-        return np.array([self.value([i]) if seen else -np.inf for i, seen in enumerate(visible)])
+        return np.where(visible, self._alone, -np.inf)
 
     def _partners(self, i: int) -> list[int]:
         """Return candidates of one coefficient that explain most beside a candidate.
@@ -272,7 +305,7 @@ class Screen:
         places, own = self.ends[simple], self._places([i])
         columns = self._columns
         inside = columns.products(own) + np.diag(self._ridge[own])
-        across = columns.products(own, places)
+        across = columns.across(own)[:, places]
         removed = np.linalg.solve(inside, np.column_stack([across, columns.moments[own]]))
         moments = columns.moments[places] - across.T @ removed[:, -1]
         rest = columns.norms[places] - np.einsum("ij,ij->j", across, removed[:, :-1])
@@ -304,13 +337,14 @@ class Screen:
         pool = self._pool()
         pairs = list(itertools.combinations(pool, 2)) if most_terms > 1 else []
         pairs += [(i, j) for i in pool[:_LEADING] for j in self._partners(i) if most_terms > 1]
-        ranked = sorted(((self.value(p), p) for p in pairs), reverse=True)
+        ranked = sorted(zip(self.values(pairs).tolist(), pairs, strict=True), reverse=True)
         for value, pair in ranked[:200]:
             keep(pair, value)
         if most_terms > 2:
             more = ({*pair, j} for _, pair in ranked[:12] for j in pool if j not in pair)
-            for triple in {tuple(sorted(chosen)) for chosen in more}:
-                keep(triple, self.value(triple))
+            triples = list({tuple(sorted(chosen)) for chosen in more})
+            for triple, value in zip(triples, self.values(triples).tolist(), strict=True):
+                keep(triple, value)
         return sorted(best.values(), reverse=True)
 
     def _pool(self) -> list[int]:

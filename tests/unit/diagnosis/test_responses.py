@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from orchestration.diagnosis import Shape, Term
-from orchestration.diagnosis.responses import Projection, respond
+from orchestration.diagnosis.responses import Projection, _Along, respond
 from tests.support.diagnosed_vessels import vessels
 
 
@@ -40,6 +40,32 @@ def test_every_so_many_samples_are_those_samples() -> None:
     assert thin.to_drives == pytest.approx(respond(record, part, drive, laws, 1).to_drives[::3])
 
 
+@pytest.mark.parametrize("smooth", [False, True])
+def test_many_columns_are_the_recursion_written_out(smooth: bool) -> None:
+    """More than go at once, from start states, into a part of a larger array."""
+    rng = np.random.default_rng(2)
+    n, nx, ny, nw, columns, stride = 11, 3, 2, 4, 150, 4
+    transitions, driven = rng.normal(size=(n - 1, nx, nx)), rng.normal(size=(n - 1, nx, nw))
+    shown, direct = rng.normal(size=(n, ny, nx)), rng.normal(size=(n, ny, nw))
+    start, values = rng.normal(size=(nx, columns)), rng.normal(size=(n, columns))
+    addition = rng.integers(0, nw, columns)
+    into = np.full((columns, ny, 9), np.nan)
+    along = _Along(transitions, shown, stride, smooth)
+    found = along.responses(start, driven, direct, values.T, addition, into[:, :, 2:5])
+    for c in range(columns):
+        x, a, w = start[:, c], values[:, c], addition[c]
+        for k in range(n):
+            if k % stride == 0:
+                assert found[k // stride, :, c] == pytest.approx(
+                    shown[k] @ x + direct[k, :, w] * a[k]
+                )
+            if k < n - 1:
+                between = 0.5 * (a[k] + a[k + 1]) if smooth else a[k]
+                x = transitions[k] @ x + driven[k, :, w] * between
+    assert np.shares_memory(found, into)
+    assert np.isnan(into[:, :, [0, 1, 5, 6, 7, 8]]).all()
+
+
 RNG = np.random.default_rng(4)
 TARGET, COLUMNS, OTHERS = RNG.normal(size=40), RNG.normal(size=(40, 3)), RNG.normal(size=(40, 5))
 FOUND = Projection(TARGET, COLUMNS, OTHERS)
@@ -52,6 +78,12 @@ def test_products_are_those_in_the_covariance_of_the_others() -> None:
     assert FOUND.products(np.arange(3)) == pytest.approx(expected)
     assert FOUND.products(np.array([2, 0])) == pytest.approx(expected[np.ix_([2, 0], [2, 0])])
     assert FOUND.norms == pytest.approx(np.diag(expected))
+    assert FOUND.across(np.array([1])) == pytest.approx(expected[[1]])
+    sets = np.array([[2, 0], [1, 2]])
+    assert FOUND.products(sets)[1] == pytest.approx(expected[np.ix_(sets[1], sets[1])])
+    parts = [slice(30), slice(30, None)]
+    assert sum(FOUND.products_within(sets, p) for p in parts) == pytest.approx(FOUND.products(sets))
+    assert sum(FOUND.moments_within(p) for p in parts) == pytest.approx(FOUND.moments)
     assert FOUND.moments == pytest.approx(COLUMNS.T @ inverse @ TARGET)
     assert FOUND.remaining @ FOUND.remaining == pytest.approx(TARGET @ inverse @ TARGET)
     assert FOUND.alone == pytest.approx(np.diag(COLUMNS.T @ COLUMNS))
@@ -70,4 +102,3 @@ def test_what_remains_and_the_shift_are_those_of_ridge_regression() -> None:
     coefficients = np.array([0.3, -0.7])
     rest = TARGET - COLUMNS[:, [0, 2]] @ coefficients
     assert FOUND.shift(np.array([0, 2]), coefficients) == pytest.approx(others(rest))
-    assert FOUND.left(np.array([0, 2]), coefficients) == pytest.approx(remaining(rest))
