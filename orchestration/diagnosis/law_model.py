@@ -614,7 +614,7 @@ def steps_of(rates: Array, record: Record) -> int:
     return int(np.clip(wanted, 1, _MOST_STEPS))
 
 
-def _address(array: Array) -> int:
+def _address(array: np.ndarray) -> int:
     assert array.flags.c_contiguous
     return array.ctypes.data
 
