@@ -8,7 +8,8 @@
  *
  * Before this text stand the functions of the model as CasADi writes them and its sizes: NX states,
  * NU inputs, NY outputs, NP parameters, NL laws, and the sizes of CasADi's work arrays. Signals are
- * numbered inputs, states, laws, time. Matrices of CasADi are stored by columns.
+ * numbered inputs, states, laws, time. Of the matrices of CasADi, which are sparse, stand the rows:
+ * where each begins, and of each element the column and its position in what the function returns.
  *
  * Discrete states are the last of the states. Their rates are zero, and at each tick of their clock
  * the update x+ = U(x, u, t, p, a) takes their place, with S+ = U_x S + U_a da/dtheta + U_theta. A
@@ -56,6 +57,7 @@ typedef struct {
     int all_laws;          /* whether there is a column for an addition to each law */
     int *first, *store;    /* of each term its first constant, and its memory or -1 */
     int *law, *row;        /* the changed laws; of each term the place of its law among them */
+    int *column, *place;   /* of each parameter its column, of each law its place, or -1 */
     double *arg_a, *none;  /* additions to laws; zeros */
     double *da;            /* changed x ns */
     double *g, *gx, *gp;   /* laws and their derivatives */
@@ -66,6 +68,22 @@ typedef struct {
     double *w;
     int *iw;
 } work;
+
+typedef struct {
+    const int *start, *column, *from;
+} pattern;
+
+typedef struct {
+    pattern x, p, a; /* by states, parameters and additions to laws */
+} derivatives;
+
+#define PATTERN(function, result) \
+    {function##_##result##_start, function##_##result##_column, function##_##result##_from}
+#define DERIVATIVES(function) {PATTERN(function, 1), PATTERN(function, 2), PATTERN(function, 3)}
+
+static const derivatives of_rates = DERIVATIVES(rate_slopes_of), of_outputs = DERIVATIVES(output_slopes_of);
+static const derivatives of_laws = {PATTERN(laws_of, 1), PATTERN(laws_of, 2), {0}};
+static const derivatives of_updates[] = {UPDATE_SLOPES};
 
 typedef int (*function_of)(const double **, double **, int *, double *, int);
 static const function_of updates_of[] = {UPDATES};
@@ -141,10 +159,29 @@ static int of_memory(const term *q) {
     return q->memory == NONE ? 0 : q->memory == TWO_LAGS || q->memory == RATE_LIMIT ? 2 : 1;
 }
 
+/* add a row of derivatives by parameters to those by what is free */
+static void add_parameters(const pattern *by, int i, const double *values, double *out, const work *k) {
+    for (int e = by->start[i]; e < by->start[i + 1]; e++) {
+        int q = k->column[by->column[e]];
+        if (q >= 0) out[q] += values[by->from[e]];
+    }
+}
+
+/* add a row of derivatives times rows of slopes; `place` of each column is its row, or -1 for none */
+static void add_rows(const pattern *by, int i, const double *values, const double *slopes, const int *place,
+                     double *restrict out, const work *k) {
+    int ns = k->ns;
+    for (int e = by->start[i]; e < by->start[i + 1]; e++) {
+        int row = place ? place[by->column[e]] : by->column[e];
+        if (row < 0) continue;
+        const double v = values[by->from[e]], *s = slopes + row * ns;
+        for (int q = 0; q < ns; q++) out[q] += v * s[q];
+    }
+}
+
 /* A signal at a point, and in *d its total derivatives by theta: a row of S or of `out`, 0 for none. */
 static double signal(int i, const double *X, const double *S, const double *u, double t, work *k,
                      double *out, const double **d) {
-    const run *r = k->of;
     int ns = k->ns, l = i - NU - NX;
     *d = 0;
     if (i < NU) return u[i];
@@ -155,11 +192,8 @@ static double signal(int i, const double *X, const double *S, const double *u, d
     if (l == NL) return t;
     if (S) {
         memset(out, 0, ns * sizeof(double));
-        for (int j = 0; j < NX; j++) {
-            double v = k->gx[l + j * NL];
-            if (v != 0.0) for (int q = 0; q < ns; q++) out[q] += v * S[j * ns + q];
-        }
-        for (int q = 0; q < r->free; q++) out[q] += k->gp[l + r->position[q] * NL];
+        add_parameters(&of_laws.p, l, k->gp, out, k);
+        add_rows(&of_laws.x, l, k->gx, S, 0, out, k);
         *d = out;
     }
     return k->g[l];
@@ -253,21 +287,12 @@ static void add_terms(const double *X, const double *S, const double *u, double 
     }
 }
 
-/* a row of the total derivatives of a function with so many rows */
-static void chain(int i, int rows, const double *by_x, const double *by_p, const double *by_a, const double *S,
-                  double *restrict o, const work *k) {
-    const run *r = k->of;
-    int ns = k->ns;
-    for (int q = 0; q < r->free; q++) o[q] = by_p[i + r->position[q] * rows];
-    memset(o + r->free, 0, (ns - r->free) * sizeof(double));
-    for (int j = 0; j < NX; j++) {
-        const double v = by_x[i + j * rows], *s = S + j * ns;
-        if (v != 0.0) for (int q = 0; q < ns; q++) o[q] += v * s[q];
-    }
-    for (int l = 0; l < k->changed; l++) {
-        const double v = by_a[i + k->law[l] * rows], *da = k->da + l * ns;
-        if (v != 0.0) for (int q = 0; q < ns; q++) o[q] += v * da[q];
-    }
+/* a row of the total derivatives of a function */
+static void chain(int i, const derivatives *by, const double *S, double *o, const work *k) {
+    memset(o, 0, k->ns * sizeof(double));
+    add_parameters(&by->p, i, k->fp, o, k);
+    add_rows(&by->x, i, k->fx, S, 0, o, k);
+    add_rows(&by->a, i, k->fa, k->da, k->place, o, k);
 }
 
 static void rates(const double *X, const double *S, const double *u, double t, double *dX, double *dS, work *k) {
@@ -275,7 +300,7 @@ static void rates(const double *X, const double *S, const double *u, double t, d
     double *values[8] = {dX}, *all[8] = {dX, k->fx, k->fp, k->fa};
     if (!S) { call(rates_of, X, u, t, k->of->parameters, k->arg_a, values, k); return; }
     call(rate_slopes_of, X, u, t, k->of->parameters, k->arg_a, all, k);
-    for (int i = 0; i < NX; i++) chain(i, NX, k->fx, k->fp, k->fa, S, dS + i * k->ns, k);
+    for (int i = 0; i < NX; i++) chain(i, &of_rates, S, dS + i * k->ns, k);
 }
 
 static void observe(const double *X, const double *S, const double *u, double t, double *y, double *dy, work *k) {
@@ -284,7 +309,7 @@ static void observe(const double *X, const double *S, const double *u, double t,
     double *values[8] = {y}, *all[8] = {y, k->fx, k->fp, k->fa};
     if (!S) { call(outputs_of, X, u, t, r->parameters, k->arg_a, values, k); return; }
     call(output_slopes_of, X, u, t, r->parameters, k->arg_a, all, k);
-    for (int i = 0; i < r->measured; i++) chain(r->output[i], NY, k->fx, k->fp, k->fa, S, dy + i * k->ns, k);
+    for (int i = 0; i < r->measured; i++) chain(r->output[i], &of_outputs, S, dy + i * k->ns, k);
 }
 
 static void copy(double *to, const double *from, int count) {
@@ -377,7 +402,7 @@ static void update(double *X, double *S, double t, int clock, work *k) {
     call(updates_of[clock], X, k->u, t, k->of->parameters, k->arg_a, S ? all : values, k);
     if (k->nz) remember(X, S, t, k);
     if (S) {
-        for (int i = 0; i < NX; i++) chain(i, NX, k->fx, k->fp, k->fa, S, k->T + i * k->ns, k);
+        for (int i = 0; i < NX; i++) chain(i, of_updates + clock, S, k->T + i * k->ns, k);
         memcpy(S, k->T, NX * k->ns * sizeof(double));
     }
     memcpy(X, k->Y, NX * sizeof(double));
@@ -439,13 +464,17 @@ enum columns { OF_STARTS, OF_STATES, OF_LAWS_AND_STATES };
  * before them for additions to all laws. Returns a state and its slopes. */
 static double *prepare(work *k, const run *r, enum columns which) {
     *k = (work){.of = r, .all_laws = which == OF_LAWS_AND_STATES};
-    int *integers = calloc(4 * r->terms + 4 + NL + LAWS_IW + 1, sizeof(int));
+    int *integers = calloc(4 * r->terms + 4 + NP + 2 * NL + LAWS_IW + 1, sizeof(int));
     if (!integers) return 0;
     k->first = integers;
     k->store = integers + r->terms + 1;
     k->row = integers + 2 * r->terms + 2;
     k->law = integers + 3 * r->terms + 3;
-    k->iw = integers + 4 * r->terms + 4 + NL;
+    k->place = k->law + r->terms + 1 + NL;
+    k->column = k->place + NL;
+    k->iw = k->column + NP;
+    for (int i = 0; i < NP; i++) k->column[i] = -1;
+    for (int i = 0; i < r->free; i++) k->column[r->position[i]] = i;
     if (k->all_laws) while (k->changed < NL) k->law[k->changed] = k->changed, k->changed++;
     for (int i = 0, at = 0; i < r->terms; i++) {
         const term *q = r->term + i;
@@ -456,6 +485,8 @@ static double *prepare(work *k, const run *r, enum columns which) {
         if (k->row[i] == k->changed) k->law[k->changed++] = q->law;
         k->of_laws |= is_law(q->signal) || is_law(q->factor);
     }
+    for (int i = 0; i < NL; i++) k->place[i] = -1;
+    for (int i = 0; i < k->changed; i++) k->place[k->law[i]] = i;
     int nX = NX + k->nz, rows = NX > NY ? NX : NY;
     int ns = k->ns = r->free + r->constants + (k->all_laws ? NL : 0) + (which == OF_STARTS ? r->starts : nX);
     size_t own = 2 * NL + k->changed * ns + NL * (1 + NX + NP) + rows * (NX + NP + NL) + 3 * ns + LAWS_W + 16;
@@ -494,9 +525,15 @@ EXPORT void shapes(const term *q, int n, const double *v, double log_width, doub
         for (int j = 0; j < nc; j++) shape_at(q, j, (v[i] - q->middle) / q->scale, w, out + i * nc + j, &by_z, &by_w);
 }
 
+/* elements of a matrix, stored by columns */
+static void scatter(const pattern *of, int rows, const double *values, double *matrix) {
+    for (int i = 0; i < rows; i++)
+        for (int e = of->start[i]; e < of->start[i + 1]; e++) matrix[of->column[e] * rows + i] = values[of->from[e]];
+}
+
 /* Derivatives of rates (n, NX + memories, ns) and outputs (n, NY, ns) along a course of all states,
  * memories included: by free parameters, values of terms, and states. Those by additions to laws,
- * (n, NX, NL) and (n, NY, NL), are stored by columns; the laws are (n, NL). */
+ * (n, NX, NL) and (n, NY, NL), are stored by columns, zeros before; the laws are (n, NL). */
 EXPORT int linearise(const run *r, const double *states, double *rate_slopes, double *output_slopes,
                      double *by_laws, double *output_by_laws, double *laws) {
     work k;
@@ -508,9 +545,9 @@ EXPORT int linearise(const run *r, const double *states, double *rate_slopes, do
     for (int j = 0; j < r->n; j++) {
         const double *X = states + j * nX, *u = r->inputs + j * NU;
         rates(X, S, u, r->time[j], dX, rate_slopes + (size_t)j * nX * ns, &k);
-        memcpy(by_laws + (size_t)j * NX * NL, k.fa, NX * NL * sizeof(double));
+        scatter(&of_rates.a, NX, k.fa, by_laws + (size_t)j * NX * NL);
         observe(X, S, u, r->time[j], y, output_slopes + (size_t)j * r->measured * ns, &k);
-        memcpy(output_by_laws + (size_t)j * NY * NL, k.fa, NY * NL * sizeof(double));
+        scatter(&of_outputs.a, NY, k.fa, output_by_laws + (size_t)j * NY * NL);
         double *results[8] = {laws + j * NL};
         call(laws_of, X, u, r->time[j], r->parameters, k.none, results, &k);
     }

@@ -281,10 +281,11 @@ class LawModel:
             generator.add(function)
         updates = [f.name() for f in functions if f.name().startswith("update")]
         sizes["UPDATES"] = ", ".join(updates) or 0
+        sizes["UPDATE_SLOPES"] = ", ".join(f"DERIVATIVES({name})" for name in updates) or "{{0}}"
         head = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
-        text = "\n".join(
-            ["#define CASADI_SYMBOL_EXPORT static", generator.dump(), head, _ENGINE.read_text()]
-        )
+        rows = "\n".join(_rows_of(function) for function in functions)
+        export = "#define CASADI_SYMBOL_EXPORT static"
+        text = "\n".join([export, generator.dump(), head, rows, _ENGINE.read_text()])
         sources = {"model.c": text.encode()}
         library = load_library(cached_library(sources, "model.c", host_platform()))
         for name in ("free_run", "linearise", "steps"):
@@ -612,6 +613,20 @@ def steps_of(rates: Array, record: Record) -> int:
     fastest = np.abs(np.linalg.eigvals(finite)).max(initial=0.0)
     wanted = np.ceil(np.diff(record.time).max() * fastest / _STEP)
     return int(np.clip(wanted, 1, _MOST_STEPS))
+
+
+def _rows_of(function: ca.Function) -> str:
+    """Return the rows of the derivatives that a function returns, in C; see ``free_run.c``."""
+    text = []
+    for result in range(1, function.n_out()):
+        sparsity = function.sparsity_out(result)
+        rows, columns = np.array(sparsity.row(), dtype=int), np.array(sparsity.get_col(), dtype=int)
+        order = np.argsort(rows, kind="stable")
+        start = np.searchsorted(rows[order], np.arange(sparsity.size1() + 1))
+        for name, numbers in (("start", start), ("column", columns[order]), ("from", order)):
+            listed = ", ".join(map(str, numbers.tolist())) or 0
+            text.append(f"static const int {function.name()}_{result}_{name}[] = {{{listed}}};")
+    return "\n".join(text)
 
 
 def _address(array: np.ndarray) -> int:

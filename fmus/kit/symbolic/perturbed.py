@@ -269,7 +269,7 @@ class PerturbedLaws:
             ``laws_of``: values of the laws without additions, and their Jacobians by states and
             parameters. ``rates_of`` and ``outputs_of``: values. ``rate_slopes_of`` and
             ``output_slopes_of``: values, and Jacobians by states, parameters and additions.
-            ``update_<i>_of``: the same of all states after a tick of clock i.
+            ``update_<i>_of``: the same of all states after a tick of clock i. Jacobians are sparse.
         """
         graph = self._perturbed
         added = ca.vertcat(ca.SX(0, 1), *self._additions.values())
@@ -280,8 +280,8 @@ class PerturbedLaws:
         laws = ca.substitute(laws, added, ca.DM.zeros(added.shape))
 
         def function(name: str, value: ca.SX, symbols: Sequence[ca.SX]) -> ca.Function:
-            results = [value, *(ca.jacobian(value, s) for s in symbols)]
-            return ca.Function(name, known, ca.cse([ca.densify(e) for e in results]))
+            results = [ca.densify(value), *(ca.jacobian(value, s) for s in symbols)]
+            return ca.Function(name, known, ca.cse(results))
 
         slopes = [states, graph.parameters, added]
         updates = [ca.vertcat(graph.states, update) for update in graph.updates]
