@@ -1,10 +1,12 @@
 /* Linear responses along a course, of many columns of additions.
  *
- * x+ = transition x + driven[:, w] a,  y = shown x + direct[:, w] a  at each sample, where a is the
- * value of a column and w the addition that it makes. Columns go in blocks that a cache holds.
+ * x+ = transition x + driven[:, w] a,  y = shown x + direct[:, w] a  at each sample, where w is the
+ * addition that a column makes and a its size, a value times an amount, which columns share. Columns
+ * go in blocks that a cache holds.
  */
 #include <stddef.h>
 #include <stdlib.h>
+#include <string.h>
 
 #ifdef _WIN32
 #define EXPORT __declspec(dllexport)
@@ -19,10 +21,10 @@ typedef struct {
     const double *transitions, *driven; /* (n - 1, nx, nx), (n - 1, nx, nw) */
     const double *shown, *direct;       /* (n, ny, nx), (n, ny, nw) */
     const double *start;                /* (nx, columns) */
-    const double *values;               /* (columns, n), a column after `lead` values */
-    const int *addition;                /* (columns,) */
+    const double *values, *amounts;     /* rows of n */
+    const int *addition, *value, *amount; /* of each column, and its rows of both */
     double *out;                        /* (columns, ny, samples), of every `stride` samples */
-    ptrdiff_t lead, of_column, of_output; /* from a column of values, of `out`, and an output to the next */
+    ptrdiff_t of_column, of_output;     /* from a column and from an output to the next */
 } responses;
 
 /* out = matrix x + inputs[:, addition] a, of a block of columns */
@@ -38,13 +40,21 @@ static void multiply(const responses *r, int rows, const double *matrix, const d
     }
 }
 
+/* sizes of a block of columns at a sample */
+static void sizes_at(const responses *r, int k, int first, int width, double *a) {
+    for (int b = 0; b < width; b++) {
+        size_t value = (size_t)r->value[first + b] * r->n, amount = (size_t)r->amount[first + b] * r->n;
+        a[b] = r->values[value + k] * r->amounts[amount + k];
+    }
+}
+
 static void respond_block(const responses *r, int first, int width, double *x, double *next, double *y) {
-    double here[BLOCK], between[BLOCK];
+    double here[BLOCK], ahead[BLOCK], between[BLOCK];
     for (int i = 0; i < r->nx; i++)
         for (int b = 0; b < width; b++) x[i * BLOCK + b] = r->start[i * r->columns + first + b];
+    sizes_at(r, 0, first, width, ahead);
     for (int k = 0; k < r->n; k++) {
-        const double *values = r->values + first * r->lead + k;
-        for (int b = 0; b < width; b++) here[b] = values[b * r->lead];
+        memcpy(here, ahead, width * sizeof(double));
         if (k % r->stride == 0) {
             multiply(r, r->ny, r->shown + (size_t)k * r->ny * r->nx, r->direct + (size_t)k * r->ny * r->nw,
                      first, width, x, here, y);
@@ -53,8 +63,8 @@ static void respond_block(const responses *r, int first, int width, double *x, d
                     r->out[(first + b) * r->of_column + j * r->of_output + k / r->stride] = y[j * BLOCK + b];
         }
         if (k == r->n - 1) break;
-        for (int b = 0; b < width; b++)
-            between[b] = r->smooth ? 0.5 * (here[b] + values[b * r->lead + 1]) : here[b];
+        sizes_at(r, k + 1, first, width, ahead);
+        for (int b = 0; b < width; b++) between[b] = r->smooth ? 0.5 * (here[b] + ahead[b]) : here[b];
         multiply(r, r->nx, r->transitions + (size_t)k * r->nx * r->nx, r->driven + (size_t)k * r->nx * r->nw,
                  first, width, x, between, next);
         double *old = x;

@@ -8,13 +8,13 @@ states are updated within it, the derivatives are those of the step as it was ru
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Indices
 from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
 from orchestration.diagnosis.law_model import Linearisation, Record
@@ -43,13 +43,34 @@ class Response:
     to_start: Array
 
 
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """Columns of additions, each a value times an amount, which many share.
+
+    Attributes
+    ----------
+    values : ndarray, shape (r, n)
+    amounts : ndarray, shape (q, n)
+        SI of the law at a value of 1.
+    rows : ndarray of int, shape (3, columns)
+        What each column adds to, its row of the values, and that of the amounts.
+    """
+
+    values: Array
+    amounts: Array
+    rows: Indices
+
+    def part(self, first: int, last: int) -> Drives:
+        """Return the drives over some of the samples."""
+        return replace(
+            self,
+            values=np.ascontiguousarray(self.values[:, first:last]),
+            amounts=np.ascontiguousarray(self.amounts[:, first:last]),
+        )
+
+
 def respond(
-    record: Record,
-    part: Linearisation,
-    drive: Array,
-    law_of: Array,
-    stride: int,
-    out: Array | None = None,
+    record: Record, part: Linearisation, drives: Drives, stride: int, out: Array | None = None
 ) -> Response:
     """Return the responses at every so many samples.
 
@@ -58,10 +79,8 @@ def respond(
     record : Record
     part : Linearisation
         Along the course of the record.
-    drive : ndarray, shape (n, columns)
-        In SI of its law; taken in straight lines between samples where an input is smooth.
-    law_of : ndarray of int, shape (columns,)
-        The law of each column.
+    drives : Drives
+        Of laws; taken in straight lines between samples where an input is smooth.
     stride : int
     out : ndarray, shape (columns, ny, m), optional
         That takes the responses to the drives.
@@ -70,15 +89,16 @@ def respond(
     own = part.rates.shape[2] - nx
     by_own, by_laws, transitions = _steps(record, part, own)
     along = _Along(transitions, part.outputs[:, :, own:], stride, any(record.smooth))
-    at_rest = np.zeros((nx, drive.shape[1]))
-    driven = along.responses(at_rest, by_laws, part.outputs_by_laws, drive.T, law_of, out)
+    at_rest = np.zeros((nx, drives.rows.shape[1]))
+    driven = along.responses(at_rest, by_laws, part.outputs_by_laws, drives, out)
     # start values make the last of the additions, which does nothing
     nothing = [(0, 0), (0, 0), (0, 1)]
     directly = np.pad(part.outputs[:, :, :own], nothing)
     start = np.hstack([np.zeros((nx, own)), np.eye(nx)])
-    ones = np.ones((own + nx, len(drive)))
-    positions = np.minimum(np.arange(own + nx), own)
-    free = along.responses(start, np.pad(by_own, nothing), directly, ones, positions)
+    one = np.ones((1, len(record.time)))
+    rows = np.zeros((3, own + nx), dtype=int)
+    rows[0] = np.minimum(np.arange(own + nx), own)
+    free = along.responses(start, np.pad(by_own, nothing), directly, Drives(one, one, rows))
     return Response(driven, free[:, :, :own], free[:, :, own:])
 
 
@@ -99,8 +119,9 @@ class _Responses(ctypes.Structure):
     _fields_ = (
         *((n, ctypes.c_int) for n in ("n", "nx", "ny", "nw", "columns", "stride", "smooth")),
         *((n, ctypes.c_void_p) for n in ("transitions", "driven", "shown", "direct", "start")),
-        *((n, ctypes.c_void_p) for n in ("values", "addition", "out")),
-        *((n, ctypes.c_ssize_t) for n in ("lead", "of_column", "of_output")),
+        *((n, ctypes.c_void_p) for n in ("values", "amounts", "addition", "value", "amount")),
+        ("out", ctypes.c_void_p),
+        *((n, ctypes.c_ssize_t) for n in ("of_column", "of_output")),
     )
 
 
@@ -135,8 +156,7 @@ class _Along:
         start: Array,
         driven: Array,
         direct: Array,
-        values: Array,
-        addition: Array,
+        drives: Drives,
         out: Array | None = None,
     ) -> Array:
         """Return the responses (m, ny, columns).
@@ -149,24 +169,23 @@ class _Along:
             States at the next sample by additions.
         direct : ndarray, shape (n, ny, nw)
             Outputs by additions.
-        values : ndarray, shape (columns, n)
-        addition : ndarray of int, shape (columns,)
-            That each column makes.
+        drives : Drives
         out : ndarray, shape (columns, ny, m), optional
             That takes them.
         """
         n, ny, nx = self.shown.shape
+        columns = drives.rows.shape[1]
         if out is None:
-            out = np.empty((len(values), ny, -(-n // self.stride)))
-        assert out.shape == (len(values), ny, -(-n // self.stride))
-        if values.strides[1] != values.itemsize:
-            values = np.ascontiguousarray(values)
+            out = np.empty((columns, ny, -(-n // self.stride)))
+        assert out.shape == (columns, ny, -(-n // self.stride))
+        assert drives.values.shape[1] == drives.amounts.shape[1] == n
         matrices = [self.transitions, driven, self.shown, direct, start]
+        matrices += [drives.values, drives.amounts]
         arrays = [np.ascontiguousarray(a, dtype=float) for a in matrices]
-        arrays += [values, np.ascontiguousarray(addition, dtype=np.int32), out]
-        sizes = (n, nx, ny, direct.shape[2], len(values), self.stride, self.smooth)
-        leads = [a // out.itemsize for a in (values.strides[0], *out.strides[:2])]
-        given = _Responses(*sizes, *(a.ctypes.data for a in arrays), *leads)
+        arrays += [np.ascontiguousarray(a, dtype=np.int32) for a in drives.rows]
+        sizes = (n, nx, ny, direct.shape[2], columns, self.stride, self.smooth)
+        addresses = [a.ctypes.data for a in (*arrays, out)]
+        given = _Responses(*sizes, *addresses, *(a // out.itemsize for a in out.strides[:2]))
         if _library().respond(ctypes.byref(given)):
             raise MemoryError("no memory for responses")
         return out.transpose(2, 1, 0)

@@ -21,7 +21,7 @@ from orchestration.diagnosis.comparison import words
 from orchestration.diagnosis.courses import Courses
 from orchestration.diagnosis.fitting import effective_samples, weights_of
 from orchestration.diagnosis.law_model import LawModel, Linearisation
-from orchestration.diagnosis.responses import Projection, Response, respond
+from orchestration.diagnosis.responses import Drives, Projection, Response, respond
 from orchestration.diagnosis.signals import Seen, distinct, seen
 from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm, Shape, Term
 
@@ -80,13 +80,16 @@ class Candidate:
     Attributes
     ----------
     term : Term
-    drive : ndarray, shape (n, coefficients)
-        SI of its law; for a named term the response (n, ny) of the outputs, SI.
+    values : ndarray, shape (n, coefficients)
+        Of its shapes; for a named term the response (n, ny) of the outputs, SI.
+    amount : ndarray, shape (n,)
+        Addition to its law at a value of 1, SI.
     prior : float
     """
 
     term: Term
-    drive: Array
+    values: Array
+    amount: Array
     prior: float
 
 
@@ -103,12 +106,14 @@ class Screen:
     def __init__(self, along: Courses, named: bool = False):
         self._along = along
         classes = alike(along.model, along.parts)
-        self.candidates = [*_candidates(along, classes), *_of_sensors(along)]
+        shapes = _Shapes(along.model)
+        self.candidates = [*_candidates(along, classes, shapes), *_of_sensors(along, shapes)]
         if len(along.fitted.problem.records) == 1:  # an instant is one of a record
-            self.candidates += _changes(along, classes)
+            self.candidates += _changes(along, classes, shapes)
         if named:
             effects = named_terms(along)
-            self.candidates += [Candidate(one.term, one.response, 0.0) for one in effects]
+            none = np.zeros(0)
+            self.candidates += [Candidate(one.term, one.response, none, 0.0) for one in effects]
         self.ends = np.cumsum([0, *(c.term.coefficients for c in self.candidates)])
         self._columns, measured = self._projected()
         outputs = len(along.spread)
@@ -128,15 +133,15 @@ class Screen:
         """
         along = self._along
         stride = max(1, int(np.ceil(len(along.laws) * len(along.spread) / _ROWS)))
-        drives, law_of = self._drives()
-        ends = np.cumsum([len(t) for t in along.times])[:-1]
-        pieces = zip(np.split(drives, ends), np.split(self._effects(), ends), strict=True)
+        drives, effects = self._drives(), self._effects()
+        ends = np.cumsum([0, *(len(t) for t in along.times)]).tolist()
         counts = [-(-len(t) // stride) for t in along.times]
         columns = np.empty((self.ends[-1], len(along.spread), sum(counts)))
         targets, others = [], []
-        for i, (drive, effects) in enumerate(pieces):
+        for i, samples in enumerate(itertools.pairwise(ends)):
             own = columns[:, :, sum(counts[:i]) : sum(counts[: i + 1])]
-            target, free = self._rows(i, drive, effects, law_of, stride, own)
+            of_laws = drives.part(*samples)
+            target, free = self._rows(i, of_laws, effects[slice(*samples)], stride, own)
             targets.append(target)
             others.append(free)
         target, free = (np.concatenate(parts).swapaxes(0, 1) for parts in (targets, others))
@@ -147,20 +152,25 @@ class Screen:
         free = np.where(absent[:, np.newaxis], 0.0, free.reshape(len(absent), -1))
         return Projection(np.where(absent, 0.0, target.ravel()), whole.T, free), ~absent
 
-    def _drives(self) -> tuple[Array, Array]:
-        """Return the drives (n, c) of terms without a name, and the laws (c,) that they drive."""
-        laws = [c for c in self.candidates if not isinstance(c.term, NamedTerm)]
-        positions = [self._along.model.laws.index(c.term.law) for c in laws]
-        law_of = np.repeat(positions, [c.term.coefficients for c in laws])
-        drives = np.empty((len(law_of), len(self._along.laws)))
-        return np.concatenate([c.drive.T for c in laws], out=drives).T, law_of
+    def _drives(self) -> Drives:
+        """Return the drives of terms without a name."""
+        values, amounts = _Rows(), _Rows()
+        laws = self._along.model.laws
+        rows = []
+        for candidate in self.candidates:
+            if isinstance(candidate.term, NamedTerm):
+                continue
+            law, first = laws.index(candidate.term.law), values.place(candidate.values)
+            amount = amounts.place(candidate.amount)
+            count = candidate.term.coefficients
+            rows += [(law, row, amount) for row in range(first, first + count)]
+        return Drives(values.stacked, amounts.stacked, np.array(rows).T)
 
     def _rows(
         self,
         piece: int,
-        drives: Array,
+        drives: Drives,
         effects: Array,
-        law_of: Array,
         stride: int,
         out: Array,
     ) -> tuple[Array, Array]:
@@ -172,8 +182,8 @@ class Screen:
         root = np.sqrt(self._weights[piece] * stride)
         size = root / along.spread
         part = along.parts[piece].weighed(size)
-        laws = len(law_of)
-        response = respond(along.pieces[piece], part, drives, law_of, stride, out[:laws])
+        laws = drives.rows.shape[1]
+        response = respond(along.pieces[piece], part, drives, stride, out[:laws])
         out[laws:] = (effects[::stride] * size[:, np.newaxis]).T
         return along.errors[piece][::stride] * root, self._nuisance(response, piece)
 
@@ -185,7 +195,7 @@ class Screen:
         """Return the responses (n, m, c) of named terms, which are the last candidates."""
         along = self._along
         none = np.zeros((len(along.laws), len(along.spread), 0))
-        named = [c.drive for c in self.candidates if isinstance(c.term, NamedTerm)]
+        named = [c.values for c in self.candidates if isinstance(c.term, NamedTerm)]
         return np.dstack([none, *(d[:, :, np.newaxis] for d in named)])
 
     def _nuisance(self, response: Response, piece: int) -> Array:
@@ -407,7 +417,47 @@ def _owner(model: LawModel, classes: Sequence[str], signal: str) -> tuple[str, b
     return (whole or [max(classes, key=lambda law: len(depends[law]))])[0], False
 
 
-def _candidates(along: Courses, classes: Sequence[Sequence[str]]) -> Iterator[Candidate]:
+class _Rows:
+    """Arrays over n samples as rows, each array once."""
+
+    def __init__(self) -> None:
+        self._arrays: list[Array] = []
+        self._first: dict[int, int] = {}
+        self._count = 0
+
+    def place(self, array: Array) -> int:
+        """Return the first row of an array (n,) or (n, k)."""
+        if id(array) not in self._first:
+            rows = array.reshape(len(array), -1).T
+            self._first[id(array)] = self._count
+            self._arrays.append(rows)
+            self._count += len(rows)
+        return self._first[id(array)]
+
+    @property
+    def stacked(self) -> Array:
+        """All rows (r, n)."""
+        return np.concatenate(self._arrays)
+
+
+class _Shapes:
+    """Shapes of the signals of a model, each computed once for all laws."""
+
+    def __init__(self, model: LawModel):
+        self.model = model
+        self._known: dict[object, Array] = {}
+
+    def candidate(self, term: Term, view: Seen, amount: Array, depends: bool) -> Candidate:
+        """Return a term of a signal, with its addition (n,) to its law at a value of 1."""
+        key = view, term.shape, term.scale, term.middle, term.width, term.places
+        if key not in self._known:
+            self._known[key] = self.model.shape_values(term, view.values)
+        return Candidate(term, self._known[key], amount, words(self.model, term, depends))
+
+
+def _candidates(
+    along: Courses, classes: Sequence[Sequence[str]], shapes: _Shapes
+) -> Iterator[Candidate]:
     """Yield every term that may be missing."""
     model = along.model
     signals = _signals(along)
@@ -417,20 +467,20 @@ def _candidates(along: Courses, classes: Sequence[Sequence[str]]) -> Iterator[Ca
         size = max(float(np.sqrt(np.mean(value_of[law] ** 2))) for law in same) or 1.0
         whole = next((law for law in same if law in model.rates), same[0])
         constant = Term(whole, "", Shape.CONSTANT, size=size)
-        yield Candidate(constant, np.full((len(along.laws), 1), size), 0.0)
-        yield from _of_itself(model, whole, value_of[whole], size)
+        amount = np.full(len(along.laws), size)
+        yield Candidate(constant, np.ones((len(amount), 1)), amount, 0.0)
+        yield from _of_itself(shapes, whole, value_of[whole], amount)
         for view in views:
             if view.signal in same and view.memory is Memory.NONE:
                 continue  # a law that acts alike is no signal of another
             law, depends = _owner(model, same, view.signal)
-            shapes = _REMEMBERED.get(view.memory, _PLAIN)
-            for term in _terms(law, view, shapes, size):
-                yield _candidate(model, term, view, np.full(len(along.laws), size), depends)
-        yield from _in_percent(model, same, views, value_of)
-        yield from _by_inputs(model, same, size, views, dict(signals), value_of)
+            for term in _terms(law, view, _REMEMBERED.get(view.memory, _PLAIN), size):
+                yield shapes.candidate(term, view, amount, depends)
+        yield from _in_percent(shapes, same, views, value_of)
+        yield from _by_inputs(shapes, same, size, views, dict(signals), value_of)
 
 
-def _of_sensors(along: Courses) -> Iterator[Candidate]:
+def _of_sensors(along: Courses, shapes: _Shapes) -> Iterator[Candidate]:
     """Yield faults of the sensors of measured outputs: an offset, a gain, a drift and a lag."""
     model = along.model
     for j in np.flatnonzero(along.measured).tolist():
@@ -441,7 +491,9 @@ def _of_sensors(along: Courses) -> Iterator[Candidate]:
         views = seen(distinct([(output, values)]), along.times, [Memory.FADING])
         size = float(along.fitted.problem.spread[j])
         offset = SensorTerm(output, "", Shape.CONSTANT, size=size)
-        yield Candidate(offset, np.full((len(values), 1), size), words(model, offset, True))
+        amount = np.full(len(values), size)
+        one = np.ones((len(values), 1))
+        yield Candidate(offset, one, amount, words(model, offset, True))
         for view in [
             *views,
             Seen("time", Memory.NONE, (), along.values["time"], along.length, 0.0),
@@ -450,42 +502,44 @@ def _of_sensors(along: Courses) -> Iterator[Candidate]:
                 term = SensorTerm(
                     output, view.signal, shape, view.memory, view.constants, "", size, view.scale
                 )
-                yield _candidate(model, term, view, np.full(len(values), size), True)
+                yield shapes.candidate(term, view, amount, True)
 
 
-def _of_itself(model: LawModel, law: str, values: Array, size: float) -> Iterator[Candidate]:
+def _of_itself(shapes: _Shapes, law: str, values: Array, amount: Array) -> Iterator[Candidate]:
     """Yield terms of a rate that relaxes its state over the rate: its time constant is none.
 
     It differs by direction, falls with the distance from equilibrium, or is a limit of the rate.
     """
+    model = shapes.model
     state = next((s.name for s in model.cls.layout.states if s.rate == law), None)
     scale = float(np.sqrt(np.mean(values**2)))
     if state not in model.perturbed.computed_from(law) or not scale:
         return
     view = Seen(law, Memory.NONE, (), values, scale, 0.0)
-    for term in _terms(law, view, _OF_ITSELF, size):
-        yield _candidate(model, term, view, np.full(len(values), size), True)
+    for term in _terms(law, view, _OF_ITSELF, float(amount[0])):
+        yield shapes.candidate(term, view, amount, True)
 
 
 def _in_percent(
-    model: LawModel, same: Sequence[str], views: Sequence[Seen], value_of: Mapping[str, Array]
+    shapes: _Shapes, same: Sequence[str], views: Sequence[Seen], value_of: Mapping[str, Array]
 ) -> Iterator[Candidate]:
     """Yield terms in proportion to each law of those that act alike."""
+    model = shapes.model
     for law in same:
         if len(same) > 1 and (law in model.rates or np.ptp(value_of[law]) == 0.0):
             continue
         own = model.perturbed.computed_from(law)
         for view in views:
-            shapes = _FACTORS.get(view.memory, ())
+            factors = _FACTORS.get(view.memory, ())
             is_own = view.memory is Memory.NONE and own == {view.signal}
             if is_own or view.signal == law:
                 continue
-            for term in _terms(law, view, shapes, 1.0, factor=law):
-                yield _candidate(model, term, view, value_of[law], view.signal in own)
+            for term in _terms(law, view, factors, 1.0, factor=law):
+                yield shapes.candidate(term, view, value_of[law], view.signal in own)
 
 
 def _by_inputs(
-    model: LawModel,
+    shapes: _Shapes,
     same: Sequence[str],
     size: float,
     views: Sequence[Seen],
@@ -496,18 +550,20 @@ def _by_inputs(
 
     Where a law is in proportion to the input, these are changes in percent of that law.
     """
+    model = shapes.model
     others = {v.name for v in (*model.inputs, *model.states)}
     for factor in (v.name for v in model.inputs if v.name in values):
         amount = values[factor]
         if any(_cosine(value_of[law], amount) > _SAME for law in same):
             continue
         unit = size / float(np.sqrt(np.mean(amount**2)))
+        addition = unit * amount
         for view in views:
             if view.memory is Memory.NONE and view.signal in others - {factor}:
                 law, depends = _owner(model, same, view.signal)
                 law = law if depends else _owner(model, same, factor)[0]
                 for term in _terms(law, view, _PRODUCT, unit, factor=factor):
-                    yield _candidate(model, term, view, unit * amount, depends)
+                    yield shapes.candidate(term, view, addition, depends)
 
 
 def _cosine(one: Array, other: Array) -> float:
@@ -516,7 +572,9 @@ def _cosine(one: Array, other: Array) -> float:
     return float(abs(one @ other) / sizes) if sizes else 0.0
 
 
-def _changes(along: Courses, classes: Sequence[Sequence[str]]) -> Iterator[Candidate]:
+def _changes(
+    along: Courses, classes: Sequence[Sequence[str]], shapes: _Shapes
+) -> Iterator[Candidate]:
     """Yield changes of laws in percent at an instant, and offsets from one on."""
     model = along.model
     view = Seen("time", Memory.NONE, (), along.values["time"], along.length, 0.0)
@@ -529,7 +587,7 @@ def _changes(along: Courses, classes: Sequence[Sequence[str]]) -> Iterator[Candi
                 term = Term(
                     law, "time", Shape.STEP, factor=law, scale=along.length, width=float(place)
                 )
-                yield _candidate(model, term, view, amount, True)
+                yield shapes.candidate(term, view, amount, True)
 
 
 def _terms(
@@ -590,8 +648,3 @@ def at_other_instants(term: Term) -> Iterator[Term]:
     if term.shape is Shape.STEP:
         for part in (-1.0 / 3.0, 1.0 / 3.0):
             yield replace(term, width=term.width + part / (_PLACES + 1.0))
-
-
-def _candidate(model: LawModel, term: Term, view: Seen, amount: Array, depends: bool) -> Candidate:
-    drive = model.shape_values(term, view.values) * amount[:, None]
-    return Candidate(term, drive, words(model, term, depends))

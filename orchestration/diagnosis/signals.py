@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Indices
 from orchestration.diagnosis.terms import Memory
 
 _ALIKE = 0.9995  # correlation from which on two signals are one
@@ -41,7 +43,7 @@ class Seen:
     scale: float
     middle: float
 
-    @property
+    @cached_property
     def scaled(self) -> Array:
         """The values, in scales."""
         return (self.values - self.middle) / self.scale
@@ -134,17 +136,23 @@ def _standardised(values: Array) -> Array:
 
 def _remembered(kind: Memory, values: Array, times: Sequence[Array], constant: float) -> Array:
     """Return a memory of a signal, which begins in equilibrium in every record."""
-    parts = []
-    at = 0
-    for t in times:
-        parts.append(_MEMORIES[kind](values[at : at + len(t)], t, constant))
-        at += len(t)
-    return np.concatenate(parts)
+    begins = np.cumsum([0, *(len(t) for t in times)])
+    if kind in _OF_RECORDS:
+        return _OF_RECORDS[kind](values, np.concatenate(times), constant, begins[:-1])
+    parts = [values[first:last] for first, last in pairwise(begins)]
+    return np.concatenate([_OF_RECORD[kind](part, constant) for part in parts])
 
 
-def lagged(values: Array, time: Array, constant: float) -> Array:
-    """Return a signal, linear between samples, behind a first-order lag of a time constant (s)."""
+def lagged(
+    values: Array, time: Array, constant: float, begins: Sequence[int] | Indices = (0,)
+) -> Array:
+    """Return a signal, linear between samples, behind a first-order lag of a time constant (s).
+
+    It begins in equilibrium at each of some samples, with which records begin.
+    """
+    first = np.asarray(begins)
     steps = np.diff(time) / constant
+    steps[first[1:] - 1] = np.inf  # nothing of a record is left in the next
     decay = np.exp(-steps)
     mean = -np.expm1(-steps) / steps
     driven = np.append(values[0], (1.0 - mean) * values[1:] + (mean - decay) * values[:-1])
@@ -154,11 +162,11 @@ def lagged(values: Array, time: Array, constant: float) -> Array:
     return np.asarray(result[:, 0])
 
 
-def _faded(values: Array, time: Array, constant: float) -> Array:
-    return values - lagged(values, time, constant)
+def _faded(values: Array, time: Array, constant: float, begins: Indices) -> Array:
+    return values - lagged(values, time, constant, begins)
 
 
-def _play(values: Array, time: Array, share: float) -> Array:
+def _play(values: Array, share: float) -> Array:
     way = share * values.std()
     followed = values.copy()
     z = values[0]
@@ -168,7 +176,7 @@ def _play(values: Array, time: Array, share: float) -> Array:
     return followed
 
 
-def _dahl(values: Array, time: Array, share: float) -> Array:
+def _dahl(values: Array, share: float) -> Array:
     way = share * values.std() + 1e-300
     moves = np.diff(values, prepend=values[0])
     decays = np.exp(-np.abs(moves) / way)
@@ -180,15 +188,18 @@ def _dahl(values: Array, time: Array, share: float) -> Array:
     return bristle
 
 
-def _heat(values: Array, time: Array, constant: float) -> Array:
-    rest = values[0] ** 2 * np.exp(-(time - time[0]) / constant)
-    return lagged(values**2, time, constant) - rest
+def _heat(values: Array, time: Array, constant: float, begins: Indices) -> Array:
+    first = np.repeat(begins, np.diff(begins, append=len(time)))
+    rest = values[first] ** 2 * np.exp(-(time - time[first]) / constant)
+    return lagged(values**2, time, constant, begins) - rest
 
 
-_MEMORIES: dict[Memory, Callable[[Array, Array, float], Array]] = {
+_OF_RECORDS: dict[Memory, Callable[[Array, Array, float, Indices], Array]] = {
     Memory.LAG: lagged,
     Memory.FADING: _faded,
+    Memory.HEAT: _heat,
+}
+_OF_RECORD: dict[Memory, Callable[[Array, float], Array]] = {
     Memory.PLAY: _play,
     Memory.DAHL: _dahl,
-    Memory.HEAT: _heat,
 }

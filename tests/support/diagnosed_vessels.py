@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.kit import Component, Input, Output, Parameter, State
+from fmus.kit.arrays import Array
 from orchestration.diagnosis import LawModel, Record
 from orchestration.diagnosis.law_model import Course, Setting
+from orchestration.diagnosis.responses import Drives
 
 
 class Vessels(Component):
@@ -56,3 +58,9 @@ def vessels() -> tuple[LawModel, Record, Setting, Course]:
     course = model.run(record, setting, np.array([1.0, 0.5]), sensitive=True)
     assert course is not None
     return model, record, setting, course
+
+
+def drives_of(drive: Array, laws: Array) -> Drives:
+    """Return columns (n, c) of additions to laws, each of which is a course of its own."""
+    columns = np.arange(len(laws))
+    return Drives(drive.T, np.ones((1, len(drive))), np.array([laws, columns, 0 * columns]))

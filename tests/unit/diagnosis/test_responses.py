@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from orchestration.diagnosis import Shape, Term
-from orchestration.diagnosis.responses import Projection, _Along, respond
-from tests.support.diagnosed_vessels import vessels
+from orchestration.diagnosis.responses import Drives, Projection, _Along, respond
+from tests.support.diagnosed_vessels import drives_of, vessels
 
 
 def test_laws_and_parameters_of_an_output_act_at_once() -> None:
@@ -18,7 +18,7 @@ def test_laws_and_parameters_of_an_output_act_at_once() -> None:
     part = model.linearise(record, setting, course)
     laws = np.array([model.laws.index(n) for n in ("flow", "second")])
     drive = np.column_stack([np.ones(201), np.cos(record.time)])
-    found = respond(record, part, drive, laws, 1)
+    found = respond(record, part, drives_of(drive, laws), 1)
     response = found.to_drives
     assert found.to_coordinates == pytest.approx(course.slopes[:, :, :2], abs=0.02)
     assert found.to_start == pytest.approx(course.slopes[:, :, 2:], abs=1e-5)
@@ -36,8 +36,9 @@ def test_every_so_many_samples_are_those_samples() -> None:
     model, record, setting, course = vessels()
     part = model.linearise(record, setting, course)
     drive, laws = np.sin(record.time)[:, None], np.array([model.laws.index("flow")])
-    thin = respond(record, part, drive, laws, 3)
-    assert thin.to_drives == pytest.approx(respond(record, part, drive, laws, 1).to_drives[::3])
+    drives = drives_of(drive, laws)
+    thin = respond(record, part, drives, 3)
+    assert thin.to_drives == pytest.approx(respond(record, part, drives, 1).to_drives[::3])
 
 
 @pytest.mark.parametrize("smooth", [False, True])
@@ -47,13 +48,14 @@ def test_many_columns_are_the_recursion_written_out(smooth: bool) -> None:
     n, nx, ny, nw, columns, stride = 11, 3, 2, 4, 150, 4
     transitions, driven = rng.normal(size=(n - 1, nx, nx)), rng.normal(size=(n - 1, nx, nw))
     shown, direct = rng.normal(size=(n, ny, nx)), rng.normal(size=(n, ny, nw))
-    start, values = rng.normal(size=(nx, columns)), rng.normal(size=(n, columns))
-    addition = rng.integers(0, nw, columns)
+    start, values, amounts = (rng.normal(size=shape) for shape in ((nx, columns), (5, n), (3, n)))
+    rows = np.array([rng.integers(0, count, columns) for count in (nw, 5, 3)])
     into = np.full((columns, ny, 9), np.nan)
     along = _Along(transitions, shown, stride, smooth)
-    found = along.responses(start, driven, direct, values.T, addition, into[:, :, 2:5])
+    drives = Drives(values, amounts, rows)
+    found = along.responses(start, driven, direct, drives, into[:, :, 2:5])
     for c in range(columns):
-        x, a, w = start[:, c], values[:, c], addition[c]
+        x, w, a = start[:, c], rows[0, c], values[rows[1, c]] * amounts[rows[2, c]]
         for k in range(n):
             if k % stride == 0:
                 assert found[k // stride, :, c] == pytest.approx(

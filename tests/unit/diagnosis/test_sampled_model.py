@@ -24,6 +24,7 @@ from orchestration.fmu import find_model
 from orchestration.fmu.model import declared_model_of
 from orchestration.records import Record as MeasuredRecord
 from tests.contract.raw import instance
+from tests.support.diagnosed_vessels import drives_of
 from tests.support.sampled_loop import KI, START, SampledLoop, driven, exact, sampled_loop
 
 FREE = np.arange(4)  # gain, lag, kp, ki
@@ -193,7 +194,7 @@ def test_responses_to_laws_of_plant_and_controller_are_those_of_runs() -> None:
     part = model.linearise(record, setting, course)
     names = ["drive", "error", "next_total"]
     laws = np.array([model.laws.index(n) for n in names])
-    found = respond(record, part, np.ones((90, 3)), laws, 1)
+    found = respond(record, part, drives_of(np.ones((90, 3)), laws), 1)
     assert found.to_coordinates == pytest.approx(course.slopes[:, :, :4], abs=1e-9)
     assert found.to_start == pytest.approx(course.slopes[:, :, 4:], abs=1e-9)
     for column, law in zip(found.to_drives.transpose(2, 0, 1), names, strict=True):
@@ -207,7 +208,7 @@ def test_responses_of_a_memory_are_those_of_runs() -> None:
     record, setting = driven(60, 0.07), setting_of(lagging)
     course = run(record, setting, sensitive=True)
     part = sampled_loop().linearise(record, setting, course)
-    found = respond(record, part, np.ones((60, 1)), np.array([0]), 1)
+    found = respond(record, part, drives_of(np.ones((60, 1)), np.array([0])), 1)
     assert found.to_coordinates == pytest.approx(course.slopes[:, :, :6], abs=1e-9)
 
 
@@ -231,7 +232,8 @@ def test_the_linearisation_with_an_effect_is_that_of_its_runs() -> None:
     bent = replace(setting, terms=(one.term,), values=one.term.values(0.3))
     course = run(record, bent, sensitive=True)
     law = np.array([model.laws.index("drive")])
-    found = respond(record, model.linearise(record, bent, course), np.ones((60, 1)), law, 1)
+    part = model.linearise(record, bent, course)
+    found = respond(record, part, drives_of(np.ones((60, 1)), law), 1)
     assert found.to_coordinates == pytest.approx(course.slopes[:, :, :5], abs=1e-9)
     constant = Term("drive", "", Shape.CONSTANT)
     values = np.append(bent.values, 1e-6)

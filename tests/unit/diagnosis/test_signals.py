@@ -122,6 +122,26 @@ def test_scale_and_middle() -> None:
     assert scale_of_signal(np.array([0.0, 1.0, 2.0]))[1] == 0.0
 
 
+@pytest.mark.parametrize("kind", [Memory.LAG, Memory.FADING, Memory.HEAT])
+def test_a_memory_of_several_records_is_that_of_each(kind: Memory) -> None:
+    """Whose times begin anew."""
+    cut = len(WAVE) // 3
+    parts, times = (WAVE[:cut], WAVE[cut:]), [TIME[:cut], TIME[cut:] - TIME[cut]]
+    views = [v for v in seen([("a", WAVE)], times, [kind]) if v.memory is kind]
+    assert views
+    for view in views:
+        (constant,) = view.constants
+        expected = []
+        for v, t in zip(parts, times, strict=True):
+            if kind is Memory.HEAT:
+                rest = v[0] ** 2 * np.exp(-t / constant)
+                expected.append(lagged(v**2, t, constant) - rest)
+            else:
+                late = lagged(v, t, constant)
+                expected.append(late if kind is Memory.LAG else v - late)
+        assert view.values == pytest.approx(np.concatenate(expected), abs=1e-12)
+
+
 def test_a_signal_of_one_sign_is_one_sided() -> None:
     (positive,) = seen([("a", WAVE**2)], [TIME], [])
     (both,) = seen([("a", WAVE)], [TIME], [])
