@@ -55,10 +55,12 @@ typedef struct {
     int ns, nz;            /* columns of sensitivities; memories */
     int changed, of_laws;  /* laws with additions; whether a term looks at a law */
     int all_laws;          /* whether there is a column for an addition to each law */
+    int is_known;          /* whether additions and rates of memories are those of the next stage */
     int *first, *store;    /* of each term its first constant, and its memory or -1 */
     int *law, *row;        /* the changed laws; of each term the place of its law among them */
     int *column, *place;   /* of each parameter its column, of each law its place, or -1 */
     double *arg_a, *none;  /* additions to laws; zeros */
+    double *constant;      /* exponentials of the values of terms: constants of memories, and widths */
     double *da;            /* changed x ns */
     double *g, *gx, *gp;   /* laws and their derivatives */
     double *f, *fx, *fp, *fa;
@@ -229,7 +231,7 @@ static void add_terms(const double *X, const double *S, const double *u, double 
         if (q->memory != NONE) {
             double Z = X[z];
             const double *sz = sensitive ? S + z * ns : 0;
-            double tau = exp(r->values[at_memory]);
+            double tau = k->constant[at_memory];
             if (q->memory == PLAY || q->memory == DAHL) {
                 if (dX) dX[z] = 0.0;
                 if (dS) memset(dS + z * ns, 0, ns * sizeof(double));
@@ -237,12 +239,12 @@ static void add_terms(const double *X, const double *S, const double *u, double 
                 double into = q->memory == HEAT ? s * s : s, by_into = q->memory == HEAT ? 2.0 * s : 1.0;
                 double gap = into - Z, by_gap = 1.0 / tau, by_first = -gap / tau, by_second = 0.0, rate;
                 if (q->memory == TWO_LAGS && gap < 0.0) {
-                    double ratio = exp(r->values[at_memory + 1]);
+                    double ratio = k->constant[at_memory + 1];
                     by_gap /= ratio; by_first /= ratio; by_second = -gap * by_gap;
                 }
                 rate = gap * by_gap;
                 if (q->memory == RATE_LIMIT) {
-                    double most = q->scale * exp(r->values[at_memory + 1]), e = tanh(rate / most);
+                    double most = q->scale * k->constant[at_memory + 1], e = tanh(rate / most);
                     by_second = most * (e - (1.0 - e * e) * rate / most);
                     by_gap *= 1.0 - e * e; by_first *= 1.0 - e * e;
                     rate = most * e;
@@ -268,10 +270,16 @@ static void add_terms(const double *X, const double *S, const double *u, double 
         dm = 0;
         if (q->factor >= 0) m = signal(q->factor, X, S, u, t, k, k->dm, &dm);
         int at_width = at_memory + of_memory(q);
-        double w = has_width(q) ? exp(r->values[at_width]) : 1.0;
+        double w = has_width(q) ? k->constant[at_width] : 1.0;
         double zz = (v - q->middle) / q->scale, sum = 0.0, by_z = 0.0, by_w = 0.0, size = q->size;
         double *da = k->da + k->row[i] * ns;
-        for (int j = 0; j < nc; j++) {
+        int from = 0, until = nc;
+        if (q->shape == CURVE) {  /* hats further off are zero */
+            while (until > 1 && zz < q->places[until - 1]) until--;
+            from = until > 1 ? until - 2 : 0;
+            if (until < nc) until++;
+        }
+        for (int j = from; j < until; j++) {
             double a, b, d;
             shape_at(q, j, zz, w, &a, &b, &d);
             sum += c[j] * a; by_z += c[j] * b; by_w += c[j] * d;
@@ -296,16 +304,20 @@ static void chain(int i, const derivatives *by, const double *S, double *o, cons
 }
 
 static void rates(const double *X, const double *S, const double *u, double t, double *dX, double *dS, work *k) {
-    add_terms(X, S, u, t, dX, dS, k);
+    if (!k->is_known) add_terms(X, S, u, t, dX, dS, k);
+    k->is_known = 0;
     double *values[8] = {dX}, *all[8] = {dX, k->fx, k->fp, k->fa};
     if (!S) { call(rates_of, X, u, t, k->of->parameters, k->arg_a, values, k); return; }
     call(rate_slopes_of, X, u, t, k->of->parameters, k->arg_a, all, k);
     for (int i = 0; i < NX; i++) chain(i, &of_rates, S, dS + i * k->ns, k);
 }
 
-static void observe(const double *X, const double *S, const double *u, double t, double *y, double *dy, work *k) {
+/* outputs at a point; with rates of the memories there, if it is where the next stage is */
+static void observe(const double *X, const double *S, const double *u, double t, double *y, double *dy,
+                    double *dX, double *dS, work *k) {
     const run *r = k->of;
-    add_terms(X, S, u, t, 0, 0, k);
+    add_terms(X, S, u, t, dX, dS, k);
+    k->is_known = dX != 0;
     double *values[8] = {y}, *all[8] = {y, k->fx, k->fp, k->fa};
     if (!S) { call(outputs_of, X, u, t, r->parameters, k->arg_a, values, k); return; }
     call(output_slopes_of, X, u, t, r->parameters, k->arg_a, all, k);
@@ -326,7 +338,7 @@ static void follow(double *X, double *S, const double *u, double t, const double
         if (q->memory != PLAY && q->memory != DAHL) continue;
         int z = k->store[i], at = k->first[i] + coefficients(q), column = r->free + at;
         const double *ds;
-        double w = q->scale * exp(r->values[at]), s = signal(q->signal, X, S, u, t, k, k->ds, &ds);
+        double w = q->scale * k->constant[at], s = signal(q->signal, X, S, u, t, k, k->ds, &ds);
         double *sz = S ? S + z * ns : 0;
         if (q->memory == PLAY) {
             double gap = s - X[z];
@@ -397,6 +409,7 @@ static void integrate(double *X, double *S, int j, double begin, double width, d
 
 /* Update the discrete states of a clock. */
 static void update(double *X, double *S, double t, int clock, work *k) {
+    k->is_known = 0;
     add_terms(X, S, k->u, t, 0, 0, k);
     double *values[8] = {k->Y}, *all[8] = {k->Y, k->fx, k->fp, k->fa};
     call(updates_of[clock], X, k->u, t, k->of->parameters, k->arg_a, S ? all : values, k);
@@ -449,7 +462,8 @@ static int simulate(work *k, double *X, double *S) {
             if (!rests) copy(S + k->store[i] * ns, ds, ns);
         }
     for (int j = 0; j < r->n; j++) {
-        observe(X, own, r->inputs + j * NU, r->time[j], r->outputs + j * NY, own ? r->slopes + (size_t)j * r->measured * ns : 0, k);
+        observe(X, own, r->inputs + j * NU, r->time[j], r->outputs + j * NY, own ? r->slopes + (size_t)j * r->measured * ns : 0,
+                k->K, own ? k->L : 0, k);
         if (r->states) memcpy(r->states + (size_t)j * nX, X, nX * sizeof(double));
         for (int i = 0; i < nX; i++) if (!(fabs(X[i]) < LARGEST)) return j + 1;
         for (int i = 0; i < NY; i++) if (!(fabs(r->outputs[j * NY + i]) < LARGEST)) return j + 1;
@@ -489,11 +503,13 @@ static double *prepare(work *k, const run *r, enum columns which) {
     for (int i = 0; i < k->changed; i++) k->place[k->law[i]] = i;
     int nX = NX + k->nz, rows = NX > NY ? NX : NY;
     int ns = k->ns = r->free + r->constants + (k->all_laws ? NL : 0) + (which == OF_STARTS ? r->starts : nX);
-    size_t own = 2 * NL + k->changed * ns + NL * (1 + NX + NP) + rows * (NX + NP + NL) + 3 * ns + LAWS_W + 16;
+    size_t own = r->constants + 2 * NL + k->changed * ns + NL * (1 + NX + NP) + rows * (NX + NP + NL) + 3 * ns + LAWS_W + 16;
     size_t spare = (size_t)nX * (6 + 6 * ns) + NU + NY + 2 + (r->terms + 1) * (1 + ns) + 16;
     double *at = calloc(own + spare, sizeof(double));
     if (!at) { free(integers); return 0; }
 #define TAKE(name, count) k->name = at; at += (count)
+    TAKE(constant, r->constants);
+    for (int i = 0; i < r->constants; i++) k->constant[i] = exp(r->values[i]);
     TAKE(arg_a, NL + 1); TAKE(none, NL + 1); TAKE(da, k->changed * ns + 1); TAKE(g, NL + 1); TAKE(gx, NL * NX + 1); TAKE(gp, NL * NP + 1);
     TAKE(fx, rows * NX + 1); TAKE(fp, rows * NP + 1); TAKE(fa, rows * NL + 1);
     TAKE(ds, ns); TAKE(dv, ns); TAKE(dm, ns); TAKE(w, LAWS_W + 1);
@@ -503,7 +519,7 @@ static double *prepare(work *k, const run *r, enum columns which) {
 }
 
 static void release(work *k) {
-    free(k->arg_a);
+    free(k->constant);
     free(k->first);
 }
 
@@ -546,7 +562,7 @@ EXPORT int linearise(const run *r, const double *states, double *rate_slopes, do
         const double *X = states + j * nX, *u = r->inputs + j * NU;
         rates(X, S, u, r->time[j], dX, rate_slopes + (size_t)j * nX * ns, &k);
         scatter(&of_rates.a, NX, k.fa, by_laws + (size_t)j * NX * NL);
-        observe(X, S, u, r->time[j], y, output_slopes + (size_t)j * r->measured * ns, &k);
+        observe(X, S, u, r->time[j], y, output_slopes + (size_t)j * r->measured * ns, 0, 0, &k);
         scatter(&of_outputs.a, NY, k.fa, output_by_laws + (size_t)j * NY * NL);
         double *results[8] = {laws + j * NL};
         call(laws_of, X, u, r->time[j], r->parameters, k.none, results, &k);
