@@ -17,7 +17,7 @@ import numpy as np
 from fmus.kit.arrays import Array, Indices
 from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
-from orchestration.diagnosis.law_model import Linearisation, Record
+from orchestration.diagnosis.law_model import Linearisation, Record, with_vectors
 
 _SOURCE = Path(__file__).with_name("responses.c")
 _SMALL = 0.5  # norm of a matrix whose series is summed
@@ -127,7 +127,7 @@ class _Responses(ctypes.Structure):
 
 @cache
 def _library() -> ctypes.CDLL:
-    sources = {_SOURCE.name: _SOURCE.read_bytes()}
+    sources = {_SOURCE.name: with_vectors(_SOURCE.read_text()).encode()}
     library = load_library(cached_library(sources, _SOURCE.name, host_platform()))
     library.respond.restype = ctypes.c_int
     return library
