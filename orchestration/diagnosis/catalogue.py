@@ -22,7 +22,7 @@ from fmus.kit.effects import effect_name, unstack
 from fmus.kit.symbolic import ComponentAlong, EffectForcing, Forcing, Points
 from orchestration.diagnosis.courses import Courses
 from orchestration.diagnosis.law_model import Course, Record
-from orchestration.diagnosis.responses import steps_along
+from orchestration.diagnosis.responses import Drives, Stepped, steps_along
 from orchestration.diagnosis.terms import NamedTerm, Released, Shape
 from orchestration.fmu.model import catalogue
 from orchestration.identify.fitting import Scale, scale_of
@@ -93,13 +93,15 @@ def named_terms(along: Courses) -> Iterator[Named]:
 def _by_forcing(along: Courses) -> Callable[[str, _Settings], Array]:
     """Return the function for responses (n, m, k) to an effect in k settings, by its additions."""
     components = _components(along)
+    pairs = zip(along.pieces, along.parts, strict=True)
+    steps = [steps_along(part, np.diff(piece.time)) for piece, part in pairs]
 
     @cache
     def forcings(name: str) -> list[EffectForcing]:
         return [EffectForcing(one, along.model.effects[name]) for one in components]
 
     def responses_to(name: str, settings: _Settings) -> Array:
-        return _responses(along, [one.of(settings) for one in forcings(name)])
+        return _responses(along, steps, [one.of(settings) for one in forcings(name)])
 
     return responses_to
 
@@ -209,17 +211,26 @@ def _components(along: Courses) -> list[ComponentAlong]:
     return components
 
 
-def _responses(along: Courses, forcings: Sequence[Forcing]) -> Array:
-    """Return the change (n, m, k) of the measured outputs of the model linearised along courses."""
+def _responses(
+    along: Courses, steps: Sequence[tuple[Array, Array]], forcings: Sequence[Forcing]
+) -> Array:
+    """Return the change (n, m, k) of the measured outputs of the model linearised along courses.
+
+    By the steps of each course; see `steps_along`.
+    """
     changes = []
-    for piece, part, forcing in zip(along.pieces, along.parts, forcings, strict=True):
+    for part, (transitions, driven), forcing in zip(along.parts, steps, forcings, strict=True):
         n, own, k = forcing.begin.shape
         nx = part.rates.shape[1]
-        transitions, driven = steps_along(part, np.diff(piece.time))
-        between = driven[:, :, :own] @ (0.5 * (forcing.begin + forcing.end))[:-1]
-        states = np.zeros((n, nx, k))
-        for j, transition in enumerate(transitions):
-            states[j + 1] = transition @ states[j] + between[j]
         by_states = part.outputs[:, :, part.outputs.shape[2] - nx :]
-        changes.append(forcing.shown[:, along.measured] + by_states @ states)
+        between = 0.5 * (forcing.begin + forcing.end)
+        values = between.transpose(1, 2, 0).reshape(own * k, n)
+        rows = np.array([np.repeat(np.arange(own), k), np.arange(own * k), np.zeros(own * k)])
+        drives = Drives(values, np.ones((1, n)), rows.astype(int))
+        at_once = np.zeros((n, by_states.shape[1], own))
+        at_rest = np.zeros((nx, own * k))
+        stepped = Stepped(transitions, by_states, 1, smooth=False)
+        later = stepped.responses(at_rest, driven[:, :, :own], at_once, drives)
+        later = later.reshape(n, -1, own, k).sum(axis=2)
+        changes.append(forcing.shown[:, along.measured] + later)
     return np.concatenate(changes)
