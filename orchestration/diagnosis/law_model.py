@@ -402,6 +402,8 @@ class LawModel:
 
     def _rhythms(self, parameters: Array) -> tuple[Rhythm, ...]:
         """Return the rhythm of each clock."""
+        if not self.clocks:
+            return ()
         index = self.cls.layout.parameter_index
         return tuple(
             (
