@@ -217,9 +217,14 @@ def _responses(along: Courses, forcings: Sequence[Forcing]) -> Array:
         nx = part.rates.shape[1]
         transitions, driven = steps_along(part, np.diff(piece.time))
         between = driven[:, :, :own] @ (0.5 * (forcing.begin + forcing.end))[:-1]
+        by_states = part.outputs[:, :, part.outputs.shape[2] - nx :]
+        shown = forcing.shown[:, along.measured]
+        if part.gains is not None:
+            followed = transitions @ part.gains[:-1]
+            transitions = transitions - followed @ by_states[:-1]
+            between = between - followed @ shown[:-1]
         states = np.zeros((n, nx, k))
         for j, transition in enumerate(transitions):
             states[j + 1] = transition @ states[j] + between[j]
-        by_states = part.outputs[:, :, part.outputs.shape[2] - nx :]
-        changes.append(forcing.shown[:, along.measured] + by_states @ states)
+        changes.append(shown + by_states @ states)
     return np.concatenate(changes)
