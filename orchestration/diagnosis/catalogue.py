@@ -21,7 +21,7 @@ from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.effects import effect_name, unstack
 from fmus.kit.symbolic import ComponentAlong, EffectForcing, Forcing, Points
 from orchestration.diagnosis.courses import Courses
-from orchestration.diagnosis.law_model import Course, Record
+from orchestration.diagnosis.law_model import Course, Linearisation, Record
 from orchestration.diagnosis.responses import Drives, Stepped, steps_along
 from orchestration.diagnosis.terms import NamedTerm, Released, Shape
 from orchestration.fmu.model import catalogue
@@ -219,18 +219,36 @@ def _responses(
     By the steps of each course; see `steps_along`.
     """
     changes = []
-    for part, (transitions, driven), forcing in zip(along.parts, steps, forcings, strict=True):
-        n, own, k = forcing.begin.shape
-        nx = part.rates.shape[1]
-        by_states = part.outputs[:, :, part.outputs.shape[2] - nx :]
-        between = 0.5 * (forcing.begin + forcing.end)
-        values = between.transpose(1, 2, 0).reshape(own * k, n)
-        rows = np.array([np.repeat(np.arange(own), k), np.arange(own * k), np.zeros(own * k)])
-        drives = Drives(values, np.ones((1, n)), rows.astype(int))
-        at_once = np.zeros((n, by_states.shape[1], own))
-        at_rest = np.zeros((nx, own * k))
-        stepped = Stepped(transitions, by_states, 1, smooth=False)
-        later = stepped.responses(at_rest, driven[:, :, :own], at_once, drives)
-        later = later.reshape(n, -1, own, k).sum(axis=2)
-        changes.append(forcing.shown[:, along.measured] + later)
+    for part, step, forcing in zip(along.parts, steps, forcings, strict=True):
+        shown = forcing.shown[:, along.measured]
+        additions = np.concatenate([0.5 * (forcing.begin + forcing.end), shown], axis=1)
+        n, count, k = additions.shape
+        values = additions.transpose(1, 2, 0).reshape(count * k, n)
+        rows = np.zeros((3, count * k), dtype=int)
+        rows[:2] = np.repeat(np.arange(count), k), np.arange(count * k)
+        drives = Drives(values, np.ones((1, n)), rows)
+        stepped, by_additions, at_once = _stepped(part, *step, count)
+        at_rest = np.zeros((by_additions.shape[1], count * k))
+        each = stepped.responses(at_rest, by_additions, at_once, drives)
+        changes.append(each.reshape(n, -1, count, k).sum(axis=2))
     return np.concatenate(changes)
+
+
+def _stepped(
+    part: Linearisation, transitions: Array, driven: Array, count: int
+) -> tuple[Stepped, Array, Array]:
+    """Return the steps of a course, and what additions to its rates, then its outputs, do.
+
+    To the states at the next sample, (n - 1, nx, count), and to the outputs (n, m, count) at once.
+    """
+    n, m, _ = part.outputs.shape
+    nx = transitions.shape[1]
+    by_states = part.outputs[:, :, part.outputs.shape[2] - nx :]
+    by_outputs = np.zeros((n - 1, nx, m))
+    if part.gains is not None:
+        by_outputs = -transitions @ part.gains[:-1]
+        transitions = transitions + by_outputs @ by_states[:-1]
+    by_additions = np.concatenate([driven[:, :, : count - m], by_outputs], axis=2)
+    at_once = np.zeros((n, m, count))
+    at_once[:, :, count - m :] = np.eye(m)
+    return Stepped(transitions, by_states, 1, smooth=False), by_additions, at_once

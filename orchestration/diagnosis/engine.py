@@ -19,11 +19,12 @@ from orchestration.diagnosis.conclude import Conclusion, conclude
 from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.law_model import MOST_TICKS, LawModel, Record
 from orchestration.diagnosis.misreadings import reading_that_runs
+from orchestration.diagnosis.observer import Observer
 from orchestration.diagnosis.options import Deadline, Options
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.remainder import Remainder, remainders
 from orchestration.diagnosis.search import Found, search
-from orchestration.diagnosis.subject import Subject, subject_of
+from orchestration.diagnosis.subject import Subject, predicted, subject_of
 from orchestration.diagnosis.term_names import deviations, estimates, stems
 from orchestration.diagnosis.terms import Term
 from orchestration.fmu import Model
@@ -32,6 +33,7 @@ from orchestration.records import Record as MeasuredRecord
 from orchestration.records.sampling import gaps
 from orchestration.reporting import option
 
+_Answer = tuple[Found, Conclusion]
 Verdict = Literal["consistent", "recalibrate", "cause", "ambiguous", "unexplained"]
 
 _SHORTEST = 12  # samples of a piece between two gaps; a shorter one tells little but its start
@@ -86,6 +88,11 @@ class Diagnosis:
     def subject(self) -> Subject:
         """The compiled model with its records, as they were fitted by the final model."""
         return self.found.subject_of(self.reading)
+
+    @property
+    def observer(self) -> Observer | None:
+        """The observer by whose predictions models are judged; None if free runs judge them."""
+        return self.found.subject.observer
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -254,28 +261,121 @@ def diagnose(
         # an output that was not recorded has no mean
         warnings.simplefilter("ignore", RuntimeWarning)
         subject = subject_as()
+        if subject is not None and not subject.rank:
+            subject = predicted(subject) or subject
         if subject is not None:
             _check_information(model, subject, records)
         deadline = Deadline(options.time)
-        found = None if subject is None else _found(subject, options, progress, deadline)
-        if found is None:
+        answer = None if subject is None else _answer(subject, options, progress, deadline)
+        if answer is None:
             read = reading_that_runs(law_model, fitted, subject_as)
             raise UserError(_refusal(model, records, read))
-        conclusion = conclude(found)
-    more += _cut_off(found.subject, fitted)
+        found, conclusion = answer
+    more += [*_cut_off(found.subject, fitted), *_predictions(model, found.subject)]
     if not deadline.was_met:
         more.append(_time_note(options))
     return Diagnosis(model, tuple(records), tuple(holdouts), found, conclusion, (*notes, *more))
 
 
-def _found(
+def _answer(
     subject: Subject, options: Options, progress: Callable[[str], None], deadline: Deadline
-) -> Found | None:
-    """Search for terms, unless parameters alone are to be fitted; None if the model runs away."""
-    if not options.recalibrates:
-        return search(subject, progress, deadline.is_over)
+) -> _Answer | None:
+    """Search for terms, unless parameters alone are to be fitted; None if the model runs away.
+
+    If states of the model keep errors, the errors are those of predictions where these leave
+    nothing to explain, and free runs leave a large slow error, no cause, or one that leaves more
+    than noise.
+    """
+
+    def answer_of(one: Subject) -> _Answer | None:
+        if options.recalibrates:
+            base = one.judge(one.base)
+            found = None if base is None else Found(one, base)
+        else:
+            found = search(one, progress, deadline.is_over)
+        return None if found is None else (found, conclude(found))
+
+    one = predicted(subject) if subject.observer is None and _drifts(subject) else None
+    first = answer_of(one) if one is not None and _is_trusted(one) else None
+    if first is not None and _is_silent(first):
+        return first
+    plain = answer_of(subject)
+    if plain is None or options.recalibrates or not _is_open(plain):
+        return plain
+    if subject.observer is not None:
+        return _predicted_answer(plain, plain, answer_of)
+    one = one or predicted(subject)
+    is_named = plain[1].verdict != "unexplained"
+    if one is None or (is_named and not _is_trusted(one)):
+        return plain
+    first = first or answer_of(one)
+    if first is None or (is_named and not _is_silent(first)):
+        return plain
+    return _predicted_answer(plain, first, answer_of)
+
+
+def _predicted_answer(
+    plain: _Answer, first: _Answer, answer_of: Callable[[Subject], _Answer | None]
+) -> _Answer:
+    """Return the answer by predictions where free runs explain nothing.
+
+    Parameters
+    ----------
+    plain : tuple of Found and Conclusion
+        By free runs, unless the model is unstable.
+    first : tuple of Found and Conclusion
+        By an observer that is chosen by the fit without terms.
+    answer_of : callable
+    """
+    is_trusted = _is_trusted(first[0].subject)
+    if _is_silent(first) or (is_trusted and first[1].verdict != "unexplained"):
+        return first if is_trusted else plain
+    found = (first if is_trusted else plain)[0]
+    ranked = found.compared()
+    one = predicted(found.subject, ranked[0].judged.fit if ranked else found.base.fit)
+    last = answer_of(one) if one is not None and _is_trusted(one) else None
+    return last or plain
+
+
+def _is_silent(answer: _Answer) -> bool:
+    """Return whether nothing is missing."""
+    return answer[1].verdict in ("consistent", "recalibrate")
+
+
+def _is_open(answer: _Answer) -> bool:
+    """Return whether no cause is found, or one that leaves more than noise."""
+    found, conclusion = answer
+    if conclusion.verdict == "unexplained" or _is_silent(answer):
+        return conclusion.verdict == "unexplained"
+    in_spreads = np.ones(len(found.subject.problem.spread))
+    left = remainders(conclusion.causes[0].judged, in_spreads)
+    return any(one.is_more_than_noise for one in left)
+
+
+def _is_trusted(subject: Subject) -> bool:
+    """Return whether predictions are those of the model rather than of disturbances."""
+    return subject.observer is not None and subject.observer.is_small
+
+
+def _drifts(subject: Subject) -> bool:
+    """Return whether a large slow error is left where nothing was fitted."""
     base = subject.judge(subject.base)
-    return None if base is None else Found(subject, base)
+    if base is None:
+        return True
+    in_spreads = remainders(base, np.ones(len(subject.problem.spread)))
+    return any(one.share > _LARGE and one.is_slow for one in in_spreads)
+
+
+def _predictions(model: Model, subject: Subject) -> list[tuple[str, str, str]]:
+    """Return the note on errors that are those of predictions."""
+    if subject.observer is None:
+        return []
+    text = (
+        f"{model.name} keeps or lets grow what its states miss, so that a free run drifts: errors"
+        f" are those of predictions by an observer, which corrects the states by the measured"
+        f" outputs and has a memory of {subject.observer.memory:.2g} s"
+    )
+    return [("predictions", model.name, text)]
 
 
 def _time_note(options: Options) -> tuple[str, str, str]:
@@ -293,8 +393,8 @@ def _refusal(model: Model, records: Sequence[MeasuredRecord], read: Reading | No
     if read is not None:
         return f"{where}, and follows it if {read.sentence}: {read.correction}"
     return (
-        f"{where}: the model is unstable there, or lacks an input; the new engine needs a free run,"
-        f" so use {option('engine', 'old')}"
+        f"{where}, and so do predictions by an observer: the model is unstable there, or lacks an"
+        f" input; use {option('engine', 'old')}"
     )
 
 

@@ -14,6 +14,10 @@
  * Discrete states are the last of the states. Their rates are zero, and at each tick of their clock
  * the update x+ = U(x, u, t, p, a) takes their place, with S+ = U_x S + U_a da/dtheta + U_theta. A
  * tick belongs to the step after it: an output at its instant shows the values before it.
+ *
+ * With a gain a run is that of an observer: after each sample, measured less simulated outputs
+ * correct the states, X += G (y - Y(X)) and S += -G dY/dtheta (Ljung: System Identification, section
+ * 4.3, on the innovations form). Outputs and states at a sample are as predicted, before that.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -45,6 +49,7 @@ typedef struct {
     const int *smooth, *position, *tick_clock, *tick; /* tick: the first of each step, n of them */
     const int *output, *state; /* with slopes; by whose start value there are slopes */
     const term *term;
+    const double *observed, *gain; /* n x NY, NaN is a gap; n x NX x NY, or 0 for a free run */
     double *outputs, *slopes, *states;
 } run;
 
@@ -446,6 +451,25 @@ static void advance(double *X, double *S, int j, work *k) {
     }
 }
 
+/* Correct the states by what was measured at sample j. */
+static void correct(double *X, double *S, int j, work *k) {
+    const run *r = k->of;
+    int ns = k->ns;
+    k->is_known = 0;
+    for (int m = 0; m < r->measured; m++) {
+        int o = r->output[m];
+        double error = r->observed[j * NY + o] - r->outputs[j * NY + o];
+        const double *dy = S ? r->slopes + ((size_t)j * r->measured + m) * ns : 0;
+        if (isnan(error)) continue;
+        for (int i = 0; i < NX; i++) {
+            double gain = r->gain[((size_t)j * NX + i) * NY + o];
+            if (gain == 0.0) continue;
+            X[i] += gain * error;
+            if (S) for (int q = 0; q < ns; q++) S[i * ns + q] -= gain * dy[q];
+        }
+    }
+}
+
 static int simulate(work *k, double *X, double *S) {
     const run *r = k->of;
     int nX = NX + k->nz, ns = k->ns;
@@ -467,6 +491,7 @@ static int simulate(work *k, double *X, double *S) {
         if (r->states) memcpy(r->states + (size_t)j * nX, X, nX * sizeof(double));
         for (int i = 0; i < nX; i++) if (!(fabs(X[i]) < LARGEST)) return j + 1;
         for (int i = 0; i < NY; i++) if (!(fabs(r->outputs[j * NY + i]) < LARGEST)) return j + 1;
+        if (r->gain) correct(X, own, j, k);
         if (j < r->n - 1 && nX) advance(X, own, j, k);
     }
     return 0;

@@ -44,7 +44,7 @@ class _Run(ctypes.Structure):
         *((n, _ARRAY) for n in ("time", "inputs", "parameters", "values", "start", "tick_time")),
         *((n, _ARRAY) for n in ("smooth", "position", "tick_clock", "tick", "output", "state")),
         ("term", ctypes.POINTER(TermStructure)),
-        *((n, _ARRAY) for n in ("outputs", "slopes", "states")),
+        *((n, _ARRAY) for n in ("observed", "gain", "outputs", "slopes", "states")),
     )
 
 
@@ -64,6 +64,9 @@ class Record:
     label : str
     begin : float
         When the run began and its clocks were started, in its time.
+    gain : ndarray, shape (n, nx, ny), or None
+        Of an observer, by which measured less predicted outputs correct the states after each
+        sample; None for a free run.
     """
 
     time: Array
@@ -72,6 +75,7 @@ class Record:
     smooth: tuple[bool, ...]
     label: str = ""
     begin: float = 0.0
+    gain: Array | None = None
     _ticks: dict[tuple[Rhythm, ...], Ticks] = field(default_factory=dict, init=False, repr=False)
 
     def ticks(self, rhythms: tuple[Rhythm, ...]) -> Ticks:
@@ -79,6 +83,10 @@ class Record:
         if rhythms not in self._ticks:
             self._ticks[rhythms] = ticks_of(self.time, self.begin, rhythms)
         return self._ticks[rhythms]
+
+    def gains(self, memories: int) -> Array | None:
+        """Return the gain (n, nx + memories, ny) of an observer: memories are not corrected."""
+        return None if self.gain is None else np.pad(self.gain, ((0, 0), (0, memories), (0, 0)))
 
     @cached_property
     def measured(self) -> Mask:
@@ -98,6 +106,7 @@ class Record:
             time=np.ascontiguousarray(self.time[chosen]),
             inputs=np.ascontiguousarray(self.inputs[chosen]),
             outputs=np.ascontiguousarray(self.outputs[chosen]),
+            gain=None if self.gain is None else np.ascontiguousarray(self.gain[chosen]),
         )
 
 
@@ -138,6 +147,8 @@ class Linearisation:
         Derivatives of the states at the next sample, of a model with discrete states.
     steps_by_laws : ndarray, shape (n - 1, nx + nz, nl), or None
         By additions to the laws that stay for the step.
+    gains : ndarray, shape (n, nx + nz, ny), or None
+        By which an observer corrects the states at each sample; None of a free run.
     """
 
     rates: Array
@@ -147,6 +158,7 @@ class Linearisation:
     laws: Array
     steps: Array | None = None
     steps_by_laws: Array | None = None
+    gains: Array | None = None
 
     @property
     def actions(self) -> list[Array]:
@@ -160,6 +172,7 @@ class Linearisation:
             self,
             outputs=self.outputs[:, chosen],
             outputs_by_laws=self.outputs_by_laws[:, chosen],
+            gains=None if self.gains is None else self.gains[:, :, chosen],
         )
 
     def weighed(self, weights: Array) -> Linearisation:
@@ -169,6 +182,7 @@ class Linearisation:
             self,
             outputs=self.outputs * by_output,
             outputs_by_laws=self.outputs_by_laws * by_output,
+            gains=None if self.gains is None else self.gains / weights,
         )
 
 
@@ -351,7 +365,14 @@ class LawModel:
             results = (states, rates, outputs, *by_laws, laws)
             self._library.linearise(ctypes.byref(run), *map(_pointer, results))
             by_law, output_by_law = (a.swapaxes(1, 2) for a in by_laws)
-            part = Linearisation(rates, outputs, by_law, output_by_law, laws)
+            part = Linearisation(
+                rates,
+                outputs,
+                by_law,
+                output_by_law,
+                laws,
+                gains=record.gains(setting.memories),
+            )
             return self._with_steps(part, run, states) if self.clocks else part
 
     def _with_steps(self, part: Linearisation, run: _Run, states: Array) -> Linearisation:
@@ -380,6 +401,7 @@ class LawModel:
         positions = (setting.free, ticks.clock, ticks.first, shown, searched)
         doubles = [np.ascontiguousarray(a, dtype=float) for a in own]
         integers = [np.ascontiguousarray(a, dtype=np.int32) for a in (record.smooth, *positions)]
+        seen = () if record.gain is None else (record.outputs, record.gain)
         structures = [term.structure(self.laws, self.signals) for term in setting.terms]
         array = (TermStructure * max(1, len(structures)))(*structures)
         counts = (setting.substeps, len(setting.free), len(structures), len(setting.values), 0)
@@ -391,6 +413,7 @@ class LawModel:
             *map(_address, (record.time, record.inputs, *doubles)),
             *map(_address, integers),
             array,
+            *(map(_address, seen) if seen else (None, None)),
             *map(_address, results),
         )
         del doubles, integers, array
@@ -500,6 +523,7 @@ class StackedModel:
         plain = self._setting(record, setting, start)
         if plain is None:
             return None
+        record = self._seen(record)
         course = self.stacked.run(record, plain, self._start(plain, start), sensitive=sensitive)
         if course is None:
             return None
@@ -517,7 +541,7 @@ class StackedModel:
         states[:, order] = course.states
         plain = self._setting(record, setting, course.states[0])
         assert plain is not None, "the course is of other terms"
-        part = self.stacked.linearise(record, plain, replace(course, states=states))
+        part = self.stacked.linearise(self._seen(record), plain, replace(course, states=states))
         columns, factors = self._columns(setting, order)
         inner = np.zeros((*part.rates.shape[:2], len(self.stacked.laws)))
         inner[:, : len(self.stacked.states)] = part.rates_by_laws
@@ -527,6 +551,7 @@ class StackedModel:
             rates_by_laws=self._by_base_laws(inner[:, order]),
             outputs_by_laws=self._by_base_laws(part.outputs_by_laws),
             laws=self._by_base_laws(part.laws),
+            gains=None if part.gains is None else part.gains[:, order],
         )
         if part.steps is None or part.steps_by_laws is None:
             return found
@@ -576,8 +601,17 @@ class StackedModel:
         states = self._start(bare, start)[np.newaxis]
         none = np.zeros((0, 0, 0))
         first = Course(np.zeros((1, len(self.base.outputs))), none, states)
-        part = self.stacked.linearise(record.first, bare, first)
+        part = self.stacked.linearise(self._seen(record.first), bare, first)
         return max(setting.substeps, steps_of(part.rates, record))
+
+    def _seen(self, record: Record) -> Record:
+        """Return a record with the gain for all states; those of effects run freely."""
+        if record.gain is None:
+            return record
+        n, _, ny = record.gain.shape
+        gain = np.zeros((n, len(self.stacked.states), ny))
+        gain[:, self._own] = record.gain
+        return replace(record, gain=gain)
 
     def _start(self, setting: Setting, start: Array) -> Array:
         """Return the start states: given ones, and declared ones of the effects."""

@@ -68,7 +68,7 @@ def diagnosis_page(diagnosis: Diagnosis, command: str = "") -> Page:
     page.heading("What is left")
     head = [capitalised(title) for title in terminal.REMAINDER_HEAD]
     page.table(head, terminal.remainder_rows(diagnosis))
-    page.text(wording.ERROR)
+    page.text(wording.error_meaning(diagnosis))
     if diagnosis.notes:
         page.items([message for _, _, message in diagnosis.notes])
     page.heading("How sure this is")
@@ -160,8 +160,8 @@ def _add_sets(page: Page, diagnosis: Diagnosis) -> None:
     """Add the sets of terms that were fitted, the best first."""
     fits = diagnosis.found.compared()
     page.text(
-        f"{len(fits)} fits of sets of terms in free runs were compared with the model without"
-        " terms."
+        f"{len(fits)} fits of sets of terms in {wording.runs(diagnosis)} were compared with the"
+        " model without terms."
     )
     cls = diagnosis.subject.problem.model.cls
     rows: dict[str, tuple[str, ...]] = {}

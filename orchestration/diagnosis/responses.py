@@ -2,7 +2,8 @@
 
 With additions w(t) to laws the changes of the states follow ``dx' = A dx + B w`` and those of the
 outputs ``dy = C dx + D w``, with the Jacobians of the course held over each step. Where discrete
-states are updated within it, the derivatives are those of the step as it was run.
+states are updated within it, the derivatives are those of the step as it was run. An observer
+corrects the states after each sample, by ``dx -= G dy``.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ def respond(
     """
     nx = part.rates.shape[1]
     own = part.rates.shape[2] - nx
-    by_own, by_laws, transitions = _steps(record, part, own)
+    by_own, by_laws, transitions = corrected(part, *_steps(record, part, own))
     stepped = Stepped(transitions, part.outputs[:, :, own:], stride, any(record.smooth))
     at_rest = np.zeros((nx, drives.rows.shape[1]))
     driven = stepped.responses(at_rest, by_laws, part.outputs_by_laws, drives, out)
@@ -101,6 +102,21 @@ def respond(
     rows[0] = np.minimum(np.arange(own + nx), own)
     free = stepped.responses(start, np.pad(by_own, nothing), directly, Drives(one, one, rows))
     return Response(driven, free[:, :, :own], free[:, :, own:])
+
+
+def corrected(
+    part: Linearisation, by_own: Array, by_laws: Array, transitions: Array
+) -> tuple[Array, Array, Array]:
+    """Return the steps behind the corrections of an observer, whose gain is that of each sample."""
+    if part.gains is None:
+        return by_own, by_laws, transitions
+    followed = transitions @ part.gains[:-1]
+    by_parameters, by_states = np.split(part.outputs[:-1], [by_own.shape[2]], axis=2)
+    return (
+        by_own - followed @ by_parameters,
+        by_laws - followed @ part.outputs_by_laws[:-1],
+        transitions - followed @ by_states,
+    )
 
 
 def _steps(record: Record, part: Linearisation, own: int) -> tuple[Array, Array, Array]:

@@ -107,7 +107,9 @@ class Screen:
         self._along = along
         classes = alike(along.model, along.parts)
         shapes = _Shapes(along.model)
-        self.candidates = [*_candidates(along, classes, shapes), *_of_sensors(along, shapes)]
+        self.candidates = list(_candidates(along, classes, shapes))
+        if all(piece.gain is None for piece in along.pieces):  # an observer follows its sensors
+            self.candidates += _of_sensors(along, shapes)
         if len(along.fitted.problem.records) == 1:  # an instant is one of a record
             self.candidates += _changes(along, classes, shapes)
         if named:

@@ -16,10 +16,13 @@ from orchestration.diagnosis.fitting import (
     Problem,
     StartPrior,
     effective_samples,
+    fit,
     fit_base,
     fit_start,
+    weights_of,
 )
 from orchestration.diagnosis.law_model import LawModel, Record, Setting
+from orchestration.diagnosis.observer import Observer, Place, growth_of, observer_of
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.terms import Shape, Term
 
@@ -33,6 +36,8 @@ _MOST = 2400  # samples of a record that are fitted; more are thinned
 _LONGEST = 2 * _MOST  # samples of all records that cannot be thinned: their beginnings decide
 _SHORTEST = _MOST // 2  # of one of many, to which it is cut at most
 _JUMP = 0.01  # standard deviations, from which on an input jumps that stands still at most samples
+_DECAY = 1.0  # e-folds over a record, by which each mode decays of a model that forgets errors
+_ROUNDS = 3  # of observers and fits by turns
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
 
 
@@ -66,12 +71,15 @@ class Subject:
         Without terms.
     reading : Reading or None
         Of the file, if it means other values than those that were read.
+    observer : Observer or None
+        By which all errors are those of predictions; None if they are those of free runs.
     """
 
     problem: Problem
     left_out: tuple[LeftOut, ...]
     base: Fit
     reading: Reading | None = None
+    observer: Observer | None = None
 
     def judge(self, fitted: Fit) -> Judged | None:
         """Run a fit over what is left out.
@@ -224,6 +232,8 @@ def thinned(problem: Problem, record: Record, q: Array, most: int = _MOST) -> Re
     Samples at which an input jumps stay. Inputs that are held are averaged over the samples that
     fall between.
     """
+    if record.gain is not None:  # of the steps between its samples
+        return record
     model = problem.model
     setting = _setting(problem, q)
     start = start_prior(problem, record).mean
@@ -322,14 +332,107 @@ def subject_of(
             [replace(r, smooth=inputs) for r in records],
             [replace(r, smooth=inputs) for r in held_out],
         )
-        base = fit_base(parts[0])
-        if base is not None and (best is None or _gain(base, best.base) > WEIGHTS.least):
-            best = Subject(*parts, base)
+        one = _fitted(*parts)
+        if one is not None and (best is None or _gain(one.base, best.base) > WEIGHTS.least):
+            best = one
     return None if best is None else _as_fitted(best, records, held_out)
+
+
+def _fitted(problem: Problem, left_out: tuple[LeftOut, ...]) -> Subject | None:
+    """Fit a model without terms: by free runs, or as the least observer predicts if it is unstable.
+
+    None if it runs away in either way.
+    """
+    base = fit_base(problem)
+    if growth_of(_place(problem, left_out, base)) <= -np.log(_UNSEEN):
+        return None if base is None else Subject(problem, left_out, base)
+    subject = _observed(problem, left_out, None)
+    return subject and predicted(subject)
+
+
+def predicted(subject: Subject, fitted: Fit | None = None) -> Subject | None:
+    """Return a subject of which all errors are those of the predictions of an observer.
+
+    The observer and the fit by which it is chosen are made by turns.
+
+    Parameters
+    ----------
+    subject : Subject
+    fitted : Fit, optional
+        With terms, by which the observer is chosen; by default the one without.
+
+    Returns
+    -------
+    Subject or None
+        None if the model runs away, or forgets all errors of its states.
+    """
+    at = subject.base if fitted is None else fitted
+    if growth_of(_place(subject.problem, subject.left_out, at)) < -_DECAY:
+        return None
+    for _ in range(_ROUNDS):
+        one = _observed(subject.problem, subject.left_out, at)
+        again = None if one is None else _refitted(one, at.terms, at.point)
+        if one is None or again is None:
+            return None
+        subject, at = one, again
+    return subject
+
+
+def _refitted(subject: Subject, terms: Sequence[Term], point: Point) -> Fit | None:
+    """Return the fit of terms to other records than those of a point, or that without terms."""
+    if not terms:
+        return subject.base
+    return fit(subject.problem, terms, [point], weights_of(subject.base.errors))
+
+
+def _observed(
+    problem: Problem, left_out: tuple[LeftOut, ...], fitted: Fit | None
+) -> Subject | None:
+    """Return a subject as an observer predicts it that is chosen by a fit, or at nominal."""
+    place = _place(problem, left_out, fitted)
+    observer = observer_of(place)
+    if observer is None:
+        return None
+    pairs = zip(place.records, observer.gains, strict=True)
+    wholes = [replace(record, gain=gain) for record, gain in pairs]
+    count = len(problem.records)
+    own = [w.part(0, len(r.time)) for w, r in zip(wholes[:count], problem.records, strict=True)]
+    others = wholes[:count] if left_out[0].of is not None else wholes[count:]
+    starts = tuple(_anywhere(problem, record) for record in own)
+    changed = replace(problem, records=tuple(own), starts=starts)
+    q = place.point.q
+    changed = replace(changed, substeps=_substeps(changed, own, q))
+    base = fit_base(changed, q)
+    if base is None:
+        return None
+    unseen = tuple(replace(o, record=w) for o, w in zip(left_out, others, strict=True))
+    return Subject(changed, unseen, base, observer=observer)
+
+
+def _place(problem: Problem, left_out: Sequence[LeftOut], fitted: Fit | None) -> Place:
+    """Return a fit over all records, fitted ones first; without a fit the nominal model."""
+    goes_on = left_out[0].of is not None
+    others = [] if goes_on else [one.record for one in left_out]
+    wholes = [one.record for one in left_out] if goes_on else problem.records
+    records = (*wholes, *others)
+    counts = (*(len(r.time) for r in problem.records), *(0 for _ in others))
+    starts = tuple(_anywhere(problem, record) for record in (*problem.records, *others))
+    if fitted is None:
+        return Place(problem, Point(problem.mean, np.zeros(0), ()), (), records, counts, starts)
+    known = zip(starts, fitted.point.starts, strict=False)
+    reached = (*(replace(s, mean=x) for s, x in known), *starts[len(problem.records) :])
+    return Place(problem, fitted.point, fitted.terms, records, counts, reached)
+
+
+def _anywhere(problem: Problem, record: Record) -> StartPrior:
+    """Return the start states of a record for an observer, which finds where a run starts."""
+    return start_prior(problem, record, Reading(ReadingKind.START, ()))
 
 
 def _as_fitted(subject: Subject, records: Sequence[Record], held_out: Sequence[Record]) -> Subject:
     """Divide records by the steps that the fitted model needs: the nominal one may be unstable."""
+    if subject.observer is not None:
+        return subject
     problem, base = subject.problem, subject.base
     smooth = problem.records[0].smooth
     parts = _divided(

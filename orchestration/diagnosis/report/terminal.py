@@ -34,7 +34,7 @@ def overview(diagnosis: Diagnosis) -> Group:
         parts += [Text(f"  {line}") for line in wording.alias_lines(diagnosis)]
         parts += [Text(), _table("error, part by part", LADDER_HEAD, ladder_rows(diagnosis))]
     parts += [Text(), _table("what is left", REMAINDER_HEAD, remainder_rows(diagnosis))]
-    parts += [Text(f"  {wording.ERROR}")]
+    parts += [Text(f"  {wording.error_meaning(diagnosis)}")]
     parts += [Text(), _table("parameters", PARAMETER_HEAD, parameter_rows(diagnosis))]
     return Group(*parts)
 

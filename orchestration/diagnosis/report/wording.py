@@ -16,11 +16,27 @@ from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting import option
 from orchestration.reporting.html import format_ends
 
-ERROR = (
-    "Errors are root mean squares of measured minus simulated in a free run, in percent of the"
-    " standard deviation of the measurement, on samples by which nothing was fitted or chosen;"
-    " they are slow if neighbouring samples correlate by more than 0.5."
-)
+
+def error_meaning(diagnosis: Diagnosis) -> str:
+    """Return what all errors are."""
+    return (
+        f"Errors are root mean squares of measured minus {_simulated(diagnosis)}, in percent of the"
+        " standard deviation of the measurement, on samples by which nothing was fitted or chosen;"
+        " they are slow if neighbouring samples correlate by more than 0.5."
+    )
+
+
+def _simulated(diagnosis: Diagnosis) -> str:
+    """Return how outputs are simulated."""
+    observer = diagnosis.observer
+    if observer is None:
+        return "simulated in a free run"
+    return f"predicted by an observer with a memory of {observer.memory:.2g} s"
+
+
+def runs(diagnosis: Diagnosis) -> str:
+    """Return by which runs models are fitted and compared."""
+    return "free runs" if diagnosis.observer is None else "predictions by an observer"
 
 
 def percent(share: float) -> str:
