@@ -281,7 +281,7 @@ static void add_terms(const double *X, const double *S, const double *u, double 
         int from = 0, until = nc;
         if (q->shape == CURVE) {  /* hats further off are zero */
             while (until > 1 && zz < q->places[until - 1]) until--;
-            from = until > 1 ? until - 2 : 0;
+            from = until - 1;
             if (until < nc) until++;
         }
         for (int j = from; j < until; j++) {
