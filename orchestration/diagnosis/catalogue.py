@@ -21,8 +21,8 @@ from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.effects import effect_name, unstack
 from fmus.kit.symbolic import ComponentAlong, EffectForcing, Forcing, Points
 from orchestration.diagnosis.courses import Courses
-from orchestration.diagnosis.law_model import Course, Record
-from orchestration.diagnosis.responses import steps_along
+from orchestration.diagnosis.law_model import Course, Linearisation, Record
+from orchestration.diagnosis.responses import Drives, Stepped, steps_along
 from orchestration.diagnosis.terms import NamedTerm, Released, Shape
 from orchestration.fmu.model import catalogue
 from orchestration.identify.fitting import Scale, scale_of
@@ -93,13 +93,15 @@ def named_terms(along: Courses) -> Iterator[Named]:
 def _by_forcing(along: Courses) -> Callable[[str, _Settings], Array]:
     """Return the function for responses (n, m, k) to an effect in k settings, by its additions."""
     components = _components(along)
+    pairs = zip(along.pieces, along.parts, strict=True)
+    steps = [steps_along(part, np.diff(piece.time)) for piece, part in pairs]
 
     @cache
     def forcings(name: str) -> list[EffectForcing]:
         return [EffectForcing(one, along.model.effects[name]) for one in components]
 
     def responses_to(name: str, settings: _Settings) -> Array:
-        return _responses(along, [one.of(settings) for one in forcings(name)])
+        return _responses(along, steps, [one.of(settings) for one in forcings(name)])
 
     return responses_to
 
@@ -209,22 +211,44 @@ def _components(along: Courses) -> list[ComponentAlong]:
     return components
 
 
-def _responses(along: Courses, forcings: Sequence[Forcing]) -> Array:
-    """Return the change (n, m, k) of the measured outputs of the model linearised along courses."""
+def _responses(
+    along: Courses, steps: Sequence[tuple[Array, Array]], forcings: Sequence[Forcing]
+) -> Array:
+    """Return the change (n, m, k) of the measured outputs of the model linearised along courses.
+
+    By the steps of each course; see `steps_along`.
+    """
     changes = []
-    for piece, part, forcing in zip(along.pieces, along.parts, forcings, strict=True):
-        n, own, k = forcing.begin.shape
-        nx = part.rates.shape[1]
-        transitions, driven = steps_along(part, np.diff(piece.time))
-        between = driven[:, :, :own] @ (0.5 * (forcing.begin + forcing.end))[:-1]
-        by_states = part.outputs[:, :, part.outputs.shape[2] - nx :]
+    for part, step, forcing in zip(along.parts, steps, forcings, strict=True):
         shown = forcing.shown[:, along.measured]
-        if part.gains is not None:
-            followed = transitions @ part.gains[:-1]
-            transitions = transitions - followed @ by_states[:-1]
-            between = between - followed @ shown[:-1]
-        states = np.zeros((n, nx, k))
-        for j, transition in enumerate(transitions):
-            states[j + 1] = transition @ states[j] + between[j]
-        changes.append(shown + by_states @ states)
+        additions = np.concatenate([0.5 * (forcing.begin + forcing.end), shown], axis=1)
+        n, count, k = additions.shape
+        values = additions.transpose(1, 2, 0).reshape(count * k, n)
+        rows = np.zeros((3, count * k), dtype=int)
+        rows[:2] = np.repeat(np.arange(count), k), np.arange(count * k)
+        drives = Drives(values, np.ones((1, n)), rows)
+        stepped, by_additions, at_once = _stepped(part, *step, count)
+        at_rest = np.zeros((by_additions.shape[1], count * k))
+        each = stepped.responses(at_rest, by_additions, at_once, drives)
+        changes.append(each.reshape(n, -1, count, k).sum(axis=2))
     return np.concatenate(changes)
+
+
+def _stepped(
+    part: Linearisation, transitions: Array, driven: Array, count: int
+) -> tuple[Stepped, Array, Array]:
+    """Return the steps of a course, and what additions to its rates, then its outputs, do.
+
+    To the states at the next sample, (n - 1, nx, count), and to the outputs (n, m, count) at once.
+    """
+    n, m, _ = part.outputs.shape
+    nx = transitions.shape[1]
+    by_states = part.outputs[:, :, part.outputs.shape[2] - nx :]
+    by_outputs = np.zeros((n - 1, nx, m))
+    if part.gains is not None:
+        by_outputs = -transitions @ part.gains[:-1]
+        transitions = transitions + by_outputs @ by_states[:-1]
+    by_additions = np.concatenate([driven[:, :, : count - m], by_outputs], axis=2)
+    at_once = np.zeros((n, m, count))
+    at_once[:, :, count - m :] = np.eye(m)
+    return Stepped(transitions, by_states, 1, smooth=False), by_additions, at_once

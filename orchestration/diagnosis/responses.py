@@ -18,9 +18,10 @@ import numpy as np
 from fmus.kit.arrays import Array, Indices
 from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
-from orchestration.diagnosis.law_model import Linearisation, Record
+from orchestration.diagnosis.law_model import Linearisation, Record, with_vectors
 
 _SOURCE = Path(__file__).with_name("responses.c")
+_AT_ONCE = 64  # columns that are projected at once: as many as a cache holds
 _SMALL = 0.5  # norm of a matrix whose series is summed
 _ORDER = 12  # of that series: the rest is below rounding
 
@@ -89,9 +90,9 @@ def respond(
     nx = part.rates.shape[1]
     own = part.rates.shape[2] - nx
     by_own, by_laws, transitions = corrected(part, *_steps(record, part, own))
-    along = _Along(transitions, part.outputs[:, :, own:], stride, any(record.smooth))
+    stepped = Stepped(transitions, part.outputs[:, :, own:], stride, any(record.smooth))
     at_rest = np.zeros((nx, drives.rows.shape[1]))
-    driven = along.responses(at_rest, by_laws, part.outputs_by_laws, drives, out)
+    driven = stepped.responses(at_rest, by_laws, part.outputs_by_laws, drives, out)
     # start values make the last of the additions, which does nothing
     nothing = [(0, 0), (0, 0), (0, 1)]
     directly = np.pad(part.outputs[:, :, :own], nothing)
@@ -99,7 +100,7 @@ def respond(
     one = np.ones((1, len(record.time)))
     rows = np.zeros((3, own + nx), dtype=int)
     rows[0] = np.minimum(np.arange(own + nx), own)
-    free = along.responses(start, np.pad(by_own, nothing), directly, Drives(one, one, rows))
+    free = stepped.responses(start, np.pad(by_own, nothing), directly, Drives(one, one, rows))
     return Response(driven, free[:, :, :own], free[:, :, own:])
 
 
@@ -143,14 +144,14 @@ class _Responses(ctypes.Structure):
 
 @cache
 def _library() -> ctypes.CDLL:
-    sources = {_SOURCE.name: _SOURCE.read_bytes()}
+    sources = {_SOURCE.name: with_vectors(_SOURCE.read_text()).encode()}
     library = load_library(cached_library(sources, _SOURCE.name, host_platform()))
     library.respond.restype = ctypes.c_int
     return library
 
 
 @dataclass(frozen=True, eq=False)
-class _Along:
+class Stepped:
     """Steps along a course, and the outputs at every so many samples.
 
     Attributes
@@ -286,9 +287,12 @@ class Projection:
         ndarray, shape (k, m + o)
         """
         basis, _ = self._factors
-        explained = (values @ basis[: len(self.target)]) @ basis.T
-        free = np.negative(explained, out=explained)
-        free[:, : len(self.target)] += values
+        measured = basis[: len(self.target)]
+        free = np.empty((len(values), len(basis)))
+        for first in range(0, len(values), _AT_ONCE):
+            part, own = values[first : first + _AT_ONCE], free[first : first + _AT_ONCE]
+            np.matmul(part @ -measured, basis.T, out=own)
+            own[:, : len(measured)] += part
         return free
 
     @cached_property

@@ -240,20 +240,23 @@ class Screen:
     def gains(self, chosen: Sequence[Sequence[int]]) -> Array:
         """Return the gains in log likelihood of sets, nats, as the linear responses have it."""
         gains = np.zeros(len(chosen))
-        places = [list(itertools.chain(*(self._spans[i] for i in one))) for one in chosen]
-        of_size = defaultdict(list)
-        for k, own in enumerate(places):
-            of_size[len(own)].append(k)
-        for size, sets in of_size.items():
-            count = max(1, _AT_ONCE // size)
+        sizes = np.diff(self.ends).tolist()
+        alike = defaultdict(list)
+        for k, one in enumerate(chosen):
+            alike[tuple(sizes[i] for i in one)].append(k)
+        for widths, sets in alike.items():
+            count = max(1, _AT_ONCE // sum(widths))
             for first in range(0, len(sets), count):
                 part = sets[first : first + count]
-                gains[part] = self._gains(np.array([places[k] for k in part]))
+                starts = self.ends[np.array([chosen[k] for k in part])]
+                spans = [starts[:, [i]] + np.arange(width) for i, width in enumerate(widths)]
+                gains[part] = self._gains(np.hstack(spans))
         return gains
 
     def values(self, chosen: Sequence[Sequence[int]]) -> Array:
         """Return the penalised evidence of sets, nats, as the linear responses have it."""
-        return self.gains(chosen) - np.array([self._costs[list(one)].sum() for one in chosen])
+        costs = self._costs.tolist()
+        return self.gains(chosen) - np.array([sum(costs[i] for i in one) for one in chosen])
 
     def value(self, chosen: Sequence[int]) -> float:
         """Return the penalised evidence of a set, nats, as the linear responses have it."""
@@ -279,11 +282,6 @@ class Screen:
     def _moments(self) -> Array:
         """Inner products (outputs and prior, c) of the columns with what is left to explain."""
         return np.array([self._columns.moments_within(rows) for rows in self._rows_of])
-
-    @cached_property
-    def _spans(self) -> list[range]:
-        """Columns of each candidate."""
-        return list(map(range, self.ends[:-1].tolist(), self.ends[1:].tolist()))
 
     @cached_property
     def _costs(self) -> Array:

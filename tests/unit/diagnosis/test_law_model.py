@@ -10,7 +10,7 @@ import pytest
 
 from fmus.kit import Output, Parameter
 from fmus.kit.arrays import Array
-from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term
+from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term, law_model
 from orchestration.diagnosis.law_model import Course, Setting
 from tests.support.diagnosed_mass import (
     FREE,
@@ -310,6 +310,16 @@ def test_a_parameter_without_effect_on_what_is_measured_has_no_slopes(measured: 
     cost = np.zeros((40, 1, 6))
     cost[:, :, 0], cost[:, :, 3] = 7.0, M
     assert course.slopes == pytest.approx(np.hstack([position, cost])[:, measured], abs=1e-12)
+
+
+def test_a_run_is_the_same_to_the_bit_on_a_machine_without_vectors(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(law_model, "_has_avx2", lambda: False)
+    record, setting = pushed(50), setting_of(term_of(Shape.CURVE, Memory.LAG))
+    plain = LawModel(Mass).run(record, setting, START, sensitive=True)
+    assert plain is not None
+    np.testing.assert_array_equal(plain.slopes, run(record, setting, sensitive=True).slopes)
 
 
 def test_linearisation_is_that_of_the_equations() -> None:

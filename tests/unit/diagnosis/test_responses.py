@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from orchestration.diagnosis import Shape, Term
-from orchestration.diagnosis.responses import Drives, Projection, _Along, respond
+from orchestration.diagnosis.responses import Drives, Projection, Stepped, respond
 from tests.support.diagnosed_vessels import drives_of, vessels
 
 
@@ -51,9 +51,9 @@ def test_many_columns_are_the_recursion_written_out(smooth: bool) -> None:
     start, values, amounts = (rng.normal(size=shape) for shape in ((nx, columns), (5, n), (3, n)))
     rows = np.array([rng.integers(0, count, columns) for count in (nw, 5, 3)])
     into = np.full((columns, ny, 9), np.nan)
-    along = _Along(transitions, shown, stride, smooth)
+    stepped = Stepped(transitions, shown, stride, smooth)
     drives = Drives(values, amounts, rows)
-    found = along.responses(start, driven, direct, drives, into[:, :, 2:5])
+    found = stepped.responses(start, driven, direct, drives, into[:, :, 2:5])
     for c in range(columns):
         x, w, a = start[:, c], rows[0, c], values[rows[1, c]] * amounts[rows[2, c]]
         for k in range(n):
