@@ -152,8 +152,8 @@ class PerturbedLaws:
         Returns
         -------
         bool
-            True for a rate that is a state (the rate of a position is the velocity), and for an
-            output that is a state or depends directly only on other laws and parameters.
+            True for a rate that is a state in any unit (the rate of a position is the velocity),
+            and for an output that is a state or depends directly only on other laws and parameters.
 
         Raises
         ------
@@ -177,10 +177,14 @@ class PerturbedLaws:
         layout = self.graph.layout
         return self._is_one_of(layout.inputs, law) and law in {s.rate for s in layout.states}
 
+    @uninterrupted()
     def _is_one_of(self, variables: Sequence[Declaration], law: str) -> bool:
-        """Return whether the value of a law is one of some variables."""
+        """Return whether the value of a law is one of some variables, in any unit."""
         value = self._values[law]
-        return value.is_symbolic() and value.name() in {v.name for v in variables}
+        symbols = ca.symvar(value)
+        if len(symbols) != 1 or symbols[0].name() not in {v.name for v in variables}:
+            return False
+        return bool(ca.jacobian(value, symbols[0]).is_constant())
 
     @uninterrupted()
     def acts_beside(self, law: str) -> set[str]:

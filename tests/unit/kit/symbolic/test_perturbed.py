@@ -287,6 +287,46 @@ def test_nothing_can_be_wrong_with_definitions_of_a_pendulum():
     assert {law for law in laws.names if laws.is_definition(law)} == {"angle_rate", "position"}
 
 
+class Coasting(Component):
+    """A train in km and h, with a battery whose charge is counted in parts of its capacity."""
+
+    name = "coasting"
+    current = Input("A", nominal=1.0)
+    drag = Parameter(0.1, "1/s")
+    capacity = Parameter(5.0, "A*s")
+    speed = State("km/h", rate="braking", nominal=100.0)
+    way = State("km", rate="way_rate", nominal=1.0)
+    charge = State("A*h", rate="counting", nominal=1.0)
+    share = State("1", rate="share_rate", nominal=1.0)
+
+    def braking(self):
+        """Newton."""
+        return -self.drag * self.speed
+
+    def way_rate(self):
+        """Definition."""
+        return self.speed / 3600.0
+
+    def counting(self):
+        """Definition."""
+        return self.current / 3600.0
+
+    def share_rate(self):
+        """Not: the capacity may be another."""
+        return self.current / self.capacity
+
+    @Output("km", nominal=1.0)
+    def position(self):
+        """As seen."""
+        return self.way
+
+
+def test_a_definition_may_be_in_another_unit():
+    laws = PerturbedLaws(Coasting)
+    assert {law for law in laws.names if laws.is_definition(law)} == {"way_rate", "position"}
+    assert {law for law in laws.names if laws.is_count(law)} == {"counting"}
+
+
 @pytest.mark.parametrize(
     ("law", "stands"),
     [
